@@ -1,0 +1,157 @@
+"""The border: what the Rust core shows to Python. Private; use `analyzer` and `dissectors`.
+
+Checked against the built module by tests/border. Times are integer nanoseconds; offsets and sizes are bytes.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, final
+
+__version__: str
+
+def vocabulary() -> str:
+    """The texts that the core embeds, as one JSON object.
+
+    Keys: `functions` (rows of functions.toml as the core understood them), `exceptions`, `diagnostics`, `mei_types`,
+    `object_ids`, `columns` (table name -> list of {key, type, title, help}), `findings` (list of {code, severity,
+    title, why, advice, section}), `vendors` (names that `Functions.load` knows), `version` (of the schema).
+    """
+
+def crc16(data: bytes) -> int:
+    """CRC-16/MODBUS of `data` (serial line specification, 6.2.2); sent low byte first."""
+
+def lrc(data: bytes) -> int:
+    """LRC of `data`, the binary bytes of an ASCII frame (serial line specification, 6.2.1)."""
+
+def line_timing(baud: int, data_bits: int, parity: str, stop_bits: float) -> tuple[int, int, int]:
+    """Character time, t1.5 and t3.5 in nanoseconds (serial line specification, 2.5.1.1)."""
+
+def detect(sample: bytes, name: str) -> list[tuple[str, float, str]]:
+    """Which format these first bytes of a file are: (format, confidence 0..1, reason), best first.
+
+    Formats: raw, hex, hexdump, xxd, chunks. Never empty. `name` is the file's name: its suffix counts as evidence.
+    """
+
+@final
+class Functions:
+    """The table of functions: the embedded rows and further ones."""
+
+    def __new__(cls) -> Functions: ...
+    def load(self, text: str, origin: str) -> None:
+        """Add the rows of a TOML text; later rows win. `ValueError` says which row and key is wrong, and the known words."""
+    def load_vendor(self, name: str) -> None:
+        """Add an embedded vendor's rows; `ValueError` lists the known names."""
+    def rows(self) -> str:
+        """All rows as JSON."""
+    def decode(self, pdu: bytes, direction: str) -> str:
+        """A PDU as JSON: {function, name, exception, complete, fields: [{name, offset, length, value, word, children}]}.
+
+        `direction` is "request" or "response". Offsets count from the function code. Bytes that the layout does not
+        cover stand in a last field named "extra"; bytes that are missing make `complete` false.
+        """
+    def encode(self, function: int, direction: str, values: str) -> bytes:
+        """The PDU of these values (JSON object: field -> number, list, hex text); lengths and counts are filled in.
+
+        `ValueError` names the field and what it takes.
+        """
+
+@final
+class Predicate:
+    """A compiled `--where` filter for one table; made by analyzer.filters."""
+
+    def __new__(cls, table: str, tree: str) -> Predicate:
+        """`tree` is the JSON syntax tree of analyzer/filters.py."""
+
+class Row:
+    """One row, made when somebody looks at it: every column of its table is an attribute, None where empty.
+
+    Attributes have the columns' Python types: int, float (`*_us`), str, bool, `datetime` (UTC) for `time`, list[int],
+    list[str], dict for maps, bytes for `hex` columns.
+    """
+
+    def __getattr__(self, name: str) -> Any: ...
+    def as_dict(self) -> dict[str, Any]:
+        """Column -> value, in the table's order."""
+
+@final
+class Table:
+    """Rows of one table; immutable, cheap to pass on."""
+
+    @property
+    def name(self) -> str: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int) -> Row: ...
+    def __iter__(self) -> Iterator[Row]: ...
+    def where(self, predicate: Predicate) -> Table:
+        """The rows for which the predicate holds."""
+    def csv(self, columns: Sequence[str], *, header: bool) -> bytes:
+        """RFC 4180 text; lists joined by single spaces; null is empty."""
+    def jsonl(self, columns: Sequence[str]) -> bytes:
+        """One JSON object a line; null omitted."""
+    def __arrow_c_schema__(self) -> object: ...
+    def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+@final
+class ArrowStream:
+    """A lazy Arrow C stream over an iterator of Tables (all of the table called `name`)."""
+
+    def __new__(cls, name: str, tables: Iterator[Table]) -> ArrowStream: ...
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+@final
+class Batch:
+    """What was decided since the last `take()`: one Table of each kind."""
+
+    @property
+    def frames(self) -> Table: ...
+    @property
+    def transactions(self) -> Table: ...
+    @property
+    def readings(self) -> Table: ...
+    @property
+    def findings(self) -> Table: ...
+
+@final
+class Session:
+    """Framer, decoder, pairing and statistics behind one `feed`; no I/O, never fails on bytes.
+
+    Buses are numbered from 0 in the order in which they were added. Rows of several buses share their numbering.
+    """
+
+    def __new__(
+        cls,
+        functions: Functions,
+        *,
+        live: bool = False,
+        timeout_ns: int | None = None,
+        tables: Sequence[str] = ("frames", "transactions", "findings"),
+    ) -> Session:
+        """`live`: rows in order of completion, no hold-back. `tables`: those worth building (readings need transactions)."""
+    def add_bus(
+        self,
+        name: str,
+        *,
+        source: str,
+        mode: str = "auto",
+        line: tuple[int, int, str, float] | None = None,
+        clock: str = "none",
+        resolution_ns: int | None = None,
+    ) -> int:
+        """A bus: `source` is the file or port as `source` columns name it; `line` is (baud, data bits, parity, stop bits);
+        `clock` is utc, relative or none; `resolution_ns` None lets the core judge from the reads."""
+    def feed(self, bus: int, data: bytes, time_ns: int | None = None, *, line: str | None = None) -> None:
+        """Bytes off the line; `time_ns` is when the read returned, never before the last byte's stop bit."""
+    def feed_text(self, bus: int, format: str, data: bytes, *, final: bool = False) -> None:
+        """Text of a recording (hex, hexdump, xxd, chunks), cut anywhere; `final` ends the last line."""
+    def poll(self, now_ns: int) -> None:
+        """Time goes on without bytes: ends silences and time-outs of every live bus."""
+    def flush(self) -> None:
+        """The end of the recording: decides everything that is still open."""
+    def pending_rows(self) -> int:
+        """Rows that `take` would return now (frames, transactions and findings together)."""
+    def take(self) -> Batch: ...
+    def stats(self) -> str:
+        """Statistics so far, as JSON (see analyzer/views/stats.py for the keys)."""
+    def reading(self, bus: int) -> str:
+        """What a text reader saw, as JSON: {lines, records, unparsed, first_unparsed: [[line, text]...], dropped: {reason: n},
+        clock, mode}."""

@@ -1,0 +1,43 @@
+r"""modlens: a passive Modbus analyzer, from a wire or a recording to transactions.
+
+>>> from analyzer import decode
+>>> import pathlib, tempfile
+>>> path = pathlib.Path(tempfile.mkdtemp()) / "bus.hex"
+>>> _ = path.write_text("11 03 006B 0003 7687\n11 03 06 022B 0000 0064 C8BA\n")
+>>> for transaction in decode(path):
+...     print(transaction.unit, transaction.function_name, transaction.data, transaction.status)
+17 Read Holding Registers [555, 0, 100] ok
+
+`decode(...)` has `.transactions`, `.frames`, `.readings` and `.findings`; each can be iterated,
+filtered by `.where`, and handed to anything that takes Arrow streams (`polars.DataFrame(rows)`,
+`pyarrow.table(rows)`, duckdb). `tap(port)` gives transactions as they happen on a serial line.
+Importing this package loads no serial port, screen or capture library.
+"""
+
+from __future__ import annotations
+
+from analyzer.api import Decoding, Rows, Tap, decode, tap
+from dissectors.errors import (
+    CaptureError,
+    FilterError,
+    ModlensError,
+    PortError,
+    ProfileError,
+    SourceError,
+    UsageError,
+)
+
+__all__ = [
+    "CaptureError",
+    "Decoding",
+    "FilterError",
+    "ModlensError",
+    "PortError",
+    "ProfileError",
+    "Rows",
+    "SourceError",
+    "Tap",
+    "UsageError",
+    "decode",
+    "tap",
+]

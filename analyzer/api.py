@@ -1,0 +1,231 @@
+"""The public API: `decode` for recordings, `tap` for serial lines. Use it from `analyzer`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from types import TracebackType
+from typing import Any, Self
+
+import _modlens
+from analyzer.columns import columns
+from analyzer.filters import Filter, parse
+from analyzer.line import Line, parse_line
+from analyzer.session import FileRun, LiveRun, Settings
+from dissectors.errors import UsageError
+
+__all__ = ["Decoding", "Rows", "Tap", "decode", "tap"]
+
+Path = str | os.PathLike[str]
+
+
+class Rows:
+    """The rows of one table of a recording.
+
+    Every use reads the recording anew, and streams: memory stays flat.
+
+    Iterate it for `Row` objects (an attribute per column, None where empty), or hand it to what
+    takes an Arrow stream. `name` is the table's name.
+
+    >>> rows = decode("bus.hex").frames.where("verdict != 'ok'")
+    >>> rows.name, rows.columns[:2]
+    ('frames', ('frame', 'time'))
+    """
+
+    def __init__(self, recording: Decoding, name: str, filters: tuple[Filter, ...] = ()) -> None:
+        self.name = name
+        self._recording = recording
+        self._filters = filters
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The keys of the columns, in order."""
+        return tuple(column.key for column in columns(self.name))
+
+    def where(self, text: str) -> Rows:
+        """The rows for which a filter holds (see `analyzer.filters`).
+
+        `FilterError` if it cannot be understood.
+        """
+        return Rows(self._recording, self.name, (*self._filters, parse(text, self.name)))
+
+    def tables(self) -> Iterator[_modlens.Table]:
+        """The rows in batches, as they are decoded.
+
+        `SourceError` if the recording cannot be read.
+        """
+        predicates = [one.predicate() for one in self._filters]
+        for batch in self._recording.batches(self.name):
+            table: _modlens.Table = getattr(batch, self.name)
+            for predicate in predicates:
+                table = table.where(predicate)
+            if len(table):
+                yield table
+
+    def __iter__(self) -> Iterator[_modlens.Row]:
+        for table in self.tables():
+            yield from table
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        """An Arrow C stream over a fresh pass (the Arrow PyCapsule interface)."""
+        stream = _modlens.ArrowStream(self.name, self.tables())
+        return stream.__arrow_c_stream__(requested_schema)
+
+
+class Decoding:
+    """One or more recordings, decoded whenever somebody looks; made by `decode`.
+
+    Iterating it gives the transactions.
+    """
+
+    def __init__(self, names: tuple[str, ...], settings: Settings, read_as: str | None) -> None:
+        self._names = names
+        self._settings = settings
+        self._read_as = read_as
+
+    @property
+    def transactions(self) -> Rows:
+        """Requests with their responses, in request order."""
+        return Rows(self, "transactions")
+
+    @property
+    def frames(self) -> Rows:
+        """Every byte that was recorded, noise included, frame by frame."""
+        return Rows(self, "frames")
+
+    @property
+    def readings(self) -> Rows:
+        """Every register or bit that was read or written, a row each."""
+        return Rows(self, "readings")
+
+    @property
+    def findings(self) -> Rows:
+        """What is odd, and what to check."""
+        return Rows(self, "findings")
+
+    def __iter__(self) -> Iterator[_modlens.Row]:
+        return iter(self.transactions)
+
+    def batches(self, *tables: str) -> Iterator[_modlens.Batch]:
+        """A pass over the recordings; of the tables not named, batches may be empty."""
+        yield from self._run(tables).batches()
+
+    def stats(self) -> dict[str, Any]:
+        """Counters and response times of a whole pass; for the keys see `analyzer.views.stats`."""
+        run = self._run(())
+        for _ in run.batches():
+            pass
+        return run.stats()
+
+    def _run(self, tables: Iterable[str]) -> FileRun:
+        settings = Settings(
+            self._settings.line,
+            self._settings.mode,
+            self._settings.timeout_ns,
+            self._settings.functions,
+            tuple(tables),
+        )
+        return FileRun(self._names, settings, read_as=self._read_as)
+
+
+def decode(  # noqa: PLR0913 - that many things can be said of a recording
+    recordings: Path | Iterable[Path],
+    *,
+    line: str | Line | None = None,
+    mode: str = "auto",
+    read_as: str | None = None,
+    timeout: float | None = None,
+    functions: _modlens.Functions | None = None,
+) -> Decoding:
+    """Decode one recording, or several one after the other.
+
+    - `line`: the line settings, as `19200-8E1`; without them times are those of the reads
+    - `mode`: `auto`, `rtu`, `ascii` or `tcp`
+    - `read_as`: the format of the files, detected by default (`modlens formats` lists them)
+    - `timeout`: seconds after which a request is given up; learned by default
+    - `functions`: a table of functions with further rows
+
+    `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
+    looks.
+    """
+    names = (recordings,) if isinstance(recordings, str | os.PathLike) else tuple(recordings)
+    if not names:
+        raise UsageError("no recording to decode")
+    settings = _settings(line, mode, timeout, functions)
+    return Decoding(tuple(os.fspath(name) for name in names), settings, read_as)
+
+
+class Tap:
+    """A line that is listened to; made by `tap`.
+
+    Use it in `with`, iterate it for transactions as they complete.
+    """
+
+    def __init__(self, run: LiveRun) -> None:
+        self._run = run
+
+    def __iter__(self) -> Iterator[_modlens.Row]:
+        for batch in self.batches():
+            yield from batch.transactions
+
+    def batches(self) -> Iterator[_modlens.Batch]:
+        """Everything as it is decided, for ever.
+
+        A batch whenever something came or 50 ms have passed.
+        """
+        return self._run.batches()
+
+    def stats(self) -> dict[str, Any]:
+        """Statistics so far; for the keys see `analyzer.views.stats`."""
+        return self._run.stats()
+
+    def close(self) -> None:
+        """Close the port."""
+        self._run.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def tap(
+    *ports: str,
+    line: str | Line,
+    mode: str = "auto",
+    timeout: float | None = None,
+    functions: _modlens.Functions | None = None,
+) -> Tap:
+    """Listen to a serial line; nothing is ever sent.
+
+    `ports` are devices or URLs (`socket://host:port`, `rfc2217://host:port`): each is a bus, `A+B`
+    is one bus of two lines. The other arguments are those of `decode`. `PortError` if a port cannot
+    be opened, or later if it is lost.
+
+        with tap("/dev/ttyUSB0", line="19200-8E1") as bus:
+            for transaction in bus:
+                print(transaction.unit, transaction.status)
+    """
+    if not ports:
+        raise UsageError("no port to listen to")
+    return Tap(LiveRun(ports, _settings(line, mode, timeout, functions)))
+
+
+def _settings(
+    line: str | Line | None,
+    mode: str,
+    timeout: float | None,
+    functions: _modlens.Functions | None,
+) -> Settings:
+    return Settings(
+        line=parse_line(line) if isinstance(line, str) else line,
+        mode=mode,
+        timeout_ns=None if timeout is None else round(timeout * 1e9),
+        functions=functions or _modlens.Functions(),
+    )

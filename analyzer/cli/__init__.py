@@ -1,0 +1,120 @@
+"""The command line: `modlens COMMAND ...`.
+
+Nothing but the table of commands is loaded before a command is chosen.
+
+Each command is a module of its name: `add_arguments(parser)`, and `run(options)`, which gives the
+exit status. Exit statuses: 0 done; 1 done, but `--strict` and something was damaged; 2 wrong use; 3
+input unreadable or output not writable; 4 port trouble.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import TextIO
+
+__all__ = ["COMMANDS", "forget_stdout", "main"]
+
+COMMANDS = {
+    "tap": "listen to a serial line and decode what happens on it",
+    "decode": "decode recordings: a table on the screen, or files",
+    "export": "the same, quiet, for scripts: recordings to files",
+    "show": "one frame or transaction: bytes beside meaning",
+    "stats": "who talks, how much, how well, how fast",
+    "explain": "a function, an exception or a finding in words",
+    "craft": "the bytes of a frame from keywords",
+    "formats": "the formats that can be read, with a sample each",
+}
+"""Command -> what it does; its module is analyzer/cli/<command>.py."""
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; gives the exit status and prints every error as one line."""
+    _survive_odd_text(sys.stdout, sys.stderr)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help", "help"):
+        return _run_help(words[1:])
+    if words[0] in ("-V", "--version"):
+        return _version()
+    try:
+        return _run(words[0], words[1:])
+    except BrokenPipeError:
+        forget_stdout()
+        return 0
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(command: str, words: list[str]) -> int:
+    from dissectors.errors import ModlensError  # noqa: PLC0415
+
+    try:
+        if command not in COMMANDS:
+            return _unknown(command)
+        from analyzer.cli.parser import Parser  # noqa: PLC0415
+
+        module = importlib.import_module(f"analyzer.cli.{command}")
+        parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
+        module.add_arguments(parser)
+        status: int = module.run(parser.parse_intermixed_args(words))
+        sys.stdout.flush()
+    except ModlensError as error:
+        sys.stderr.write(f"modlens: {_plain(error.message)}\n")
+        return error.exit_status
+    return status
+
+
+def _run_help(words: list[str]) -> int:
+    if words and words[0] in COMMANDS:
+        return main([words[0], "--help"])
+    out = sys.stdout
+    out.write("modlens: passive Modbus bus sniffer and protocol analyzer; it never sends\n\n")
+    out.write("usage: modlens COMMAND ...       modlens COMMAND --help tells more\n\n")
+    for name, summary in COMMANDS.items():
+        out.write(f"  {name:<9} {summary}\n")
+    out.write("\n  modlens decode bus.hex                       a recording as a table\n")
+    out.write("  modlens tap /dev/ttyUSB0 --line 19200-8E1    what happens on a line, live\n")
+    out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")
+    return 0
+
+
+def _version() -> int:
+    import _modlens  # noqa: PLC0415
+
+    sys.stdout.write(f"modlens {_modlens.__version__}\n")
+    return 0
+
+
+def _unknown(command: str) -> int:
+    from dissectors.errors import UsageError  # noqa: PLC0415
+    from dissectors.words import near  # noqa: PLC0415
+
+    hint = near(command, COMMANDS)
+    question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(COMMANDS)}"
+    raise UsageError(f"no command {command!r}; {question}")
+
+
+def _survive_odd_text(*streams: TextIO) -> None:
+    """A terminal that lacks a letter shows another one; it does not end the program."""
+    for stream in streams:
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="backslashreplace")
+
+
+def forget_stdout() -> None:
+    """Nobody reads any more: what is left in the buffer goes nowhere, also when Python ends."""
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, 1)
+    os.close(sink)
+
+
+def _plain(text: str) -> str:
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in text
+    )

@@ -1,0 +1,35 @@
+"""`modlens decode`: recordings as a table on the screen, or as files."""
+
+from __future__ import annotations
+
+import argparse
+
+from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows
+from analyzer.cli.running import TABLE, run_files
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens decode bus.hex
+  modlens decode bus.bin --mode rtu --where "status != 'ok'"
+  modlens decode bus.jsonl --line 19200-8E1 -o bus.csv -o frames:frames.jsonl
+  modlens decode - --from hex --to jsonl < bus.txt
+
+Without -o and --to the table goes to the screen; add --to table to have it beside -o.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    add_input(parser)
+    add_rows(parser)
+    add_decoding(parser)
+    add_line(parser)
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Decode; gives the exit status."""
+    to = options.to or (None if options.outputs else TABLE)
+    return run_files(options, to=to, quiet=False)

@@ -1,0 +1,60 @@
+"""`modlens explain`.
+
+A function, an exception or a finding in words, with its section and an example.
+"""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+
+from analyzer.cli.parser import add_functions, load_functions
+from analyzer.views.screen import stdout, visible
+from dissectors.explain import Explanation, explain
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens explain 3
+  modlens explain exception 2
+  modlens explain 0x83 2
+  modlens explain bad_checksum
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("words", nargs="+", metavar="CODE", help="a code, a name or a finding")
+    add_functions(parser)
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Explain; gives the exit status."""
+    found = explain(" ".join(options.words), source=load_functions(options.functions))
+    screen = stdout()
+    width = min(screen.width, 100)
+    screen.line(visible(found.title), "head")
+    if found.section:
+        screen.line(visible(found.section), "dim")
+    for line in _body(found, width):
+        screen.line(visible(line))
+    return 0
+
+
+def _body(found: Explanation, width: int) -> list[str]:
+    lines: list[str] = []
+    for paragraph in found.text:
+        lines += ["", *textwrap.wrap(paragraph, width)]
+    if found.example:
+        lines += ["", "Example"]
+        for line in found.example:
+            lines += _indented(line, width)
+    return lines
+
+
+def _indented(line: str, width: int) -> list[str]:
+    """A line of an example, two spaces in; what does not fit hangs below its beginning."""
+    start = " " * (len(line) - len(line.lstrip()) + 2)
+    return textwrap.wrap(line, width, initial_indent="  ", subsequent_indent=f"{start}  ")

@@ -1,0 +1,35 @@
+"""`modlens formats`: what recordings can look like, and what can be tapped."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+
+from analyzer.exports import FORMATS as WRITTEN
+from analyzer.sources import FORMATS, SCHEMES
+from analyzer.views.screen import Part, stdout
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command has no options."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """List the formats; gives the exit status."""
+    stdout().lines(_lines())
+    return 0
+
+
+def _lines() -> Iterator[list[Part]]:
+    yield [("read (the format is found by itself; --from NAME orders one)", "head")]
+    for kind in FORMATS.values():
+        yield [(f"  {kind.name:<9}", "note"), (f"{kind.title}; clock: {kind.clock}", "")]
+        for line in kind.sample:
+            yield [(f"             {line}", "dim")]
+    yield [("tapped", "head")]
+    for scheme in SCHEMES.values():
+        yield [(f"  {scheme.example:<28}", "note"), (scheme.title, "")]
+    yield [("written (-o by suffix, --to by name)", "head")]
+    yield [("  " + "  ".join(f".{name}" for name in WRITTEN), "note")]

@@ -1,0 +1,77 @@
+"""What is said on standard error beside the rows.
+
+What was detected, what could not be read, the summary.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from analyzer.session import Intake
+from analyzer.views.screen import Screen, fit, visible
+from analyzer.views.summary import summary
+
+__all__ = ["Notes"]
+
+EXCERPT = 60
+"""Columns of a line that was not understood."""
+
+_CLOCKS = {
+    "none": "no clock",
+    "relative": "clock from the start of the recording",
+    "time of day": "clock without a date",
+    "local": "local clock, zone unknown",
+    "utc": "UTC clock",
+}
+
+
+class Notes:
+    """Lines for the person at the terminal; none but errors when `quiet`."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._screen = Screen(sys.stderr)
+        self.unparsed = 0
+
+    def intake(self, intake: Intake) -> None:
+        """A recording: at its beginning what it is, at its end what could not be read."""
+        if intake.ended:
+            self._left_out(intake)
+        else:
+            self._detected(intake)
+
+    def say(self, text: str) -> None:
+        """One line, unless quiet."""
+        if not self._quiet:
+            self._screen.line(visible(text), "dim")
+
+    def trouble(self, text: str) -> None:
+        """One line of an error, always."""
+        self._screen.line(f"modlens: {visible(text)}")
+
+    def summary(self, stats: dict[str, Any]) -> None:
+        """The last lines of a run."""
+        for line in summary(stats):
+            self.say(line)
+
+    def _detected(self, intake: Intake) -> None:
+        seen = intake.seen
+        sure = "ordered" if intake.ordered else f"{intake.confidence:.0%} sure: {intake.reason}"
+        words = [f"{intake.name}: {intake.format} ({sure})"]
+        clock = seen.get("clock") or "none"
+        words.append(_CLOCKS.get(clock, f"clock: {clock}"))
+        if seen.get("mode"):
+            words.append(f"mode {seen['mode']}")
+        self.say(", ".join(words))
+
+    def _left_out(self, intake: Intake) -> None:
+        seen = intake.seen
+        unparsed = seen.get("unparsed", 0)
+        self.unparsed += unparsed
+        for reason, count in (seen.get("dropped") or {}).items():
+            self.say(f"{intake.name}: {count:,} left out: {reason}")
+        if unparsed:
+            self.say(f"{intake.name}: {unparsed:,} of {seen['lines']:,} lines not understood")
+            for number, text in seen["first_unparsed"]:
+                self.say(f"  line {number}: {fit(visible(text), EXCERPT).rstrip()}")

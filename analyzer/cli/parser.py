@@ -1,0 +1,196 @@
+"""argparse with the manners of this program.
+
+One line for an error, and the words that several commands share.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import NoReturn
+
+import _modlens
+from analyzer.addresses import BASES
+from analyzer.columns import TABLES
+from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
+from analyzer.session import MODES, Settings
+from dissectors.errors import ProfileError, SourceError, UsageError
+
+__all__ = [
+    "Parser",
+    "add_decoding",
+    "add_functions",
+    "add_input",
+    "add_line",
+    "add_rows",
+    "load_functions",
+    "settings",
+]
+
+TIMES = ("local", "utc", "elapsed", "delta")
+
+_LONGEST_TIMEOUT = 3600
+_UNITS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises `UsageError` for wrong use."""
+
+    def __init__(self, *, prog: str, description: str) -> None:
+        super().__init__(
+            prog=prog,
+            description=description,
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Raise the message as `UsageError`; argparse would print its usage and exit."""
+        raise UsageError(f"{self.prog.removeprefix('modlens ')}: {message}; see {self.prog} --help")
+
+
+def add_line(parser: argparse.ArgumentParser) -> None:
+    """`--line` and its parts."""
+    group = parser.add_argument_group("line settings")
+    group.add_argument(
+        "--line", metavar=EXAMPLE, help="baud, data bits, parity and stop bits in one word"
+    )
+    group.add_argument("--baud", type=int, metavar="N", help="or one by one: the speed")
+    group.add_argument("--bits", type=int, metavar="N", help="data bits (8; 7 with --mode ascii)")
+    group.add_argument("--parity", metavar="P", help=f"one of {' '.join(PARITIES)} (E)")
+    group.add_argument("--stop", type=float, metavar="N", help="stop bits: 1, 1.5 or 2 (1)")
+
+
+def add_decoding(parser: argparse.ArgumentParser) -> None:
+    """`--mode`, `--timeout`, `--functions`: how bytes become transactions."""
+    group = parser.add_argument_group("decoding")
+    group.add_argument("--mode", choices=MODES, default="auto", help="framing (auto)")
+    group.add_argument(
+        "--timeout",
+        metavar="TIME",
+        help="give a request up after this time, as 500ms or 1.5s (learned, at most 1 s)",
+    )
+    add_functions(group)
+
+
+def add_functions(parser: argparse._ActionsContainer) -> None:
+    """`--functions`, repeatable."""
+    parser.add_argument(
+        "--functions",
+        action="append",
+        default=[],
+        metavar="NAME|FILE",
+        help="further function codes: a vendor's, or a TOML file; repeatable",
+    )
+
+
+def add_input(parser: argparse.ArgumentParser) -> None:
+    """`FILE...` and `--from`."""
+    parser.add_argument("files", nargs="+", metavar="FILE", help="a recording; - is standard input")
+    parser.add_argument(
+        "--from",
+        dest="read_as",
+        metavar="FORMAT",
+        help="read as this format instead of the detected one (modlens formats lists them)",
+    )
+
+
+def add_rows(parser: argparse.ArgumentParser) -> None:
+    """`--table`, `--columns`, `--where`, `--address`, `--times`, `--to`, `-o`.
+
+    Which rows go where, looking how.
+    """
+    group = parser.add_argument_group("rows")
+    group.add_argument("--table", choices=TABLES, default=TABLES[0], help="which (transactions)")
+    group.add_argument("--columns", metavar="A,B,C", help="columns of exports, in this order")
+    group.add_argument(
+        "--where",
+        metavar="EXPR",
+        help="only rows for which this holds, as: \"unit == 1 and 'retry' in findings\"",
+    )
+    group = parser.add_argument_group("output")
+    group.add_argument("--address", choices=BASES, default="wire", help="in tables (wire)")
+    group.add_argument("--times", choices=TIMES, default="local", help="in tables (local)")
+    group.add_argument("--to", metavar="FORMAT", help="what to standard output: table, csv, jsonl")
+    group.add_argument(
+        "-o",
+        dest="outputs",
+        action="append",
+        default=[],
+        metavar="OUT",
+        help="a file, format by its suffix; frames:OUT.csv for another table; repeatable",
+    )
+    group.add_argument(
+        "--strict", action="store_true", help="exit status 1 if anything was damaged"
+    )
+
+
+def settings(options: argparse.Namespace) -> Settings:
+    """What the options say of line and decoding.
+
+    `UsageError` or `ProfileError` for what cannot be.
+    """
+    return Settings(
+        line=_line(options),
+        mode=options.mode,
+        timeout_ns=None if options.timeout is None else _duration(options.timeout),
+        functions=load_functions(options.functions),
+    )
+
+
+def load_functions(names: list[str]) -> _modlens.Functions:
+    """The table of functions with the rows of vendors (by name) and files (by path)."""
+    functions = _modlens.Functions()
+    for name in names:
+        path = Path(name)
+        try:
+            if path.suffix or len(path.parts) > 1:
+                functions.load(path.read_text(encoding="utf-8"), name)
+            else:
+                functions.load_vendor(name)
+        except (OSError, UnicodeError) as error:
+            raise SourceError(f"--functions {name}: cannot be read: {_reason(error)}") from error
+        except ValueError as error:
+            if path.suffix:
+                raise ProfileError(str(error).removeprefix(f"{name}: "), path=name) from error
+            raise UsageError(f"--functions {name}: {error}") from error
+    return functions
+
+
+def _reason(error: OSError | UnicodeError) -> str:
+    return (isinstance(error, OSError) and error.strerror) or str(error)
+
+
+def _line(options: argparse.Namespace) -> Line | None:
+    parts = (options.baud, options.bits, options.parity, options.stop)
+    if options.line is not None:
+        if any(part is not None for part in parts):
+            raise UsageError("--line says it all; leave --baud, --bits, --parity and --stop out")
+        return parse_line(options.line)
+    if options.baud is None:
+        if any(part is not None for part in parts):
+            raise UsageError(f"--baud is needed, too; or say it all as --line {EXAMPLE}")
+        return None
+    return Line(
+        options.baud,
+        options.bits or (7 if options.mode == "ascii" else 8),
+        (options.parity or "E").upper()[:1],
+        options.stop or 1,
+    )
+
+
+def _duration(text: str) -> int:
+    """Nanoseconds of `500ms`, `1.5s` or `0.3` (seconds).
+
+    >>> _duration("500ms"), _duration("0.3")
+    (500000000, 300000000)
+    """
+    word = text.strip().lower()
+    unit = next((unit for unit in _UNITS if word.endswith(unit)), "")
+    try:
+        value = float(word.removesuffix(unit))
+    except ValueError:
+        value = -1.0
+    if not 0 < value < _LONGEST_TIMEOUT:
+        raise UsageError(f"--timeout {text}: write a time such as 500ms or 1.5s")
+    return round(value * _UNITS[unit or "s"])

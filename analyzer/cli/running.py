@@ -1,0 +1,134 @@
+"""What tap, decode and export have in common: open the outputs, pump, close them.
+
+If the input fails, exports that are not whole are taken away (a live tap's files grow in place and
+stay).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from contextlib import ExitStack
+from dataclasses import replace
+
+from analyzer.cli import forget_stdout
+from analyzer.cli.notes import Notes
+from analyzer.cli.parser import settings
+from analyzer.cli.stopping import Stopping
+from analyzer.exports.sink import ExportSink, Target, target
+from analyzer.session import FileRun, Run, Settings, Sink, pump
+from analyzer.views.screen import stdout
+from analyzer.views.summary import damaged
+from analyzer.views.table import TableSink
+from analyzer.views.tables import Look
+from dissectors.errors import SourceError, UsageError
+
+__all__ = ["DAMAGED", "Outputs", "run_files", "run_settings"]
+
+DAMAGED = 1
+SIGNALLED = 128
+
+TABLE = "table"
+"""The word of `--to` that means the table for people."""
+
+
+def run_settings(options: argparse.Namespace) -> Settings:
+    """The settings, with the tables that the outputs need."""
+    tables = {one.table for one in _targets(options)} | {options.table}
+    return replace(settings(options), tables=tuple(sorted(tables)))
+
+
+def run_files(options: argparse.Namespace, *, to: str | None, quiet: bool) -> int:
+    """Decode the files of the options into all outputs; gives the exit status."""
+    notes = Notes(quiet=quiet)
+    run = FileRun(options.files, run_settings(options), read_as=options.read_as, told=notes.intake)
+    with Stopping() as stopping, Outputs(options, notes, to=to, growing=False) as outputs:
+        outputs.pump(run, stopping)
+        outputs.close()
+        if outputs.silenced:
+            return 0
+        stats = run.stats()
+        notes.summary(stats)
+        if stopping.signal is not None:
+            notes.trouble("interrupted: the outputs hold what was decoded until then")
+            return SIGNALLED + stopping.signal
+    if options.strict and (damaged(stats) or notes.unparsed) and not outputs.status:
+        return DAMAGED
+    return outputs.status
+
+
+class Outputs:
+    """All sinks of a run; `to` is what goes to standard output: the table, a format, or nothing.
+
+    `status` is the exit status of what went wrong with them; `silenced` is True when the only
+    reader has gone away. Those that are not closed when the `with` ends are taken away.
+    """
+
+    def __init__(
+        self, options: argparse.Namespace, notes: Notes, *, to: str | None, growing: bool
+    ) -> None:
+        self.status = 0
+        self.silenced = False
+        self._notes = notes
+        self._filtered = options.where is not None
+        self._sinks: list[TableSink | ExportSink] = []
+        targets = _targets(options)
+        with ExitStack() as opened:
+            if to == TABLE:
+                look = Look(options.address, options.times)
+                if options.columns is not None and not targets:
+                    raise UsageError("--columns is for exports; add --to csv or -o FILE")
+                self._sinks.append(TableSink(options.table, stdout(), look, where=options.where))
+            elif to is not None:
+                targets.insert(0, Target(options.table, to, None))
+            for one in targets:
+                sink = ExportSink(
+                    one, columns=options.columns, where=options.where, growing=growing
+                )
+                opened.callback(sink.abandon)
+                self._sinks.append(sink)
+            self._opened = opened.pop_all()
+        if not self._sinks:
+            raise UsageError("nowhere to write to; add -o FILE or --to FORMAT")
+
+    def pump(self, run: Run, stopping: Stopping) -> None:
+        """Pass everything through.
+
+        Errors of the input are raised when the sinks have got what came before.
+        """
+        pump(run, self._sinks, stop=stopping.asked, failed=self._failed)
+
+    def close(self) -> None:
+        """All rows are there: the files take their names."""
+        for sink in self._sinks:
+            try:
+                sink.close()
+            except SourceError as error:
+                self._failed(sink, error)
+            if isinstance(sink, ExportSink) or self._filtered:
+                self._notes.say(f"{sink.name}: {sink.rows:,} {sink.table}")
+
+    def __enter__(self) -> Outputs:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._opened.close()
+
+    def _failed(self, sink: Sink, error: SourceError | BrokenPipeError) -> None:
+        if isinstance(error, BrokenPipeError):
+            self.silenced = len(self._sinks) == 1
+            forget_stdout()
+            return
+        self.status = max(self.status, error.exit_status)
+        self._notes.trouble(error.message)
+
+
+def _targets(options: argparse.Namespace) -> list[Target]:
+    targets = [target(text, options.table) for text in options.outputs]
+    seen = set()
+    for one in targets:
+        path = os.path.realpath(one.path or "")
+        if path in seen:
+            raise UsageError(f"-o {one.path}: two outputs in one file; give each a name of its own")
+        seen.add(path)
+    return targets

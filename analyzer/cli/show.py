@@ -1,0 +1,157 @@
+"""`modlens show`.
+
+Bytes beside meaning, for pasted hex or for one frame or transaction of a recording.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+
+import _modlens
+from analyzer.cli.notes import Notes
+from analyzer.cli.parser import add_decoding, add_line, settings
+from analyzer.cli.showing import MBAP, Shown, lookup_frame, lookup_transaction, show
+from analyzer.session import FileRun, Settings
+from analyzer.views.detail import show_frame
+from analyzer.views.screen import Screen, stdout
+from dissectors.describe import describe
+from dissectors.errors import UsageError
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens show 01 03 00 6B 00 03 74 17
+  modlens show :010300000001FB
+  modlens show --pdu --direction response 03 06 022B 0000 0064
+  modlens show bus.hex --txn 3
+"""
+
+_PREFIX = re.compile(r"0x|\\x", re.IGNORECASE)
+_TOKENS = re.compile(r"[\s,;:\-\[\](){}<>\"']+")
+_DIGITS = re.compile(r"[0-9A-Fa-f]+")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("words", nargs="+", metavar="FILE|HEX", help="a recording, or hex text")
+    parser.add_argument("--frame", type=int, metavar="N", help="this frame of the recording")
+    parser.add_argument("--txn", type=int, metavar="N", help="this transaction of the recording")
+    parser.add_argument("--from", dest="read_as", metavar="FORMAT", help="format of the recording")
+    parser.add_argument("--pdu", action="store_true", help="the hex is a PDU: no unit, no checksum")
+    parser.add_argument(
+        "--direction", choices=("request", "response"), help="what the frame is (found out)"
+    )
+    add_decoding(parser)
+    add_line(parser)
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show it; gives the exit status."""
+    screen = stdout()
+    if options.frame is None and options.txn is None:
+        _show_hex(options, screen)
+    else:
+        _show_recording(options, screen)
+    return 0
+
+
+def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
+    if options.frame is not None and options.txn is not None:
+        raise UsageError("show: either --frame or --txn")
+    if len(options.words) != 1 or options.pdu:
+        raise UsageError("show: --frame and --txn look into one recording")
+    chosen = settings(options)
+    notes = Notes(quiet=False)
+    run = FileRun(options.words, chosen, read_as=options.read_as, told=notes.intake)
+    if options.frame is not None:
+        found = lookup_frame(run, options.frame)
+    else:
+        found = lookup_transaction(run, options.txn)
+    if found is None:
+        stats = run.stats()
+        kind = "frame" if options.frame is not None else "transaction"
+        counts = [bus["frames"] for bus in stats["buses"]]
+        totals = counts if kind == "frame" else [stats["transactions"]]
+        last = sum(sum(total.values()) for total in totals)
+        wanted = options.frame if kind == "frame" else options.txn
+        raise UsageError(f"show: there is no {kind} {wanted}; {options.words[0]} has 1 to {last}")
+    show(found, screen, chosen.functions, options.direction)
+
+
+def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
+    if len(options.words) == 1 and os.path.exists(options.words[0]):
+        raise UsageError(f"show: which one? add --frame N or --txn N for {options.words[0]}")
+    chosen = settings(options)
+    text = " ".join(options.words)
+    if options.pdu:
+        pieces = describe(
+            parse_hex(text),
+            mode="pdu",
+            direction=options.direction or "unknown",
+            functions=chosen.functions,
+        )
+        show_frame("PDU", pieces, screen)
+        return
+    for number, found in enumerate(_decode_hex(text, options.mode, chosen)):
+        if number:
+            screen.line("")
+        show(found, screen, chosen.functions, options.direction)
+
+
+def _decode_hex(text: str, mode: str, chosen: Settings) -> list[Shown]:
+    """The frames of pasted text, decoded as if they had been recorded."""
+    if text.lstrip().startswith(":"):
+        data, mode = text.strip().encode("ascii", "replace") + b"\r\n", "ascii"
+    else:
+        data = parse_hex(text)
+    if mode == "auto" and _looks_like_tcp(data):
+        mode = "tcp"
+    core = chosen.core(live=False)
+    line = None if chosen.line is None else chosen.line.settings
+    bus = core.add_bus("hex", source="hex", mode=mode, line=line)
+    core.feed(bus, data)
+    core.flush()
+    batch = core.take()
+    requests = {row.txn: row.request_hex for row in batch.transactions}
+    return [
+        Shown.of_frame(
+            row,
+            request=requests.get(row.txn) if row.direction == "response" else None,
+            findings=[found.as_dict() for found in batch.findings if found.frame == row.frame],
+        )
+        for row in batch.frames
+    ]
+
+
+def _looks_like_tcp(data: bytes) -> bool:
+    """Whether an MBAP header fits these bytes, and a CRC does not."""
+    fits = (
+        len(data) > MBAP
+        and data[2:4] == b"\0\0"
+        and int.from_bytes(data[4:6], "big") == len(data) - 6
+    )
+    return fits and _modlens.crc16(data[:-2]) != int.from_bytes(data[-2:], "little")
+
+
+def parse_hex(text: str) -> bytes:
+    """The bytes of hex text in any spacing; `UsageError` where it is no hex.
+
+    >>> parse_hex("0x01, 0x03").hex(), parse_hex("01-03:00 6b").hex(), parse_hex("1 3 0 6B").hex()
+    ('0103', '0103006b', '0103006b')
+    """
+    tokens = [token for token in _TOKENS.split(_PREFIX.sub(" ", text)) if token]
+    for token in tokens:
+        if not _DIGITS.fullmatch(token):
+            raise UsageError(f"show: {token!r} is no hex, and there is no such file")
+    if not tokens:
+        raise UsageError("show: no hex digits")
+    if all(len(token) <= len("FF") for token in tokens):
+        tokens = [token.zfill(2) for token in tokens]
+    digits = "".join(tokens)
+    if len(digits) % 2:
+        raise UsageError(f"show: {len(digits)} hex digits; two make a byte")
+    return bytes.fromhex(digits)

@@ -1,0 +1,159 @@
+"""What `modlens show` draws.
+
+One frame, or a request and its response with what lies between them.
+"""
+
+from __future__ import annotations
+
+import binascii
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import _modlens
+from analyzer.filters import parse
+from analyzer.session import FileRun
+from analyzer.times import seconds
+from analyzer.views.cells import milliseconds
+from analyzer.views.detail import show_findings, show_frame, show_pause
+from analyzer.views.screen import Screen
+from dissectors.describe import Mode, describe
+
+__all__ = ["Shown", "lookup_frame", "lookup_transaction", "show"]
+
+Direction = Literal["request", "response"]
+
+MBAP = 7
+
+
+@dataclass(frozen=True, slots=True)
+class One:
+    """One frame: its title, its bytes, how to read them."""
+
+    title: str
+    data: bytes
+    mode: Mode
+    direction: Direction | Literal["unknown"]
+    has_checksum: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """Frames in order, what lies between them, the PDU that the last one answers, findings."""
+
+    frames: tuple[One, ...]
+    pause: str
+    request: bytes | None
+    findings: list[dict[str, Any]]
+    title: str = ""
+
+    @classmethod
+    def of_frame(cls, row: Any, *, request: bytes | None, findings: list[dict[str, Any]]) -> Shown:
+        """One row of the frames table; `request` is the frame it answers."""
+        one = One(
+            f"frame {row.frame}: {_what(row.direction)}, {row.mode}, {row.verdict}{_when(row)}",
+            row.hex,
+            row.mode,
+            row.direction,
+            row.verdict != "no_checksum",
+        )
+        return cls((one,), "", _pdu(request, row.mode), findings)
+
+    @classmethod
+    def of_transaction(cls, row: Any, findings: list[dict[str, Any]]) -> Shown:
+        """One row of the transactions table."""
+        title = f"transaction {row.txn}: {row.mode}, {row.status}{_when(row)}"
+        request = One(f"request, frame {row.request_frame}", row.request_hex, row.mode, "request")
+        answer = One(
+            f"response, frame {row.response_frame}", row.response_hex, row.mode, "response"
+        )
+        frames = tuple(one for one in (request, answer) if one.data)
+        return cls(frames, _pause(row), _pdu(row.request_hex, row.mode), findings, title)
+
+
+def show(
+    shown: Shown, screen: Screen, functions: _modlens.Functions, direction: Direction | None
+) -> None:
+    """Draw it; `direction` overrides what was found out."""
+    if shown.title:
+        screen.line(shown.title, "head")
+        screen.line("")
+    for number, one in enumerate(shown.frames):
+        if number:
+            show_pause(shown.pause, screen)
+            screen.line("")
+        pieces = describe(
+            one.data,
+            mode=one.mode,
+            direction=direction or one.direction,
+            request=shown.request,
+            has_checksum=one.has_checksum,
+            functions=functions,
+        )
+        show_frame(one.title, pieces, screen)
+    if len(shown.frames) == 1 and shown.pause:
+        show_pause(shown.pause, screen)
+    show_findings(shown.findings, screen)
+
+
+def lookup_frame(run: FileRun, number: int) -> Shown | None:
+    """The frame with that number; reads on until the transaction it belongs to is known."""
+    wanted = parse(f"frame == {number}", "frames").predicate()
+    mine = parse(f"frame == {number}", "findings").predicate()
+    row, findings = None, []
+    for batch in run.batches():
+        findings += [found.as_dict() for found in batch.findings.where(mine)]
+        row = row or next(iter(batch.frames.where(wanted)), None)
+        if row is None:
+            continue
+        if row.txn is None or row.direction != "response":
+            return Shown.of_frame(row, request=None, findings=findings)
+        pair = parse(f"txn == {row.txn}", "transactions").predicate()
+        for transaction in batch.transactions.where(pair):
+            return Shown.of_frame(row, request=transaction.request_hex, findings=findings)
+    return None if row is None else Shown.of_frame(row, request=None, findings=findings)
+
+
+def lookup_transaction(run: FileRun, number: int) -> Shown | None:
+    """The transaction with that number."""
+    wanted = parse(f"txn == {number}", "transactions").predicate()
+    mine = parse(f"txn == {number}", "findings").predicate()
+    findings: list[dict[str, Any]] = []
+    for batch in run.batches():
+        findings += [found.as_dict() for found in batch.findings.where(mine)]
+        for row in batch.transactions.where(wanted):
+            return Shown.of_transaction(row, findings)
+    return None
+
+
+def _what(direction: str) -> str:
+    return "direction unknown" if direction == "unknown" else direction
+
+
+def _when(row: Any) -> str:
+    if row.time is not None:
+        return f", {row.time.isoformat().replace('+00:00', 'Z')}"
+    return "" if row.elapsed_us is None else f", at {seconds(row.elapsed_us, 6)} s"
+
+
+def _pause(row: Any) -> str:
+    if not row.request_hex:
+        return ""
+    if row.response_hex:
+        time = milliseconds(row.response_time_us)
+        return f"... {time} ms later" if time else "... answered by"
+    waited = milliseconds(row.waited_us)
+    return f"no answer within {waited} ms" if waited else row.status.replace("_", " ")
+
+
+def _pdu(frame: bytes | None, mode: str) -> bytes | None:
+    """The PDU of a request's frame; None where there is none."""
+    if not frame:
+        return None
+    if mode == "tcp":
+        return frame[MBAP:]
+    if mode == "ascii":
+        try:
+            return binascii.unhexlify(frame.strip()[1:])[1:-1]
+        except binascii.Error:
+            return None
+    return frame[1:-2]

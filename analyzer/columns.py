@@ -1,0 +1,73 @@
+"""The columns of the four tables, read back from the core (their one home is columns.toml).
+
+>>> [column.key for column in columns("findings")][:4]
+['frame', 'txn', 'time', 'elapsed_us']
+>>> pick("frames", "frame, unit,verdict")
+('frame', 'unit', 'verdict')
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from dissectors.errors import UsageError
+from dissectors.vocabulary import vocabulary
+from dissectors.words import near
+
+__all__ = ["TABLES", "Column", "columns", "pick"]
+
+TABLES = ("transactions", "frames", "readings", "findings")
+"""The tables, the one that people want first in front."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column.
+
+    Its `key` in every output and filter, its `type` (a word of columns.toml), title and help.
+    """
+
+    key: str
+    type: str
+    title: str
+    help: str
+
+
+@cache
+def _all() -> dict[str, tuple[Column, ...]]:
+    tables = vocabulary()["columns"]
+    return {
+        name: tuple(Column(row["key"], row["type"], row["title"], row["help"]) for row in rows)
+        for name, rows in tables.items()
+    }
+
+
+def columns(table: str) -> tuple[Column, ...]:
+    """Every column of a table, in the order of every output.
+
+    `UsageError` if there is no such table.
+    """
+    found = _all().get(table)
+    if found is None:
+        raise UsageError(f"no table {table!r}; the tables are {', '.join(TABLES)}")
+    return found
+
+
+def pick(table: str, text: str | None) -> tuple[str, ...]:
+    """The keys that `a,b,c` names, in that order; all of the table's keys where `text` is None.
+
+    `UsageError` names an unknown column and the nearest known one.
+    """
+    known = [column.key for column in columns(table)]
+    if text is None:
+        return tuple(known)
+    wanted = [part.strip() for part in text.split(",") if part.strip()]
+    if not wanted:
+        raise UsageError(f"--columns names no column; those of {table} are {', '.join(known)}")
+    for key in wanted:
+        if key not in known:
+            hint = near(key, known)
+            question = f"; did you mean {hint!r}?" if hint else f"; there are {', '.join(known)}"
+            raise UsageError(f"no column {key!r} in {table}{question}")
+    return tuple(wanted)

@@ -1,0 +1,172 @@
+"""Where exported bytes go.
+
+A file that appears when it is whole, a file that grows, standard output.
+
+No file export is ever left half written: a whole file is written beside its place under another
+name and moved there at the end. A live tap can end at any moment, so its file grows in place, block
+by block; in return it never replaces a file that is there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import stat
+import sys
+from typing import Protocol
+
+from dissectors.errors import SourceError
+
+__all__ = ["GrowingFile", "Output", "StandardOutput", "WholeFile"]
+
+
+class Output(Protocol):
+    """Takes the bytes of one export.
+
+    Every method raises `SourceError` if the bytes cannot be written.
+    """
+
+    name: str
+
+    def append(self, data: bytes) -> None:
+        """Write these bytes behind the others."""
+
+    def close(self) -> None:
+        """All bytes are there: the output takes its final name."""
+
+    def abandon(self) -> None:
+        """Something failed: leave nothing half written."""
+
+
+class _File:
+    """An open descriptor, closed once."""
+
+    def __init__(self, name: str, path: str, flags: int) -> None:
+        self.name = name
+        try:
+            self._fd: int | None = os.open(
+                path, os.O_WRONLY | getattr(os, "O_BINARY", 0) | flags, 0o666
+            )
+        except OSError as error:
+            raise _trouble(name, error) from error
+
+    def append(self, data: bytes) -> None:
+        """Write these bytes; after a failure nothing more is taken."""
+        if self._fd is None:
+            return
+        view = memoryview(data)
+        try:
+            while view:
+                view = view[os.write(self._fd, view) :]
+        except OSError as error:
+            self.abandon()
+            if isinstance(error, BrokenPipeError):
+                raise
+            raise _trouble(self.name, error) from error
+
+    def close(self) -> None:
+        """The bytes are complete; a file that was abandoned stays so."""
+        if self._fd is None:
+            return
+        try:
+            self._finish(self._fd)
+        except OSError as error:
+            self._fd = None
+            self._remove()
+            raise _trouble(self.name, error) from error
+
+    def abandon(self) -> None:
+        """Close without finishing, if it is still open."""
+        fd, self._fd = self._fd, None
+        if fd is not None:
+            with contextlib.suppress(OSError):
+                os.close(fd)
+            self._remove()
+
+    def _finish(self, fd: int) -> None:
+        os.close(fd)
+        self._fd = None
+
+    def _remove(self) -> None:
+        """Take away what is not whole."""
+
+
+class WholeFile(_File):
+    """A file that takes its name when it is complete, in place of one that may be there.
+
+    What is no plain file (a device, a named pipe) is written directly.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = os.path.realpath(path)
+        self._direct = _is_special(self._path)
+        folder, base = os.path.split(self._path)
+        self._part = os.path.join(folder, f".{base}.{os.getpid()}")
+        if self._direct:
+            super().__init__(path, self._path, 0)
+        else:
+            super().__init__(path, self._part, os.O_CREAT | os.O_TRUNC)
+
+    def _finish(self, fd: int) -> None:
+        super()._finish(fd)
+        if not self._direct:
+            os.replace(self._part, self._path)
+
+    def _remove(self) -> None:
+        if not self._direct:
+            with contextlib.suppress(OSError):
+                os.unlink(self._part)
+
+
+class GrowingFile(_File):
+    """A new file that grows in place, by whole rows; what is in it stays, whatever happens.
+
+    `SourceError` if there is a file of that name.
+    """
+
+    def __init__(self, path: str) -> None:
+        flags = 0 if _is_special(path) else os.O_CREAT | os.O_EXCL
+        super().__init__(path, path, flags | os.O_APPEND)
+
+
+class StandardOutput:
+    """Standard output, flushed after each `append`; `BrokenPipeError` when its reader has gone."""
+
+    name = "standard output"
+
+    def append(self, data: bytes) -> None:
+        """Write and flush."""
+        try:
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise _trouble(self.name, error) from error
+
+    def close(self) -> None:
+        """Nothing to do: every `append` has been flushed."""
+
+    def abandon(self) -> None:
+        """Nothing to do: what is out is out."""
+
+
+def _is_special(path: str) -> bool:
+    try:
+        return not stat.S_ISREG(os.stat(path).st_mode)
+    except OSError:
+        return False
+
+
+def _trouble(name: str, error: OSError) -> SourceError:
+    advice = {
+        errno.EEXIST: "exists already, and a live tap never overwrites; choose another name",
+        errno.ENOSPC: "cannot be written: no space left",
+        errno.ENOENT: "cannot be created: its directory does not exist",
+        errno.EISDIR: "is a directory; name a file in it",
+        errno.EACCES: "no permission to write it",
+        errno.EROFS: "cannot be written: the file system is read-only",
+    }
+    reason = advice.get(error.errno or 0) or f"cannot be written: {error.strerror or error}"
+    return SourceError(f"{name}: {reason}")

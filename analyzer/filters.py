@@ -1,0 +1,105 @@
+"""Filters: one Python-like expression that chooses rows of one table (`--where`, `Rows.where`).
+
+```
+unit == 1 and function in (3, 4) and 100 <= address < 200
+'retry' in findings or response_time_us > 50e3
+write_address >= '40100' and touches(hr, 107)
+time >= '2023-10-11T14:00:00Z' and status != 'ok'
+```
+
+The grammar is the part of Python's expressions that `ast.parse` reads and the white list below lets
+pass: names of columns, numbers, texts, `and or not`, comparisons (chained, too), `in`, `not in`,
+`is None`, `is not None`, arithmetic `+ - * / // % &`, tuples and lists of literals, and the two
+questions `touches(type, where)` and `writes(type, where)`. A filter never runs as Python: it
+becomes the tree below, which the core interprets row by row.
+
+## The tree
+
+Nested JSON lists; the first item says what the node is.
+
+| node | meaning |
+| --- | --- |
+| `["col", name]` | the value of a column of the table |
+| `["num", n]` | a number, integer or float (`True` and `False` are 1 and 0) |
+| `["text", s]` | a text |
+| `["time", ns]` | a moment, nanoseconds since 1970 UTC |
+| `["none"]` | null; stands nowhere today, kept for later writers of trees |
+| `["list", [item, ...]]` | a list of `num` and `text` nodes, only on the right of `in` |
+| `["and", a, b]` `["or", a, b]` `["not", a]` | of conditions |
+| `["cmp", op, a, b]` | op is one of `== != < <= > >=` |
+| `["in", a, b]` | a equals an item of b (a list, or a list column), or is a part of b (a text) |
+| `["is_none", a]` | a is null |
+| `["arith", op, a, b]` | as in Python; op is one of `+ - * / // % &` |
+| `["neg", a]` | minus a |
+| `["touches", register_type, first, last]` | the row reads or writes one of these registers |
+| `["writes", register_type, first, last]` | the row writes one of them |
+
+First and last are inclusive wire addresses. A division by zero and an overflow give null.
+
+Conditions are true or false, never null: `cmp` and `in` with a null on either side are false, so
+`!=` and `not in` are false there, too (`not in` is compiled with an `is_none` in front). Bool
+columns count as 1 and 0. `hex` columns are text: lower-case digits without spaces. A list without
+items is not null. Integers compare exactly with integers.
+
+>>> filter = parse("unit == 1 and 'retry' in findings")
+>>> print(filter)
+unit == 1 and 'retry' in findings
+>>> filter.tree
+['and', ['cmp', '==', ['col', 'unit'], ['num', 1]], ['in', ['text', 'retry'], ['col', 'findings']]]
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+from dataclasses import dataclass
+
+import _modlens
+from analyzer.columns import columns
+from analyzer.filtertree import Compiler, Tree
+from dissectors.errors import FilterError
+
+__all__ = ["LONGEST", "Filter", "parse"]
+
+LONGEST = 4096
+"""Characters that a filter may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """A filter for the rows of one table; `str()` says it back in its plainest spelling."""
+
+    table: str
+    text: str
+    tree: Tree
+
+    def __str__(self) -> str:
+        return self.text
+
+    def predicate(self) -> _modlens.Predicate:
+        """The filter as the core takes it: `Table.where(predicate)`."""
+        return _modlens.Predicate(self.table, json.dumps(self.tree))
+
+
+def parse(text: str, table: str = "transactions") -> Filter:
+    """The filter that `text` says, for the rows of `table`.
+
+    `FilterError` says what cannot be understood, at which column, and the nearest known name.
+    `UsageError` if there is no such table.
+    """
+    known = {column.key: column.type for column in columns(table)}
+    if len(text) > LONGEST:
+        raise FilterError(f"a filter has at most {LONGEST} characters", text=text[:20] + "...")
+    if not text.strip():
+        raise FilterError("an empty filter; try `status != 'ok'`", text=text)
+    try:
+        expression = ast.parse(text.strip(), mode="eval").body
+    except SyntaxError as error:
+        column = None if error.offset is None else max(error.offset - 1, 0)
+        raise FilterError(
+            f"not an expression: {error.msg}", text=text.strip(), column=column
+        ) from None
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise FilterError(f"not an expression: {error}", text=text.strip()) from None
+    tree = Compiler(text.strip(), table, known).condition(expression)
+    return Filter(table, ast.unparse(expression), tree)

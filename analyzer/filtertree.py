@@ -1,0 +1,361 @@
+"""From Python's syntax tree to the filter tree of filters.py: what may be said, and what it means.
+
+Not a general compiler: a node that no method below knows is refused, and a comparison that can
+never hold (a number with a text) is a mistake that is told, not a filter that selects nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, NoReturn
+
+from analyzer import addresses
+from analyzer.times import parse_ns
+from dissectors.errors import FilterError
+from dissectors.words import near
+
+__all__ = ["Compiler", "Tree"]
+
+Tree = list[Any]
+"""A node of the filter tree: nested JSON lists."""
+
+PAIR = 2
+"""Arguments of touches(), writes() and range()."""
+
+DEPTH = 60
+"""Levels that a filter may have."""
+
+_KINDS = {
+    "int": "number",
+    "us": "number",
+    "float": "number",
+    "bool": "flag",
+    "time": "time",
+    "text": "text",
+    "hex": "text",
+    "ints": "numbers",
+    "texts": "texts",
+    "map": "map",
+}
+_SAY = {
+    "number": "a number",
+    "flag": "true or false",
+    "time": "a time",
+    "text": "a text",
+    "numbers": "a list of numbers",
+    "texts": "a list of texts",
+    "map": "a map",
+    "list": "a list",
+    "none": "None",
+}
+_COMPARE: dict[type[ast.cmpop], str] = {
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+}
+_ARITHMETIC: dict[type[ast.operator], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.FloorDiv: "//",
+    ast.Mod: "%",
+    ast.BitAnd: "&",
+}
+_ADDRESSED = ("address", "write_address")
+_QUESTIONS = ("touches", "writes")
+
+
+@dataclass(frozen=True, slots=True)
+class _Term:
+    """A value: its kind (a key of `_SAY`), its tree, and the node it stands at."""
+
+    kind: str
+    tree: Tree
+    node: ast.expr
+
+
+class Compiler:
+    """Compiles the conditions of one filter text.
+
+    `known` maps the table's columns to their types.
+    """
+
+    def __init__(self, text: str, table: str, known: Mapping[str, str]) -> None:
+        self._text = text
+        self._table = table
+        self._known = known
+        self._depth = 0
+
+    def condition(self, node: ast.expr) -> Tree:
+        """The tree of a node that is true or false."""
+        self._depth += 1
+        if self._depth > DEPTH:
+            self._refuse(node, f"more than {DEPTH} levels")
+        try:
+            return self._condition(node)
+        finally:
+            self._depth -= 1
+
+    def _condition(self, node: ast.expr) -> Tree:
+        if isinstance(node, ast.BoolOp):
+            word = "and" if isinstance(node.op, ast.And) else "or"
+            return _join(word, [self.condition(value) for value in node.values])
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            return ["not", self.condition(node.operand)]
+        if isinstance(node, ast.Compare):
+            return self._comparisons(node)
+        if isinstance(node, ast.Call):
+            return self._question(node)
+        term = self._term(node)
+        if term.kind == "flag":
+            return ["cmp", "==", term.tree, ["num", 1]]
+        self._refuse(node, f"{_SAY[term.kind]} is no condition; compare it, as in `unit == 1`")
+
+    def _comparisons(self, node: ast.Compare) -> Tree:
+        parts = []
+        left = node.left
+        for operator, right in zip(node.ops, node.comparators, strict=True):
+            parts.append(self._comparison(left, operator, right))
+            left = right
+        return _join("and", parts)
+
+    def _comparison(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> Tree:
+        if isinstance(operator, ast.Is | ast.IsNot):
+            return self._is_none(left, operator, right)
+        a, b = self._term(left), self._term(right)
+        for term in (a, b):
+            if term.kind == "none":
+                self._refuse(term.node, "compare with None by `is None` or `is not None`")
+        if isinstance(operator, ast.In | ast.NotIn):
+            found = self._membership(a, b)
+            if isinstance(operator, ast.In):
+                return found
+            null = b if b.tree[0] == "col" else a  # a comparison with null is false, this one too
+            return ["and", ["not", ["is_none", null.tree]], ["not", found]]
+        return self._compare(_COMPARE[type(operator)], a, b)
+
+    def _is_none(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> Tree:
+        if self._term(right).kind != "none":
+            self._refuse(right, "`is` asks only for None; use `==`")
+        tree = ["is_none", self._term(left).tree]
+        return tree if isinstance(operator, ast.Is) else ["not", tree]
+
+    def _compare(self, operator: str, a: _Term, b: _Term) -> Tree:
+        for one, other in ((a, b), (b, a)):
+            address = self._address(one, other)
+            if address is not None:
+                return _at_address(operator, one.tree, address, turned=one is b)
+        a, b = self._as_time(a, b), self._as_time(b, a)
+        for term in (a, b):
+            if term.kind not in ("number", "flag", "text", "time"):
+                self._refuse(term.node, f"{self._say(term)} cannot be compared; use `in`")
+        same = {"flag": "number"}
+        if same.get(a.kind, a.kind) != same.get(b.kind, b.kind):
+            self._refuse(b.node, f"{self._say(a)} cannot be compared with {self._say(b)}")
+        return ["cmp", operator, _hex_text(a, b, self._known), _hex_text(b, a, self._known)]
+
+    def _membership(self, item: _Term, where: _Term) -> Tree:
+        if where.kind == "list":
+            choices = [_Term(kind, tree, where.node) for kind, tree in where.tree[1]]
+            if item.kind in ("number", "flag", "text") and all(
+                choice.kind == item.kind == "number" or (choice.kind == item.kind == "text")
+                for choice in choices
+            ):
+                return ["in", item.tree, ["list", [choice.tree for choice in choices]]]
+            return _join("or", [self._compare("==", item, choice) for choice in choices])
+        wanted = {"numbers": "number", "texts": "text", "text": "text"}.get(where.kind)
+        if wanted is None:
+            self._refuse(
+                where.node, f"{self._say(where)} has no items; `in` takes a list or a text"
+            )
+        if item.kind != wanted:
+            self._refuse(
+                item.node, f"{self._say(where)} holds {_SAY[wanted][2:]}s, not {self._say(item)}"
+            )
+        return ["in", _hex_text(item, where, self._known), where.tree]
+
+    def _question(self, node: ast.Call) -> Tree:
+        name = node.func.id if isinstance(node.func, ast.Name) else ""
+        if name not in _QUESTIONS:
+            self._refuse(
+                node, "the only questions are touches(type, where) and writes(type, where)"
+            )
+        if "address" not in self._known:
+            self._refuse(node, f"{name}() looks into registers, which {self._table} do not have")
+        if len(node.args) != PAIR or node.keywords:
+            self._refuse(
+                node, f"{name}() takes a register type and an address, as in {name}(hr, 107)"
+            )
+        kind = self._register_type(node.args[0])
+        first, last = self._span(node.args[1], kind)
+        return [name, kind, first, last]
+
+    def _register_type(self, node: ast.expr) -> str:
+        word = node.id if isinstance(node, ast.Name) else _constant(node)
+        kind = addresses.register_type(word) if isinstance(word, str) else None
+        if kind is None:
+            self._refuse(node, "a register type is one of co, di, ir, hr")
+        return kind
+
+    def _span(self, node: ast.expr, kind: str) -> tuple[int, int]:
+        if isinstance(node, ast.Call):
+            named_range = isinstance(node.func, ast.Name) and node.func.id == "range"
+            if not named_range or len(node.args) != PAIR or node.keywords:
+                self._refuse(node, "a range is range(first, behind the last)")
+            first = self._wire(node.args[0], kind)
+            behind = self._wire(node.args[1], kind, top=0x10000)
+            if behind <= first:
+                self._refuse(node, "an empty range; range(first, behind the last)")
+            return first, behind - 1
+        wire = self._wire(node, kind)
+        return wire, wire
+
+    def _wire(self, node: ast.expr, kind: str, top: int = 0xFFFF) -> int:
+        value = _constant(node)
+        if isinstance(value, str):
+            address = addresses.parse(value)
+            if address is None:
+                self._refuse(node, f"{value!r} is no address; write 107, '40108' or '4x006B'")
+            if address.register_type != kind:
+                self._refuse(node, f"{value!r} is an address of a {address.register_type}")
+            return address.wire
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= top:
+            self._refuse(node, "an address is a number from 0 to 65535, or text such as '40108'")
+        return value
+
+    def _term(self, node: ast.expr) -> _Term:
+        self._depth += 1
+        if self._depth > DEPTH:
+            self._refuse(node, f"more than {DEPTH} levels")
+        try:
+            return self._value(node)
+        finally:
+            self._depth -= 1
+
+    def _value(self, node: ast.expr) -> _Term:
+        if isinstance(node, ast.Name):
+            return self._column(node)
+        if isinstance(node, ast.Constant):
+            return self._literal(node)
+        if isinstance(node, ast.List | ast.Tuple):
+            items = [self._literal_item(item) for item in node.elts]
+            return _Term("list", ["list", items], node)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            operand = self._number(node.operand)
+            if operand.tree[0] == "num":
+                return _Term("number", ["num", -operand.tree[1]], node)
+            return _Term("number", ["neg", operand.tree], node)
+        if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
+            a, b = self._number(node.left), self._number(node.right)
+            return _Term("number", ["arith", _ARITHMETIC[type(node.op)], a.tree, b.tree], node)
+        self._refuse(node, "not part of the filter language")
+
+    def _number(self, node: ast.expr) -> _Term:
+        term = self._term(node)
+        if term.kind not in ("number", "flag"):
+            self._refuse(node, f"{self._say(term)} is no number to calculate with")
+        return term
+
+    def _column(self, node: ast.Name) -> _Term:
+        if node.id not in self._known:
+            raise FilterError(
+                f"{self._table} have no column {node.id!r}",
+                text=self._text,
+                column=self._place(node),
+                hint=near(node.id, list(self._known)),
+            )
+        return _Term(_KINDS[self._known[node.id]], ["col", node.id], node)
+
+    def _literal(self, node: ast.Constant) -> _Term:
+        value = node.value
+        if value is None:
+            return _Term("none", ["none"], node)
+        if isinstance(value, bool):
+            return _Term("number", ["num", int(value)], node)
+        if isinstance(value, int) and not -(2**63) <= value < 2**63:
+            self._refuse(node, "a number of more than 64 bits")
+        if isinstance(value, float) and not isfinite(value):
+            self._refuse(node, "a number that is too large")
+        if isinstance(value, int | float):
+            return _Term("number", ["num", value], node)
+        if isinstance(value, str):
+            return _Term("text", ["text", value], node)
+        self._refuse(node, "a literal is a number or a text")
+
+    def _literal_item(self, node: ast.expr) -> tuple[str, Tree]:
+        term = self._term(node)
+        if term.tree[0] not in ("num", "text"):
+            self._refuse(node, "a list holds numbers and texts")
+        return term.kind, term.tree
+
+    def _address(self, column: _Term, literal: _Term) -> addresses.Address | None:
+        if column.tree[0] != "col" or column.tree[1] not in _ADDRESSED or literal.kind != "text":
+            return None
+        address = addresses.parse(literal.tree[1]) if literal.tree[0] == "text" else None
+        if address is None:
+            self._refuse(literal.node, "not an address; write 107, '40108', '400108' or '4x006B'")
+        return address
+
+    def _as_time(self, term: _Term, other: _Term) -> _Term:
+        if other.kind != "time" or term.tree[0] != "text":
+            return term
+        moment = parse_ns(term.tree[1])
+        if moment is None:
+            self._refuse(term.node, "not a time; write '2023-10-11T14:00:00Z'")
+        return _Term("time", ["time", moment], term.node)
+
+    def _say(self, term: _Term) -> str:
+        if term.tree[0] == "col":
+            return f"{term.tree[1]} ({_SAY[term.kind]})"
+        return _SAY[term.kind]
+
+    def _place(self, node: ast.expr) -> int:
+        line = self._text.encode().split(b"\n")[node.lineno - 1]
+        return len(line[: node.col_offset].decode(errors="replace"))
+
+    def _refuse(self, node: ast.expr, message: str) -> NoReturn:
+        raise FilterError(message, text=self._text, column=self._place(node))
+
+
+def _join(word: str, parts: list[Tree]) -> Tree:
+    """The parts joined pairwise.
+
+    A balanced tree, so that a long `or` does not become a deep one.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    middle = (len(parts) + 1) // 2
+    return [word, _join(word, parts[:middle]), _join(word, parts[middle:])]
+
+
+def _constant(node: ast.expr) -> object:
+    return node.value if isinstance(node, ast.Constant) else None
+
+
+def _at_address(operator: str, column: Tree, address: addresses.Address, *, turned: bool) -> Tree:
+    """`address == '40108'` means wire address 107 of a holding register.
+
+    The literal says the type, too.
+    """
+    value, kind = ["num", address.wire], ["text", address.register_type]
+    pair = [value, column] if turned else [column, value]
+    where = ["cmp", operator, *pair]
+    if operator == "!=":
+        other = ["or", where, ["cmp", "!=", ["col", "register_type"], kind]]
+        return ["and", ["not", ["is_none", column]], other]
+    return ["and", where, ["cmp", "==", ["col", "register_type"], kind]]
+
+
+def _hex_text(term: _Term, other: _Term, known: Mapping[str, str]) -> Tree:
+    """A text beside a hex column, in the column's spelling."""
+    beside_hex = other.tree[0] == "col" and known[other.tree[1]] == "hex"
+    if term.tree[0] == "text" and beside_hex:
+        return ["text", "".join(term.tree[1].split()).lower()]
+    return term.tree

@@ -1,0 +1,86 @@
+"""Settings of a serial line as people write them: `19200-8E1`.
+
+Nothing is assumed of a line: a wrong parity still reads bytes, only damaged ones, so that whoever
+listens must say it.
+
+>>> line = parse_line("19200-8E1")
+>>> line.baud, line.parity, str(line)
+(19200, 'E', '19200-8E1')
+>>> line.character_ns
+572916
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import _modlens
+from dissectors.errors import UsageError
+
+__all__ = ["EXAMPLE", "PARITIES", "Line", "parse_line"]
+
+EXAMPLE = "19200-8E1"
+
+PARITIES = ("N", "E", "O", "M", "S")
+"""None, even, odd, mark, space."""
+
+_SLOWEST = 50
+_FASTEST = 12_000_000
+_TEXT = re.compile(
+    r"(?P<baud>\d+)\s*[-,/ ]\s*(?P<bits>[5-8])\s*[-,/]?\s*(?P<parity>[NEOMS])"
+    r"\s*[-,/]?\s*(?P<stop>1\.5|1|2)",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Baud, data bits (5 to 8), parity (one of `PARITIES`), stop bits (1, 1.5 or 2).
+
+    `UsageError` for others.
+    """
+
+    baud: int
+    data_bits: int = 8
+    parity: str = "E"
+    stop_bits: float = 1
+
+    def __post_init__(self) -> None:
+        if not _SLOWEST <= self.baud <= _FASTEST:
+            raise UsageError(
+                f"{self.baud} baud is not the speed of a line; say {_SLOWEST} to {_FASTEST}"
+            )
+        if self.data_bits not in range(5, 9):
+            raise UsageError(f"{self.data_bits} data bits; a character has 5 to 8")
+        if self.parity not in PARITIES:
+            raise UsageError(f"parity {self.parity!r}; it is one of {', '.join(PARITIES)}")
+        if self.stop_bits not in (1, 1.5, 2):
+            raise UsageError(f"{self.stop_bits:g} stop bits; there are 1, 1.5 or 2")
+
+    def __str__(self) -> str:
+        return f"{self.baud}-{self.data_bits}{self.parity}{self.stop_bits:g}"
+
+    @property
+    def settings(self) -> tuple[int, int, str, float]:
+        """As `_modlens.Session.add_bus` takes them."""
+        return (self.baud, self.data_bits, self.parity, float(self.stop_bits))
+
+    @property
+    def character_ns(self) -> int:
+        """Nanoseconds that one character takes, start and stop bits included."""
+        return _modlens.line_timing(*self.settings)[0]
+
+
+def parse_line(text: str) -> Line:
+    """The settings that a text such as `19200-8E1`, `9600,8,N,1` or `9600/7O2` says.
+
+    `UsageError` if it does not.
+    """
+    match = _TEXT.fullmatch(text.strip())
+    if not match:
+        raise UsageError(
+            f"line settings {text!r}; write baud, data bits, parity and stop bits as {EXAMPLE}"
+        )
+    stop = float(match["stop"])
+    return Line(int(match["baud"]), int(match["bits"]), match["parity"].upper(), stop)

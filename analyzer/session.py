@@ -1,0 +1,291 @@
+r"""From sources to sinks: pulls chunks, feeds the core, hands on what it decided.
+
+A `FileRun` goes through recordings, a `LiveRun` listens to ports. Both give batches one after the
+other, as they come, so that memory does not grow with the input; `pump` passes them to sinks.
+Nothing here looks at a frame.
+
+>>> import tempfile, pathlib
+>>> path = pathlib.Path(tempfile.mkdtemp()) / "bus.hex"
+>>> _ = path.write_text("010300000001840a\n0103020007f986\n")
+>>> run = FileRun([str(path)], Settings())
+>>> [row.status for batch in run.batches() for row in batch.transactions]
+['ok']
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import _modlens
+from analyzer.line import Line
+from analyzer.sources import FORMATS
+from analyzer.sources.files import Recording, check
+from analyzer.sources.live import arrivals
+from analyzer.sources.serial import Clock, Port
+from dissectors.errors import SourceError, UsageError
+
+__all__ = ["MODES", "FileRun", "Intake", "LiveRun", "Run", "Settings", "Sink", "pump"]
+
+MODES = ("auto", "rtu", "ascii", "tcp")
+
+PATIENCE = 0.05
+"""Seconds without bytes after which a live core is told that time goes on."""
+
+LINES = ("A", "B")
+"""What the `line` column calls the two directions of a bus that is tapped at both."""
+
+EVERYTHING = ("frames", "transactions", "findings")
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a decoder must know beforehand.
+
+    - `line`: the line settings, None where they are not known
+    - `mode`: one of `MODES`
+    - `timeout_ns`: after which a request is given up; None lets the core learn it
+    - `functions`: the table of functions, vendors' rows included
+    - `tables`: the tables worth building
+    """
+
+    line: Line | None = None
+    mode: str = "auto"
+    timeout_ns: int | None = None
+    functions: _modlens.Functions = field(default_factory=_modlens.Functions)
+    tables: Sequence[str] = EVERYTHING
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise UsageError(f"mode {self.mode!r}; it is one of {', '.join(MODES)}")
+        if self.timeout_ns is not None and self.timeout_ns <= 0:
+            raise UsageError("the time-out must be longer than nothing")
+
+    def core(self, *, live: bool) -> _modlens.Session:
+        """A session of the core with these settings."""
+        tables = self.tables
+        if "readings" in tables and "transactions" not in tables:
+            tables = (*tables, "transactions")
+        return _modlens.Session(
+            self.functions, live=live, timeout_ns=self.timeout_ns, tables=tuple(tables)
+        )
+
+    def add_bus(self, core: _modlens.Session, name: str, *, clock: str) -> int:
+        """A bus of that name in the core; gives its number."""
+        line = None if self.line is None else self.line.settings
+        return core.add_bus(name, source=name, mode=self.mode, line=line, clock=clock)
+
+
+@dataclass(frozen=True, slots=True)
+class Intake:
+    """What is known of a recording that is being read.
+
+    Its file, format, and what its reader has seen so far.
+
+    `seen` has the keys of `_modlens.Session.reading`; `ended` is True when the file has been read
+    to its end.
+    """
+
+    name: str
+    format: str
+    confidence: float
+    reason: str
+    ordered: bool
+    seen: dict[str, Any]
+    ended: bool
+
+
+class Run(Protocol):
+    """One pass over an input."""
+
+    def batches(self) -> Iterator[_modlens.Batch]:
+        """What was decided, as it is decided, to the end of the input; some may be empty."""
+
+    def finish(self) -> _modlens.Batch:
+        """What is left to decide when nobody goes on asking for batches."""
+
+    def stats(self) -> dict[str, Any]:
+        """Statistics so far; for the keys see analyzer/views/stats.py."""
+
+
+class Sink(Protocol):
+    """Takes batches: a file, a stream, a table on the screen."""
+
+    name: str
+
+    def put(self, batch: _modlens.Batch) -> None:
+        """Write what the batch holds for this sink.
+
+        `SourceError` if that fails, `BrokenPipeError` if nobody reads.
+        """
+
+
+class FileRun:
+    """Recordings one after the other, each a bus of its own; numbers go on.
+
+    `told`, if given, hears of every recording after its first block and at its end. `SourceError`
+    for the first name that cannot be read, before anything is decoded; later while the files are
+    read.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        settings: Settings,
+        *,
+        read_as: str | None = None,
+        told: Callable[[Intake], None] | None = None,
+    ) -> None:
+        for name in names:
+            check(name)
+        self._names = names
+        self._settings = settings
+        self._read_as = read_as
+        self._told = told
+        self._core = settings.core(live=False)
+
+    def batches(self) -> Iterator[_modlens.Batch]:
+        """What each block decided; the last one of a file also what was open at its end."""
+        for name in self._names:
+            with Recording(name, read_as=self._read_as) as recording:
+                yield from self._read(recording)
+
+    def finish(self) -> _modlens.Batch:
+        """What was still open."""
+        self._core.flush()
+        return self._core.take()
+
+    def stats(self) -> dict[str, Any]:
+        """Statistics so far; for the keys see analyzer/views/stats.py."""
+        found: dict[str, Any] = json.loads(self._core.stats())
+        return found
+
+    def _read(self, recording: Recording) -> Iterator[_modlens.Batch]:
+        core, form = self._core, recording.detection.format
+        bus = self._settings.add_bus(core, recording.name, clock="none")
+        binary = FORMATS[form].binary
+        first = True
+        for block in recording.blocks():
+            if binary:
+                core.feed(bus, block)
+            else:
+                core.feed_text(bus, form, block)
+            if first:
+                self._tell(recording, bus, ended=False)
+                first = False
+            yield core.take()
+        if not binary:
+            core.feed_text(bus, form, b"", final=True)
+        core.flush()
+        self._tell(recording, bus, ended=True)
+        if not binary and not json.loads(core.reading(bus))["records"]:
+            raise SourceError(
+                f"{recording.name}: no line could be read as {form}; see `modlens formats`"
+            )
+        yield core.take()
+
+    def _tell(self, recording: Recording, bus: int, *, ended: bool) -> None:
+        if self._told is None:
+            return
+        found = recording.detection
+        seen = json.loads(self._core.reading(bus))
+        self._told(
+            Intake(
+                recording.name,
+                found.format,
+                found.confidence,
+                found.reason,
+                found.ordered,
+                seen,
+                ended,
+            )
+        )
+
+
+class LiveRun:
+    """Ports that are listened to until somebody stops.
+
+    `A` and `B` are two buses, `A+B` is one bus of two lines.
+
+    The ports are open from the beginning; use it in `closing`. `PortError` if one cannot be opened
+    or is lost, `UsageError` without line settings.
+    """
+
+    def __init__(self, names: Sequence[str], settings: Settings) -> None:
+        if settings.line is None:
+            raise UsageError("line settings are needed to listen to a port, such as 19200-8E1")
+        self._core = settings.core(live=True)
+        self._clock = Clock()
+        self._ports: list[Port] = []
+        self._places: list[tuple[int, str | None]] = []
+        with ExitStack() as opened:
+            for name in names:
+                bus = settings.add_bus(self._core, name, clock="utc")
+                pair = name.split("+")
+                if len(pair) > len(LINES):
+                    raise UsageError(f"{name}: a bus has two lines at most, A+B")
+                for port, line in zip(pair, LINES, strict=False):
+                    self._ports.append(opened.enter_context(Port(port, settings.line, self._clock)))
+                    self._places.append((bus, line if len(pair) > 1 else None))
+            self._opened = opened.pop_all()
+
+    def batches(self) -> Iterator[_modlens.Batch]:
+        """What each read decided, or the passing of time; without end."""
+        core = self._core
+        with closing(arrivals(self._ports, PATIENCE)) as arriving:
+            for arrival in arriving:
+                if arrival is None:
+                    core.poll(self._clock.now_ns())
+                else:
+                    number, chunk = arrival
+                    bus, line = self._places[number]
+                    core.feed(bus, chunk.data, chunk.time_ns, line=line)
+                yield core.take()
+
+    def finish(self) -> _modlens.Batch:
+        """What was still open."""
+        self._core.flush()
+        return self._core.take()
+
+    def stats(self) -> dict[str, Any]:
+        """Statistics so far; for the keys see analyzer/views/stats.py."""
+        found: dict[str, Any] = json.loads(self._core.stats())
+        return found
+
+    def close(self) -> None:
+        """Close the ports."""
+        self._opened.close()
+
+
+def pump(
+    run: Run,
+    sinks: Sequence[Sink],
+    *,
+    stop: Callable[[], bool],
+    failed: Callable[[Sink, SourceError | BrokenPipeError], None],
+) -> None:
+    """Passes the run's batches to the sinks until it ends, `stop()` says so, or no sink is left.
+
+    A sink that cannot write is told to `failed` and gets nothing more; the others go on. Errors of
+    the input are raised, after the sinks have got what was decided before.
+    """
+    left = list(sinks)
+
+    def put(batch: _modlens.Batch) -> None:
+        for sink in tuple(left):
+            try:
+                sink.put(batch)
+            except (SourceError, BrokenPipeError) as error:
+                left.remove(sink)
+                failed(sink, error)
+
+    try:
+        for batch in run.batches():
+            put(batch)
+            if stop() or not left:
+                break
+    finally:
+        put(run.finish())

@@ -1,0 +1,174 @@
+"""What the cells of tables say.
+
+Addresses, values, times in milliseconds, states and their colours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from analyzer.addresses import LAST, SHORT, render
+from analyzer.views.grid import Items
+from analyzer.views.screen import visible
+
+__all__ = [
+    "BASE_TITLES",
+    "STATUS_STYLES",
+    "VERDICT_STYLES",
+    "bits",
+    "findings",
+    "function",
+    "hex_items",
+    "milliseconds",
+    "number",
+    "span",
+    "text_of",
+    "values",
+]
+
+BASE_TITLES = {
+    "wire": "addr from 0",
+    "hex": "hex from 0",
+    "5digit": "40001-based",
+    "6digit": "400001-based",
+}
+"""How the head of an address column names its base."""
+
+STATUS_STYLES = {
+    "ok": "good",
+    "exception": "odd",
+    "no_response": "bad",
+    "broadcast": "note",
+    "bad_request": "bad",
+    "bad_response": "bad",
+    "unrequested": "odd",
+    "not_seen": "dim",
+}
+
+VERDICT_STYLES = {
+    "ok": "good",
+    "no_checksum": "good",
+    "bad_checksum": "bad",
+    "incomplete": "bad",
+    "noise": "odd",
+}
+
+_LONG_US = 100_000
+"""From here on tenths of a millisecond are noise."""
+
+_BITS = ("coil", "discrete_input")
+
+_OPERATIONS = {"read": "read", "write": "write", "read_write": "r/w"}
+
+
+def number(value: int | None) -> str:
+    """A number, nothing for None."""
+    return "" if value is None else str(value)
+
+
+def milliseconds(microseconds: float | None) -> str:
+    """Microseconds as milliseconds.
+
+    >>> milliseconds(1234.5), milliseconds(250_000.0), milliseconds(None)
+    ('1.2', '250', '')
+    """
+    if microseconds is None:
+        return ""
+    digits = 1 if microseconds < _LONG_US else 0
+    return f"{microseconds / 1e3:.{digits}f}"
+
+
+def span(first: int | None, quantity: int | None, kind: str | None, base: str) -> str:
+    """A block of addresses in one of the bases.
+
+    >>> span(107, 3, "holding_register", "wire"), span(107, 1, "holding_register", "5digit")
+    ('107-109', '40108')
+    """
+    if first is None:
+        return ""
+    start = render(first, kind, base)
+    if not quantity or quantity == 1:
+        return start
+    return f"{start}-{render(min(first + quantity - 1, LAST), kind, base)}"
+
+
+def function(row: Any, *, long: bool) -> str:
+    """The function of a row.
+
+    Code and name, or code and what it does to which registers (`3 read hr`).
+    """
+    if row.function is None:
+        return ""
+    name = visible(row.function_name or "unknown")
+    if not long:
+        operation = _OPERATIONS.get(getattr(row, "operation", None) or "")
+        kind = SHORT.get(getattr(row, "register_type", None) or "")
+        if operation and kind:
+            name = f"{operation} {kind}"
+    return f"{row.function:{3 if long else 2}d} {name}"
+
+
+def values(row: Any, base: str) -> Items:
+    """What a transaction carried: values read, values written, decoded fields."""
+    if row.operation == "read" and row.data is not None and row.register_type not in _BITS:
+        return Items(list(map(str, row.data)))  # nearly every row
+    items: list[str] = []
+    counts: list[int] = []
+
+    def add(texts: Sequence[str], how_many: Sequence[int] | None = None) -> None:
+        items.extend(texts)
+        counts.extend(how_many or [1] * len(texts))
+
+    if row.data is not None:
+        add(*_block(row, row.data))
+    if row.operation == "read_write":
+        where = span(row.write_address, row.write_quantity, row.register_type, base)
+        add([f"{where}:"], [0])
+    if row.write_data is not None:
+        add(*_block(row, row.write_data))
+    if row.fields:
+        add(
+            [
+                visible(f"{key}={text_of(value)}")
+                for key, value in row.fields.items()
+                if key != "byte_count"
+            ]
+        )
+    return Items(items, counts)
+
+
+def _block(row: Any, data: Sequence[int]) -> tuple[list[str], list[int]]:
+    """Registers one by one, bits in groups; and how many values each text is."""
+    groups = bits(data) if row.register_type in _BITS else list(map(str, data))
+    return groups, [len(group) if row.register_type in _BITS else 1 for group in groups]
+
+
+def bits(data: Sequence[int]) -> list[str]:
+    """Bits in groups of eight, in wire order.
+
+    >>> bits([1, 0, 1, 1, 0, 0, 1, 1, 1])
+    ['10110011', '1']
+    """
+    text = "".join(map(str, data))
+    return [text[start : start + 8] for start in range(0, len(text), 8)]
+
+
+def text_of(value: Any) -> str:
+    """A decoded field on one line."""
+    if isinstance(value, dict):
+        return "{" + " ".join(f"{key}={text_of(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + " ".join(text_of(inner) for inner in value) + "]"
+    return value.hex() if isinstance(value, bytes) else str(value)
+
+
+def findings(row: Any) -> str:
+    """The codes of a row's findings, with commas; what its status says already is left out."""
+    said = (getattr(row, "status", None), getattr(row, "verdict", None))
+    return visible(",".join(code for code in row.findings or () if code not in said))
+
+
+def hex_items(data: bytes | None) -> Items:
+    """Bytes as pairs of hex digits."""
+    return Items((data or b"").hex(" ").split())

@@ -1,0 +1,115 @@
+r"""The terminal, or what stands in its place: width, colour, and no control characters but our own.
+
+Texts from recordings are hostile until shown otherwise: a device name may hold the escape sequence
+that clears the screen. Everything that is printed goes through `visible`.
+
+>>> visible("pump\x1b[2J")
+'pump\\x1b[2J'
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import NoReturn, TextIO
+
+from rich.cells import cell_len, set_cell_size
+from rich.console import Console
+from rich.segment import Segment, Segments
+from rich.style import Style
+
+__all__ = ["Part", "Screen", "fit", "visible", "width_of"]
+
+Part = tuple[str, str]
+"""A text and the name of its style in `STYLES`; "" is none."""
+
+STYLES = {
+    "head": Style(bold=True),
+    "dim": Style(dim=True),
+    "good": Style(color="green"),
+    "odd": Style(color="yellow"),
+    "bad": Style(color="red", bold=True),
+    "note": Style(color="cyan"),
+}
+
+_SHOWN = {
+    code: ascii(chr(code))[1:-1]
+    for code in (
+        *range(0x20),
+        *range(0x7F, 0xA0),
+        *range(0x200B, 0x2010),  # invisible marks of direction
+        *range(0x2028, 0x202F),
+        *range(0x2066, 0x206A),
+        *range(0xD800, 0xE000),  # what file names hold that are no text
+        0xFEFF,
+    )
+}
+
+
+def visible(text: str) -> str:
+    """The text with everything that could move the cursor or hide letters spelled out."""
+    return text if text.isascii() and text.isprintable() else text.translate(_SHOWN)
+
+
+def width_of(text: str) -> int:
+    """Columns of the terminal that a text takes."""
+    return len(text) if text.isascii() else cell_len(text)
+
+
+def fit(text: str, width: int, *, right: bool = False) -> str:
+    """The text in exactly `width` columns, cut with an ellipsis or filled with spaces.
+
+    >>> fit("holding", 5), fit("ok", 4), fit("ok", 4, right=True)
+    ('hold…', 'ok  ', '  ok')
+    """
+    length = width_of(text)
+    if length > width:
+        return set_cell_size(text, max(width - 1, 0)) + ("…" if width > 0 else "")
+    gap = " " * (width - length)
+    return gap + text if right else text + gap
+
+
+class _Terminal(Console):
+    """rich ends the process when the reader of a pipe goes away; here the caller decides."""
+
+    def on_broken_pipe(self) -> NoReturn:
+        raise BrokenPipeError
+
+
+class Screen:
+    """One stream to print to.
+
+    Colour only on a terminal, and not under `NO_COLOR` (rich sees to both).
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._console = _Terminal(file=stream, highlight=False, markup=False, emoji=False)
+        self._plain = not self._console.is_terminal or self._console.color_system is None
+
+    @property
+    def width(self) -> int:
+        """Columns: the terminal's, else those of `COLUMNS`, else 80."""
+        return self._console.width
+
+    def lines(self, lines: Iterable[Iterable[Part]]) -> None:
+        """Print lines of parts, flushed once at the end; `BrokenPipeError` when nobody reads."""
+        if self._plain:
+            text = "".join("".join(part for part, _ in line).rstrip() + "\n" for line in lines)
+            self._stream.write(text)
+        else:
+            segments = []
+            for line in lines:
+                segments += [Segment(text, STYLES.get(style)) for text, style in line]
+                segments.append(Segment.line())
+            self._console.print(Segments(segments), end="", soft_wrap=True)
+        self._stream.flush()
+
+    def line(self, text: str, style: str = "") -> None:
+        """Print one line."""
+        self.lines([[(text, style)]])
+
+
+def stdout() -> Screen:
+    """Standard output as it is now."""
+    return Screen(sys.stdout)

@@ -1,0 +1,143 @@
+"""`modlens stats`: who talks on the bus, how much, how well, how fast.
+
+The counters are the core's; this file only draws them. `_modlens.Session.stats()` gives one JSON
+object:
+
+```
+{"transactions": {status: int}, "findings": {code: int},     all buses; those that occurred
+ "buses": [{"bus": text, "mode": "rtu" | "ascii" | "tcp" | null,
+            "frames": {verdict: int}, "bytes": {verdict: int},
+            "duration_us": float | null,   first to last byte; null without a clock
+            "busy_us": float | null,       bytes times the character time; null without settings
+            "load": float | null,          busy share of the duration, 0 to 1
+            "units": [{"unit": int, "function": int,
+                       "transactions": int, "statuses": {status: int},
+                       "exceptions": {"2": int}, "retries": int,
+                       "response_time": {"count": int, "min_us": float, "mean_us": float,
+                                         "p50_us": float, "p95_us": float, "max_us": float}
+                                        | null}]}]}
+```
+
+Maps are sorted by key, so that the same recording prints the same lines everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from analyzer.views import cells
+from analyzer.views.grid import ROOMY, Field, Grid, Head
+from analyzer.views.screen import Part, Screen, visible
+from dissectors.table import function
+
+__all__ = ["show_stats"]
+
+_FAILED = ("no_response", "bad_request", "bad_response")
+
+
+def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
+    """Print the buses, then a line for each unit and function, then the findings."""
+    lines = list(_lines(stats, screen.width))
+    screen.lines(lines)
+
+
+def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    buses = stats["buses"]
+    yield from _grid(_bus_fields(), buses, width)
+    rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
+    if rows:
+        yield []
+        fields = _row_fields(roomy=width >= ROOMY, many=len(buses) > 1)
+        yield from _grid(fields, rows, width)
+    if stats["findings"]:
+        yield []
+        yield [("findings (modlens explain CODE)", "head")]
+        for code, count in stats["findings"].items():
+            yield [(f"{count:9,}  ", ""), (code, "odd")]
+
+
+def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[list[Part]]:
+    grid = Grid(fields, rows, width)
+    yield grid.head()
+    for row in rows:
+        yield grid.line(row)
+
+
+def _bus_fields() -> list[Field]:
+    return [
+        Field(Head("bus", 8, share=1), lambda bus: visible(bus["bus"])),
+        Field(Head("mode", 5), lambda bus: bus["mode"] or ""),
+        Field(Head("seconds", 8, right=True), _duration),
+        Field(Head("bytes", 8, right=True), lambda bus: f"{sum(bus['bytes'].values()):,}"),
+        Field(Head("frames", 7, right=True), lambda bus: f"{sum(bus['frames'].values()):,}"),
+        Field(Head("damaged", 7, right=True), lambda bus: _some(_damaged(bus)), _damaged_style),
+        Field(Head("noise", 6, right=True), lambda bus: _some(bus["frames"].get("noise", 0))),
+        Field(Head("load", 6, right=True), _load),
+    ]
+
+
+def _row_fields(*, roomy: bool, many: bool) -> list[Field]:
+    chosen = [
+        Field(Head("unit", 4, right=True), lambda row: cells.number(row["unit"])),
+        Field(Head("function", 12, share=1), _function),
+        Field(Head("txns", 6, right=True), lambda row: f"{row['transactions']:,}"),
+        Field(Head("ok", 5, right=True), lambda row: _some(_with_status(row, "ok"))),
+        Field(Head("exc", 4, right=True), _exceptions, lambda _: "odd"),
+        Field(Head("failed", 6, right=True), _failed, lambda _: "bad"),
+        Field(Head("retry", 5, right=True), lambda row: _some(row["retries"])),
+    ]
+    chosen += [
+        Field(Head(f"{name} ms", 6, right=True), _response(f"{name}_us"))
+        for name in ("min", "p50", "p95", "max")
+        if roomy or name in ("p50", "max")
+    ]
+    if many:
+        chosen.insert(0, Field(Head("bus", 8), lambda row: visible(row["bus"])))
+    return chosen
+
+
+def _some(count: int) -> str:
+    """A count; nothing for none, so that trouble stands out."""
+    return f"{count:,}" if count else ""
+
+
+def _duration(bus: Mapping[str, Any]) -> str:
+    return "" if bus["duration_us"] is None else f"{bus['duration_us'] / 1e6:,.1f}"
+
+
+def _damaged(bus: Mapping[str, Any]) -> int:
+    return sum(bus["frames"].get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))
+
+
+def _damaged_style(bus: Mapping[str, Any]) -> str:
+    return "bad" if _damaged(bus) else ""
+
+
+def _load(bus: Mapping[str, Any]) -> str:
+    return "" if bus["load"] is None else f"{bus['load']:.1%}"
+
+
+def _function(row: Mapping[str, Any]) -> str:
+    code = row["function"]
+    try:
+        name = function(code).name
+    except KeyError:
+        name = "unknown"
+    return f"{code:2d} {name}"
+
+
+def _with_status(row: Mapping[str, Any], *statuses: str) -> int:
+    return sum(row["statuses"].get(status, 0) for status in statuses)
+
+
+def _exceptions(row: Mapping[str, Any]) -> str:
+    return _some(_with_status(row, "exception"))
+
+
+def _failed(row: Mapping[str, Any]) -> str:
+    return _some(_with_status(row, *_FAILED))
+
+
+def _response(name: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda row: cells.milliseconds((row["response_time"] or {}).get(name))

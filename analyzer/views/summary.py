@@ -1,0 +1,53 @@
+"""The last lines of a run: frames and bytes by verdict, transactions by status, findings by code.
+
+>>> bus = {"frames": {"ok": 2, "noise": 1}, "bytes": {"ok": 15, "noise": 3}}
+>>> for line in summary({"buses": [bus], "transactions": {"ok": 1}, "findings": {}}):
+...     print(line)
+3 frames, 18 bytes: ok 2 (15 bytes), noise 1 (3 bytes)
+1 transaction: ok 1
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["damaged", "summary"]
+
+DAMAGED = ("bad_checksum", "incomplete", "noise")
+
+
+def summary(stats: Mapping[str, Any]) -> list[str]:
+    """The lines; `stats` as in views/stats.py."""
+    frames, sizes = _total(stats, "frames"), _total(stats, "bytes")
+    parts = [f"{name} {count:,} ({_count(sizes[name], 'byte')})" for name, count in frames.items()]
+    head = f"{_count(sum(frames.values()), 'frame')}, {_count(sum(sizes.values()), 'byte')}"
+    lines = [f"{head}{_list(parts)}"]
+    states = [f"{status} {count:,}" for status, count in stats["transactions"].items()]
+    lines.append(f"{_count(sum(stats['transactions'].values()), 'transaction')}{_list(states)}")
+    codes = [f"{code} {count:,}" for code, count in stats["findings"].items()]
+    if codes:
+        lines.append(f"findings{_list(codes)} (modlens explain CODE)")
+    return lines
+
+
+def damaged(stats: Mapping[str, Any]) -> int:
+    """Frames that did not arrive whole, and noise."""
+    return sum(count for name, count in _total(stats, "frames").items() if name in DAMAGED)
+
+
+def _total(stats: Mapping[str, Any], what: str) -> dict[str, int]:
+    """Frames or bytes by verdict, all buses together; only verdicts that occurred."""
+    total: dict[str, int] = {}
+    for bus in stats["buses"]:
+        for name, count in bus[what].items():
+            total[name] = total.get(name, 0) + count
+    return {name: count for name, count in total.items() if count}
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _list(parts: list[str]) -> str:
+    return ": " + ", ".join(parts) if parts else ""

@@ -1,0 +1,191 @@
+"""What each of the four tables shows, in which columns, in how much room.
+
+`fields` gives the columns of a table for a width; the first rows decide what is worth a column (no
+response times without a clock, no bus where there is one only).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from analyzer.addresses import SHORT
+from analyzer.views import cells
+from analyzer.views.grid import ROOMY, Field, Head, Items, Run
+from analyzer.views.moments import Moments
+from analyzer.views.screen import visible
+
+__all__ = ["Look", "fields"]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a table looks: `address` is one of `addresses.BASES`, `times` one of `moments.TIMES`."""
+
+    address: str = "wire"
+    times: str = "local"
+
+
+def fields(
+    table: str, look: Look, rows: Sequence[Any], width: int, moments: Moments
+) -> list[Field]:
+    """The columns of a table; `rows` are its first rows."""
+    chosen = _TABLES[table](look, rows, width >= ROOMY)
+    chosen.insert(1, moments.field())
+    buses = {row.bus for row in rows}
+    if len(buses) > 1:
+        chosen.insert(2, Field(Head("bus", 4), lambda row: _short(row.bus)))
+    return chosen
+
+
+def _transactions(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
+    def function(row: Any) -> str:
+        return cells.function(row, long=roomy)
+
+    def values(row: Any) -> Items:
+        return cells.values(row, look.address)
+
+    def all_in_one(row: Any) -> Run:
+        status = row.status if row.exception is None else f"{row.status} {row.exception}"
+        found = (cells.findings(row), "odd")
+        refused = (visible(row.exception_name or ""), "")
+        return Run([(status, _status_style(row)), found, refused, (values(row), "")])
+
+    chosen = [
+        Field(Head("txn", 4, right=True), lambda row: cells.number(row.txn)),
+        _UNIT,
+        Field(Head("function", 10, most=28 if roomy else 14), function),
+        Field(Head(cells.BASE_TITLES[look.address], 11), lambda row: _address(row, look.address)),
+    ]
+    if roomy:
+        chosen.append(Field(Head("values", 8, share=3), values))
+    if any(row.elapsed_us is not None for row in rows):
+        chosen.append(Field(Head("ms", 5, right=True), _response_ms))
+    if roomy:
+        chosen.append(Field(Head("status", 12), lambda row: row.status, _status_style))
+        chosen.append(Field(Head("findings", 10, share=2), _remarks, lambda _: "odd"))
+    else:  # most rows are `ok`, which leaves room for values
+        chosen.append(Field(Head("status, values", 11, share=1), all_in_one))
+    return chosen
+
+
+def _frames(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
+    def all_in_one(row: Any) -> Run:
+        found = (cells.findings(row), "odd")
+        return Run([(row.verdict, _verdict_style(row)), found, (cells.hex_items(row.hex), "")])
+
+    chosen = [
+        Field(Head("frame", 5, right=True), lambda row: cells.number(row.frame)),
+        Field(Head("dir", 3), lambda row: _DIRECTIONS.get(row.direction, "?")),
+        _UNIT,
+        Field(
+            Head("function", 24, most=28) if roomy else Head("fc", 3), _function if roomy else _code
+        ),
+        Field(Head("len", 3, right=True), lambda row: cells.number(row.byte_length)),
+    ]
+    if any(row.elapsed_us is not None for row in rows):
+        chosen.append(Field(Head("gap ms", 6, right=True), _gap_ms))
+    if roomy:
+        chosen.append(Field(Head("verdict", 12), lambda row: row.verdict, _verdict_style))
+        chosen.append(Field(Head("findings", 8, share=1), cells.findings, lambda _: "odd"))
+        chosen.append(Field(Head("bytes", 8, share=3), lambda row: cells.hex_items(row.hex)))
+    else:
+        chosen.append(Field(Head("verdict, bytes", 12, share=1), all_in_one))
+    return chosen
+
+
+def _readings(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
+    def address(row: Any) -> str:
+        return cells.span(row.address, 1, row.register_type, look.address)
+
+    return [
+        Field(Head("txn", 4, right=True), lambda row: cells.number(row.txn)),
+        _UNIT,
+        Field(Head("type", 4), lambda row: SHORT.get(row.register_type, "")),
+        Field(Head(cells.BASE_TITLES[look.address], 6, right=True), address),
+        Field(Head("does", 5), lambda row: row.operation or ""),
+        Field(Head("raw", 5, right=True), lambda row: Items([str(one) for one in row.raw or ()])),
+        Field(Head("value", 8, share=1), _value),
+        Field(Head("status", 11), lambda row: row.status or "", _status_style),
+    ]
+
+
+def _found(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
+    chosen = [
+        Field(Head("frame", 5, right=True), lambda row: cells.number(row.frame)),
+        Field(Head("txn", 4, right=True), lambda row: cells.number(row.txn)),
+        _UNIT,
+        Field(Head("severity", 8), lambda row: row.severity, _severity_style),
+        Field(Head("code", 16), lambda row: row.code, _severity_style),
+        Field(Head("what was seen", 10, share=1), lambda row: visible(row.detail or "")),
+    ]
+    if roomy:
+        advice = Head("what to check", 20, share=1)
+        chosen.append(Field(advice, lambda row: visible(row.advice or "")))
+    return chosen
+
+
+_TABLES: dict[str, Callable[[Look, Sequence[Any], bool], list[Field]]] = {
+    "transactions": _transactions,
+    "frames": _frames,
+    "readings": _readings,
+    "findings": _found,
+}
+
+_DIRECTIONS = {"request": "req", "response": "rsp"}
+_SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
+_UNIT = Field(Head("unit", 4, right=True), lambda row: cells.number(row.unit))
+
+
+def _short(name: str) -> str:
+    """The last part of a path, as far as a column takes it."""
+    return visible(name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1])[:16]
+
+
+def _address(row: Any, base: str) -> str:
+    if row.address is not None:
+        return cells.span(row.address, row.quantity, row.register_type, base)
+    return cells.span(row.write_address, row.write_quantity, row.register_type, base)
+
+
+def _response_ms(row: Any) -> str:
+    if row.response_time_us is not None:
+        return cells.milliseconds(row.response_time_us)
+    if row.late_response_us is not None:
+        return cells.milliseconds(row.late_response_us)
+    return f">{cells.milliseconds(row.waited_us)}" if row.waited_us is not None else ""
+
+
+def _remarks(row: Any) -> str:
+    """What a refusal said, and the findings."""
+    return f"{visible(row.exception_name or '')} {cells.findings(row)}".strip()
+
+
+def _gap_ms(row: Any) -> str:
+    return cells.milliseconds(row.gap_us)
+
+
+def _function(row: Any) -> str:
+    return cells.function(row, long=True)
+
+
+def _code(row: Any) -> str:
+    return "" if row.function is None else f"{row.function:3d}"
+
+
+def _value(row: Any) -> str:
+    parts = (row.name, row.value_text, row.unit_of_measure)
+    return visible(" ".join(part for part in parts if part))
+
+
+def _status_style(row: Any) -> str:
+    return cells.STATUS_STYLES.get(row.status, "")
+
+
+def _verdict_style(row: Any) -> str:
+    return cells.VERDICT_STYLES.get(row.verdict, "")
+
+
+def _severity_style(row: Any) -> str:
+    return _SEVERITIES.get(row.severity, "")

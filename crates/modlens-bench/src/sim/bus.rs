@@ -1,0 +1,133 @@
+//! The bus: its line, its slaves, its poll list and its vendor's functions.
+
+use crate::model::{Framing, Settings};
+use crate::rng::Rng;
+use crate::sim::registers::Registers;
+use crate::sim::requests;
+use crate::sim::scenario::Scenario;
+
+/// Codes that vendors use: user-defined, reserved and legacy ones (application protocol, 5 and annex A).
+const VENDOR_CODES: [u8; 30] = [
+    65, 66, 67, 68, 69, 70, 71, 72, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 90, 91, 125, 126, 9, 10, 13,
+    14, 40, 0x2E, 0x31,
+];
+
+/// One device.
+#[derive(Debug)]
+pub(crate) struct Slave {
+    pub(crate) unit: u8,
+    /// Typical time to answer, in ns.
+    pub(crate) answer_ns: f64,
+    /// Answers 4 bytes per register.
+    pub(crate) enron: bool,
+    /// Does not keep to the specification.
+    pub(crate) quirk: bool,
+    /// ASCII: writes lower-case hex.
+    pub(crate) lower_case: bool,
+    pub(crate) registers: Registers,
+}
+
+/// How long the bodies of a vendor's function are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Style {
+    /// Always the same.
+    Fixed { request: usize, response: usize },
+    /// The first byte counts the rest.
+    Counted,
+    /// Nobody knows.
+    Random,
+}
+
+/// A vendor's function.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Custom {
+    pub(crate) code: u8,
+    pub(crate) style: Style,
+}
+
+/// One entry of the poll list.
+#[derive(Clone, Debug)]
+pub(crate) struct PollItem {
+    pub(crate) slave: usize,
+    pub(crate) pdu: Vec<u8>,
+}
+
+/// The bus.
+#[derive(Debug)]
+pub(crate) struct Bus {
+    pub(crate) settings: Settings,
+    pub(crate) slaves: Vec<Slave>,
+    pub(crate) poll: Vec<PollItem>,
+    pub(crate) customs: [Custom; 4],
+    /// The next entry of the poll list.
+    pub(crate) turn: usize,
+}
+
+impl Bus {
+    pub(crate) fn new(scenario: &Scenario, rng: &mut Rng) -> Self {
+        let settings = settings(scenario.framing, rng);
+        let slaves = slaves(scenario, rng);
+        let customs = customs(rng);
+        let mut poll = Vec::new();
+        for (slave, device) in slaves.iter().enumerate() {
+            for _ in 0..rng.range(2, 5) {
+                let function = [1, 2, 3, 4][rng.weighted(&[10, 10, 55, 25])];
+                poll.push(PollItem { slave, pdu: requests::read(function, device, rng) });
+            }
+        }
+        Self { settings, slaves, poll, customs, turn: 0 }
+    }
+}
+
+fn settings(framing: Framing, rng: &mut Rng) -> Settings {
+    let baud = [9600, 19_200, 38_400, 57_600, 115_200][rng.weighted(&[5, 4, 1, 1, 2])];
+    let eleven = rng.chance(2.0 / 3.0);
+    match framing {
+        Framing::Rtu => Settings { baud, data_bits: 8, parity: eleven },
+        Framing::Ascii => Settings { baud, data_bits: 7, parity: true },
+    }
+}
+
+fn slaves(scenario: &Scenario, rng: &mut Rng) -> Vec<Slave> {
+    let mut slaves: Vec<Slave> = Vec::new();
+    let count = rng.range(3, 8);
+    while slaves.len() < count {
+        let unit = unit(scenario.quirk > 0.0, rng);
+        if slaves.iter().any(|slave| slave.unit == unit) {
+            continue;
+        }
+        slaves.push(Slave {
+            unit,
+            answer_ns: rng.log_normal(10e6, 0.6),
+            enron: rng.chance(scenario.enron),
+            quirk: rng.chance(scenario.quirk),
+            lower_case: rng.chance(scenario.lower_case),
+            registers: Registers::new(scenario.zero_heavy),
+        });
+    }
+    slaves
+}
+
+fn unit(reserved_too: bool, rng: &mut Rng) -> u8 {
+    if reserved_too && rng.chance(0.2) {
+        rng.range(247, 255) as u8
+    } else if rng.chance(0.8) {
+        rng.range(1, 30) as u8
+    } else {
+        rng.range(1, 247) as u8
+    }
+}
+
+fn customs(rng: &mut Rng) -> [Custom; 4] {
+    let mut codes = VENDOR_CODES;
+    std::array::from_fn(|at| {
+        let chosen = rng.range(at, codes.len() - 1);
+        codes.swap(at, chosen);
+        let style = match rng.below(3) {
+            0 => Style::Fixed { request: rng.range(0, 12), response: rng.range(0, 40) },
+            1 => Style::Counted,
+            _ => Style::Random,
+        };
+        Custom { code: codes[at], style }
+    })
+}

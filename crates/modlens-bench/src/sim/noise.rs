@@ -1,0 +1,205 @@
+//! Bytes that are no frames: what an analyzer must not believe.
+
+use crate::model::Framing;
+use crate::rng::Rng;
+use crate::sim::case::{Case, CaseLine, Traffic, TrafficLine};
+use crate::sim::scenario::Scenario;
+use crate::sim::tap::{Read, TapMode};
+use crate::sim::uart::mishear;
+
+/// Frames of clean traffic before a warm run.
+pub const WARM_UP: usize = 3000;
+
+/// A kind of noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pattern {
+    /// All bytes equally likely.
+    Uniform,
+    /// 60 % 00, 30 % FF, else random.
+    ZerosOnes,
+    /// The 13 values that floating buses give, 01 and 03 among them.
+    Bus,
+    /// One bit of eight.
+    SingleBit,
+    /// Clean traffic at a baud rate other than the receiver's.
+    WrongBaud,
+    /// Clean traffic on swapped wires.
+    Inverted,
+}
+
+/// What a floating or badly biased bus gives, and the bytes that most look like headers.
+const BUS_VALUES: [u8; 13] = [0x00, 0xFF, 0xFE, 0xFC, 0xF8, 0xF0, 0xE0, 0xC0, 0x80, 0x01, 0x03, 0x10, 0x55];
+
+/// Baud rates that somebody sets by mistake.
+const BAUDS: [u32; 8] = [1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200];
+
+impl Pattern {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Uniform, Self::ZerosOnes, Self::Bus, Self::SingleBit, Self::WrongBaud, Self::Inverted];
+
+    /// As the table names it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::ZerosOnes => "00_ff",
+            Self::Bus => "bus13",
+            Self::SingleBit => "single_bit",
+            Self::WrongBaud => "wrong_baud",
+            Self::Inverted => "inverted",
+        }
+    }
+
+    /// The pattern of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|pattern| pattern.text() == name)
+    }
+
+    /// So many bytes of it.
+    pub fn bytes(self, seed: u64, count: usize) -> Vec<u8> {
+        if matches!(self, Self::WrongBaud | Self::Inverted) {
+            return self.misheard(seed, count).into_iter().map(|(byte, _)| byte).collect();
+        }
+        let mut rng = Rng::new(seed, self.text());
+        (0..count).map(|_| self.byte(&mut rng)).collect()
+    }
+
+    fn byte(self, rng: &mut Rng) -> u8 {
+        match self {
+            Self::ZerosOnes => match rng.below(10) {
+                0..=5 => 0x00,
+                6..=8 => 0xFF,
+                _ => rng.byte(),
+            },
+            Self::Bus => rng.pick(&BUS_VALUES),
+            Self::SingleBit => 1 << rng.below(8),
+            _ => rng.byte(),
+        }
+    }
+
+    /// Recordings of clean buses, each heard by a receiver that does not fit, one behind the other.
+    fn misheard(self, seed: u64, count: usize) -> Vec<(u8, i64)> {
+        let clean = Scenario::named("clean").expect("the first row of the table");
+        let mut rng = Rng::new(seed, self.text());
+        let mut heard: Vec<(u8, i64)> = Vec::with_capacity(count);
+        while heard.len() < count {
+            let traffic = Traffic::new(clean, rng.bits(), WARM_UP);
+            let line = &traffic.lines[0];
+            let from = heard.last().map_or(0, |last| last.1);
+            let chars: Vec<(u8, i64)> = line.bytes.iter().zip(&line.times).map(|(&b, &t)| (b, t + from)).collect();
+            let baud = match self {
+                Self::Inverted => traffic.settings.baud,
+                _ => loop {
+                    let baud = rng.pick(&BAUDS);
+                    if baud != traffic.settings.baud {
+                        break baud;
+                    }
+                },
+            };
+            heard.extend(mishear(&chars, traffic.settings, baud, self == Self::Inverted));
+        }
+        heard.truncate(count);
+        heard
+    }
+}
+
+/// A recording of noise, perhaps behind clean traffic.
+#[derive(Clone, Debug)]
+pub struct NoiseCase {
+    /// The recording; its truth names the clean frames only.
+    pub case: Case,
+    /// Where the noise begins.
+    pub from: u64,
+}
+
+impl NoiseCase {
+    /// So many bytes of noise; `warm`: behind 3000 frames of clean traffic.
+    pub fn new(pattern: Pattern, seed: u64, count: usize, mode: TapMode, warm: bool) -> Self {
+        let clean = Scenario::named("clean").expect("the first row of the table");
+        let mut traffic = Traffic::new(clean, seed, WARM_UP);
+        if !warm {
+            traffic.lines = vec![TrafficLine { id: 0, bytes: Vec::new(), times: Vec::new() }];
+            traffic.truth.clear();
+        }
+        let from = traffic.lines[0].bytes.len() as u64;
+        traffic.name = format!("noise {} {}", pattern.text(), if warm { "warm" } else { "cold" });
+        let case = if mode == TapMode::None {
+            untimed(traffic, pattern.bytes(seed, count))
+        } else {
+            timed(&mut traffic, pattern, seed, count);
+            traffic.tap(mode)
+        };
+        Self { case, from }
+    }
+}
+
+/// Without times: 64 MB must not need half a gigabyte of clock.
+fn untimed(traffic: Traffic, noise: Vec<u8>) -> Case {
+    let mut bytes = traffic.lines.into_iter().next().map_or(Vec::new(), |line| line.bytes);
+    bytes.extend(noise);
+    let reads = (0..bytes.len()).step_by(4096).map(|at| {
+        let length = (bytes.len() - at).min(4096) as u32;
+        Read { time: None, length, order: at as i64 }
+    });
+    let reads = reads.collect();
+    Case {
+        name: traffic.name,
+        seed: traffic.seed,
+        mode: TapMode::None,
+        settings: traffic.settings,
+        framing: Framing::Rtu,
+        lines: vec![CaseLine { id: 0, bytes, reads }],
+        truth: traffic.truth,
+        losses: Vec::new(),
+    }
+}
+
+/// At the line's pace, with a pause before 10 % of the bytes, as in a storm.
+fn timed(traffic: &mut Traffic, pattern: Pattern, seed: u64, count: usize) {
+    let char_ns = traffic.settings.char_ns();
+    let line = &mut traffic.lines[0];
+    let mut now = line.times.last().map_or(1e9, |&last| last as f64 + 50e6);
+    if matches!(pattern, Pattern::WrongBaud | Pattern::Inverted) {
+        let heard = pattern.misheard(seed, count);
+        line.times.extend(heard.iter().map(|&(_, time)| time + now as i64));
+        line.bytes.extend(heard.iter().map(|&(byte, _)| byte));
+        return;
+    }
+    let mut rng = Rng::new(seed, "pauses");
+    line.bytes.extend(pattern.bytes(seed, count));
+    for _ in 0..count {
+        let pause = if rng.chance(0.1) { rng.exponential(5.0) } else { 0.0 };
+        now += (1.0 + pause) * char_ns;
+        line.times.push(now as i64);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares() {
+        let share = |bytes: &[u8], value: u8| {
+            bytes.iter().filter(|&&byte| byte == value).count() as f64 / bytes.len() as f64
+        };
+        let zeros = Pattern::ZerosOnes.bytes(1, 100_000);
+        assert!((share(&zeros, 0) - 0.6).abs() < 0.01 && (share(&zeros, 0xFF) - 0.3).abs() < 0.01);
+        let bus = Pattern::Bus.bytes(1, 100_000);
+        assert!(BUS_VALUES.iter().all(|&value| (share(&bus, value) - 1.0 / 13.0).abs() < 0.005));
+        assert!(Pattern::SingleBit.bytes(1, 1000).iter().all(|byte| byte.count_ones() == 1));
+        for pattern in Pattern::ALL {
+            assert_eq!(pattern.bytes(7, 20_000).len(), 20_000);
+            assert_eq!(pattern.bytes(7, 500), pattern.bytes(7, 500));
+        }
+    }
+
+    #[test]
+    fn warm_noise_stands_behind_clean_traffic() {
+        let warm = NoiseCase::new(Pattern::Uniform, 3, 10_000, TapMode::None, true);
+        assert_eq!(warm.case.lines[0].bytes.len() as u64, warm.from + 10_000);
+        assert!(warm.case.truth.len() >= WARM_UP && warm.case.truth.iter().all(|frame| frame.end <= warm.from));
+        let cold = NoiseCase::new(Pattern::WrongBaud, 3, 10_000, TapMode::Ftdi1, false);
+        assert_eq!((cold.from, cold.case.lines[0].bytes.len()), (0, 10_000));
+    }
+}

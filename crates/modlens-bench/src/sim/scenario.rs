@@ -1,0 +1,260 @@
+//! The table of scenarios: what is wrong on the bus and at the tap, in probabilities.
+
+use crate::model::Framing;
+
+/// One row of the table. Probabilities are per frame unless said otherwise.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// Its name.
+    pub name: &'static str,
+    /// Frames to send, before anybody asks for another number.
+    pub frames: usize,
+    /// RTU or ASCII.
+    pub framing: Framing,
+    /// Requests on line A and responses on line B, or all on one pair.
+    pub two_lines: bool,
+    /// The silence before a frame is U[0, 2.5] characters.
+    pub nogap: f64,
+    /// 1-4 random bytes in a silence.
+    pub noise_gap: f64,
+    /// 1-3 stray bytes glued in front.
+    pub turn_lead: f64,
+    /// 1-3 stray bytes glued behind.
+    pub turn_trail: f64,
+    /// 1-3 flipped bits.
+    pub flip: f64,
+    /// 1-3 consecutive bytes lost in the tap.
+    pub drop: f64,
+    /// One byte delivered twice.
+    pub dup: f64,
+    /// The transmission stops early.
+    pub trunc: f64,
+    /// Another sender talks into the frame.
+    pub collide: f64,
+    /// 1-4 gaps of U[1.5, 3.4] characters inside.
+    pub slow15: f64,
+    /// 1-2 gaps of U[3.6, 25] characters inside.
+    pub slow35: f64,
+    /// Per transaction: 60-600 noise bytes behind it.
+    pub storm: f64,
+    /// Per transaction: a place where up to 400 bytes vanish.
+    pub cuts: f64,
+    /// Per write payload of 8 bytes and more: it contains a complete frame.
+    pub nested: f64,
+    /// Per time-out: the old answer arrives behind the retry.
+    pub late: f64,
+    /// The request appears twice.
+    pub echo: f64,
+    /// Share of slaves that answer 4 bytes per register.
+    pub enron: f64,
+    /// Share of slaves that do not keep to the specification.
+    pub quirk: f64,
+    /// The capture begins in the middle of a frame.
+    pub midstart: bool,
+    /// Share of transactions outside the poll cycle.
+    pub adhoc: f64,
+    /// Weight of custom functions among the ad-hoc ones.
+    pub custom_weight: u32,
+    /// Per request: no answer.
+    pub timeout: f64,
+    /// Per answer: an exception.
+    pub exceptions: f64,
+    /// Registers and payloads are mostly zero.
+    pub zero_heavy: bool,
+    /// Per answer: it carries another unit than the one asked.
+    pub wrong_unit: f64,
+    /// Per answer: it is sent twice.
+    pub dup_reply: f64,
+    /// Per transaction: a second master asks before the answer is there.
+    pub two_masters: f64,
+    /// ASCII: the colon is damaged or lost.
+    pub bad_colon: f64,
+    /// ASCII: CR, LF or both are missing.
+    pub no_crlf: f64,
+    /// ASCII: share of slaves that answer in lower-case hex.
+    pub lower_case: f64,
+    /// ASCII: one pause of U[0.05, 0.95] s inside (up to 1 s is legal, 2.5.2).
+    pub pause: f64,
+}
+
+/// What a scenario has where its row says nothing.
+const BASE: Scenario = Scenario {
+    name: "",
+    frames: 3000,
+    framing: Framing::Rtu,
+    two_lines: false,
+    nogap: 0.0,
+    noise_gap: 0.0,
+    turn_lead: 0.0,
+    turn_trail: 0.0,
+    flip: 0.0,
+    drop: 0.0,
+    dup: 0.0,
+    trunc: 0.0,
+    collide: 0.0,
+    slow15: 0.0,
+    slow35: 0.0,
+    storm: 0.0,
+    cuts: 0.0,
+    nested: 0.0,
+    late: 0.0,
+    echo: 0.0,
+    enron: 0.0,
+    quirk: 0.0,
+    midstart: true,
+    adhoc: 0.30,
+    custom_weight: 6,
+    timeout: 0.02,
+    exceptions: 0.04,
+    zero_heavy: false,
+    wrong_unit: 0.0,
+    dup_reply: 0.0,
+    two_masters: 0.0,
+    bad_colon: 0.0,
+    no_crlf: 0.0,
+    lower_case: 0.0,
+    pause: 0.0,
+};
+
+/// ASCII, 7E1.
+const ASCII: Scenario = Scenario { framing: Framing::Ascii, ..BASE };
+
+/// An average installation.
+const FIELD: Scenario = Scenario {
+    name: "field",
+    noise_gap: 0.05,
+    turn_lead: 0.15,
+    turn_trail: 0.10,
+    flip: 0.015,
+    drop: 0.01,
+    trunc: 0.01,
+    collide: 0.01,
+    late: 0.2,
+    slow15: 0.10,
+    slow35: 0.04,
+    nogap: 0.15,
+    storm: 0.004,
+    timeout: 0.04,
+    custom_weight: 12,
+    nested: 0.02,
+    ..BASE
+};
+
+/// Everything at once.
+const HOSTILE: Scenario = Scenario {
+    name: "hostile",
+    noise_gap: 0.25,
+    turn_lead: 0.4,
+    turn_trail: 0.4,
+    flip: 0.06,
+    drop: 0.04,
+    trunc: 0.03,
+    collide: 0.03,
+    late: 0.3,
+    slow15: 0.2,
+    slow35: 0.1,
+    nogap: 0.5,
+    storm: 0.03,
+    timeout: 0.08,
+    custom_weight: 40,
+    adhoc: 0.6,
+    zero_heavy: true,
+    nested: 0.1,
+    ..BASE
+};
+
+/// The twenty scenarios whose mean is the headline.
+pub const HEADLINE: [Scenario; 20] = [
+    Scenario { name: "clean", midstart: false, ..BASE },
+    Scenario { name: "overrun", cuts: 0.05, ..BASE },
+    Scenario { name: "nogap", nogap: 1.0, ..BASE },
+    Scenario { name: "noise", noise_gap: 0.25, ..BASE },
+    Scenario { name: "turnaround", turn_lead: 0.35, turn_trail: 0.35, ..BASE },
+    Scenario { name: "bitflip", flip: 0.06, ..BASE },
+    Scenario { name: "drop", drop: 0.04, dup: 0.01, ..BASE },
+    Scenario { name: "truncate", trunc: 0.04, ..BASE },
+    Scenario { name: "collide", collide: 0.04, late: 0.4, timeout: 0.05, ..BASE },
+    Scenario { name: "slowchar", slow15: 0.30, slow35: 0.15, ..BASE },
+    Scenario { name: "custom", adhoc: 0.75, custom_weight: 90, ..BASE },
+    Scenario { name: "zeros", zero_heavy: true, turn_trail: 0.4, turn_lead: 0.2, custom_weight: 20, ..BASE },
+    Scenario { name: "nested", nested: 0.5, adhoc: 0.6, ..BASE },
+    Scenario { name: "timeouts", timeout: 0.25, adhoc: 0.6, ..BASE },
+    Scenario { name: "storm", storm: 0.06, frames: 2500, ..BASE },
+    Scenario { name: "enron", enron: 0.5, ..BASE },
+    Scenario { name: "echo", echo: 1.0, frames: 2000, ..BASE },
+    Scenario { name: "quirk", quirk: 0.8, adhoc: 0.5, exceptions: 0.08, ..BASE },
+    FIELD,
+    HOSTILE,
+];
+
+/// What people act on, two-line taps and ASCII: scored on their own, not part of the headline.
+pub const FURTHER: [Scenario; 15] = [
+    Scenario { name: "wrong_unit", wrong_unit: 0.04, ..BASE },
+    Scenario { name: "dup_reply", dup_reply: 0.05, ..BASE },
+    Scenario { name: "two_masters", two_masters: 0.05, ..BASE },
+    Scenario { name: "late", timeout: 0.10, late: 0.5, ..BASE },
+    Scenario {
+        name: "faults",
+        wrong_unit: 0.01,
+        dup_reply: 0.02,
+        two_masters: 0.02,
+        late: 0.4,
+        timeout: 0.06,
+        drop: 0.01,
+        flip: 0.01,
+        noise_gap: 0.05,
+        ..BASE
+    },
+    Scenario { name: "lines", two_lines: true, ..BASE },
+    Scenario { name: "lines_field", two_lines: true, ..FIELD },
+    Scenario { name: "lines_hostile", two_lines: true, ..HOSTILE },
+    Scenario { name: "lines_cuts", two_lines: true, cuts: 0.05, timeout: 0.06, late: 0.4, ..BASE },
+    Scenario { name: "ascii", midstart: false, ..ASCII },
+    Scenario { name: "ascii_noise", noise_gap: 0.25, turn_lead: 0.2, turn_trail: 0.2, ..ASCII },
+    Scenario { name: "ascii_colon", bad_colon: 0.05, no_crlf: 0.0, ..ASCII },
+    Scenario { name: "ascii_crlf", no_crlf: 0.05, ..ASCII },
+    Scenario { name: "ascii_slow", slow15: 0.3, slow35: 0.15, pause: 0.03, lower_case: 0.5, ..ASCII },
+    Scenario {
+        name: "ascii_field",
+        bad_colon: 0.01,
+        no_crlf: 0.01,
+        lower_case: 0.2,
+        pause: 0.005,
+        ..Scenario { framing: Framing::Ascii, nested: 0.0, ..FIELD }
+    },
+];
+
+impl Scenario {
+    /// All of them, the headline's first.
+    pub fn all() -> impl Iterator<Item = &'static Scenario> {
+        static ALL: ([Scenario; 20], [Scenario; 15]) = (HEADLINE, FURTHER);
+        ALL.0.iter().chain(&ALL.1)
+    }
+
+    /// The one of this name.
+    pub fn named(name: &str) -> Option<&'static Scenario> {
+        Self::all().find(|scenario| scenario.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_found() {
+        let names: Vec<&str> = Scenario::all().map(|scenario| scenario.name).collect();
+        assert_eq!(names.len(), 35);
+        for (at, name) in names.iter().enumerate() {
+            assert_eq!(names.iter().position(|other| other == name), Some(at));
+            assert!(Scenario::named(name).is_some());
+        }
+        assert!(Scenario::named("nonsense").is_none());
+    }
+
+    #[test]
+    fn only_clean_ones_begin_at_a_frame() {
+        let whole: Vec<&str> = Scenario::all().filter(|s| !s.midstart).map(|s| s.name).collect();
+        assert_eq!(whole, ["clean", "ascii"]);
+    }
+}

@@ -1,0 +1,96 @@
+//! What a receiver makes of a line that it does not understand: wrong baud rate, swapped wires.
+
+use crate::model::Settings;
+
+/// A change of the line's level.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    time: f64,
+    high: bool,
+}
+
+/// Characters (with the ends of their last stop bits, in ns) as a receiver at `baud`, 8N1, hears them.
+pub(crate) fn mishear(chars: &[(u8, i64)], sender: Settings, baud: u32, inverted: bool) -> Vec<(u8, i64)> {
+    receive(&edges(chars, sender, inverted), 1e9 / f64::from(baud))
+}
+
+fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
+    let bit_ns = 1e9 / f64::from(sender.baud);
+    let mut edges: Vec<Edge> = Vec::with_capacity(6 * chars.len());
+    // The idle line is high.
+    let mut high = true;
+    for &(value, end) in chars {
+        let start = end as f64 - sender.char_ns();
+        let even = value.count_ones() % 2 == 1;
+        for bit in 0..sender.bits() {
+            let data = u32::from(sender.data_bits);
+            let level = match bit {
+                0 => false,
+                _ if bit <= data => value >> (bit - 1) & 1 == 1,
+                _ if bit == data + 1 && sender.parity => even,
+                _ => true,
+            };
+            if level != high {
+                high = level;
+                edges.push(Edge { time: start + f64::from(bit) * bit_ns, high: high != inverted });
+            }
+        }
+    }
+    edges
+}
+
+/// A UART: a falling edge begins a character, each bit is sampled in its middle, a low stop bit is ignored.
+fn receive(edges: &[Edge], bit_ns: f64) -> Vec<(u8, i64)> {
+    let mut heard = Vec::new();
+    let mut at = 0;
+    while at < edges.len() {
+        if edges[at].high {
+            at += 1;
+            continue;
+        }
+        let start = edges[at].time;
+        let mut now = at;
+        let mut level = |bits: f64| {
+            while now + 1 < edges.len() && edges[now + 1].time <= start + bits * bit_ns {
+                now += 1;
+            }
+            (edges[now].high, now)
+        };
+        if level(0.5).0 {
+            // A spike, not a start bit.
+            at += 1;
+            continue;
+        }
+        let value = (0..8).fold(0u8, |value, bit| value | u8::from(level(1.5 + f64::from(bit)).0) << bit);
+        at = level(9.5).1 + 1;
+        heard.push((value, (start + 10.0 * bit_ns).round() as i64));
+    }
+    heard
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chars(settings: Settings) -> Vec<(u8, i64)> {
+        (0..=255u8).map(|at| (at, 1_000_000_000 + ((f64::from(at) + 1.0) * settings.char_ns()) as i64)).collect()
+    }
+
+    #[test]
+    fn the_right_baud_rate_hears_everything() {
+        let settings = Settings { baud: 9600, data_bits: 8, parity: false };
+        let sent = chars(settings);
+        let heard = mishear(&sent, settings, 9600, false);
+        assert_eq!(heard.iter().map(|(byte, _)| *byte).collect::<Vec<_>>(), (0..=255).collect::<Vec<u8>>());
+        assert!(heard.iter().zip(&sent).all(|(a, b)| (a.1 - b.1).abs() < 1000));
+    }
+
+    #[test]
+    fn half_and_double() {
+        let settings = Settings { baud: 9600, data_bits: 8, parity: false };
+        // At twice the rate every bit is heard twice, so a character makes about two.
+        assert!(mishear(&chars(settings), settings, 19_200, false).len() > 300);
+        assert!(mishear(&chars(settings), settings, 4800, false).len() < 200);
+        assert!(!mishear(&chars(settings), settings, 9600, true).is_empty());
+    }
+}

@@ -1,0 +1,149 @@
+//! Which framing is it? Decided once, on the first bytes, by the checksums that fit.
+//!
+//! The decision is taken at fixed numbers of bytes, at a silence or at the end, so that chunk sizes change nothing.
+
+use crate::checksum::{crc_valid, lrc};
+use crate::framer::ascii::Ascii;
+use crate::framer::rtu::Rtu;
+use crate::framer::tcp::{announced, layout_fits, Tcp};
+use crate::framer::{Context, Cut, Framer, Mode};
+use crate::functions::{Extent, Functions, EXCEPTION_BIT};
+use crate::input::Input;
+use crate::line::Line;
+use crate::Ns;
+
+/// Without a single good frame in so many bytes, the look of the bytes decides.
+const ENOUGH: usize = 4096;
+
+/// The first number of bytes worth a look.
+const FIRST_LOOK: usize = 8;
+
+/// Waits for evidence, then is the framer it points to.
+pub struct Auto {
+    line: Option<Line>,
+    next_look: usize,
+    chosen: Option<Box<dyn Framer>>,
+}
+
+impl Auto {
+    /// A framer for a line with these settings.
+    pub fn new(line: Option<Line>) -> Self {
+        Self { line, next_look: FIRST_LOOK, chosen: None }
+    }
+
+    fn choose(&mut self, input: &Input, functions: &Functions) -> bool {
+        let bytes = input.bytes();
+        if input.read(0).is_some_and(|read| read.no_checksum) && bytes.first() != Some(&b':') {
+            self.chosen = Some(Box::new(Rtu::new(self.line.as_ref())));
+            return true;
+        }
+        while self.next_look <= bytes.len().min(ENOUGH) {
+            if let Some(mode) = evidence(functions, &bytes[..self.next_look]) {
+                return self.become_mode(mode);
+            }
+            self.next_look *= 2;
+        }
+        if !input.closed && bytes.len() < ENOUGH {
+            return false;
+        }
+        let there = &bytes[..bytes.len().min(ENOUGH)];
+        let mode = evidence(functions, there).unwrap_or(if looks_like_text(there) { Mode::Ascii } else { Mode::Rtu });
+        self.become_mode(mode)
+    }
+
+    fn become_mode(&mut self, mode: Mode) -> bool {
+        self.chosen = Some(make(mode, self.line.as_ref()));
+        true
+    }
+}
+
+/// The framer of a framing.
+pub fn make(mode: Mode, line: Option<&Line>) -> Box<dyn Framer> {
+    match mode {
+        Mode::Rtu => Box::new(Rtu::new(line)),
+        Mode::Ascii => Box::new(Ascii::default()),
+        Mode::Tcp => Box::new(Tcp::default()),
+    }
+}
+
+/// The framing under which most bytes are in good frames.
+fn evidence(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
+    let scores =
+        [(rtu_bytes(functions, bytes), Mode::Rtu), (ascii_bytes(bytes), Mode::Ascii), (tcp_bytes(functions, bytes), Mode::Tcp)];
+    // Equal scores: the first, which has the strongest checksum.
+    scores.into_iter().rev().max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, mode)| mode)
+}
+
+fn rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+    let mut at = 0;
+    let mut good = 0;
+    while bytes.len() - at >= 4 {
+        let length = rtu_frame(functions, &bytes[at..]);
+        good += length;
+        at += length.max(1);
+    }
+    good
+}
+
+fn rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
+    let fits = |length: usize| bytes.get(..length + 4).is_some_and(crc_valid);
+    let (code, body) = (bytes[1], &bytes[2..]);
+    if code & EXCEPTION_BIT != 0 {
+        return if bytes[2] != 0 && fits(1) { 5 } else { 0 };
+    }
+    let Some(row) = functions.row(code, body) else { return 0 };
+    [&row.request, &row.response]
+        .into_iter()
+        .find_map(|layout| match layout.extent(body) {
+            Extent::Exactly(length) if fits(length) => Some(length + 4),
+            _ => None,
+        })
+        .unwrap_or(0)
+}
+
+fn ascii_bytes(bytes: &[u8]) -> usize {
+    let mut good = 0;
+    for line in bytes.split_inclusive(|&b| b == b'\n') {
+        let Some(colon) = line.iter().rposition(|&b| b == b':') else { continue };
+        let text = line[colon + 1..].trim_ascii_end();
+        let ended = colon + 1 + text.len() < line.len();
+        let hex: Option<Vec<u8>> = std::str::from_utf8(text).ok().and_then(crate::pdu::parse_hex);
+        if ended && hex.is_some_and(|hex| hex.len() >= 3 && lrc(&hex) == 0) {
+            good += line.len() - colon;
+        }
+    }
+    good
+}
+
+fn tcp_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+    let mut at = 0;
+    while let Some(length) = announced(&bytes[at..]) {
+        match bytes.get(at + 7..at + length) {
+            Some(pdu) if layout_fits(functions, pdu) => at += length,
+            _ => break,
+        }
+    }
+    at
+}
+
+fn looks_like_text(bytes: &[u8]) -> bool {
+    let text = bytes.iter().filter(|b| matches!(b, b'0'..=b'9' | b'A'..=b'F' | b'a'..=b'f' | b':' | b'\r' | b'\n')).count();
+    bytes.contains(&b':') && text * 10 >= bytes.len() * 9
+}
+
+impl Framer for Auto {
+    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        if self.chosen.is_none() && (input.bytes().is_empty() || !self.choose(input, context.functions)) {
+            return None;
+        }
+        self.chosen.as_mut()?.next(input, context, adu)
+    }
+
+    fn mode(&self) -> Mode {
+        self.chosen.as_ref().map_or(Mode::Rtu, |framer| framer.mode())
+    }
+
+    fn break_ns(&self, line: Option<&Line>) -> Ns {
+        self.chosen.as_ref().map_or_else(|| Rtu::new(line).break_ns(line), |framer| framer.break_ns(line))
+    }
+}

@@ -1,0 +1,190 @@
+//! Framers: where frames begin and end. One per framing, behind one trait.
+//!
+//! A framer sees the unframed bytes of one line and says what the first of them are. It must say the same for every
+//! chunking of the same bytes and times: decision points are bytes, byte times and the end, never calls.
+
+pub mod ascii;
+pub mod auto;
+pub mod rtu;
+pub mod tcp;
+
+use crate::direction::{Asked, Direction, Pause};
+use crate::finding::Finding;
+use crate::functions::Functions;
+use crate::input::Input;
+use crate::line::Line;
+use crate::Ns;
+
+/// How frames are put on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Mode {
+    /// Binary, CRC-16 (serial line specification, 2.5.1).
+    Rtu,
+    /// Hex characters between colon and CR LF (2.5.2).
+    Ascii,
+    /// MBAP header (messaging on TCP/IP, 3.1).
+    Tcp,
+}
+
+impl Mode {
+    /// As the `mode` column spells it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Rtu => "rtu",
+            Self::Ascii => "ascii",
+            Self::Tcp => "tcp",
+        }
+    }
+}
+
+/// What a frame is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Verdict {
+    /// Whole, checksum right.
+    Ok,
+    /// Checksum wrong.
+    BadChecksum,
+    /// Ends too early.
+    Incomplete,
+    /// No frame.
+    Noise,
+    /// The recording prints no checksum.
+    NoChecksum,
+}
+
+impl Verdict {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Ok, Self::BadChecksum, Self::Incomplete, Self::Noise, Self::NoChecksum];
+
+    /// As the `verdict` column spells it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::BadChecksum => "bad_checksum",
+            Self::Incomplete => "incomplete",
+            Self::Noise => "noise",
+            Self::NoChecksum => "no_checksum",
+        }
+    }
+
+    /// Whether the content can be believed.
+    pub fn good(self) -> bool {
+        matches!(self, Self::Ok | Self::NoChecksum)
+    }
+}
+
+/// The evidence that ended a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CutBy {
+    /// A silence.
+    Silence,
+    /// The length that the header announces.
+    Length,
+    /// A right checksum where the layout fixes no length.
+    Checksum,
+    /// CR LF.
+    Delimiter,
+    /// The end of a record of the recording.
+    Record,
+    /// A colon starts the next frame.
+    Restart,
+    /// The longest frame, or the longest noise row.
+    Limit,
+    /// The next frame begins.
+    Frame,
+    /// The end of the recording.
+    End,
+}
+
+impl CutBy {
+    /// As the `cut_by` column spells it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Silence => "silence",
+            Self::Length => "length",
+            Self::Checksum => "checksum",
+            Self::Delimiter => "delimiter",
+            Self::Record => "record",
+            Self::Restart => "restart",
+            Self::Limit => "limit",
+            Self::Frame => "frame",
+            Self::End => "end",
+        }
+    }
+}
+
+/// A noise row ends after so many bytes at the latest.
+pub const NOISE_LIMIT: usize = 4096;
+
+/// The longest RTU frame (serial line specification, 2.5.1).
+pub const RTU_LIMIT: usize = 256;
+
+/// What the first bytes of the input are.
+#[derive(Clone, Copy, Debug)]
+pub struct Cut {
+    /// How many bytes.
+    pub length: usize,
+    /// What they are worth.
+    pub verdict: Verdict,
+    /// What ended them.
+    pub cut_by: CutBy,
+    /// Who sent them, where the framer knows.
+    pub direction: Direction,
+    /// Bits between this reading and its rival, at most 60.
+    pub confidence: u8,
+    /// Transaction identifier of the MBAP header.
+    pub mbap_id: Option<u16>,
+    /// A finding on the framing itself.
+    pub finding: Option<Finding>,
+}
+
+impl Cut {
+    /// Bytes that are no frame.
+    pub fn noise(length: usize, cut_by: CutBy) -> Self {
+        Self {
+            length,
+            verdict: Verdict::Noise,
+            cut_by,
+            direction: Direction::Unknown,
+            confidence: 0,
+            mbap_id: None,
+            finding: None,
+        }
+    }
+}
+
+/// What the rest of the session knows: evidence for the framer.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    /// The table.
+    pub functions: &'a Functions,
+    /// The request that waits for its answer.
+    pub asked: Option<Asked<'a>>,
+    /// Units that took part in a good frame.
+    pub known_units: &'a [bool; 256],
+    /// Turns a silence into evidence.
+    pub pause: &'a dyn Fn(Option<Ns>) -> Pause,
+    /// Turns a record's words into a direction.
+    pub said: &'a dyn Fn(crate::chunk::Side) -> Option<Direction>,
+}
+
+impl Context<'_> {
+    /// What the recording says of the direction of the frame at `index`.
+    pub fn said_at(&self, input: &Input, index: usize) -> Option<Direction> {
+        input.read(index).and_then(|read| read.side).and_then(|side| (self.said)(side))
+    }
+}
+
+/// Says what the first unframed bytes are.
+pub trait Framer: Send + Sync {
+    /// The first frame or noise row, once it is certain; `adu` gets the unit and the PDU of a frame in binary.
+    ///
+    /// `None` means: more bytes, a silence or the end are needed. When `input.closed`, all bytes are given out.
+    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut>;
+
+    /// The framing.
+    fn mode(&self) -> Mode;
+
+    /// The silence that ends every frame.
+    fn break_ns(&self, line: Option<&Line>) -> Ns;
+}

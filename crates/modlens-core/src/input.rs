@@ -1,0 +1,274 @@
+//! Bytes that are not framed yet, and the reads they came in.
+
+use std::collections::VecDeque;
+
+use crate::chunk::{Chunk, Side, Times};
+use crate::Ns;
+
+/// No clock.
+pub const NO_TIME: Ns = Ns::MIN;
+
+/// One read of the source, or one record of a recording.
+#[derive(Clone, Copy, Debug)]
+pub struct Read {
+    /// Stream offset behind its last byte.
+    pub end: u64,
+    /// When its last byte had come, or `NO_TIME`.
+    pub time: Ns,
+    /// Line or packet number in the file.
+    pub origin: u64,
+    /// Who sent it, where the recording says so.
+    pub side: Option<Side>,
+    /// Whether it starts a record.
+    pub record: bool,
+    /// Whether the receiver marked a line error in it.
+    pub line_error: bool,
+    /// Whether its frames come without checksum.
+    pub no_checksum: bool,
+}
+
+/// The bytes of one line from the first unframed one on.
+#[derive(Debug, Default)]
+pub struct Input {
+    buffer: Vec<u8>,
+    head: usize,
+    /// Stream offset of the first unframed byte.
+    offset: u64,
+    reads: VecDeque<Read>,
+    /// Stream offset at which the first read kept began.
+    front_start: u64,
+    /// Time of the last byte before the first read kept.
+    before: Option<Ns>,
+    /// Character time, where the line settings are known.
+    pub char_ns: Option<Ns>,
+    /// A silence of this length ends every frame.
+    pub break_ns: Ns,
+    /// The recording is over, or silence has lasted: nothing more belongs to the bytes that are here.
+    pub closed: bool,
+    /// Only the end of the recording closes this for good.
+    pub ended: bool,
+    /// Whether any read had more than one byte: then times are those of reads, not of bytes.
+    pub coarse: bool,
+    /// Whether any read had a time.
+    pub timed: bool,
+}
+
+impl Input {
+    /// An empty input of a line with this character time.
+    pub fn new(char_ns: Option<Ns>) -> Self {
+        Self { char_ns, ..Self::default() }
+    }
+
+    /// Takes the bytes of a chunk.
+    pub fn push(&mut self, chunk: &Chunk<'_>) {
+        if chunk.bytes.is_empty() {
+            return;
+        }
+        self.closed = false;
+        if self.head > 0 && (self.head >= self.buffer.len() || self.head > 1 << 16) {
+            self.buffer.drain(..self.head);
+            self.head = 0;
+        }
+        self.buffer.extend_from_slice(chunk.bytes);
+        let end = self.end();
+        let read = |end: u64, time: Ns, record: bool| Read {
+            end,
+            time,
+            record,
+            origin: chunk.origin,
+            side: chunk.side,
+            line_error: chunk.line_error,
+            no_checksum: chunk.no_checksum,
+        };
+        match chunk.times {
+            Times::None => self.push_read(read(end, NO_TIME, chunk.record || chunk.hole)),
+            Times::Read(time) => {
+                self.timed = true;
+                self.coarse |= chunk.bytes.len() > 1;
+                self.push_read(read(end, time, chunk.record || chunk.hole));
+            }
+            Times::Bytes(times) => {
+                self.timed = true;
+                let first = end - chunk.bytes.len() as u64;
+                for (i, &time) in times.iter().take(chunk.bytes.len()).enumerate() {
+                    self.push_read(read(first + i as u64 + 1, time, i == 0 && (chunk.record || chunk.hole)));
+                }
+                if times.len() < chunk.bytes.len() {
+                    self.push_read(read(end, NO_TIME, false));
+                }
+            }
+        }
+    }
+
+    fn push_read(&mut self, read: Read) {
+        // Reads that nothing tells apart are one: a file in blocks of any size is one long read.
+        if let Some(last) = self.reads.back_mut() {
+            let same = last.time == NO_TIME && read.time == NO_TIME && !read.record && last.origin == read.origin;
+            if same && last.side == read.side && last.line_error == read.line_error && last.no_checksum == read.no_checksum {
+                last.end = read.end;
+                return;
+            }
+        }
+        self.reads.push_back(read);
+    }
+
+    /// The unframed bytes.
+    #[inline]
+    pub fn bytes(&self) -> &[u8] {
+        &self.buffer[self.head..]
+    }
+
+    /// Stream offset of the first unframed byte.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    fn end(&self) -> u64 {
+        self.offset + (self.buffer.len() - self.head) as u64
+    }
+
+    /// Time of the newest byte.
+    pub fn newest(&self) -> Option<Ns> {
+        self.reads.back().map(|read| read.time).filter(|&time| time != NO_TIME).or(self.before)
+    }
+
+    /// Forgets the first `length` bytes: they are framed.
+    pub fn consume(&mut self, length: usize) {
+        self.head += length;
+        self.offset += length as u64;
+        while let Some(first) = self.reads.front() {
+            if first.end > self.offset {
+                break;
+            }
+            if first.time != NO_TIME {
+                self.before = Some(first.time);
+            }
+            self.front_start = first.end;
+            self.reads.pop_front();
+        }
+    }
+
+    fn read_of(&self, index: usize) -> Option<usize> {
+        let at = self.offset + index as u64;
+        let i = self.reads.partition_point(|read| read.end <= at);
+        (i < self.reads.len()).then_some(i)
+    }
+
+    /// The read that holds the byte.
+    pub fn read(&self, index: usize) -> Option<&Read> {
+        self.reads.get(self.read_of(index)?)
+    }
+
+    /// When the byte had come: its stop bit, as far as the read's time tells.
+    pub fn byte_time(&self, index: usize) -> Option<Ns> {
+        let read = self.read(index)?;
+        if read.time == NO_TIME {
+            return None;
+        }
+        let behind = (read.end - 1 - (self.offset + index as u64)) as Ns;
+        Some(read.time - behind * self.char_ns.unwrap_or(0))
+    }
+
+    /// Whether the byte is the first of a read.
+    pub fn starts_read(&self, index: usize) -> bool {
+        self.read_of(index).is_some_and(|i| self.read_start(i) == self.offset + index as u64)
+    }
+
+    fn read_start(&self, i: usize) -> u64 {
+        if i == 0 {
+            self.front_start
+        } else {
+            self.reads[i - 1].end
+        }
+    }
+
+    /// The silence between the byte and the one before, where a read starts with it and both times are known.
+    ///
+    /// Time that the read's own bytes took on the line is taken off, where the line settings are known.
+    pub fn pause_before(&self, index: usize) -> Option<Ns> {
+        let i = self.read_of(index)?;
+        let start = self.read_start(i);
+        let previous = if i == 0 { self.before? } else { Some(self.reads[i - 1].time).filter(|&t| t != NO_TIME)? };
+        let read = &self.reads[i];
+        if start != self.offset + index as u64 || read.time == NO_TIME {
+            return None;
+        }
+        Some(read.time - previous - (read.end - start) as Ns * self.char_ns.unwrap_or(0))
+    }
+
+    /// Whether no frame reaches across the place before this byte: a record starts here, or a long silence ended.
+    pub fn hard_edge(&self, index: usize) -> bool {
+        let Some(i) = self.read_of(index) else { return self.closed };
+        self.starts_read(index) && (self.reads[i].record || self.pause_before(index).is_some_and(|pause| pause >= self.break_ns))
+    }
+
+    /// The first place from `from` + 1 to `to` where a pause of at least `least` or a record's start stands.
+    pub fn edge_after(&self, from: usize, to: usize, least: Ns) -> Option<usize> {
+        let mut i = self.read_of(from)?;
+        loop {
+            let end = (self.reads[i].end - self.offset) as usize;
+            i += 1;
+            if end > to || i >= self.reads.len() {
+                return None;
+            }
+            if self.reads[i].record || self.pause_before(end).is_some_and(|pause| pause >= least) {
+                return Some(end);
+            }
+        }
+    }
+
+    /// The longest pause between bytes of `from..to`.
+    pub fn longest_pause(&self, from: usize, to: usize) -> Option<Ns> {
+        let mut at = from;
+        let mut longest = None;
+        while let Some(i) = self.read_of(at) {
+            at = (self.reads[i].end - self.offset) as usize;
+            if at >= to {
+                break;
+            }
+            longest = longest.max(self.pause_before(at));
+        }
+        longest
+    }
+
+    /// Whether the receiver marked a line error in `from..to`.
+    pub fn line_error(&self, from: usize, to: usize) -> bool {
+        let Some(first) = self.read_of(from) else { return false };
+        let last = self.read_of(to.saturating_sub(1)).unwrap_or(first);
+        (first..=last).any(|i| self.reads[i].line_error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn timed(bytes: &[u8], time: Ns) -> Chunk<'_> {
+        Chunk { bytes, times: Times::Read(time), ..Chunk::default() }
+    }
+
+    #[test]
+    fn pauses_leave_out_the_bytes_own_time() {
+        let mut input = Input { char_ns: Some(1000), break_ns: 1_000_000, ..Input::default() };
+        input.push(&timed(&[1, 2], 10_000));
+        input.push(&timed(&[3, 4, 5], 20_000));
+        assert_eq!(input.pause_before(2), Some(7_000));
+        assert_eq!(input.pause_before(3), None);
+        assert_eq!(input.byte_time(3), Some(19_000));
+        input.consume(2);
+        assert_eq!(input.pause_before(0), Some(7_000));
+        input.consume(1);
+        assert_eq!((input.offset(), input.bytes()), (3, &[4u8, 5][..]));
+        assert_eq!(input.pause_before(0), None, "the middle of a read has no pause before it");
+    }
+
+    #[test]
+    fn blocks_of_a_file_are_one_read() {
+        let mut input = Input::default();
+        for byte in 0..100u8 {
+            input.push(&Chunk { bytes: &[byte], ..Chunk::default() });
+        }
+        assert_eq!(input.reads.len(), 1);
+        assert_eq!(input.edge_after(0, 100, 1), None);
+    }
+}

@@ -1,0 +1,28 @@
+//! Modbus without I/O and without Python: bytes and times in, frames, transactions and findings out.
+//!
+//! In the order of the way through: `chunk` (what comes in), `input` (bytes not framed yet), `framer` (where frames
+//! begin and end), `functions` and `pdu` (what bytes mean), `direction` and `pairing` (who asked and who answered),
+//! `check` and `finding` (what is wrong), `session` (all of it behind one `feed`), `records` and `columns` (rows and how
+//! they are read), `write` (text and Arrow), `predicate` (filters), `stats`, `text` (recordings in text).
+
+pub mod check;
+pub mod checksum;
+pub mod chunk;
+pub mod columns;
+pub mod direction;
+pub mod finding;
+pub mod framer;
+pub mod functions;
+pub mod input;
+pub mod line;
+pub mod pairing;
+pub mod pdu;
+pub mod predicate;
+pub mod records;
+pub mod session;
+pub mod stats;
+pub mod text;
+pub mod write;
+
+/// Nanoseconds: since 1970 or since any beginning, as the bus's clock says.
+pub type Ns = i64;

@@ -1,0 +1,491 @@
+//! Requests and responses of one bus joined to transactions.
+//!
+//! What is here decides about whole frames; where frames begin and who sent them is the framer's and `direction`'s.
+
+use std::collections::VecDeque;
+
+use crate::direction::{answers, Asked, Direction, Match, Pause};
+use crate::finding::Finding;
+use crate::framer::{Mode, Verdict};
+use crate::functions::{Functions, Layout, Operation, EXCEPTION_BIT};
+use crate::records::Status;
+use crate::Ns;
+
+/// The unit that all units listen to (serial line specification, 2.2).
+pub const BROADCAST: u8 = 0;
+
+/// Unanswered requests that a late answer may still belong to.
+const REMEMBERED: usize = 16;
+
+/// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
+const OPEN_LIMIT: usize = 1024;
+
+/// A frame, as pairing sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// Its number.
+    pub frame: u64,
+    /// Bytes on the wire.
+    pub wire: &'a [u8],
+    /// Unit and PDU in binary.
+    pub adu: &'a [u8],
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// Who sent it.
+    pub direction: Direction,
+    /// Framing.
+    pub mode: Mode,
+    /// Start of the first character.
+    pub start: Option<Ns>,
+    /// End of the last character.
+    pub end: Option<Ns>,
+    /// Whether its start is as exact as the clock: it begins a read.
+    pub clean_start: bool,
+    /// Silence before it.
+    pub gap: Option<Ns>,
+    /// MBAP transaction identifier.
+    pub mbap_id: Option<u16>,
+    /// Line or packet number, or the stream offset.
+    pub origin: u64,
+    /// What was found on the frame itself.
+    pub codes: &'a [Finding],
+}
+
+impl Seen<'_> {
+    fn unit(&self) -> u8 {
+        self.adu.first().copied().unwrap_or(0)
+    }
+
+    fn pdu(&self) -> &[u8] {
+        self.adu.get(1..).unwrap_or(&[])
+    }
+
+    fn function(&self) -> u8 {
+        self.pdu().first().copied().unwrap_or(0) & !EXCEPTION_BIT
+    }
+}
+
+/// One frame kept until its transaction is complete.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    /// Its number; 0 where there is none.
+    pub frame: u64,
+    /// Bytes on the wire.
+    pub wire: Vec<u8>,
+    /// Its PDU in binary.
+    pub pdu: Vec<u8>,
+    /// Start of the first character.
+    pub start: Option<Ns>,
+    /// End of the last character.
+    pub end: Option<Ns>,
+}
+
+impl Kept {
+    fn fill(&mut self, seen: &Seen<'_>) {
+        self.frame = seen.frame;
+        self.wire.clear();
+        self.wire.extend_from_slice(seen.wire);
+        self.pdu.clear();
+        self.pdu.extend_from_slice(seen.pdu());
+        self.start = seen.start;
+        self.end = seen.end;
+    }
+}
+
+/// A transaction while it is open, and what leaves when it is done.
+#[derive(Clone, Debug)]
+pub struct Exchange {
+    /// Running number.
+    pub txn: u64,
+    /// Unit.
+    pub unit: u8,
+    /// Function code without the exception bit.
+    pub function: u8,
+    /// Framing.
+    pub mode: Mode,
+    /// How it ended.
+    pub status: Status,
+    /// Exception code.
+    pub exception: Option<u8>,
+    /// The request.
+    pub request: Kept,
+    /// The response.
+    pub response: Kept,
+    /// End of request to start of response.
+    pub response_time: Option<Ns>,
+    /// End of an unanswered request to the next request.
+    pub waited: Option<Ns>,
+    /// End of the request to the start of a late answer.
+    pub late_response: Option<Ns>,
+    /// The transaction that this request repeats.
+    pub retry_of: Option<u64>,
+    /// The transaction that this late answer belongs to.
+    pub late_for: Option<u64>,
+    /// Silence before the request.
+    pub gap: Option<Ns>,
+    /// MBAP transaction identifier.
+    pub mbap_id: Option<u16>,
+    /// What was found.
+    pub findings: Vec<Finding>,
+    /// Line or packet number, or the stream offset.
+    pub origin: u64,
+    /// The time-out has passed; an answer now is late.
+    given_up: bool,
+    /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
+    silent: bool,
+}
+
+impl Exchange {
+    fn new(mode: Mode) -> Self {
+        Self {
+            txn: 0,
+            unit: 0,
+            function: 0,
+            mode,
+            status: Status::NoResponse,
+            exception: None,
+            request: Kept::default(),
+            response: Kept::default(),
+            response_time: None,
+            waited: None,
+            late_response: None,
+            retry_of: None,
+            late_for: None,
+            gap: None,
+            mbap_id: None,
+            findings: Vec::new(),
+            origin: 0,
+            given_up: false,
+            silent: false,
+        }
+    }
+}
+
+/// An unanswered request, in short.
+#[derive(Clone, Debug)]
+struct Unanswered {
+    txn: u64,
+    unit: u8,
+    pdu: Vec<u8>,
+    end: Option<Ns>,
+}
+
+/// What this bus has shown of its tempo.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tempo {
+    /// Typical time to answer.
+    answer: Option<f64>,
+    /// Typical time until the master asks again.
+    timeout: Option<f64>,
+}
+
+impl Tempo {
+    fn learn(slot: &mut Option<f64>, ns: Ns) {
+        let value = (ns.max(1)) as f64;
+        *slot = Some(slot.map_or(value, |old| old * 0.9 + value * 0.1));
+    }
+
+    /// Which of the two a silence is like, by the ratio to either.
+    pub fn judge(&self, gap: Option<Ns>) -> Pause {
+        let (Some(gap), Some(answer)) = (gap.map(|ns| ns.max(1) as f64), self.answer) else { return Pause::Unknown };
+        match self.timeout.filter(|&timeout| timeout > 4.0 * answer) {
+            // The middle between the two, as ratios go.
+            Some(timeout) if gap * gap > answer * timeout => Pause::LikeTimeout,
+            None if gap > 30.0 * answer => Pause::LikeTimeout,
+            _ => Pause::LikeAnswer,
+        }
+    }
+}
+
+/// Pairing of one bus, or one connection.
+#[derive(Debug)]
+pub struct Pairing {
+    open: VecDeque<Exchange>,
+    unanswered: VecDeque<Unanswered>,
+    spare: Vec<Exchange>,
+    /// What was learned of the bus's tempo.
+    pub tempo: Tempo,
+    timeout: Ns,
+    /// Times that differ by less than twice this are not told apart.
+    pub resolution: Ns,
+    live: bool,
+}
+
+/// What becomes of a frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Placed {
+    /// Its transaction.
+    pub txn: Option<u64>,
+    /// A finding on the pair that shows on this frame.
+    pub finding: Option<Finding>,
+    /// The transaction that the finding's detail refers to.
+    pub other: Option<u64>,
+}
+
+impl Pairing {
+    /// Pairing with this time-out.
+    pub fn new(timeout: Ns, live: bool) -> Self {
+        Self {
+            open: VecDeque::new(),
+            unanswered: VecDeque::new(),
+            spare: Vec::new(),
+            tempo: Tempo::default(),
+            timeout,
+            resolution: 0,
+            live,
+        }
+    }
+
+    /// The request that the next frame may answer.
+    pub fn asked(&self) -> Option<Asked<'_>> {
+        self.open.back().map(|exchange| Asked { unit: exchange.unit, pdu: &exchange.request.pdu })
+    }
+
+    /// The smallest number of a transaction that is not done.
+    pub fn oldest(&self) -> Option<u64> {
+        self.open.iter().map(|exchange| exchange.txn).min()
+    }
+
+    /// Takes back an exchange whose rows were written, to use its buffers again.
+    pub fn recycle(&mut self, exchange: Exchange) {
+        if self.spare.len() < 8 {
+            self.spare.push(exchange);
+        }
+    }
+
+    /// Places a frame; `done` gets what it completes.
+    pub fn take(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+        match (seen.verdict.good(), seen.direction) {
+            (_, _) if seen.verdict == Verdict::Noise || seen.adu.len() < 2 => Placed::default(),
+            (true, Direction::Request) => self.request(functions, seen, next_txn, done),
+            (true, Direction::Response) => self.response(functions, seen, next_txn, done),
+            (true, Direction::Unknown) => Placed::default(),
+            (false, direction) => self.damaged(functions, seen, direction, next_txn, done),
+        }
+    }
+
+    fn start(&mut self, seen: &Seen<'_>, next_txn: &mut u64) -> Exchange {
+        let mut exchange = self.spare.pop().map_or_else(
+            || Exchange::new(seen.mode),
+            |old| Exchange { request: old.request, response: old.response, findings: old.findings, ..Exchange::new(seen.mode) },
+        );
+        exchange.findings.clear();
+        exchange.response.frame = 0;
+        exchange.request.frame = 0;
+        for kept in [&mut exchange.request, &mut exchange.response] {
+            kept.wire.clear();
+            kept.pdu.clear();
+            (kept.start, kept.end) = (None, None);
+        }
+        exchange.txn = *next_txn;
+        *next_txn += 1;
+        exchange.unit = seen.unit();
+        exchange.function = seen.function();
+        exchange.mbap_id = seen.mbap_id;
+        exchange.origin = seen.origin;
+        exchange
+    }
+
+    fn request(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+        if seen.mode == Mode::Tcp {
+            if self.open.len() >= OPEN_LIMIT {
+                self.give_up_oldest(seen.start, done);
+            }
+        } else {
+            while !self.open.is_empty() {
+                self.give_up_oldest(seen.start, done);
+            }
+        }
+        let mut exchange = self.start(seen, next_txn);
+        exchange.request.fill(seen);
+        exchange.findings.extend_from_slice(seen.codes);
+        exchange.gap = seen.gap;
+        let txn = exchange.txn;
+        let mut placed = Placed { txn: Some(txn), ..Placed::default() };
+        if let Some(last) = self.unanswered.back().filter(|last| last.txn + 1 == txn || seen.mode != Mode::Tcp) {
+            if last.unit == exchange.unit && last.pdu == exchange.request.pdu && last.txn + 1 == txn {
+                exchange.retry_of = Some(last.txn);
+                exchange.findings.push(Finding::Retry);
+                placed.finding = Some(Finding::Retry);
+                placed.other = Some(last.txn);
+            }
+        }
+        if exchange.unit == BROADCAST && seen.mode != Mode::Tcp {
+            exchange.status = Status::Broadcast;
+            let row = functions.row(exchange.function, exchange.request.pdu.get(1..).unwrap_or(&[]));
+            if row.is_some_and(|row| row.operation == Operation::Read) {
+                exchange.findings.push(Finding::BroadcastRead);
+                placed.finding = Some(Finding::BroadcastRead);
+            }
+            done.push(exchange);
+        } else {
+            exchange.silent = silent(functions, &exchange);
+            self.open.push_back(exchange);
+        }
+        placed
+    }
+
+    fn response(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+        let Some(at) = self.answered(functions, seen) else {
+            return self.unrequested(functions, seen, next_txn, done);
+        };
+        let mut exchange = self.open.remove(at).expect("found above");
+        exchange.response.fill(seen);
+        exchange.findings.extend_from_slice(seen.codes);
+        exchange.exception =
+            seen.pdu().first().filter(|&code| code & EXCEPTION_BIT != 0).and_then(|_| seen.pdu().get(1).copied());
+        if exchange.status != Status::BadRequest {
+            exchange.status = if exchange.exception.is_some() { Status::Exception } else { Status::Ok };
+        }
+        if exchange.exception.is_some() {
+            exchange.findings.push(Finding::Exception);
+        }
+        exchange.response_time = self.since(exchange.request.end, seen);
+        if let Some(time) = exchange.response_time {
+            Tempo::learn(&mut self.tempo.answer, time);
+        }
+        let placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
+        done.push(exchange);
+        placed
+    }
+
+    /// Which open request the response answers.
+    fn answered(&self, functions: &Functions, seen: &Seen<'_>) -> Option<usize> {
+        let fits = |exchange: &Exchange| {
+            let asked = Asked { unit: exchange.unit, pdu: &exchange.request.pdu };
+            !exchange.given_up && answers(functions, asked, seen.unit(), seen.pdu()) != Match::No
+        };
+        let same_id = |exchange: &Exchange| exchange.mbap_id == seen.mbap_id;
+        self.open
+            .iter()
+            .position(|exchange| same_id(exchange) && fits(exchange))
+            .or_else(|| self.open.iter().position(|exchange| seen.mbap_id.is_none() && fits(exchange)))
+    }
+
+    fn since(&self, end: Option<Ns>, seen: &Seen<'_>) -> Option<Ns> {
+        let time = seen.start? - end?;
+        (seen.clean_start && time >= 2 * self.resolution && time >= 0).then_some(time)
+    }
+
+    fn unrequested(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+        let mut exchange = self.start(seen, next_txn);
+        exchange.response.fill(seen);
+        exchange.findings.extend_from_slice(seen.codes);
+        exchange.status = Status::Unrequested;
+        exchange.exception =
+            seen.pdu().first().filter(|&code| code & EXCEPTION_BIT != 0).and_then(|_| seen.pdu().get(1).copied());
+        exchange.gap = seen.gap;
+        let mut placed = Placed { txn: Some(exchange.txn), finding: Some(Finding::Unrequested), other: None };
+        let late = |unit: u8, pdu: &[u8]| answers(functions, Asked { unit, pdu }, seen.unit(), seen.pdu()) == Match::Fully;
+        let open = self.open.iter().find(|old| old.given_up && late(old.unit, &old.request.pdu));
+        let candidate = open.map(|old| (old.txn, old.request.end)).or_else(|| {
+            let at = self.unanswered.iter().rposition(|old| late(old.unit, &old.pdu))?;
+            self.unanswered.remove(at).map(|old| (old.txn, old.end))
+        });
+        if let Some((txn, end)) = candidate {
+            exchange.late_for = Some(txn);
+            exchange.late_response = self.since(end, seen);
+            placed = Placed { finding: Some(Finding::LateResponse), other: Some(txn), ..placed };
+        } else if let Some(open) = self.open.back() {
+            placed.other = Some(open.txn);
+            if open.function == exchange.function && open.unit != exchange.unit {
+                placed.finding = Some(Finding::WrongUnit);
+            } else if open.unit == exchange.unit && open.function != exchange.function {
+                placed.finding = Some(Finding::WrongFunction);
+            }
+        }
+        exchange.findings.extend(placed.finding);
+        done.push(exchange);
+        placed
+    }
+
+    fn damaged(
+        &mut self,
+        functions: &Functions,
+        seen: &Seen<'_>,
+        direction: Direction,
+        next_txn: &mut u64,
+        done: &mut Vec<Exchange>,
+    ) -> Placed {
+        if let Some(open) = self.open.back_mut().filter(|open| !open.given_up) {
+            let ours = seen.unit() == open.unit && seen.function() == open.function;
+            if open.response.frame == 0 && (ours || direction != Direction::Request) {
+                open.response.fill(seen);
+                open.findings.extend_from_slice(seen.codes);
+                return Placed { txn: Some(open.txn), ..Placed::default() };
+            }
+        }
+        let request_like = direction == Direction::Request && functions.name(seen.function()).is_some();
+        if seen.mode == Mode::Tcp || !request_like || seen.verdict != Verdict::BadChecksum {
+            return Placed::default();
+        }
+        while !self.open.is_empty() {
+            self.give_up_oldest(seen.start, done);
+        }
+        let mut exchange = self.start(seen, next_txn);
+        exchange.request.fill(seen);
+        exchange.gap = seen.gap;
+        exchange.status = Status::BadRequest;
+        exchange.findings.extend_from_slice(seen.codes);
+        let txn = exchange.txn;
+        self.open.push_back(exchange);
+        Placed { txn: Some(txn), ..Placed::default() }
+    }
+
+    /// Closes the oldest open request: another one came.
+    fn give_up_oldest(&mut self, next: Option<Ns>, done: &mut Vec<Exchange>) {
+        let Some(mut exchange) = self.open.pop_front() else { return };
+        exchange.waited = next.zip(exchange.request.end).map(|(next, end)| next - end).filter(|&ns| ns >= 2 * self.resolution);
+        // Functions whose answers look like requests must not teach the time-out that tells them apart.
+        if let Some(waited) =
+            exchange.waited.filter(|_| exchange.response.frame == 0 && !exchange.silent && !echoes_whole(exchange.function))
+        {
+            Tempo::learn(&mut self.tempo.timeout, waited);
+        }
+        self.close(exchange, Status::NoResponse, done);
+    }
+
+    fn close(&mut self, mut exchange: Exchange, silence: Status, done: &mut Vec<Exchange>) {
+        if exchange.status != Status::BadRequest {
+            exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
+        }
+        if exchange.status == Status::NoResponse && !exchange.silent {
+            exchange.findings.push(Finding::NoResponse);
+            if self.unanswered.len() == REMEMBERED {
+                self.unanswered.pop_front();
+            }
+            let (txn, unit, end) = (exchange.txn, exchange.unit, exchange.request.end);
+            self.unanswered.push_back(Unanswered { txn, unit, end, pdu: exchange.request.pdu.clone() });
+        }
+        done.push(exchange);
+    }
+
+    /// Time has come to `now`: gives up requests whose time-out has passed.
+    pub fn tick(&mut self, now: Ns, done: &mut Vec<Exchange>) {
+        for exchange in &mut self.open {
+            exchange.given_up |= exchange.request.end.is_some_and(|end| now - end >= self.timeout);
+        }
+        // A live tap reports at once; in a recording the row waits for the next request, to tell how long the master waited.
+        while self.live && self.open.front().is_some_and(|exchange| exchange.given_up) {
+            let exchange = self.open.pop_front().expect("checked above");
+            self.close(exchange, Status::NoResponse, done);
+        }
+    }
+
+    /// The recording is over.
+    pub fn finish(&mut self, done: &mut Vec<Exchange>) {
+        while let Some(exchange) = self.open.pop_front() {
+            let status = if exchange.given_up { Status::NoResponse } else { Status::NotSeen };
+            self.close(exchange, status, done);
+        }
+    }
+}
+
+fn silent(functions: &Functions, exchange: &Exchange) -> bool {
+    let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
+    functions.row(exchange.function, body).is_some_and(|row| row.response == Layout::Silent)
+}
+
+fn echoes_whole(function: u8) -> bool {
+    Functions::embedded().row(function, &[]).is_some_and(|row| row.request == row.response)
+}

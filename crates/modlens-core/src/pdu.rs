@@ -1,0 +1,423 @@
+//! PDU bodies by their shape: decode, encode, check. Values borrow the bytes.
+
+use serde_json::{json, Map, Value as Json};
+
+use crate::functions::{Field, Functions, Layout, Row, Shape, Word, EXCEPTION_BIT};
+
+/// One decoded field.
+#[derive(Clone, Debug)]
+pub struct Node<'a> {
+    /// The field of the table.
+    pub field: &'a Field,
+    /// Offset in the body.
+    pub offset: usize,
+    /// The bytes.
+    pub bytes: &'a [u8],
+    /// The groups of a group list.
+    pub groups: Vec<Vec<Node<'a>>>,
+}
+
+/// A decoded body.
+#[derive(Clone, Debug)]
+pub struct Decoded<'a> {
+    /// Fields in wire order.
+    pub nodes: Vec<Node<'a>>,
+    /// Whether every announced byte was there.
+    pub complete: bool,
+    /// Body bytes that the layout covers.
+    pub used: usize,
+}
+
+/// Decodes a body by its shape; never fails: what is missing makes it incomplete.
+pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
+    let mut complete = true;
+    let mut at = 0;
+    let nodes = decode_fields(&shape.fields, body, &mut at, body.len(), &mut complete);
+    Decoded { nodes, complete, used: at }
+}
+
+fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut end: usize, complete: &mut bool) -> Vec<Node<'a>> {
+    let mut nodes = Vec::with_capacity(fields.len());
+    let mut count: Option<usize> = None;
+    for field in fields {
+        let width = field.word.width();
+        let start = *at;
+        if width > 0 {
+            if start + width > end {
+                *complete = false;
+                return nodes;
+            }
+            let bytes = &body[start..start + width];
+            *at += width;
+            let value = number(bytes);
+            match field.word {
+                Word::Len8 | Word::Len16 => {
+                    *complete &= *at + value as usize <= end;
+                    end = end.min(*at + value as usize);
+                }
+                Word::Count8 | Word::Count16 => count = Some(value as usize),
+                _ => {}
+            }
+            nodes.push(Node { field, offset: start, bytes, groups: Vec::new() });
+            continue;
+        }
+        let items = count.take();
+        let mut groups = Vec::new();
+        if let Word::Group(inner) = &field.word {
+            while *at < end && items.is_none_or(|items| groups.len() < items) {
+                let before = *at;
+                let group = decode_fields(inner, body, at, end, complete);
+                // Half an item takes no bytes: it stays outside and shows up as extra.
+                if *at == before {
+                    break;
+                }
+                groups.push(group);
+            }
+            *complete &= items.is_none_or(|items| groups.len() == items);
+        } else {
+            let wanted = items.map_or(end - start, |items| list_bytes(&field.word, items));
+            *complete &= start + wanted <= end;
+            // Half a register at the end belongs to no value; it stays outside and shows up as extra.
+            let whole = if field.word == Word::U16List { (end - start).min(wanted) & !1 } else { (end - start).min(wanted) };
+            *at = start + whole;
+        }
+        nodes.push(Node { field, offset: start, bytes: &body[start..*at], groups });
+    }
+    nodes
+}
+
+fn list_bytes(word: &Word, items: usize) -> usize {
+    match word {
+        Word::U16List => 2 * items,
+        Word::Bits => items.div_ceil(8),
+        _ => items,
+    }
+}
+
+/// The big-endian number of one or two bytes.
+pub fn number(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |value, &byte| value << 8 | u32::from(byte))
+}
+
+/// Two bytes at an offset of the body, if they are there.
+#[inline]
+pub fn u16_at(body: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]))
+}
+
+/// The numbers of a list field.
+pub fn items(word: &Word, bytes: &[u8]) -> Vec<u32> {
+    match word {
+        Word::U16List => bytes.chunks_exact(2).map(number).collect(),
+        Word::Bits => (0..bytes.len() * 8).map(|i| u32::from(bytes[i / 8] >> (i % 8) & 1)).collect(),
+        _ => bytes.iter().map(|&b| u32::from(b)).collect(),
+    }
+}
+
+impl Node<'_> {
+    /// The value as JSON: a number, a list, hex text for bytes, objects for groups.
+    pub fn json(&self) -> Json {
+        match &self.field.word {
+            Word::Group(_) => self.groups.iter().map(|group| Json::Object(object(group))).collect(),
+            Word::Bytes => Json::from(hex(self.bytes)),
+            Word::Bits | Word::U8List | Word::U16List => Json::from(items(&self.field.word, self.bytes)),
+            _ => Json::from(number(self.bytes)),
+        }
+    }
+
+    fn tree(&self, shift: usize) -> Json {
+        let children: Vec<Json> =
+            self.groups.iter().map(|group| group.iter().map(|node| node.tree(shift)).collect::<Vec<_>>().into()).collect();
+        let length = self
+            .groups
+            .last()
+            .and_then(|g| g.last())
+            .map_or(self.bytes.len(), |last| last.offset + last.bytes.len() - self.offset);
+        json!({
+            "name": self.field.name, "word": self.field.word.spelling(), "offset": self.offset + shift, "length": length,
+            "value": self.json(), "children": children,
+        })
+    }
+}
+
+/// The fields as an object: name -> value.
+pub fn object(nodes: &[Node<'_>]) -> Map<String, Json> {
+    nodes.iter().map(|node| (node.field.name.clone(), node.json())).collect()
+}
+
+/// Lower-case hex.
+pub fn hex(bytes: &[u8]) -> String {
+    let mut text = Vec::with_capacity(bytes.len() * 2);
+    push_hex(bytes, &mut text);
+    String::from_utf8(text).unwrap_or_default()
+}
+
+/// Appends lower-case hex.
+#[inline]
+pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
+    const DIGITS: &[u8; 16] = b"0123456789abcdef";
+    for &byte in bytes {
+        out.extend([DIGITS[(byte >> 4) as usize], DIGITS[(byte & 15) as usize]]);
+    }
+}
+
+/// A whole PDU as a JSON tree; offsets count from the function code.
+pub fn describe(functions: &Functions, pdu: &[u8], response: bool) -> Json {
+    let Some((&code, body)) = pdu.split_first() else {
+        return json!({"function": null, "name": null, "exception": null, "complete": false, "fields": []});
+    };
+    let function = code & !EXCEPTION_BIT;
+    let name = functions.name(function);
+    if code & EXCEPTION_BIT != 0 {
+        let mut fields = Vec::new();
+        if let Some(exception) = body.first() {
+            fields.push(
+                json!({"name": "exception_code", "word": "u8", "offset": 1, "length": 1, "value": exception, "children": []}),
+            );
+        }
+        extra(&mut fields, body, 1);
+        return json!({"function": function, "name": name, "exception": body.first(), "complete": !body.is_empty(), "fields": fields});
+    }
+    let row = functions.row(function, body);
+    let layout = row.map(|row| if response { &row.response } else { &row.request });
+    let mut fields = Vec::new();
+    let (mut complete, mut used) = (true, 0);
+    if let Some(shape) = layout.and_then(Layout::shape) {
+        let decoded = decode(shape, body);
+        (complete, used) = (decoded.complete, decoded.used);
+        fields = decoded.nodes.iter().map(|node| node.tree(1)).collect();
+    }
+    extra(&mut fields, body, used);
+    json!({"function": function, "name": name, "exception": null, "complete": complete, "fields": fields})
+}
+
+fn extra(fields: &mut Vec<Json>, body: &[u8], used: usize) {
+    if let Some(rest) = body.get(used..).filter(|rest| !rest.is_empty()) {
+        let value = hex(rest);
+        fields.push(
+            json!({"name": "extra", "word": "bytes", "offset": used + 1, "length": rest.len(), "value": value, "children": []}),
+        );
+    }
+}
+
+/// The PDU of these values; lengths and counts are filled in, and a quantity that only counts the values given.
+///
+/// The error names the field and what it takes.
+pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<String, Json>) -> Result<Vec<u8>, String> {
+    if let Some(exception) = values.get("exception_code") {
+        let code = take_number("exception_code", exception, 1)?;
+        return Ok(vec![function | EXCEPTION_BIT, code as u8]);
+    }
+    let row = choose_row(functions, function, values)?;
+    let layout = if response { &row.response } else { &row.request };
+    let shape = match layout {
+        Layout::Body(shape) => shape,
+        Layout::Silent => return Err(format!("function {function} is not answered")),
+        Layout::Unknown => return Err(format!("the layout of function {function} is not public: use show or a hex dump")),
+    };
+    if let Some(name) = values.keys().find(|name| !shape.fields.iter().any(|field| field.name == **name)) {
+        let known: Vec<&str> = shape.fields.iter().map(|field| field.name.as_str()).collect();
+        return Err(format!(
+            "{} has no field {name:?}; it has {}",
+            row.name,
+            if known.is_empty() { "none".into() } else { known.join(", ") }
+        ));
+    }
+    let mut pdu = vec![function];
+    encode_fields(&shape.fields, values, &mut pdu)?;
+    Ok(pdu)
+}
+
+fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, Json>) -> Result<&'a Row, String> {
+    let mut rows = functions.rows().filter(|row| row.code == function);
+    let chosen = rows.find(|row| match (row.when, row.request.shape().and_then(|shape| shape.fields.first())) {
+        (Some(when), Some(field)) => values.get(&field.name).and_then(Json::as_u64) == Some(u64::from(when)),
+        _ => true,
+    });
+    chosen.ok_or_else(|| format!("function {function} is not in the table; --functions loads further rows"))
+}
+
+fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>) -> Result<(), String> {
+    // The length counts everything behind it, so the rest is built first.
+    for (i, field) in fields.iter().enumerate() {
+        let width = field.word.width();
+        let rest = &fields[i + 1..];
+        let given = values.get(&field.name);
+        match (&field.word, given) {
+            (_, Some(value)) if width > 0 => push_number(out, take_number(&field.name, value, width)?, width),
+            (Word::Len8 | Word::Len16, None) => {
+                let mut tail = Vec::new();
+                encode_fields(rest, values, &mut tail)?;
+                push_number(out, fitting(&field.name, tail.len(), width)?, width);
+                out.extend(tail);
+                return Ok(());
+            }
+            (Word::Count8 | Word::Count16, None) => {
+                let count = rest.first().map_or(0, |list| count_items(list, values));
+                push_number(out, fitting(&field.name, count, width)?, width);
+            }
+            (_, None) if width > 0 => {
+                let quantity = quantity_field(&field.name).and_then(|prefix| {
+                    rest.iter().find(|list| {
+                        let own = list.name.strip_prefix(prefix).is_some_and(|name| !name.contains('_'));
+                        matches!(list.word, Word::Bits | Word::U16List) && own
+                    })
+                });
+                let Some(list) = quantity.filter(|list| values.contains_key(&list.name)) else {
+                    return Err(format!("{} is missing: a number", field.name));
+                };
+                push_number(out, fitting(&field.name, count_items(list, values), width)?, width);
+            }
+            (Word::Group(inner), value) => {
+                for group in value.and_then(Json::as_array).map_or(&[][..], |groups| groups) {
+                    let group = group.as_object().ok_or_else(|| format!("{} takes a list of objects", field.name))?;
+                    encode_fields(inner, group, out)?;
+                }
+            }
+            (_, None) => {}
+            (word, Some(value)) => push_list(&field.name, word, value, out)?,
+        }
+    }
+    Ok(())
+}
+
+/// `quantity` counts `registers` or `coils`, `write_quantity` the list whose name starts with `write_`.
+fn quantity_field(name: &str) -> Option<&str> {
+    name.strip_suffix("quantity")
+}
+
+fn count_items(list: &Field, values: &Map<String, Json>) -> usize {
+    match values.get(&list.name) {
+        Some(Json::Array(items)) => items.len(),
+        Some(Json::String(text)) => {
+            let bytes = text.bytes().filter(u8::is_ascii_hexdigit).count() / 2;
+            match list.word {
+                Word::U16List => bytes / 2,
+                Word::Bits => bytes * 8,
+                _ => bytes,
+            }
+        }
+        _ => 0,
+    }
+}
+
+fn fitting(name: &str, value: usize, width: usize) -> Result<u32, String> {
+    u32::try_from(value)
+        .ok()
+        .filter(|&v| v < 1 << (8 * width))
+        .ok_or_else(|| format!("{name}: {value} does not fit into {width} byte(s)"))
+}
+
+fn take_number(name: &str, value: &Json, width: usize) -> Result<u32, String> {
+    let top = (1u64 << (8 * width)) - 1;
+    let number =
+        value.as_u64().filter(|&v| v <= top).ok_or_else(|| format!("{name} takes a number from 0 to {top}, not {value}"))?;
+    Ok(number as u32)
+}
+
+fn push_number(out: &mut Vec<u8>, value: u32, width: usize) {
+    out.extend(&value.to_be_bytes()[4 - width..]);
+}
+
+fn push_list(name: &str, word: &Word, value: &Json, out: &mut Vec<u8>) -> Result<(), String> {
+    if let Json::String(text) = value {
+        out.extend(parse_hex(text).ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {text:?}"))?);
+        return Ok(());
+    }
+    let list = value.as_array().ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {value}"))?;
+    let width = if *word == Word::U16List { 2 } else { 1 };
+    let numbers: Vec<u32> = list.iter().map(|item| take_number(name, item, width)).collect::<Result<_, _>>()?;
+    if *word == Word::Bits {
+        let mut bytes = vec![0u8; numbers.len().div_ceil(8)];
+        for (i, &bit) in numbers.iter().enumerate() {
+            if bit > 1 {
+                return Err(format!("{name} takes bits (0 or 1), not {bit}"));
+            }
+            bytes[i / 8] |= (bit as u8) << (i % 8);
+        }
+        out.extend(bytes);
+    } else {
+        numbers.into_iter().for_each(|value| push_number(out, value, width));
+    }
+    Ok(())
+}
+
+/// The bytes of a hex text; blanks are ignored.
+pub fn parse_hex(text: &str) -> Option<Vec<u8>> {
+    let digits: Option<Vec<u8>> = text.chars().filter(|c| !c.is_whitespace()).map(|c| c.to_digit(16).map(|d| d as u8)).collect();
+    let digits = digits.filter(|digits| digits.len() % 2 == 0)?;
+    Some(digits.chunks_exact(2).map(|pair| pair[0] << 4 | pair[1]).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn examples_decode_whole_and_encode_back() {
+        let functions = Functions::embedded();
+        for row in functions.rows() {
+            for (key, response) in [("request", false), ("response", true)] {
+                let Some(text) = row.source["example"].get(key).and_then(Json::as_str) else { continue };
+                let pdu = parse_hex(text).unwrap();
+                let tree = describe(functions, &pdu, response);
+                let layout = if response { &row.response } else { &row.request };
+                let Some(shape) = layout.shape() else { continue };
+                assert_eq!(tree["complete"], true, "{text}");
+                let decoded = decode(shape, &pdu[1..]);
+                assert_eq!(decoded.used, pdu.len() - 1, "{text}");
+                assert!(shape.fits(&pdu[1..]), "{text}");
+                assert_eq!(encode(functions, row.code, response, &object(&decoded.nodes)).unwrap(), pdu, "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn lengths_and_quantities_are_filled_in() {
+        let functions = Functions::embedded();
+        let values = json!({"address": 1, "registers": [10, 258]});
+        let pdu = encode(functions, 16, false, values.as_object().unwrap()).unwrap();
+        assert_eq!(hex(&pdu), "100001000204000a0102");
+        let values = json!({"address": 3, "quantity": 6, "write_address": 14, "write_registers": [255, 255, 255]});
+        assert_eq!(hex(&encode(functions, 23, false, values.as_object().unwrap()).unwrap()), "1700030006000e00030600ff00ff00ff");
+        let unsaid = json!({"address": 3, "write_address": 14, "write_registers": [255]});
+        assert!(encode(functions, 23, false, unsaid.as_object().unwrap()).unwrap_err().contains("quantity is missing"));
+        let wrong = json!({"address": 70000});
+        assert!(encode(functions, 3, false, wrong.as_object().unwrap()).unwrap_err().contains("0 to 65535"));
+        let wrong = json!({"adress": 7});
+        assert!(encode(functions, 3, false, wrong.as_object().unwrap()).unwrap_err().contains("address, quantity"));
+    }
+
+    #[test]
+    fn half_an_item_of_a_group_does_not_hold_up_the_decoder() {
+        let mut functions = Functions::default();
+        let row = r#"
+            format = 1
+            [[function]]
+            code = 0x47
+            name = "Pairs"
+            section = "vendor"
+            summary = "pairs of words"
+            request = ["pairs:group{first:u16 second:u16}"]
+            response = ["lists:group{items:u16[]}"]
+            example = { request = "47 0001 0002", response = "47 0001" }
+        "#;
+        functions.load(row, "pairs.toml", None).unwrap();
+        for response in [false, true] {
+            let tree = describe(&functions, &[0x47, 0, 1, 0, 2, 3], response);
+            assert_eq!(tree["fields"][1]["name"], "extra", "{tree}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_body_decodes(code in 0u8..=255, body in proptest::collection::vec(any::<u8>(), 0..260), response: bool) {
+            let mut pdu = vec![code];
+            pdu.extend(&body);
+            let tree = describe(Functions::embedded(), &pdu, response);
+            let covered: usize = tree["fields"].as_array().unwrap().iter().map(|f| f["length"].as_u64().unwrap() as usize).sum();
+            prop_assert!(covered <= body.len());
+        }
+    }
+}

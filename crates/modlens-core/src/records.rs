@@ -1,0 +1,276 @@
+//! Rows as they leave the session: plain structs over one arena of bytes.
+//!
+//! Columns are not stored: `columns` reads them off the rows when somebody asks.
+
+use std::sync::Arc;
+
+use crate::direction::Direction;
+use crate::finding::Finding;
+use crate::framer::{CutBy, Mode, Verdict};
+use crate::functions::Functions;
+use crate::Ns;
+
+/// Bytes in the arena of a batch.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Span {
+    /// First byte.
+    pub start: u32,
+    /// How many.
+    pub length: u32,
+}
+
+impl Span {
+    /// The bytes.
+    #[inline]
+    pub fn of<T>(self, arena: &[T]) -> &[T] {
+        &arena[self.start as usize..(self.start + self.length) as usize]
+    }
+}
+
+/// What a place number in `origin` counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// `file@offset`
+    Offset,
+    /// `file:line`
+    Line,
+    /// `file#packet`
+    Packet,
+}
+
+/// What kind of clock a bus has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clock {
+    /// Date, time and zone are known: ns since 1970.
+    Utc,
+    /// Only differences mean anything.
+    Relative,
+    /// None.
+    #[default]
+    None,
+}
+
+/// What all rows of a bus share.
+#[derive(Clone, Debug)]
+pub struct Bus {
+    /// As the `bus` column names it.
+    pub name: String,
+    /// The file or port, as `source` names it.
+    pub source: String,
+    /// What `origin` counts.
+    pub place: Place,
+    /// Its clock.
+    pub clock: Clock,
+}
+
+/// One frame on the wire, or one run of noise.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Running number from 1.
+    pub number: u64,
+    /// Which bus.
+    pub bus: u32,
+    /// Which line of a two-line tap; 0 for the only one.
+    pub line: u8,
+    /// Position in the stream.
+    pub offset: u64,
+    /// The bytes.
+    pub wire: Span,
+    /// Start of the first character.
+    pub start: Option<Ns>,
+    /// The same, since the first byte of the recording.
+    pub elapsed: Option<Ns>,
+    /// Silence before it.
+    pub gap: Option<Ns>,
+    /// Framing.
+    pub mode: Mode,
+    /// Who sent it.
+    pub direction: Direction,
+    /// Unit.
+    pub unit: Option<u8>,
+    /// Function code with the exception bit.
+    pub code: Option<u8>,
+    /// Exception code.
+    pub exception: Option<u8>,
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// Checksum right, but not yet to be believed.
+    pub tentative: bool,
+    /// Bits.
+    pub confidence: u8,
+    /// What ended it.
+    pub cut_by: CutBy,
+    /// Its transaction.
+    pub txn: Option<u64>,
+    /// MBAP transaction identifier.
+    pub mbap_id: Option<u16>,
+    /// In `Batch::codes`.
+    pub findings: Span,
+    /// Line or packet number in the file.
+    pub origin: u64,
+}
+
+/// How a transaction ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Status {
+    /// Answered.
+    Ok,
+    /// Refused.
+    Exception,
+    /// Not answered.
+    NoResponse,
+    /// Sent to all; no answer is due.
+    Broadcast,
+    /// The request arrived damaged.
+    BadRequest,
+    /// An answer came, but damaged.
+    BadResponse,
+    /// A response that nobody asked for.
+    Unrequested,
+    /// The recording ended before an answer could show.
+    NotSeen,
+}
+
+impl Status {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Ok,
+        Self::Exception,
+        Self::NoResponse,
+        Self::Broadcast,
+        Self::BadRequest,
+        Self::BadResponse,
+        Self::Unrequested,
+        Self::NotSeen,
+    ];
+
+    /// As the `status` column spells it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Exception => "exception",
+            Self::NoResponse => "no_response",
+            Self::Broadcast => "broadcast",
+            Self::BadRequest => "bad_request",
+            Self::BadResponse => "bad_response",
+            Self::Unrequested => "unrequested",
+            Self::NotSeen => "not_seen",
+        }
+    }
+}
+
+/// One frame's part in a transaction.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Half {
+    /// Number of the frame; 0 where there is none.
+    pub frame: u64,
+    /// Bytes on the wire.
+    pub wire: Span,
+    /// Its PDU.
+    pub pdu: Span,
+    /// Start of its first character.
+    pub start: Option<Ns>,
+}
+
+/// A request and its response.
+#[derive(Clone, Debug)]
+pub struct Transaction {
+    /// Running number from 1, in request order.
+    pub number: u64,
+    /// Which bus.
+    pub bus: u32,
+    /// Framing.
+    pub mode: Mode,
+    /// Start of the request, or of a response nobody asked for.
+    pub start: Option<Ns>,
+    /// The same, since the first byte of the recording.
+    pub elapsed: Option<Ns>,
+    /// Unit.
+    pub unit: u8,
+    /// Function code without the exception bit.
+    pub function: u8,
+    /// How it ended.
+    pub status: Status,
+    /// Exception code.
+    pub exception: Option<u8>,
+    /// End of request to start of response.
+    pub response_time: Option<Ns>,
+    /// End of an unanswered request to the next request.
+    pub waited: Option<Ns>,
+    /// End of the request to the start of a late answer.
+    pub late_response: Option<Ns>,
+    /// The transaction that this request repeats.
+    pub retry_of: Option<u64>,
+    /// The transaction that this late answer belongs to.
+    pub late_for: Option<u64>,
+    /// Silence before the request.
+    pub gap: Option<Ns>,
+    /// MBAP transaction identifier.
+    pub mbap_id: Option<u16>,
+    /// The request.
+    pub request: Half,
+    /// The response.
+    pub response: Half,
+    /// In `Batch::codes`.
+    pub findings: Span,
+    /// Line or packet number in the file, or the stream offset.
+    pub origin: u64,
+}
+
+/// A finding on a frame or transaction.
+#[derive(Clone, Debug)]
+pub struct FindingRow {
+    /// Number of the frame.
+    pub frame: Option<u64>,
+    /// Number of the transaction.
+    pub txn: Option<u64>,
+    /// Which bus.
+    pub bus: u32,
+    /// When.
+    pub start: Option<Ns>,
+    /// The same, since the first byte of the recording.
+    pub elapsed: Option<Ns>,
+    /// Unit.
+    pub unit: Option<u8>,
+    /// Which.
+    pub finding: Finding,
+    /// What was seen, in words.
+    pub detail: String,
+    /// Line or packet number in the file, or the stream offset.
+    pub origin: u64,
+}
+
+/// Rows that were decided, with the bytes they refer to.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// What rows of a bus share.
+    pub buses: Arc<Vec<Bus>>,
+    /// The table that decodes the PDUs.
+    pub functions: Option<Arc<Functions>>,
+    /// Bytes.
+    pub arena: Vec<u8>,
+    /// Findings of frames and transactions.
+    pub codes: Vec<Finding>,
+    /// Frames.
+    pub frames: Vec<Frame>,
+    /// Transactions.
+    pub transactions: Vec<Transaction>,
+    /// Findings.
+    pub findings: Vec<FindingRow>,
+}
+
+impl Batch {
+    /// Stores bytes.
+    pub fn keep(&mut self, bytes: &[u8]) -> Span {
+        let start = self.arena.len() as u32;
+        self.arena.extend_from_slice(bytes);
+        Span { start, length: bytes.len() as u32 }
+    }
+
+    /// Stores findings.
+    pub fn keep_codes(&mut self, codes: &[Finding]) -> Span {
+        let start = self.codes.len() as u32;
+        self.codes.extend_from_slice(codes);
+        Span { start, length: codes.len() as u32 }
+    }
+}

@@ -1,0 +1,162 @@
+//! Counters by unit and function: bounded, whatever the size of the recording.
+
+use std::collections::BTreeMap;
+
+use serde_json::{json, Value as Json};
+
+use crate::finding::Finding;
+use crate::framer::{Mode, Verdict};
+use crate::pairing::{Exchange, Seen};
+use crate::records::Status;
+use crate::Ns;
+
+/// Response times in buckets of a twelfth of an octave: percentiles within 6 %.
+const STEPS_PER_OCTAVE: f64 = 12.0;
+
+/// A bounded histogram of times.
+#[derive(Clone, Debug, Default)]
+struct Times {
+    count: u64,
+    sum: Ns,
+    least: Ns,
+    most: Ns,
+    buckets: BTreeMap<i16, u64>,
+}
+
+impl Times {
+    fn add(&mut self, ns: Ns) {
+        self.least = if self.count == 0 { ns } else { self.least.min(ns) };
+        self.most = self.most.max(ns);
+        self.count += 1;
+        self.sum += ns;
+        *self.buckets.entry(((ns.max(1) as f64).log2() * STEPS_PER_OCTAVE).round() as i16).or_default() += 1;
+    }
+
+    fn percentile(&self, share: f64) -> Ns {
+        let rank = (self.count as f64 * share).ceil() as u64;
+        let mut below = 0;
+        for (&bucket, &count) in &self.buckets {
+            below += count;
+            if below >= rank {
+                return ((f64::from(bucket) / STEPS_PER_OCTAVE).exp2() as Ns).clamp(self.least, self.most);
+            }
+        }
+        self.most
+    }
+
+    fn json(&self) -> Json {
+        if self.count == 0 {
+            return Json::Null;
+        }
+        let us = |ns: Ns| ns as f64 / 1000.0;
+        json!({
+            "count": self.count, "min_us": us(self.least), "mean_us": us(self.sum) / self.count as f64,
+            "p50_us": us(self.percentile(0.5)), "p95_us": us(self.percentile(0.95)), "max_us": us(self.most),
+        })
+    }
+}
+
+#[derive(Clone, Debug, Default)]
+struct Row {
+    statuses: BTreeMap<Status, u64>,
+    retries: u64,
+    exceptions: BTreeMap<u8, u64>,
+    response: Times,
+}
+
+#[derive(Clone, Debug, Default)]
+struct BusCounts {
+    name: String,
+    mode: Option<Mode>,
+    frames: [u64; 5],
+    bytes: [u64; 5],
+    units: BTreeMap<(u8, u8), Row>,
+    busy: Ns,
+    first: Option<Ns>,
+    last: Option<Ns>,
+}
+
+/// Statistics of a session.
+#[derive(Clone, Debug, Default)]
+pub struct Stats {
+    buses: Vec<BusCounts>,
+    findings: BTreeMap<&'static str, u64>,
+}
+
+impl Stats {
+    /// A bus was added.
+    pub fn add_bus(&mut self, name: &str) {
+        self.buses.push(BusCounts { name: name.into(), ..BusCounts::default() });
+    }
+
+    /// A frame was decided.
+    pub fn frame(&mut self, bus: usize, mode: Mode, seen: &Seen<'_>) {
+        let counts = &mut self.buses[bus];
+        counts.mode = Some(mode);
+        counts.frames[seen.verdict as usize] += 1;
+        counts.bytes[seen.verdict as usize] += seen.wire.len() as u64;
+        if let (Some(start), Some(end)) = (seen.start, seen.end) {
+            counts.busy += (end - start).max(0);
+            counts.first.get_or_insert(start);
+            counts.last = Some(end);
+        }
+    }
+
+    /// A transaction was decided.
+    pub fn transaction(&mut self, bus: usize, exchange: &Exchange) {
+        let row = self.buses[bus].units.entry((exchange.unit, exchange.function)).or_default();
+        *row.statuses.entry(exchange.status).or_default() += 1;
+        row.retries += u64::from(exchange.retry_of.is_some());
+        if let Some(code) = exchange.exception {
+            *row.exceptions.entry(code).or_default() += 1;
+        }
+        if let Some(time) = exchange.response_time {
+            row.response.add(time);
+        }
+    }
+
+    /// Something was found.
+    pub fn finding(&mut self, finding: Finding) {
+        *self.findings.entry(finding.doc().code).or_default() += 1;
+    }
+
+    /// All counters.
+    pub fn json(&self) -> Json {
+        let mut statuses: BTreeMap<&str, u64> = BTreeMap::new();
+        let buses: Vec<Json> = self.buses.iter().map(|bus| bus.json(&mut statuses)).collect();
+        json!({"transactions": statuses, "findings": self.findings, "buses": buses})
+    }
+}
+
+impl BusCounts {
+    fn json(&self, total: &mut BTreeMap<&str, u64>) -> Json {
+        let by_verdict = |counts: &[u64; 5]| -> Json {
+            Verdict::ALL
+                .iter()
+                .map(|v| (v.text().to_string(), Json::from(counts[*v as usize])))
+                .collect::<serde_json::Map<_, _>>()
+                .into()
+        };
+        let units: Vec<Json> = self
+            .units
+            .iter()
+            .map(|((unit, function), row)| {
+                for (status, count) in &row.statuses {
+                    *total.entry(status.text()).or_default() += count;
+                }
+                let statuses: BTreeMap<&str, u64> = row.statuses.iter().map(|(status, count)| (status.text(), *count)).collect();
+                json!({
+                    "unit": unit, "function": function, "transactions": row.statuses.values().sum::<u64>(), "statuses": statuses,
+                    "retries": row.retries, "exceptions": row.exceptions.iter().map(|(k, v)| (k.to_string(), *v)).collect::<BTreeMap<_, _>>(),
+                    "response_time": row.response.json(),
+                })
+            })
+            .collect();
+        let span = self.first.zip(self.last).map(|(first, last)| last - first).filter(|&span| span > 0);
+        json!({
+            "bus": self.name, "mode": self.mode.map(Mode::text), "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
+            "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy as f64 / 1000.0),
+            "load": span.map(|span| self.busy as f64 / span as f64), "units": units,
+        })
+    }
+}

@@ -1,0 +1,114 @@
+//! Rows as Arrow columns.
+
+use std::sync::Arc;
+
+use arrow_array::builder::{
+    BooleanBuilder, Float64Builder, Int32Builder, Int64Builder, ListBuilder, StringBuilder, TimestampNanosecondBuilder,
+};
+use arrow_array::{ArrayRef, RecordBatch};
+use arrow_schema::{DataType, Field, Schema, TimeUnit};
+
+use crate::columns::{Cell, Kind, Table, TableKind};
+use crate::write::push_plain;
+
+/// The schema of a table.
+pub fn schema(kind: TableKind) -> Schema {
+    Schema::new(kind.columns().iter().map(|column| Field::new(&column.key, data_type(column.kind), true)).collect::<Vec<_>>())
+}
+
+fn data_type(kind: Kind) -> DataType {
+    let list = |item| DataType::List(Arc::new(Field::new("item", item, true)));
+    match kind {
+        Kind::Int => DataType::Int64,
+        Kind::Us | Kind::Float => DataType::Float64,
+        Kind::Time => DataType::Timestamp(TimeUnit::Nanosecond, Some("UTC".into())),
+        Kind::Bool => DataType::Boolean,
+        Kind::Text | Kind::Map => DataType::Utf8,
+        Kind::Ints => list(DataType::Int32),
+        Kind::Texts => list(DataType::Utf8),
+    }
+}
+
+/// The rows of a table as one record batch.
+pub fn batch(table: &Table) -> RecordBatch {
+    let columns = table.kind.columns().iter().enumerate().map(|(i, column)| array(table, i, column.kind)).collect();
+    RecordBatch::try_new(Arc::new(schema(table.kind)), columns).expect("columns are built by the schema")
+}
+
+fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
+    let cells = (0..table.len()).map(|row| table.cell(row, column));
+    match kind {
+        Kind::Int => {
+            let mut out = Int64Builder::with_capacity(table.len());
+            cells.for_each(|cell| out.append_option(whole(&cell)));
+            Arc::new(out.finish())
+        }
+        Kind::Us | Kind::Float => {
+            let mut out = Float64Builder::with_capacity(table.len());
+            cells.for_each(|cell| {
+                out.append_option(match cell {
+                    Cell::Us(ns) => Some(ns as f64 / 1000.0),
+                    other => whole(&other).map(|n| n as f64),
+                });
+            });
+            Arc::new(out.finish())
+        }
+        Kind::Time => {
+            let mut out = TimestampNanosecondBuilder::with_capacity(table.len());
+            cells.for_each(|cell| out.append_option(whole(&cell)));
+            Arc::new(out.finish().with_timezone("UTC"))
+        }
+        Kind::Bool => {
+            let mut out = BooleanBuilder::with_capacity(table.len());
+            cells.for_each(|cell| out.append_option(if let Cell::Bool(yes) = cell { Some(yes) } else { None }));
+            Arc::new(out.finish())
+        }
+        Kind::Text | Kind::Map => texts(table.len(), cells),
+        Kind::Ints => {
+            let mut out = ListBuilder::new(Int32Builder::new());
+            for cell in cells {
+                let Cell::Ints(items) = cell else {
+                    out.append(false);
+                    continue;
+                };
+                (0..items.len()).for_each(|i| out.values().append_value(items.get(i)));
+                out.append(true);
+            }
+            Arc::new(out.finish())
+        }
+        Kind::Texts => {
+            let mut out = ListBuilder::new(StringBuilder::new());
+            for cell in cells {
+                if let Cell::Codes(codes) = cell {
+                    codes.iter().for_each(|code| out.values().append_value(code.doc().code));
+                }
+                out.append(true);
+            }
+            Arc::new(out.finish())
+        }
+    }
+}
+
+fn texts<'a>(rows: usize, cells: impl Iterator<Item = Cell<'a>>) -> ArrayRef {
+    let mut out = StringBuilder::with_capacity(rows, rows * 16);
+    let mut scratch = Vec::new();
+    for cell in cells {
+        match cell {
+            Cell::Null => out.append_null(),
+            Cell::Word(text) | Cell::Text(text) => out.append_value(text),
+            other => {
+                scratch.clear();
+                push_plain(&other, &mut scratch);
+                out.append_value(std::str::from_utf8(&scratch).unwrap_or_default());
+            }
+        }
+    }
+    Arc::new(out.finish())
+}
+
+fn whole(cell: &Cell<'_>) -> Option<i64> {
+    match cell {
+        Cell::Int(n) | Cell::Time(n) => Some(*n),
+        _ => None,
+    }
+}

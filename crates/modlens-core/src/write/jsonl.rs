@@ -1,0 +1,80 @@
+//! JSON lines: one object a row, null omitted.
+
+use crate::columns::{Cell, Table};
+use crate::write::{push_int, push_plain};
+
+/// Appends the rows of a table.
+pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
+    let keys: Vec<Vec<u8>> =
+        columns.iter().map(|&column| format!("\"{}\":", table.kind.columns()[column].key).into_bytes()).collect();
+    for row in 0..table.len() {
+        out.push(b'{');
+        let start = out.len();
+        for (key, &column) in keys.iter().zip(columns) {
+            let cell = table.cell(row, column);
+            if matches!(cell, Cell::Null) {
+                continue;
+            }
+            if out.len() > start {
+                out.push(b',');
+            }
+            out.extend_from_slice(key);
+            push_cell(&cell, out);
+        }
+        out.extend_from_slice(b"}\n");
+    }
+}
+
+#[inline]
+fn push_cell(cell: &Cell<'_>, out: &mut Vec<u8>) {
+    match cell {
+        Cell::Int(_) | Cell::Us(_) | Cell::Bool(_) | Cell::Map(_) => push_plain(cell, out),
+        Cell::Word(_) | Cell::Hex(_) | Cell::Time(_) => {
+            out.push(b'"');
+            push_plain(cell, out);
+            out.push(b'"');
+        }
+        Cell::Ints(items) => {
+            out.push(b'[');
+            for i in 0..items.len() {
+                if i > 0 {
+                    out.push(b',');
+                }
+                push_int(i64::from(items.get(i)), out);
+            }
+            out.push(b']');
+        }
+        Cell::Codes(codes) => {
+            out.push(b'[');
+            for (i, code) in codes.iter().enumerate() {
+                if i > 0 {
+                    out.push(b',');
+                }
+                out.push(b'"');
+                out.extend_from_slice(code.doc().code.as_bytes());
+                out.push(b'"');
+            }
+            out.push(b']');
+        }
+        other => {
+            let start = out.len();
+            push_plain(other, out);
+            let text = out.split_off(start);
+            push_string(&text, out);
+        }
+    }
+}
+
+/// Text is valid UTF-8 already; what JSON forbids raw is escaped.
+fn push_string(text: &[u8], out: &mut Vec<u8>) {
+    out.push(b'"');
+    for &byte in text {
+        match byte {
+            b'"' | b'\\' => out.extend_from_slice(&[b'\\', byte]),
+            b'\n' => out.extend_from_slice(b"\\n"),
+            0..0x20 | 0x7F => out.extend_from_slice(format!("\\u{byte:04x}").as_bytes()),
+            _ => out.push(byte),
+        }
+    }
+    out.push(b'"');
+}

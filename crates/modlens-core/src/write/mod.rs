@@ -1,0 +1,113 @@
+//! Rows as text and Arrow, straight from the columns.
+
+pub mod arrow;
+pub mod csv;
+pub mod jsonl;
+mod time;
+
+use crate::columns::Cell;
+use crate::pdu::push_hex;
+use crate::records::Place;
+use crate::Ns;
+
+pub use time::{day_number, push_time};
+
+/// Appends an integer.
+#[inline]
+pub fn push_int(value: i64, out: &mut Vec<u8>) {
+    out.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
+}
+
+/// Appends nanoseconds as microseconds, with as many decimals as there are.
+#[inline]
+pub fn push_us(ns: Ns, out: &mut Vec<u8>) {
+    if ns < 0 {
+        out.push(b'-');
+    }
+    let ns = ns.unsigned_abs();
+    push_int((ns / 1000) as i64, out);
+    let rest = (ns % 1000) as u16;
+    if rest != 0 {
+        let digits = [b'0' + (rest / 100) as u8, b'0' + (rest / 10 % 10) as u8, b'0' + (rest % 10) as u8];
+        out.push(b'.');
+        out.extend_from_slice(digits.trim_ascii_end_zeros());
+    }
+}
+
+trait TrimZeros {
+    fn trim_ascii_end_zeros(&self) -> &[u8];
+}
+
+impl TrimZeros for [u8; 3] {
+    fn trim_ascii_end_zeros(&self) -> &[u8] {
+        let length = 3 - self.iter().rev().take_while(|&&digit| digit == b'0').count();
+        &self[..length]
+    }
+}
+
+/// Where a row stands, as `source` spells it.
+pub fn source_text(file: &str, place: Place, number: u64) -> String {
+    let mark = match place {
+        Place::Offset => '@',
+        Place::Line => ':',
+        Place::Packet => '#',
+    };
+    format!("{file}{mark}{number}")
+}
+
+/// A value as plain text: the spelling of CSV cells and of text comparisons.
+pub fn cell_text(cell: &Cell<'_>) -> String {
+    let mut out = Vec::new();
+    push_plain(cell, &mut out);
+    String::from_utf8(out).unwrap_or_default()
+}
+
+/// Appends a value as plain text, without any escaping.
+fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
+    match cell {
+        Cell::Null => {}
+        Cell::Int(n) => push_int(*n, out),
+        Cell::Us(ns) => push_us(*ns, out),
+        Cell::Time(ns) => push_time(*ns, out),
+        Cell::Bool(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),
+        Cell::Word(text) | Cell::Text(text) => out.extend_from_slice(text.as_bytes()),
+        Cell::Hex(bytes) => push_hex(bytes, out),
+        Cell::Ints(items) => {
+            for i in 0..items.len() {
+                if i > 0 {
+                    out.push(b' ');
+                }
+                push_int(i64::from(items.get(i)), out);
+            }
+        }
+        Cell::Codes(codes) => {
+            for (i, code) in codes.iter().enumerate() {
+                if i > 0 {
+                    out.push(b' ');
+                }
+                out.extend_from_slice(code.doc().code.as_bytes());
+            }
+        }
+        Cell::Map(map) => out.extend_from_slice(map.to_string().as_bytes()),
+        Cell::Source(file, place, number) => out.extend_from_slice(source_text(file, *place, *number).as_bytes()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn microseconds() {
+        let text = |ns| {
+            let mut out = Vec::new();
+            push_us(ns, &mut out);
+            String::from_utf8(out).unwrap()
+        };
+        assert_eq!(text(0), "0");
+        assert_eq!(text(1_234_567), "1234.567");
+        assert_eq!(text(1_500), "1.5");
+        assert_eq!(text(-20), "-0.02");
+        assert_eq!(text(7_000), "7");
+    }
+}

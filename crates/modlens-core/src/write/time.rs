@@ -1,0 +1,92 @@
+//! Times as ISO-8601 text.
+
+use crate::write::push_int;
+use crate::Ns;
+
+const DAY: i64 = 86_400;
+
+/// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`: microseconds, or nanoseconds where there are any.
+pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
+    let seconds = ns.div_euclid(1_000_000_000);
+    let rest = ns.rem_euclid(1_000_000_000);
+    let (year, month, day) = civil(seconds.div_euclid(DAY));
+    let of_day = seconds.rem_euclid(DAY);
+    if (0..10_000).contains(&year) {
+        digits(year, 4, out);
+    } else {
+        push_int(year, out);
+    }
+    out.push(b'-');
+    digits(month, 2, out);
+    out.push(b'-');
+    digits(day, 2, out);
+    out.push(b'T');
+    digits(of_day / 3600, 2, out);
+    out.push(b':');
+    digits(of_day / 60 % 60, 2, out);
+    out.push(b':');
+    digits(of_day % 60, 2, out);
+    out.push(b'.');
+    if rest % 1000 == 0 {
+        digits(rest / 1000, 6, out);
+    } else {
+        digits(rest, 9, out);
+    }
+    out.push(b'Z');
+}
+
+fn digits(value: i64, width: u32, out: &mut Vec<u8>) {
+    for place in (0..width).rev() {
+        out.push(b'0' + (value / 10i64.pow(place) % 10) as u8);
+    }
+}
+
+/// Year, month and day of a day number since 1970 in the Gregorian calendar.
+///
+/// Counts from 1 March of year 0, so that the leap day is the last of its year; 400 years have 146 097 days.
+fn civil(days: i64) -> (i64, i64, i64) {
+    let days = days + 719_468;
+    let era = days.div_euclid(146_097);
+    let of_era = days.rem_euclid(146_097);
+    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let march_month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * march_month + 2) / 5 + 1;
+    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
+    (year_of_era + era * 400 + i64::from(month <= 2), month, day)
+}
+
+/// Day number since 1970 of a date.
+pub fn day_number(year: i64, month: i64, day: i64) -> i64 {
+    let year = year - i64::from(month <= 2);
+    let era = year.div_euclid(400);
+    let of_era = year.rem_euclid(400);
+    let of_year = (153 * (month + if month > 2 { -3 } else { 9 }) + 2) / 5 + day - 1;
+    era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_dates() {
+        let text = |ns| {
+            let mut out = Vec::new();
+            push_time(ns, &mut out);
+            String::from_utf8(out).unwrap()
+        };
+        assert_eq!(text(0), "1970-01-01T00:00:00.000000Z");
+        assert_eq!(text(1_697_041_234_123_456_000), "2023-10-11T16:20:34.123456Z");
+        assert_eq!(text(951_782_400_000_000_001), "2000-02-29T00:00:00.000000001Z");
+        assert_eq!(text(-1_000), "1969-12-31T23:59:59.999999Z");
+    }
+
+    #[test]
+    fn days_there_and_back() {
+        for days in (-800_000..800_000).step_by(17) {
+            let (year, month, day) = civil(days);
+            assert_eq!(day_number(year, month, day), days);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! The table of functions.
+
+use std::sync::Arc;
+
+use modlens_core::functions::Functions as Core;
+use modlens_core::pdu;
+use pyo3::prelude::*;
+use serde_json::Value as Json;
+
+use crate::wrong;
+
+/// The embedded rows and further ones.
+#[pyclass(module = "_modlens")]
+pub struct Functions {
+    pub(crate) core: Arc<Core>,
+}
+
+#[pymethods]
+impl Functions {
+    #[new]
+    fn new() -> Self {
+        Self { core: Arc::new(Core::default()) }
+    }
+
+    fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
+        let core = Arc::make_mut(&mut self.core);
+        let mut changed = core.clone();
+        changed.load(text, origin, None).map_err(wrong)?;
+        *core = changed;
+        Ok(())
+    }
+
+    fn load_vendor(&mut self, name: &str) -> PyResult<()> {
+        Arc::make_mut(&mut self.core).load_vendor(name).map_err(wrong)
+    }
+
+    fn rows(&self) -> String {
+        self.core.rows().map(|row| row.source.clone()).collect::<Json>().to_string()
+    }
+
+    fn decode(&self, pdu: &[u8], direction: &str) -> PyResult<String> {
+        Ok(pdu::describe(&self.core, pdu, response(direction)?).to_string())
+    }
+
+    fn encode(&self, function: u8, direction: &str, values: &str) -> PyResult<Vec<u8>> {
+        let values: Json = serde_json::from_str(values).map_err(|e| wrong(e.to_string()))?;
+        let values = values.as_object().ok_or_else(|| wrong("values must be a JSON object".into()))?;
+        pdu::encode(&self.core, function, response(direction)?, values).map_err(wrong)
+    }
+}
+
+fn response(direction: &str) -> PyResult<bool> {
+    match direction {
+        "request" => Ok(false),
+        "response" => Ok(true),
+        other => Err(wrong(format!("direction {other:?} is neither request nor response"))),
+    }
+}

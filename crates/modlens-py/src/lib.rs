@@ -1,0 +1,110 @@
+//! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
+
+mod functions;
+mod session;
+mod stream;
+mod table;
+
+use modlens_core::checksum;
+use modlens_core::finding::Finding;
+use modlens_core::functions::{Functions, VENDORS, VOCABULARY};
+use modlens_core::line::Line;
+use modlens_core::text::detect;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use serde_json::{json, Map, Value as Json};
+
+/// A mistake of the caller.
+fn wrong(message: String) -> PyErr {
+    PyValueError::new_err(message)
+}
+
+/// The texts that the core embeds, as one JSON object.
+#[pyfunction]
+fn vocabulary() -> PyResult<String> {
+    let words: Json = toml_to_json(VOCABULARY)?;
+    let columns: Json = toml_to_json(modlens_core::columns::COLUMNS)?;
+    let mut all = Map::new();
+    for (here, there) in [
+        ("exceptions", "exception"),
+        ("diagnostics", "diagnostic"),
+        ("mei_types", "mei_type"),
+        ("object_ids", "object_id"),
+        ("read_device_id_codes", "read_device_id_code"),
+        ("conformity_levels", "conformity_level"),
+    ] {
+        all.insert(here.into(), words.get(there).cloned().unwrap_or_else(|| json!([])));
+    }
+    all.insert("functions".into(), Functions::embedded().rows().map(|row| row.source.clone()).collect());
+    let tables: Map<String, Json> =
+        modlens_core::columns::TABLES.iter().map(|table| ((*table).into(), columns[*table].clone())).collect();
+    all.insert("columns".into(), tables.into());
+    all.insert("findings".into(), Finding::ALL.iter().map(|finding| finding_json(*finding)).collect());
+    all.insert("vendors".into(), VENDORS.iter().map(|(name, _)| *name).collect());
+    let formats: Json =
+        modlens_core::text::Format::ALL.iter().map(|(_, name, sample)| json!({"name": name, "sample": sample})).collect();
+    all.insert("formats".into(), formats);
+    all.insert("version".into(), columns["version"].clone());
+    Ok(Json::Object(all).to_string())
+}
+
+fn toml_to_json(text: &str) -> PyResult<Json> {
+    modlens_core::functions::parse_toml(text).map_err(wrong)
+}
+
+fn finding_json(finding: Finding) -> Json {
+    let doc = finding.doc();
+    json!({
+        "code": doc.code, "severity": doc.severity.text(), "title": doc.title, "why": doc.why, "advice": doc.advice,
+        "section": doc.section,
+    })
+}
+
+/// CRC-16/MODBUS; sent low byte first.
+#[pyfunction]
+fn crc16(data: &[u8]) -> u16 {
+    checksum::crc16(data)
+}
+
+/// LRC of the binary bytes of an ASCII frame.
+#[pyfunction]
+fn lrc(data: &[u8]) -> u8 {
+    checksum::lrc(data)
+}
+
+/// Character time, t1.5 and t3.5 in nanoseconds.
+#[pyfunction]
+fn line_timing(baud: u32, data_bits: u8, parity: &str, stop_bits: f64) -> PyResult<(i64, i64, i64)> {
+    let line = line((baud, data_bits, parity.to_owned(), stop_bits))?;
+    Ok((line.char_ns(), line.t15_ns(), line.t35_ns()))
+}
+
+/// Line settings as Python gives them.
+fn line((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResult<Line> {
+    let stop = if stop_bits.fract() == 0.0 { format!("{stop_bits:.0}") } else { format!("{stop_bits}") };
+    format!("{baud}-{data_bits}{parity}{stop}").parse().map_err(wrong)
+}
+
+/// Which format these first bytes of a file are: (format, confidence, reason), best first.
+#[pyfunction(name = "detect")]
+fn detect_format(sample: &[u8], name: &str) -> Vec<detect::Guess> {
+    detect::detect(sample, name)
+}
+
+#[pymodule]
+fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(vocabulary, module)?)?;
+    module.add_function(wrap_pyfunction!(crc16, module)?)?;
+    module.add_function(wrap_pyfunction!(lrc, module)?)?;
+    module.add_function(wrap_pyfunction!(line_timing, module)?)?;
+    module.add_function(wrap_pyfunction!(detect_format, module)?)?;
+    module.add_class::<functions::Functions>()?;
+    module.add_class::<table::Predicate>()?;
+    module.add_class::<table::Row>()?;
+    module.add_class::<table::Table>()?;
+    module.add_class::<stream::ArrowStream>()?;
+    module.add_class::<session::Batch>()?;
+    module.add_class::<session::Session>()?;
+    Ok(())
+}

@@ -1,0 +1,173 @@
+//! The session.
+
+use std::sync::Arc;
+
+use modlens_core::chunk::{Chunk, Times};
+use modlens_core::columns::TableKind;
+use modlens_core::framer::Mode;
+use modlens_core::records::{Batch as CoreBatch, Bus, Clock, Place};
+use modlens_core::session::{BusOptions, Session as Core, Wanted};
+use modlens_core::text::Format;
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+use serde_json::json;
+
+use crate::functions::Functions;
+use crate::table::{table, Table};
+use crate::wrong;
+
+/// What was decided since the last `take`.
+#[pyclass(frozen, module = "_modlens")]
+pub struct Batch {
+    core: Arc<CoreBatch>,
+}
+
+#[pymethods]
+impl Batch {
+    #[getter]
+    fn frames(&self) -> Table {
+        table(&self.core, TableKind::Frames)
+    }
+
+    #[getter]
+    fn transactions(&self) -> Table {
+        table(&self.core, TableKind::Transactions)
+    }
+
+    #[getter]
+    fn readings(&self) -> Table {
+        table(&self.core, TableKind::Readings)
+    }
+
+    #[getter]
+    fn findings(&self) -> Table {
+        table(&self.core, TableKind::Findings)
+    }
+}
+
+/// Framer, decoder, pairing and statistics behind one `feed`.
+#[pyclass(module = "_modlens")]
+pub struct Session {
+    core: Core,
+    buses: usize,
+}
+
+#[pymethods]
+impl Session {
+    #[new]
+    #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None))]
+    fn new(functions: &Functions, live: bool, timeout_ns: Option<i64>, tables: Option<Vec<String>>) -> PyResult<Self> {
+        let mut wanted = Wanted { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
+        for name in tables.unwrap_or_default() {
+            match TableKind::from_name(&name).ok_or_else(|| wrong(format!("no table {name:?}")))? {
+                TableKind::Frames => wanted.frames = true,
+                TableKind::Transactions | TableKind::Readings => wanted.transactions = true,
+                TableKind::Findings => wanted.findings = true,
+            }
+        }
+        Ok(Self { core: Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns), buses: 0 })
+    }
+
+    #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
+    #[pyo3(signature = (name, *, source, mode="auto", line=None, clock="none", resolution_ns=None))]
+    fn add_bus(
+        &mut self,
+        name: String,
+        source: String,
+        mode: &str,
+        line: Option<(u32, u8, String, f64)>,
+        clock: &str,
+        resolution_ns: Option<i64>,
+    ) -> PyResult<usize> {
+        let mode = match mode {
+            "auto" => None,
+            "rtu" => Some(Mode::Rtu),
+            "ascii" => Some(Mode::Ascii),
+            "tcp" => Some(Mode::Tcp),
+            other => return Err(wrong(format!("mode {other:?} is none of auto, rtu, ascii, tcp"))),
+        };
+        let clock = match clock {
+            "utc" => Clock::Utc,
+            "relative" => Clock::Relative,
+            "none" => Clock::None,
+            other => return Err(wrong(format!("clock {other:?} is none of utc, relative, none"))),
+        };
+        let bus = Bus { name, source, place: Place::Offset, clock };
+        self.buses += 1;
+        let line = line.map(crate::line).transpose()?;
+        Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns }))
+    }
+
+    #[pyo3(signature = (bus, data, time_ns=None, *, line=None))]
+    fn feed(&mut self, py: Python<'_>, bus: usize, data: &[u8], time_ns: Option<i64>, line: Option<&str>) -> PyResult<()> {
+        self.check(bus)?;
+        let line = match line {
+            None => 0,
+            Some("A") => 1,
+            Some("B") => 2,
+            Some(other) => return Err(wrong(format!("line {other:?} is neither A nor B"))),
+        };
+        let chunk = Chunk { bytes: data, line, times: time_ns.map_or(Times::None, Times::Read), ..Chunk::default() };
+        py.detach(|| self.core.feed(bus, &chunk));
+        Ok(())
+    }
+
+    #[pyo3(signature = (bus, format, data, *, r#final=false))]
+    fn feed_text(&mut self, py: Python<'_>, bus: usize, format: &str, data: &[u8], r#final: bool) -> PyResult<()> {
+        self.check(bus)?;
+        let format = Format::from_name(format).ok_or_else(|| {
+            let known: Vec<&str> = Format::ALL.iter().map(|(_, name, _)| *name).collect();
+            wrong(format!("format {format:?} is no text format; known are {}", known.join(", ")))
+        })?;
+        py.detach(|| self.core.feed_text(bus, format, data, r#final));
+        Ok(())
+    }
+
+    fn poll(&mut self, now_ns: i64) {
+        self.core.poll(now_ns);
+    }
+
+    fn flush(&mut self, py: Python<'_>) {
+        py.detach(|| self.core.flush());
+    }
+
+    fn pending_rows(&self) -> usize {
+        self.core.pending_rows()
+    }
+
+    fn take(&mut self) -> Batch {
+        Batch { core: Arc::new(self.core.take()) }
+    }
+
+    fn stats(&self) -> String {
+        self.core.stats().json().to_string()
+    }
+
+    fn reading(&self, bus: usize) -> PyResult<String> {
+        self.check(bus)?;
+        let mode = self.core.mode(bus).map(Mode::text);
+        let Some(reader) = self.core.reader(bus) else {
+            return Ok(json!({"lines": 0, "records": 0, "unparsed": 0, "first_unparsed": [], "dropped": {}, "clock": null, "mode": mode}).to_string());
+        };
+        let clock = match reader.clock() {
+            Clock::Utc => "utc",
+            Clock::Relative => "relative",
+            Clock::None => "none",
+        };
+        Ok(json!({
+            "lines": reader.lines(), "records": reader.records, "unparsed": reader.unparsed,
+            "first_unparsed": reader.first_unparsed, "dropped": {}, "clock": clock, "resolution_ns": reader.resolution(), "mode": mode,
+        })
+        .to_string())
+    }
+}
+
+impl Session {
+    fn check(&self, bus: usize) -> PyResult<()> {
+        if bus < self.buses {
+            Ok(())
+        } else {
+            Err(PyIndexError::new_err(format!("bus {bus}: {} were added", self.buses)))
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Tables, rows and filters.
+
+use std::sync::Arc;
+
+use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema};
+use arrow_array::{Array, RecordBatch, StructArray};
+use modlens_core::columns::{Cell, Kind, Table as Core, TableKind};
+use modlens_core::predicate::Predicate as CorePredicate;
+use modlens_core::write;
+use pyo3::exceptions::{PyAttributeError, PyIndexError, PyRuntimeError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList};
+
+use crate::stream::{stream_capsule, Batches};
+use crate::wrong;
+
+/// A compiled filter for one table.
+#[pyclass(frozen, module = "_modlens")]
+pub struct Predicate {
+    core: CorePredicate,
+}
+
+#[pymethods]
+impl Predicate {
+    #[new]
+    fn new(table: &str, tree: &str) -> PyResult<Self> {
+        Ok(Self { core: CorePredicate::new(table, tree).map_err(wrong)? })
+    }
+}
+
+/// Rows of one table.
+#[pyclass(frozen, module = "_modlens")]
+pub struct Table {
+    pub(crate) core: Core,
+}
+
+fn places(kind: TableKind, columns: &[String]) -> PyResult<Vec<usize>> {
+    columns.iter().map(|key| kind.column(key).map_err(wrong)).collect()
+}
+
+#[pymethods]
+impl Table {
+    #[getter]
+    fn name(&self) -> &'static str {
+        self.core.kind.name()
+    }
+
+    fn __len__(&self) -> usize {
+        self.core.len()
+    }
+
+    fn __getitem__(&self, index: isize) -> PyResult<Row> {
+        let length = self.core.len() as isize;
+        let at = if index < 0 { index + length } else { index };
+        if !(0..length).contains(&at) {
+            return Err(PyIndexError::new_err(format!("row {index} of {length}")));
+        }
+        Ok(Row { table: self.core.clone(), row: at as usize })
+    }
+
+    fn __iter__(&self) -> Rows {
+        Rows { table: self.core.clone(), next: 0 }
+    }
+
+    #[pyo3(name = "where")]
+    fn filter(&self, py: Python<'_>, predicate: &Predicate) -> PyResult<Self> {
+        if predicate.core.kind != self.core.kind {
+            return Err(wrong(format!("a filter for {} on {}", predicate.core.kind.name(), self.core.kind.name())));
+        }
+        let core = py.detach(|| self.core.filter(|table, row| predicate.core.holds(table, row)));
+        Ok(Self { core })
+    }
+
+    #[pyo3(signature = (columns, *, header))]
+    fn csv<'py>(&self, py: Python<'py>, columns: Vec<String>, header: bool) -> PyResult<Bound<'py, PyBytes>> {
+        let places = places(self.core.kind, &columns)?;
+        let out = py.detach(|| {
+            let mut out = Vec::with_capacity(self.core.len() * 128 + 1024);
+            if header {
+                write::csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut out);
+            }
+            write::csv::rows(&self.core, &places, &mut out);
+            out
+        });
+        Ok(PyBytes::new(py, &out))
+    }
+
+    fn jsonl<'py>(&self, py: Python<'py>, columns: Vec<String>) -> PyResult<Bound<'py, PyBytes>> {
+        let places = places(self.core.kind, &columns)?;
+        let out = py.detach(|| {
+            let mut out = Vec::with_capacity(self.core.len() * 256);
+            write::jsonl::rows(&self.core, &places, &mut out);
+            out
+        });
+        Ok(PyBytes::new(py, &out))
+    }
+
+    fn __arrow_c_schema__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyCapsule>> {
+        schema_capsule(py, self.core.kind)
+    }
+
+    #[pyo3(signature = (requested_schema=None))]
+    fn __arrow_c_array__<'py>(
+        &self,
+        py: Python<'py>,
+        requested_schema: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyCapsule>, Bound<'py, PyCapsule>)> {
+        let _ = requested_schema;
+        let data = StructArray::from(self.arrow(py)).to_data();
+        let array = PyCapsule::new_with_value(py, FFI_ArrowArray::new(&data), c"arrow_array")?;
+        Ok((schema_capsule(py, self.core.kind)?, array))
+    }
+
+    #[pyo3(signature = (requested_schema=None))]
+    fn __arrow_c_stream__<'py>(
+        &self,
+        py: Python<'py>,
+        requested_schema: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyCapsule>> {
+        let _ = requested_schema;
+        stream_capsule(py, self.core.kind, Batches::One(Some(self.arrow(py))))
+    }
+}
+
+impl Table {
+    fn arrow(&self, py: Python<'_>) -> RecordBatch {
+        py.detach(|| write::arrow::batch(&self.core))
+    }
+}
+
+fn schema_capsule(py: Python<'_>, kind: TableKind) -> PyResult<Bound<'_, PyCapsule>> {
+    let schema = FFI_ArrowSchema::try_from(&write::arrow::schema(kind)).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+    PyCapsule::new_with_value(py, schema, c"arrow_schema")
+}
+
+/// Iterates over rows.
+#[pyclass(module = "_modlens")]
+pub struct Rows {
+    table: Core,
+    next: usize,
+}
+
+#[pymethods]
+impl Rows {
+    fn __iter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        this
+    }
+
+    fn __next__(&mut self) -> Option<Row> {
+        let row = self.next;
+        (row < self.table.len()).then(|| {
+            self.next += 1;
+            Row { table: self.table.clone(), row }
+        })
+    }
+}
+
+/// One row; every column is an attribute.
+#[pyclass(frozen, module = "_modlens")]
+pub struct Row {
+    table: Core,
+    row: usize,
+}
+
+#[pymethods]
+impl Row {
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let column = self.table.kind.column(name).map_err(PyAttributeError::new_err)?;
+        self.value(py, column)
+    }
+
+    fn as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for (i, column) in self.table.kind.columns().iter().enumerate() {
+            dict.set_item(&column.key, self.value(py, i)?)?;
+        }
+        Ok(dict)
+    }
+
+    fn __dir__(&self) -> Vec<&'static str> {
+        self.table.kind.columns().iter().map(|column| column.key.as_str()).chain(["as_dict"]).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let columns = self.table.kind.columns().iter().enumerate();
+        let shown = columns.filter_map(|(i, column)| {
+            let cell = self.table.cell(self.row, i);
+            let text = write::cell_text(&cell);
+            (!text.is_empty()).then(|| format!("{}={text}", column.key))
+        });
+        format!("<{} {}>", self.table.kind.name().trim_end_matches('s'), shown.collect::<Vec<_>>().join(" "))
+    }
+}
+
+impl Row {
+    fn value<'py>(&self, py: Python<'py>, column: usize) -> PyResult<Bound<'py, PyAny>> {
+        let cell = self.table.cell(self.row, column);
+        let float = matches!(self.table.kind.columns()[column].kind, Kind::Float);
+        Ok(match cell {
+            Cell::Null => py.None().into_bound(py),
+            Cell::Int(n) if float => (n as f64).into_pyobject(py)?.into_any(),
+            Cell::Int(n) if self.table.kind.columns()[column].kind == Kind::Text => n.to_string().into_pyobject(py)?.into_any(),
+            Cell::Int(n) => n.into_pyobject(py)?.into_any(),
+            Cell::Us(ns) => (ns as f64 / 1000.0).into_pyobject(py)?.into_any(),
+            Cell::Time(ns) => datetime(py, ns)?,
+            Cell::Bool(yes) => yes.into_pyobject(py)?.to_owned().into_any(),
+            Cell::Word(text) | Cell::Text(text) => text.into_pyobject(py)?.into_any(),
+            Cell::Hex(bytes) => PyBytes::new(py, bytes).into_any(),
+            Cell::Ints(items) => PyList::new(py, (0..items.len()).map(|i| items.get(i)))?.into_any(),
+            Cell::Codes(codes) => PyList::new(py, codes.iter().map(|code| code.doc().code))?.into_any(),
+            Cell::Map(map) => py.import("json")?.call_method1("loads", (map.to_string(),))?,
+            Cell::Source(file, place, number) => write::source_text(file, place, number).into_pyobject(py)?.into_any(),
+        })
+    }
+}
+
+/// A `datetime` in UTC; it has microseconds, the columns of files have more.
+fn datetime(py: Python<'_>, ns: i64) -> PyResult<Bound<'_, PyAny>> {
+    let module = py.import("datetime")?;
+    let utc = module.getattr("timezone")?.getattr("utc")?;
+    let epoch = module.getattr("datetime")?.call1((1970, 1, 1, 0, 0, 0, 0, utc))?;
+    let delta = module.getattr("timedelta")?.call1((0, ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000) / 1000))?;
+    epoch.call_method1("__add__", (delta,))
+}
+
+/// Makes a table of a batch.
+pub fn table(batch: &Arc<modlens_core::records::Batch>, kind: TableKind) -> Table {
+    Table { core: Core::new(Arc::clone(batch), kind) }
+}

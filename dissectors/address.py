@@ -1,0 +1,62 @@
+"""Addresses as people write them: from 1, with a digit in front; the wire counts from 0.
+
+Modicon's notation: 0 for coils, 1 for discrete inputs, 3 for input registers, 4 for holding
+registers, then the number from 1: four digits (40108) as far as they reach, five (400108) for all
+65,536. Not part of the specification (which only says that numbers count from 1, 4.4), but every
+manual uses it.
+
+>>> both(107, "holding_register")
+'400108 (40108)'
+>>> both(20000, "coil")
+'020001'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+__all__ = ["LEADING_DIGIT", "NOUNS", "both", "five_digit", "six_digit"]
+
+LEADING_DIGIT: Mapping[str, int] = {
+    "coil": 0,
+    "discrete_input": 1,
+    "input_register": 3,
+    "holding_register": 4,
+}
+
+NOUNS: Mapping[str, str] = {
+    "coil": "coil",
+    "discrete_input": "input",
+    "input_register": "register",
+    "holding_register": "register",
+}
+"""What one item is called in a sentence."""
+
+LAST_OF_FIVE = 9999
+
+
+def six_digit(address: int, register_type: str) -> str:
+    """The wire address in the long notation, which reaches all addresses.
+
+    >>> six_digit(0, "input_register")
+    '300001'
+    """
+    return f"{LEADING_DIGIT[register_type]}{address + 1:05d}"
+
+
+def five_digit(address: int, register_type: str) -> str | None:
+    """The wire address in the short notation, or None where it does not reach.
+
+    >>> five_digit(19, "coil"), five_digit(9999, "coil")
+    ('00020', None)
+    """
+    if address >= LAST_OF_FIVE:
+        return None
+    return f"{LEADING_DIGIT[register_type]}{address + 1:04d}"
+
+
+def both(address: int, register_type: str) -> str:
+    """Long notation, and the short one in brackets where it reaches."""
+    short = five_digit(address, register_type)
+    long = six_digit(address, register_type)
+    return long if short is None else f"{long} ({short})"

@@ -1,0 +1,76 @@
+"""What is known around a field: the decoded PDU, its direction, and the request that it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from dissectors.pdu import Part, Pdu
+from dissectors.table import Direction, Function
+
+__all__ = ["LAST_ADDRESS", "Context", "Meaning"]
+
+LAST_ADDRESS = 0xFFFF
+
+USER_DEFINED = (range(65, 73), range(100, 111))
+"""Function codes that the specification leaves to users (application protocol, 5)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """Words, and whether all is well."""
+
+    text: str
+    sound: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """The decoded PDU around a field, and the request that it answers, if that is known."""
+
+    pdu: Pdu
+    size: int
+    direction: Direction
+    request: Pdu | None = None
+
+    @property
+    def row(self) -> Function | None:
+        """The row that applies, if there is one."""
+        return self.pdu.row
+
+    @property
+    def asked(self) -> Mapping[str, int]:
+        """The numbers of the request that this PDU answers; empty if that is not known."""
+        if self.request is None or self.request.function != self.pdu.function:
+            return {}
+        return self.request.numbers
+
+    def title(self, *, guessed: bool) -> Meaning:
+        """The function code in words."""
+        code, row = self.pdu.function, self.row
+        if row is None:
+            own = any(code in span for span in USER_DEFINED)
+            name = f"function {code}{', user-defined' if own else ''}, not in the table"
+        else:
+            name = row.name if row.label == row.name else f"{row.name} ({row.label})"
+        if self.pdu.exception is not None:
+            return Meaning(f"{name}: refused, exception response")
+        if row is not None and not row.answered and self.direction == "response":
+            return Meaning(f"{name}: response, but this is never answered", sound=False)
+        return Meaning(f"{name}, {self.direction}{' by its layout' if guessed else ''}")
+
+    def following(self, part: Part) -> int | None:
+        """How many bytes come after a field; None for a field inside a group."""
+        inside = part.path != part.name
+        return None if inside else self.size - part.offset - part.length
+
+    def block(self, name: str) -> tuple[str | None, int | None, int | None]:
+        """Register type, first address and quantity of the list called `name`, as far as known."""
+        if self.row is None or self.row.register_type is None:
+            return None, None, None
+        prefix = name[: name.rfind("_") + 1]
+        known = self.pdu.numbers if self.direction == "request" else self.asked
+        if f"{prefix}address" not in known:
+            known = self.pdu.numbers
+        start, quantity = known.get(f"{prefix}address"), known.get(f"{prefix}quantity")
+        return self.row.register_type, start, quantity

@@ -1,0 +1,238 @@
+"""Bytes beside meaning: one frame as a list of pieces, each with its bytes and what they say.
+
+Pure data: views draw it. The pieces of a frame tile it: joined, their bytes are the frame again,
+whatever damage it has.
+
+>>> frame = bytes.fromhex("11 03 006B 0003 7687")
+>>> for piece in describe(frame, mode="rtu", direction="request"):
+...     print(piece.data.hex().ljust(6), piece.name.ljust(9), piece.value.ljust(6), piece.meaning)
+11     unit      17     unit 17
+03     function  3      Read Holding Registers, request
+006b   address   107    107 = 0x006B, 400108 (40108)
+0003   quantity  3      3 registers, 400108 to 400110
+7687   checksum  0x8776 CRC-16 right
+"""
+
+from __future__ import annotations
+
+import binascii
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import _modlens
+from dissectors.context import Context, Meaning
+from dissectors.meaning import about
+from dissectors.pdu import Part, decode, guess_direction
+from dissectors.table import EXCEPTION_BIT, LISTS, Direction
+
+__all__ = ["Layer", "Mode", "Piece", "describe"]
+
+Mode = Literal["rtu", "ascii", "tcp", "pdu"]
+
+Layer = Literal["frame", "mbap", "pdu", "checksum"]
+
+SHORTEST_RTU = 4
+"""Unit, function and CRC (serial line specification, 2.5.1)."""
+
+MBAP_SIZE = 7
+"""Transaction, protocol, length and unit identifiers (messaging on TCP/IP, 3.1.3)."""
+
+RESERVED_UNITS = range(248, 256)
+"""Reserved on serial lines (serial line specification, 2.2)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Some bytes of a frame and what they mean.
+
+    - `offset`: where they start on the wire, from 0; in ASCII mode these are characters
+    - `data`: the bytes as they were on the wire; empty for something that is missing
+    - `name`: the field's name in the table, with its place in a list: `registers[2]`,
+    `objects[0].value`
+    - `value`: the value as text, in the base that fits it
+    - `meaning`: in words, may be empty
+    - `layer`: `frame` (unit, delimiters, noise), `mbap`, `pdu` or `checksum`
+    - `sound`: False where something is wrong with it; `meaning` then says what
+    """
+
+    offset: int
+    data: bytes
+    name: str
+    value: str
+    meaning: str
+    layer: Layer = "pdu"
+    sound: bool = True
+
+
+def describe(  # noqa: PLR0913 - all but the frame by keyword
+    data: bytes,
+    *,
+    mode: Mode,
+    direction: Direction | Literal["unknown"] = "unknown",
+    request: bytes | None = None,
+    has_checksum: bool = True,
+    functions: _modlens.Functions | None = None,
+) -> list[Piece]:
+    """The pieces of one frame, in wire order.
+
+    `request` is the PDU (without unit and checksum) that a response answers: with it registers and
+    bits get their numbers. `has_checksum` is False for recordings that print frames without one.
+    `direction` "unknown" is settled by layout where that can be done, and taken for a request where
+    both fit.
+
+    >>> pieces = describe(bytes.fromhex("83 02"), mode="pdu", direction="response")
+    >>> [piece.value for piece in pieces]
+    ['0x83', '2']
+    """
+    body = _Body(direction, request, functions, on_serial_line=mode != "tcp")
+    if mode == "pdu":
+        return list(body.pieces(data, 0))
+    if mode == "tcp":
+        return list(_tcp(data, body))
+    if mode == "ascii":
+        return list(_ascii(data, body, has_checksum=has_checksum))
+    return list(_rtu(data, body, has_checksum=has_checksum))
+
+
+@dataclass(frozen=True, slots=True)
+class _Body:
+    """What is known of the PDU before its bytes are looked at."""
+
+    direction: Direction | Literal["unknown"]
+    request: bytes | None
+    functions: _modlens.Functions | None
+    on_serial_line: bool
+
+    def pieces(self, pdu: bytes, start: int) -> Iterator[Piece]:
+        """The pieces of a PDU that starts at `start` on the wire."""
+        if not pdu:
+            text = "no function code: the frame is cut short"
+            yield Piece(start, b"", "function", "", text, sound=False)
+            return
+        direction = self._settle(pdu)
+        decoded = decode(pdu, direction, functions=self.functions)
+        asked = None
+        if self.request is not None and direction == "response":
+            asked = decode(self.request, "request", functions=self.functions)
+        context = Context(decoded, len(pdu), direction, asked)
+        code = pdu[0]
+        value = f"0x{code:02X}" if code & EXCEPTION_BIT else str(code)
+        meaning = context.title(guessed=self.direction == "unknown")
+        yield Piece(start, pdu[:1], "function", value, meaning.text, sound=meaning.sound)
+        for part in decoded.fields:
+            yield from _field(part, pdu, context, start)
+        if not decoded.complete:
+            text = "bytes are missing: the layout goes on here"
+            yield Piece(start + len(pdu), b"", "missing", "", text, sound=False)
+
+    def _settle(self, pdu: bytes) -> Direction:
+        if self.direction != "unknown":
+            return self.direction
+        guessed = guess_direction(pdu, functions=self.functions)
+        return "response" if guessed == "response" else "request"
+
+    def unit(self, unit: int, offset: int, layer: Layer = "frame") -> Piece:
+        """The piece of a unit number; broadcast and reserved numbers are serial notions."""
+        text, sound = f"unit {unit}", True
+        if self.on_serial_line and unit == 0:
+            text = "broadcast: all units, none answers"
+        elif self.on_serial_line and unit in RESERVED_UNITS:
+            text, sound = f"unit {unit}, a reserved number", False
+        return Piece(offset, bytes([unit]), "unit", str(unit), text, layer, sound)
+
+
+def _field(part: Part, pdu: bytes, context: Context, start: int) -> Iterator[Piece]:
+    """One field's piece; lists of numbers give one per item, bits one per byte."""
+    at, stop = part.offset, part.offset + part.length
+    if part.word in LISTS or part.word == "bits":
+        step = LISTS.get(part.word, 1)
+        for index, here in enumerate(range(at, stop, step)):
+            raw = pdu[here : here + step]
+            number = int.from_bytes(raw, "big")
+            shown = f"{number:08b}" if part.word == "bits" else str(number)
+            meaning = about(part, context, index=index, number=number)
+            name = f"{part.path}[{index}]"
+            yield Piece(start + here, raw, name, shown, meaning.text, sound=meaning.sound)
+        return
+    meaning = about(part, context)
+    shown = part.value.hex(" ") if isinstance(part.value, bytes) else str(part.value)
+    yield Piece(start + at, pdu[at:stop], part.path, shown, meaning.text, sound=meaning.sound)
+
+
+def _rtu(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
+    shortest = SHORTEST_RTU if has_checksum else SHORTEST_RTU - 2
+    if len(data) < shortest:
+        yield _noise(data, f"{len(data)} bytes: too short for a frame of at least {shortest}")
+        return
+    end = len(data) - 2 if has_checksum else len(data)
+    yield body.unit(data[0], 0)
+    yield from body.pieces(data[1:end], 1)
+    if has_checksum:
+        found = int.from_bytes(data[end:], "little")
+        meaning = _checksum("CRC-16", found, _modlens.crc16(data[:end]), width=4)
+        shown = f"0x{found:04X}"
+        yield Piece(end, data[end:], "checksum", shown, meaning.text, "checksum", meaning.sound)
+
+
+def _tcp(data: bytes, body: _Body) -> Iterator[Piece]:
+    if len(data) < MBAP_SIZE:
+        yield _noise(data, f"{len(data)} bytes: too short for the MBAP header of {MBAP_SIZE}")
+        return
+    mbap_id, protocol, length = (int.from_bytes(data[i : i + 2], "big") for i in (0, 2, 4))
+    yield Piece(0, data[:2], "mbap_id", str(mbap_id), "transaction identifier", "mbap")
+    text = "Modbus" if protocol == 0 else "not Modbus: the protocol identifier should be 0"
+    yield Piece(2, data[2:4], "protocol", str(protocol), text, "mbap", protocol == 0)
+    follow = len(data) - 6
+    text = f"{length} bytes follow"
+    if length != follow:
+        text = f"{length} bytes announced, {follow} follow"
+    yield Piece(4, data[4:6], "length", str(length), text, "mbap", length == follow)
+    yield body.unit(data[6], 6, "mbap")
+    end = min(len(data), max(MBAP_SIZE, 6 + length))
+    yield from body.pieces(data[MBAP_SIZE:end], MBAP_SIZE)
+    if data[end:]:
+        text = "beyond the length that the header announces"
+        yield Piece(end, data[end:], "extra", data[end:].hex(" "), text, "frame", sound=False)
+
+
+def _ascii(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
+    """The byte at i stands in the two characters from 1 + 2i (serial line specification, 2.5.2)."""
+    text = data.removesuffix(b"\n").removesuffix(b"\r")
+    try:
+        binary = binascii.unhexlify(text[1:]) if text[:1] == b":" else b""
+    except binascii.Error:
+        binary = b""
+    if len(binary) < (3 if has_checksum else 2):
+        yield _noise(data, "not an ASCII frame: a colon and pairs of hex digits are expected")
+        return
+    yield Piece(0, data[:1], "start", ":", "start of frame", "frame")
+    end = len(binary) - 1 if has_checksum else len(binary)
+    pieces = [body.unit(binary[0], 0), *body.pieces(binary[1:end], 1)]
+    if has_checksum:
+        meaning = _checksum("LRC", binary[end], _modlens.lrc(binary[:end]), width=2)
+        shown = f"0x{binary[end]:02X}"
+        last = Piece(end, binary[end:], "checksum", shown, meaning.text, "checksum", meaning.sound)
+        pieces.append(last)
+    for piece in pieces:
+        at = 1 + 2 * piece.offset
+        yield replace(piece, offset=at, data=data[at : at + 2 * len(piece.data)])
+    yield _delimiter(data[len(text) :], len(text))
+
+
+def _delimiter(tail: bytes, offset: int) -> Piece:
+    shown = {b"\r\n": "CR LF", b"\r": "CR", b"\n": "LF"}.get(tail, "")
+    sound = tail == b"\r\n"
+    meaning = "end of frame" if sound else "the frame should end in CR LF"
+    return Piece(offset, tail, "end", shown, meaning, "frame", sound)
+
+
+def _checksum(kind: str, found: int, expected: int, *, width: int) -> Meaning:
+    if found == expected:
+        return Meaning(f"{kind} right")
+    text = f"{kind} wrong: 0x{expected:0{width}X} expected, 0x{found:0{width}X} found"
+    return Meaning(text, sound=False)
+
+
+def _noise(data: bytes, why: str) -> Piece:
+    return Piece(0, data, "noise", data.hex(" "), why, "frame", sound=False)

@@ -1,0 +1,339 @@
+"""What a function, an exception, a sub-function or a finding is, in words.
+
+With the section that specifies it, and an example taken apart.
+
+>>> found = explain("ex2")
+>>> found.title
+'Illegal Data Address (exception 2)'
+>>> explain("fc3").section
+'Modbus Application Protocol V1.1b3, section 6.3'
+>>> explain("Read Coil")
+Traceback (most recent call last):
+...
+dissectors.errors.UsageError: nothing is known of 'Read Coil'; did you mean 'Read Coils'?
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import _modlens
+from dissectors import vocabulary
+from dissectors.craft import craft_pdu
+from dissectors.describe import describe
+from dissectors.errors import UsageError
+from dissectors.table import (
+    DIRECTIONS,
+    EXCEPTION_BIT,
+    Direction,
+    Field,
+    Function,
+    function,
+    functions,
+)
+from dissectors.words import Choice, code_of, function_names, near, number, plain
+
+__all__ = ["Explanation", "explain", "known_words"]
+
+ENCAPSULATED = 0x2B
+DIAGNOSTICS = 0x08
+REFUSED = range(EXCEPTION_BIT, 0x100)
+
+_EXCEPTION = re.compile(r"(?:ex|exc|exception)\s*(?:code)?\s*(0x[0-9a-f]+|\d+)")
+# Without 0x only 8 and 9 may lead: `fc 99` is a function.
+_REFUSAL = re.compile(r"(?:0x(?=[89a-f])|(?=[89]))([0-9a-f]{2})h?[\s/:]+(0x[0-9a-f]+|\d+)")
+_SUB = re.compile(
+    r"(?:fc|function|diagnostics?|sub-?function)?\s*(0x[0-9a-f]+|\d+)[\s/.:]+(0x[0-9a-f]+|\d+)"
+)
+_BARE_SUB = re.compile(r"(?:diagnostics?|sub-?function)\s*(0x[0-9a-f]+|\d+)")
+
+_WORDS = {
+    "u8": "1 byte",
+    "u16": "2 bytes",
+    "len8": "1 byte: how many bytes follow",
+    "len16": "2 bytes: how many bytes follow",
+    "count8": "1 byte: how many items follow",
+    "count16": "2 bytes: how many items follow",
+    "bits": "lowest bit of the first byte first",
+    "u8[]": "1 byte each",
+    "u16[]": "2 bytes each",
+    "bytes": "text or binary",
+}
+"""The table's words (see functions.toml) in everyday ones."""
+
+Kind = Literal["function", "exception", "diagnostic", "mei_type", "object_id", "finding"]
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """A title, where it is specified, paragraphs, and the lines of an example.
+
+    Section and example may be empty.
+    """
+
+    kind: Kind
+    title: str
+    section: str
+    text: tuple[str, ...]
+    example: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        head = self.title if not self.section else f"{self.title}\n{self.section}"
+        parts = [head, *self.text]
+        if self.example:
+            parts.append("\n".join(("Example", *(f"  {line}" for line in self.example))))
+        return "\n\n".join(parts)
+
+
+def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanation:
+    """What `word` means; `UsageError` with the nearest known words if it means nothing.
+
+    A function: `3`, `0x03`, `fc3`, `Read Holding Registers`. An exception: `exception 2`, `ex2`,
+    `0x83 2` or its name. A sub-function of Diagnostics: `8/11`, `diagnostics 11` or its name. An
+    MEI type: `43/14` or its name. An object of Read Device Identification: its name. A finding: its
+    code.
+    """
+    text = " ".join(word.split()).casefold()
+    for reading in (_as_exception, _as_pair, _as_function):
+        found = reading(text, source)
+        if found is not None:
+            return found
+    named = _named(source).get(plain(text))
+    if named is not None:
+        return _explanation(named, source)
+    hint = near(word, known_words(source=source))
+    end = "try a code such as 3, 'exception 2' or a finding"
+    if hint is not None:
+        end = f"did you mean {hint!r}?"
+    raise UsageError(f"nothing is known of {word!r}; {end}")
+
+
+def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
+    """Every name that `explain` knows, functions first.
+
+    >>> known_words()[:2]
+    ('Read Coils', 'Read Discrete Inputs')
+    """
+    found = [row.name for row in functions(source)]
+    found += [row.label for row in functions(source)]
+    for kind in ("exceptions", "diagnostics", "mei_types", "object_ids"):
+        found += [entry.name for entry in vocabulary.names(kind)]
+    found += [finding.code for finding in vocabulary.findings()]
+    return tuple(dict.fromkeys(found))
+
+
+Named = Choice | vocabulary.Name | vocabulary.Finding
+
+
+def _named(source: _modlens.Functions | None) -> dict[str, Named]:
+    """What each name stands for; later entries win, but a finding never hides a function."""
+    found: dict[str, Named] = {}
+    for kind in ("object_ids", "exceptions"):
+        found.update({plain(entry.name): entry for entry in vocabulary.names(kind)})
+    found.update({plain(name): choice for name, choice in function_names(source=source).items()})
+    for finding in vocabulary.findings():
+        found.setdefault(plain(finding.code), finding)
+    return found
+
+
+def _explanation(named: Named, source: _modlens.Functions | None) -> Explanation:
+    if isinstance(named, vocabulary.Finding):
+        return _finding(named)
+    if isinstance(named, vocabulary.Name):
+        known = vocabulary.exception(named.code)
+        if known == named:
+            return _exception(named.code, None)
+        return _object(named)
+    value = next(iter(named.preset.values()), None)
+    if value is None:
+        return _function(named.code, source)
+    return _sub_function(named.code, value, source)
+
+
+def _as_exception(text: str, source: _modlens.Functions | None) -> Explanation | None:
+    alone = _EXCEPTION.fullmatch(text)
+    if alone is not None:
+        return _exception(number(alone[1]) or 0, None)
+    refusal = _REFUSAL.fullmatch(text)
+    if refusal is None:
+        return None
+    return _exception(number(refusal[2]) or 0, int(refusal[1], 16) & ~EXCEPTION_BIT)
+
+
+def _as_pair(text: str, source: _modlens.Functions | None) -> Explanation | None:
+    bare = _BARE_SUB.fullmatch(text)
+    if bare is not None:
+        return _sub_function(DIAGNOSTICS, number(bare[1]) or 0, source)
+    pair = _SUB.fullmatch(text)
+    if pair is None:
+        return None
+    return _sub_function(number(pair[1]) or 0, number(pair[2]) or 0, source)
+
+
+def _as_function(text: str, source: _modlens.Functions | None) -> Explanation | None:
+    code = code_of(text)
+    if code is None:
+        return None
+    # 0x83 is what function 3 becomes when it is refused.
+    return _function(code & ~EXCEPTION_BIT if code in REFUSED else code, source)
+
+
+def _function(code: int, source: _modlens.Functions | None) -> Explanation:
+    rows = [row for row in functions(source) if row.code == code]
+    if not rows:
+        known = ", ".join(str(code) for code in sorted({row.code for row in functions(source)}))
+        raise UsageError(f"function {code} is not in the table; known are {known}")
+    row = next((row for row in rows if row.when is None), rows[0])
+    text = [_sentence(row.summary), *_layout(row)]
+    chosen = [f"{value} {name}" for value, name in _values(code, source).items()]
+    if chosen:
+        text.append(f"Its first field chooses: {'; '.join(chosen)}.")
+    title = f"{row.name} (function {code}, 0x{code:02X})"
+    section = _specified(row.section)
+    return Explanation("function", title, section, tuple(text), _example(row, source))
+
+
+def _sub_function(code: int, value: int, source: _modlens.Functions | None) -> Explanation:
+    try:
+        row = function(code, when=value, source=source)
+    except KeyError:
+        return _function(code, source)
+    look_up = {DIAGNOSTICS: vocabulary.diagnostic, ENCAPSULATED: vocabulary.mei_type}.get(code)
+    entry = None if look_up is None else look_up(value)
+    if entry is None:
+        return _own_row(row, value, source)
+    text = (_sentence(entry.meaning), *_layout(row))
+    section = _specified(entry.section)
+    if code == ENCAPSULATED:
+        title = f"{entry.name} (function {code}, MEI type {value})"
+        return Explanation("mei_type", title, section, text, _example(row, source))
+    title = f"{entry.name} (function {code}, sub-function {value})"
+    example = _example(row, source) if row.when else _drawn(_query(value), "request", source)
+    return Explanation("diagnostic", title, section, text, tuple(example))
+
+
+def _own_row(row: Function, value: int, source: _modlens.Functions | None) -> Explanation:
+    """A value of the leading field that the vocabulary has no name for, but the table may have."""
+    if row.when is None:
+        known = ", ".join(str(code) for code in _values(row.code, source))
+        end = f"known are {known}" if known else "it has none"
+        raise UsageError(f"{row.name} has no sub-function {value} in the table; {end}")
+    title = f"{row.label} ({row.name}, {row.when[0]} {value})"
+    text = (_sentence(row.summary), *_layout(row))
+    return Explanation("function", title, _specified(row.section), text, _example(row, source))
+
+
+def _values(code: int, source: _modlens.Functions | None) -> dict[int, str]:
+    """The values of the leading field that have a name, in order."""
+    found = {row.when[1]: row.label for row in functions(source) if row.code == code and row.when}
+    if code == DIAGNOSTICS:
+        found |= {entry.code: entry.name for entry in vocabulary.names("diagnostics")}
+    return dict(sorted(found.items()))
+
+
+def _query(sub_function: int) -> bytes:
+    return craft_pdu(DIAGNOSTICS, values={"sub_function": sub_function, "data": 0})
+
+
+def _exception(code: int, refused: int | None) -> Explanation:
+    entry = vocabulary.exception(code)
+    pdu = bytes([(refused or 0x03) | EXCEPTION_BIT, code & 0xFF])
+    example = tuple(_drawn(pdu, "response", None))
+    if entry is None:
+        unknown = "The specification has no such code: the vendor's manual may explain it."
+        return Explanation("exception", f"Exception {code}", _specified("7"), (unknown,), example)
+    text = (_sentence(entry.meaning), f"Check: {entry.check}")
+    title = f"{entry.name} (exception {code})"
+    return Explanation("exception", title, _specified(entry.section), text, example)
+
+
+def _object(entry: vocabulary.Name) -> Explanation:
+    span = f"0x{entry.code:02X}"
+    if entry.last != entry.code:
+        span = f"{span} to 0x{entry.last:02X}"
+    title = f"{entry.name} (object {span} of Read Device Identification)"
+    text = (_sentence(entry.meaning), f"Category: {entry.category}.")
+    return Explanation("object_id", title, _specified(entry.section), text)
+
+
+def _finding(entry: vocabulary.Finding) -> Explanation:
+    title = f"{entry.code} (finding, {entry.severity})"
+    text = (_sentence(entry.title), entry.why, f"Check: {entry.advice}")
+    return Explanation("finding", title, _specified(entry.section), text)
+
+
+def _layout(row: Function) -> Iterator[str]:
+    """The fields of both directions, in sentences."""
+    lines = []
+    for direction in DIRECTIONS:
+        if direction == "response" and not row.answered:
+            lines.append("There is no response.")
+        elif not row.has_layout(direction):
+            lines.append(f"The layout of the {direction} is not public.")
+        else:
+            fields = ", ".join(map(_field, row.fields(direction)))
+            body = fields or "nothing but the function code"
+            lines.append(f"{direction.capitalize()}: {body}.")
+    yield "\n".join(lines)
+    permitted = [f"{name} {low} to {high}" for name, (low, high) in row.limits.items()]
+    permitted += [f"{name} {_either(values)}" for name, values in row.allowed.items()]
+    notes = [f"Permitted: {', '.join(permitted)}."] if permitted else []
+    if row.echo:
+        notes.append(f"The response repeats {', '.join(row.echo)}.")
+    if row.serial_only:
+        notes.append("Specified for serial lines only.")
+    if notes:
+        yield " ".join(notes)
+
+
+def _field(field: Field) -> str:
+    if field.word == "group":
+        return f"{field.name} (groups of {', '.join(map(_field, field.children))})"
+    return f"{field.name} ({_WORDS[field.word]})"
+
+
+def _example(row: Function, source: _modlens.Functions | None) -> tuple[str, ...]:
+    lines = list(_drawn(row.example_request, "request", source))
+    if row.example_response is not None:
+        asked = row.example_request
+        lines += ["", *_drawn(row.example_response, "response", source, request=asked)]
+    return tuple(lines)
+
+
+def _drawn(
+    pdu: bytes,
+    direction: Direction,
+    source: _modlens.Functions | None,
+    *,
+    request: bytes | None = None,
+) -> Iterable[str]:
+    pieces = describe(pdu, mode="pdu", direction=direction, request=request, functions=source)
+    yield f"{direction} {pdu.hex(' ')}"
+    for piece in pieces:
+        words = piece.meaning or piece.value
+        yield f"  {piece.name}: {words}"
+
+
+def _specified(section: str) -> str:
+    """The section with its document; the table's plain numbers are the application protocol's."""
+    if section in ("", "vendor"):
+        return "" if not section else "not in the specification; the vendor's own"
+    for prefix, document in (
+        ("serial line ", "Modbus over Serial Line V1.02"),
+        ("messaging on TCP/IP ", "Modbus Messaging on TCP/IP V1.0b"),
+    ):
+        if section.startswith(prefix):
+            return f"{document}, section {section.removeprefix(prefix)}"
+    kind = "" if section.startswith("Annex") else "section "
+    return f"Modbus Application Protocol V1.1b3, {kind}{section}"
+
+
+def _either(values: Iterable[int]) -> str:
+    return " or ".join(f"0x{value:02X}" for value in values)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."

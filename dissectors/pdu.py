@@ -1,0 +1,136 @@
+"""A PDU taken apart by the core, with types, and the direction that its layout suggests.
+
+>>> pdu = decode(bytes.fromhex("03 006B 0003"), "request")
+>>> pdu.row.name, [(field.path, field.value) for field in pdu.fields]
+('Read Holding Registers', [('address', 107), ('quantity', 3)])
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import _modlens
+from dissectors.table import EXCEPTION_BIT, Direction, Function, row_of
+
+__all__ = ["Part", "Pdu", "decode", "default_functions", "guess_direction"]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One field where it stands.
+
+    `offset` counts from the function code; `path` says where in a group the field is. `value` is a
+    number, a list of numbers (0 and 1 for bits), or bytes. Groups are not parts, their fields are.
+    """
+
+    name: str
+    path: str
+    word: str
+    offset: int
+    length: int
+    value: int | tuple[int, ...] | bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Pdu:
+    """A decoded PDU.
+
+    `row` is None for a code that the table does not have; `exception` for all but exceptions.
+    `fields` tile the bytes behind the function code as far as the layout reaches; what is beyond it
+    is a last field named "extra". `complete` is False where bytes are missing.
+    """
+
+    function: int
+    row: Function | None
+    exception: int | None
+    complete: bool
+    fields: tuple[Part, ...]
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The fields outside groups that are one number, by name."""
+        return {f.path: f.value for f in self.fields if isinstance(f.value, int)}
+
+    @property
+    def fits(self) -> bool:
+        """Whether the layout covers the bytes exactly and the row permits every number."""
+        if not self.complete or any(part.name == "extra" for part in self.fields):
+            return False
+        return self.row is None or all(permitted(self.row, part) for part in self.fields)
+
+
+def permitted(row: Function, part: Part) -> bool:
+    """Whether the specification permits this value in this field."""
+    if not isinstance(part.value, int):
+        return True
+    low, high = row.limits.get(part.name, (0, 0xFFFF))
+    return low <= part.value <= high and part.value in row.allowed.get(part.name, (part.value,))
+
+
+_SHARED: list[_modlens.Functions] = []
+
+
+def default_functions() -> _modlens.Functions:
+    """The embedded table, compiled once; never loaded with further rows."""
+    if not _SHARED:
+        _SHARED.append(_modlens.Functions())
+    return _SHARED[0]
+
+
+def decode(pdu: bytes, direction: Direction, *, functions: _modlens.Functions | None = None) -> Pdu:
+    """The PDU's fields; never fails: an empty or damaged PDU gives what can be told of it."""
+    table = functions or default_functions()
+    tree: dict[str, Any] = json.loads(table.decode(pdu, direction)) if pdu else {}
+    fields = tuple(_parts(tree.get("fields") or (), pdu, prefix=""))
+    code = pdu[0] & ~EXCEPTION_BIT if pdu else 0
+    return Pdu(
+        function=code,
+        row=row_of(pdu, source=functions),
+        exception=tree.get("exception"),
+        complete=bool(tree.get("complete")),
+        fields=fields,
+    )
+
+
+def guess_direction(
+    pdu: bytes, *, functions: _modlens.Functions | None = None
+) -> Literal["request", "response", "unknown"]:
+    """The direction whose layout fits, or "unknown" where both do or none does.
+
+    Only the neighbours on the line can tell for sure: an echo (functions 5, 6 ...) looks the same
+    both ways.
+
+    >>> guess_direction(bytes.fromhex("03 006B 0003")), guess_direction(bytes.fromhex("83 02"))
+    ('request', 'response')
+    >>> guess_direction(bytes.fromhex("06 0001 0003"))
+    'unknown'
+    """
+    if pdu and pdu[0] & EXCEPTION_BIT:
+        return "response"
+    asked = decode(pdu, "request", functions=functions).fits
+    answered = decode(pdu, "response", functions=functions).fits
+    if asked == answered:
+        return "unknown"
+    return "request" if asked else "response"
+
+
+def _parts(nodes: Any, pdu: bytes, *, prefix: str) -> Iterator[Part]:
+    for node in nodes:
+        path = f"{prefix}{node['name']}"
+        if node["word"] == "group":
+            for index, item in enumerate(node["children"]):
+                yield from _parts(item, pdu, prefix=f"{path}[{index}].")
+            continue
+        offset, length = node["offset"], node["length"]
+        raw = pdu[offset : offset + length]
+        yield Part(node["name"], path, node["word"], offset, length, _value(node, raw))
+
+
+def _value(node: Any, raw: bytes) -> int | tuple[int, ...] | bytes:
+    if node["word"] == "bytes":
+        return raw
+    found = node["value"]
+    return int(found) if isinstance(found, int) else tuple(int(item) for item in found)

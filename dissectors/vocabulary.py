@@ -1,0 +1,201 @@
+"""The names of the numbers inside a PDU, and the findings, read back from the core.
+
+The names stand in vocabulary.toml, the findings in the core itself.
+
+>>> exception_name(2)
+'Illegal Data Address'
+>>> diagnostic(11).name
+'Return Bus Message Count'
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import _modlens
+
+__all__ = [
+    "Finding",
+    "Kind",
+    "Name",
+    "conformity_level",
+    "diagnostic",
+    "exception",
+    "exception_name",
+    "finding",
+    "findings",
+    "mei_type",
+    "names",
+    "object_id",
+    "read_device_id_code",
+    "vendors",
+    "vocabulary",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A number inside a PDU that has a name: an exception, a sub-function, an object id.
+
+    `last` is the end of a range of numbers (equal to `code` for most); `check` is advice, on
+    exceptions only.
+    """
+
+    code: int
+    last: int
+    name: str
+    section: str
+    meaning: str
+    check: str = ""
+    category: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A documented finding: what was seen, why it matters, what to check."""
+
+    code: str
+    severity: str
+    title: str
+    why: str
+    advice: str
+    section: str
+
+
+Kind = Literal[
+    "exceptions",
+    "diagnostics",
+    "mei_types",
+    "object_ids",
+    "read_device_id_codes",
+    "conformity_levels",
+]
+
+
+def exception(code: int) -> Name | None:
+    """The exception code's entry, or None where the specification has none.
+
+    >>> exception(11).name
+    'Gateway Target Device Failed to Respond'
+    """
+    return _lookup("exceptions", code)
+
+
+def exception_name(code: int) -> str:
+    """The exception code's name, or "Exception 9" where the specification has none.
+
+    >>> exception_name(9)
+    'Exception 9'
+    """
+    entry = exception(code)
+    return f"Exception {code}" if entry is None else entry.name
+
+
+def diagnostic(sub_function: int) -> Name | None:
+    """The entry of a sub-function of Diagnostics (function 8).
+
+    >>> diagnostic(11).name
+    'Return Bus Message Count'
+    """
+    return _lookup("diagnostics", sub_function)
+
+
+def mei_type(code: int) -> Name | None:
+    """The entry of an MEI type of function 43.
+
+    >>> mei_type(14).section
+    '6.21'
+    """
+    return _lookup("mei_types", code)
+
+
+def object_id(code: int) -> Name | None:
+    """The entry of an object id of Read Device Identification; ranges included.
+
+    >>> object_id(0).name, object_id(0x90).name
+    ('VendorName', 'Private')
+    """
+    return _lookup("object_ids", code)
+
+
+def read_device_id_code(code: int) -> Name | None:
+    """The entry of a Read Device ID code.
+
+    >>> read_device_id_code(4).name
+    'specific'
+    """
+    return _lookup("read_device_id_codes", code)
+
+
+def conformity_level(code: int) -> Name | None:
+    """The entry of a conformity level.
+
+    >>> conformity_level(0x81).name
+    'basic, stream and individual'
+    """
+    return _lookup("conformity_levels", code)
+
+
+def names(kind: Kind) -> tuple[Name, ...]:
+    """All entries of one part of the vocabulary, by number.
+
+    >>> [entry.code for entry in names("mei_types")]
+    [13, 14]
+    """
+    return _names(kind)
+
+
+@functools.cache
+def findings() -> tuple[Finding, ...]:
+    """The findings that the core can report."""
+    keys = Finding.__slots__
+    rows = vocabulary()["findings"]
+    return tuple(Finding(**{key: str(row.get(key) or "") for key in keys}) for row in rows)
+
+
+def finding(code: str) -> Finding | None:
+    """The finding with this code."""
+    return next((item for item in findings() if item.code == code), None)
+
+
+def vendors() -> tuple[str, ...]:
+    """The vendors whose rows the core embeds.
+
+    >>> "huawei" in vendors()
+    True
+    """
+    return tuple(vocabulary()["vendors"])
+
+
+@functools.cache
+def vocabulary() -> dict[str, Any]:
+    """Everything that the core says of its texts (see `_modlens.vocabulary`), as it stands."""
+    found: dict[str, Any] = json.loads(_modlens.vocabulary())
+    return found
+
+
+@functools.cache
+def _names(kind: Kind) -> tuple[Name, ...]:
+    entries = (_name(row) for row in vocabulary()[kind])
+    return tuple(sorted(entries, key=lambda entry: entry.code))
+
+
+def _lookup(kind: Kind, code: int) -> Name | None:
+    return next((entry for entry in _names(kind) if entry.code <= code <= entry.last), None)
+
+
+def _name(row: Mapping[str, Any]) -> Name:
+    code = next(row[key] for key in ("code", "sub_function", "id") if key in row)
+    return Name(
+        code=code,
+        last=row.get("last") or code,
+        name=row["name"],
+        section=row["section"],
+        meaning=row["meaning"],
+        check=row.get("check") or "",
+        category=row.get("category") or "",
+    )

@@ -1,0 +1,111 @@
+"""The words in which people name a function: a code (3, 0x03, fc3) or a name, right or nearly.
+
+>>> choose("Read Holding Registers").code, choose("fc 0x10").code
+(3, 16)
+>>> choose("Return Bus Message Count")
+Choice(code=8, preset={'sub_function': 11})
+>>> choose("read coil")
+Traceback (most recent call last):
+...
+dissectors.errors.UsageError: no function 'read coil'; did you mean 'Read Coils'?
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import _modlens
+from dissectors import vocabulary
+from dissectors.errors import UsageError
+from dissectors.table import functions
+
+__all__ = ["Choice", "choose", "near", "number", "plain"]
+
+DIAGNOSTICS = 0x08
+HIGHEST_CODE = 127
+
+_NUMBER = re.compile(r"0x(?P<hex>[0-9a-f]+)|(?P<suffixed>[0-9][0-9a-f]*)h|(?P<decimal>[0-9]+)")
+_CODE = re.compile(r"(?:fc|function(?:\s+code)?)?\s*(0x[0-9a-f]+|[0-9][0-9a-f]*h|[0-9]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A function code, and the leading field's value where the name says more than the code."""
+
+    code: int
+    preset: dict[str, int] = field(default_factory=dict, hash=False)
+
+
+def number(text: str) -> int | None:
+    """The number that `107`, `0x6B` or `6Bh` says, or None.
+
+    >>> number("0x6B"), number("6Bh"), number("six")
+    (107, 107, None)
+    """
+    match = _NUMBER.fullmatch(text.strip().casefold().replace("_", ""))
+    if match is None:
+        return None
+    digits = match["hex"] or match["suffixed"]
+    return int(match["decimal"]) if digits is None else int(digits, 16)
+
+
+def code_of(text: str) -> int | None:
+    """The function code that `3`, `0x03`, `fc3` or `function 3` says, or None."""
+    match = _CODE.fullmatch(text.strip().casefold())
+    return None if match is None else number(match[1])
+
+
+def plain(text: str) -> str:
+    """A name without case, spaces and punctuation, so that `read_coils` is `Read Coils`.
+
+    >>> plain("Read/Write Multiple Registers")
+    'readwritemultipleregisters'
+    """
+    return re.sub(r"[^a-z0-9]", "", text.casefold())
+
+
+def near(text: str, known: Iterable[str]) -> str | None:
+    """The known name that is nearest to a wrong one, if any is near.
+
+    >>> near("quantitty", ["address", "quantity"])
+    'quantity'
+    """
+    by_plain = {plain(name): name for name in known}
+    found = difflib.get_close_matches(plain(text), by_plain, n=1, cutoff=0.6)
+    return by_plain[found[0]] if found else None
+
+
+def choose(word: int | str, *, source: _modlens.Functions | None = None) -> Choice:
+    """The function that a code or a name means; `UsageError` with a near name otherwise."""
+    code = word if isinstance(word, int) else code_of(word)
+    if code is not None:
+        if not 1 <= code <= HIGHEST_CODE:
+            raise UsageError(f"function code {code} is not from 1 to {HIGHEST_CODE}")
+        return Choice(code)
+    named = function_names(source=source)
+    by_plain = {plain(name): choice for name, choice in named.items()}
+    found = by_plain.get(plain(str(word)))
+    if found is not None:
+        return found
+    hint = near(str(word), named)
+    advice = "`modlens explain` lists the names" if hint is None else f"did you mean {hint!r}?"
+    raise UsageError(f"no function {word!r}; {advice}")
+
+
+def function_names(*, source: _modlens.Functions | None = None) -> dict[str, Choice]:
+    """Every name that a function goes by, those of its sub-functions included.
+
+    >>> function_names()["Read Device Identification"]
+    Choice(code=43, preset={'mei_type': 14})
+    """
+    found: dict[str, Choice] = {}
+    for entry in vocabulary.names("diagnostics"):
+        found[entry.name] = Choice(DIAGNOSTICS, {"sub_function": entry.code})
+    for row in functions(source):
+        found[row.label] = Choice(row.code, dict([row.when] if row.when else []))
+    for row in functions(source):
+        found[row.name] = Choice(row.code)
+    return found

@@ -1,0 +1,77 @@
+"""Which format a recording has."""
+
+from __future__ import annotations
+
+import pytest
+
+from analyzer.sources import FORMATS
+from analyzer.sources.detect import choose, is_text
+
+REQUEST, RESPONSE = "0103006b00037417", "010306022b0000006405 7a".replace(" ", "")
+
+SAMPLES = {
+    "raw": bytes.fromhex(REQUEST + RESPONSE) * 4,
+    "hex": f"{REQUEST}\n{RESPONSE}\n".encode() * 4,
+    "hexdump": b"".join(
+        b"%08x  01 03 00 6b 00 03 74 17  01 03 00 6b 00 03 74 17  |...k..t....k..t.|\n"
+        % (16 * line)
+        for line in range(4)
+    ),
+    "xxd": b"".join(
+        b"%08x: 0103 006b 0003 7417 0103 006b 0003 7417  ...k..t....k..t.\n" % (16 * line)
+        for line in range(4)
+    ),
+    "chunks": f'{{"t": 1.5, "hex": "{REQUEST}"}}\n{{"t": 1.6, "hex": "{RESPONSE}"}}\n'.encode(),
+}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_each_format_is_found_by_its_content(name: str) -> None:
+    """Whatever the file is called."""
+    found = choose(SAMPLES[name], "recording")
+    assert (found.format, found.ordered) == (name, False)
+    assert 0 < found.confidence <= 1
+    assert found.reason
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{REQUEST}\n",
+        "01 03 00 6B 00 03 74 17\n",
+        "01,03,00,6B,00,03,74,17\n",
+        "0x01 0x03 0x00 0x6B 0x00 0x03 0x74 0x17\n",
+        "01-03-00-6B-00-03-74-17\r\n",
+        "12:00:01.250 Tx: 01 03 00 6B 00 03 74 17\n12:00:01.275 Rx: 01 83 02 C0 F1\n",
+    ],
+)
+def test_hex_is_found_in_any_dress(text: str) -> None:
+    """Plain, separated, with 0x, with times and words in front."""
+    assert choose(text.encode(), "bus.log").format == "hex"
+
+
+def test_modbus_ascii_as_it_was_on_the_line_is_raw() -> None:
+    """Colons and hex digits are what the bytes look like, not a text of them."""
+    assert choose(b":010300000001FB\r\n:0103020007F3\r\n", "bus.bin").format == "raw"
+
+
+def test_an_order_is_followed() -> None:
+    """Even where the detection would not have thought of it."""
+    found = choose(SAMPLES["hex"], "bus.hex", "hexdump")
+    assert (found.format, found.ordered) == ("hexdump", True)
+
+
+@pytest.mark.parametrize(
+    ("sample", "text"),
+    [
+        (b"", True),
+        (b"12:00 Rx: 01 03\r\n", True),
+        ("Zähler läuft\n".encode(), True),
+        (bytes(range(256)), False),
+        (bytes.fromhex(REQUEST), False),
+        (b"\xff" * 10, False),
+    ],
+)
+def test_text_has_no_control_characters(sample: bytes, text: bool) -> None:
+    """And few that are not ASCII."""
+    assert is_text(sample) is text

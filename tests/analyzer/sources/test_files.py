@@ -1,0 +1,117 @@
+"""Recordings: files, pipes and standard input, in blocks."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from analyzer import SourceError, UsageError
+from analyzer.sources import files
+from analyzer.sources.files import Recording
+
+HEX = b"01 03 00 6B 00 03 74 17\n"
+
+
+def test_all_bytes_come_in_order(tmp_path: Path) -> None:
+    """The sample that was looked at is delivered like all others."""
+    data = HEX * 40_000
+    path = tmp_path / "long.hex"
+    path.write_bytes(data)
+    with Recording(str(path)) as recording:
+        blocks = list(recording.blocks())
+    assert b"".join(blocks) == data
+    assert max(map(len, blocks)) <= files.BLOCK
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes by name")
+def test_a_pipe_is_read_as_it_comes(tmp_path: Path) -> None:
+    """An empty block says that nothing has come yet."""
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    go_on = threading.Event()
+
+    def write() -> None:
+        with path.open("wb", buffering=0) as pipe:
+            pipe.write(HEX)
+            go_on.wait(10)
+            pipe.write(HEX)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    received = []
+    with Recording(str(path)) as recording:
+        for block in recording.blocks():
+            received.append(block)
+            if not block:
+                go_on.set()
+    writer.join()
+    assert b"".join(received) == HEX * 2
+    assert b"" in received
+
+
+def refused(path: Path | str, read_as: str | None = None) -> str:
+    """What is said when this cannot be read."""
+    with pytest.raises(SourceError) as caught:
+        Recording(str(path), read_as=read_as)
+    return str(caught.value)
+
+
+def test_what_is_no_file(tmp_path: Path) -> None:
+    """Missing, a directory, below a file, a name that cannot be."""
+    (tmp_path / "file").write_bytes(HEX)
+    assert "no such file; check the path" in refused(tmp_path / "no.hex")
+    assert "no such file; check the path" in refused(tmp_path / "file" / "below.hex")
+    assert "a directory; name the files in it" in refused(tmp_path)
+    assert "null" in refused("a\0b")
+
+
+def test_an_empty_file(tmp_path: Path) -> None:
+    """There is nothing to decode."""
+    path = tmp_path / "empty.bin"
+    path.touch()
+    assert refused(path) == f"{path}: empty; there is nothing to decode"
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="permissions of POSIX")
+def test_a_file_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Told by name; root, who may read all, is asked to pretend."""
+    path = tmp_path / "secret.hex"
+    path.write_bytes(HEX)
+    path.chmod(0)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert refused(path) == f"{path}: no permission to read it"
+
+
+def test_binary_is_not_text(tmp_path: Path) -> None:
+    """An order that cannot be meant is refused, with what to do instead."""
+    path = tmp_path / "bus.bin"
+    path.write_bytes(bytes.fromhex("0103006b00037417") * 10)
+    assert "binary data, not hex text; leave --from out, or say --from raw" in refused(path, "hex")
+
+
+def test_text_is_not_binary(tmp_path: Path) -> None:
+    """So is the other way round."""
+    path = tmp_path / "bus.hex"
+    path.write_bytes(HEX * 10)
+    said = refused(path, "raw")
+    assert "text (hex text" in said
+    assert "leave --from out, or say --from hex" in said
+
+
+def test_text_of_no_known_form(tmp_path: Path) -> None:
+    """A letter is no recording."""
+    path = tmp_path / "letter.txt"
+    path.write_text("Dear customer,\nthe meter stopped on Monday.\n" * 20)
+    assert "modlens formats" in refused(path)
+
+
+def test_a_format_that_does_not_exist(tmp_path: Path) -> None:
+    """Wrong use, with those that do."""
+    path = tmp_path / "bus.hex"
+    path.write_bytes(HEX)
+    with pytest.raises(UsageError, match=r"no such format; there are raw, hex,"):
+        Recording(str(path), read_as="hexx")

@@ -1,0 +1,36 @@
+"""Columns, read back from the core."""
+
+from __future__ import annotations
+
+import pytest
+
+from analyzer import UsageError
+from analyzer.columns import TABLES, columns, pick
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_column_is_explained(table: str) -> None:
+    """Key, title and help; no key twice."""
+    found = columns(table)
+    assert all(column.key and column.title and column.help for column in found)
+    assert len({column.key for column in found}) == len(found)
+
+
+def test_columns_are_picked_in_the_order_asked_for() -> None:
+    """All of them where nothing is asked for."""
+    assert pick("findings", "code , frame") == ("code", "frame")
+    assert pick("findings", None) == tuple(column.key for column in columns("findings"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("unti", "no column 'unti' in frames; did you mean 'unit'?"),
+        ("qqq", "no column 'qqq' in frames; there are frame, time,"),
+        (" , ", "--columns names no column"),
+    ],
+)
+def test_unknown_columns_are_told(text: str, message: str) -> None:
+    """With the near name, or all of them."""
+    with pytest.raises(UsageError, match=message.replace("?", r"\?")):
+        pick("frames", text)

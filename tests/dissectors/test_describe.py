@@ -1,0 +1,146 @@
+"""Bytes beside meaning: frames of every mode, whole and damaged."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import _modlens
+from dissectors.describe import Mode, Piece, describe
+
+MODES: tuple[Mode, ...] = ("rtu", "ascii", "tcp", "pdu")
+
+
+def by_name(pieces: list[Piece]) -> dict[str, Piece]:
+    """Return the pieces by their names."""
+    return {piece.name: piece for piece in pieces}
+
+
+def assert_tiled(pieces: list[Piece], data: bytes) -> None:
+    """Joined, the pieces are the frame."""
+    at = 0
+    for piece in pieces:
+        assert piece.offset == at
+        at += len(piece.data)
+    assert b"".join(piece.data for piece in pieces) == data
+
+
+@settings(deadline=None)
+@given(
+    data=st.binary(max_size=260),
+    mode=st.sampled_from(MODES),
+    direction=st.sampled_from(["request", "response", "unknown"]),
+    has_checksum=st.booleans(),
+    request=st.none() | st.binary(max_size=12),
+)
+def test_any_bytes_are_tiled(
+    data: bytes,
+    mode: Mode,
+    direction: Literal["request", "response", "unknown"],
+    has_checksum: bool,
+    request: bytes | None,
+) -> None:
+    """Whatever the bytes are, nothing raises and nothing is lost."""
+    pieces = describe(
+        data, mode=mode, direction=direction, has_checksum=has_checksum, request=request
+    )
+    assert_tiled(pieces, data)
+
+
+@settings(deadline=None)
+@given(pdu=st.binary(min_size=1, max_size=250), lower=st.booleans())
+def test_ascii_offsets_are_characters(pdu: bytes, lower: bool) -> None:
+    """A byte is two characters on the wire, in capitals or not."""
+    binary = b"\x01" + pdu
+    digits = (binary + bytes([_modlens.lrc(binary)])).hex()
+    text = b":" + (digits if lower else digits.upper()).encode() + b"\r\n"
+    pieces = describe(text, mode="ascii")
+    assert_tiled(pieces, text)
+    assert by_name(pieces)["checksum"].sound
+
+
+def test_rtu_checksum_expected_and_found() -> None:
+    """Right, wrong, and absent."""
+    frame = bytes.fromhex("11 03 006B 0003 7687")
+    right = by_name(describe(frame, mode="rtu"))["checksum"]
+    assert (right.meaning, right.layer, right.sound) == ("CRC-16 right", "checksum", True)
+    wrong = by_name(describe(frame[:-1] + b"\x88", mode="rtu"))["checksum"]
+    assert wrong.meaning == "CRC-16 wrong: 0x8776 expected, 0x8876 found"
+    assert not wrong.sound
+    bare = describe(frame[:-2], mode="rtu", has_checksum=False)
+    assert [piece.name for piece in bare] == ["unit", "function", "address", "quantity"]
+    assert_tiled(bare, frame[:-2])
+
+
+def test_units_on_serial_lines_and_on_tcp() -> None:
+    """Broadcast and reserved numbers are serial notions."""
+    serial = describe(bytes.fromhex("00 07 0000"), mode="rtu")[0]
+    assert serial.meaning.startswith("broadcast")
+    assert not describe(bytes.fromhex("F8 07 0000"), mode="rtu")[0].sound
+    unit = by_name(describe(bytes.fromhex("0001 0000 0002 FF 07"), mode="tcp"))["unit"]
+    assert (unit.meaning, unit.layer, unit.sound) == ("unit 255", "mbap", True)
+
+
+def test_mbap_fields() -> None:
+    """Identifiers and length; what is beyond the length stands apart."""
+    frame = bytes.fromhex("0102 0001 0003 11 076D FF")
+    found = by_name(describe(frame, mode="tcp", direction="response"))
+    assert found["mbap_id"].value == "258"
+    assert "should be 0" in found["protocol"].meaning
+    assert found["length"].meaning == "3 bytes announced, 4 follow"
+    assert found["extra"].data == b"\xff"
+    assert not any(found[name].sound for name in ("protocol", "length", "extra"))
+
+
+@pytest.mark.parametrize(
+    ("data", "mode"),
+    [
+        (b"\x01\x03", "rtu"),
+        (b"", "rtu"),
+        (b"\x00\x01\x00", "tcp"),
+        (b":01\r\n", "ascii"),
+        (b":0x03FB\r\n", "ascii"),
+        (b"0103FC\r\n", "ascii"),
+    ],
+)
+def test_what_cannot_be_a_frame_is_one_piece_of_noise(data: bytes, mode: Mode) -> None:
+    """With the reason."""
+    (piece,) = describe(data, mode=mode)
+    assert (piece.name, piece.data, piece.sound) == ("noise", data, False)
+    assert piece.meaning
+
+
+def test_ascii_without_its_end() -> None:
+    """A bare LF, or nothing at all."""
+    frame = b":0107F8"
+    for tail, shown in ((b"\n", "LF"), (b"", ""), (b"\r", "CR")):
+        last = describe(frame + tail, mode="ascii")[-1]
+        assert (last.name, last.value, last.sound) == ("end", shown, False)
+
+
+def test_a_frame_of_a_header_only() -> None:
+    """The function code is missing, and that is said."""
+    pieces = describe(bytes.fromhex("0001 0000 0001 11"), mode="tcp")
+    assert (pieces[-1].name, pieces[-1].data, pieces[-1].sound) == ("function", b"", False)
+
+
+def test_direction_unknown_is_settled_by_layout() -> None:
+    """Responses are recognised; what fits both is read as a request."""
+    response = describe(bytes.fromhex("03 02 0064"), mode="pdu")
+    assert response[0].meaning == "Read Holding Registers, response by its layout"
+    either = describe(bytes.fromhex("06 0001 0003"), mode="pdu")
+    assert either[0].meaning == "Write Single Register, request by its layout"
+
+
+def test_vendors_functions_are_described() -> None:
+    """With the vendor's rows given."""
+    table = _modlens.Functions()
+    table.load_vendor("huawei")
+    pieces = describe(
+        bytes.fromhex("41 24 01 00"), mode="pdu", direction="request", functions=table
+    )
+    assert pieces[0].meaning == "Huawei Private Function (Login Challenge), request"
+    assert [piece.name for piece in pieces] == ["function", "sub_function", "byte_count", "value"]

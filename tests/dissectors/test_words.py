@@ -1,0 +1,69 @@
+"""What people call a function."""
+
+from __future__ import annotations
+
+import pytest
+
+import _modlens
+from dissectors.errors import UsageError
+from dissectors.words import Choice, choose, function_names, near, number
+
+
+@pytest.mark.parametrize(
+    "word",
+    [3, "3", "0x03", "03h", "fc3", "FC 3", "function 3", "function code 0x3",
+     "Read Holding Registers", "read_holding_registers", "READ-HOLDING-REGISTERS"],
+)  # fmt: skip
+def test_one_function_has_many_names(word: int | str) -> None:
+    """Codes in any base, names in any case and with any punctuation."""
+    assert choose(word) == Choice(3)
+
+
+def test_sub_functions_have_names_too() -> None:
+    """A name that says more than the code sets the leading field."""
+    assert choose("Force Listen Only Mode") == Choice(8, {"sub_function": 4})
+    assert choose("return bus message count") == Choice(8, {"sub_function": 11})
+    assert choose("Diagnostics") == Choice(8)
+    assert choose("CANopen General Reference") == Choice(43, {"mei_type": 13})
+
+
+def test_vendors_names_come_with_their_rows() -> None:
+    """Unknown until loaded."""
+    table = _modlens.Functions()
+    table.load_vendor("huawei")
+    assert choose("Login Challenge", source=table) == Choice(0x41, {"sub_function": 0x24})
+    with pytest.raises(UsageError):
+        choose("Login Challenge")
+
+
+@pytest.mark.parametrize("word", [0, 128, "0x83", "fc 200"])
+def test_codes_have_a_range(word: int | str) -> None:
+    """1 to 127; the bit above is the exception's."""
+    with pytest.raises(UsageError, match="from 1 to 127"):
+        choose(word)
+
+
+def test_wrong_names_get_a_hint() -> None:
+    """The nearest name, if one is near."""
+    with pytest.raises(UsageError, match="did you mean 'Read Input Registers'"):
+        choose("read input register")
+    with pytest.raises(UsageError, match="explain"):
+        choose("xyzzy")
+    assert near("zzz", function_names()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("107", 107),
+        ("0x6B", 107),
+        ("6bh", 107),
+        ("1_000", 1000),
+        ("six", None),
+        ("", None),
+        ("-1", None),
+    ],
+)
+def test_numbers(text: str, value: int | None) -> None:
+    """Decimal, hex in front, hex behind."""
+    assert number(text) == value
