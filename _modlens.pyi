@@ -61,6 +61,7 @@ class Predicate:
     def __new__(cls, table: str, tree: str) -> Predicate:
         """`tree` is the JSON syntax tree of analyzer/filters.py."""
 
+@final
 class Row:
     """One row, made when somebody looks at it: every column of its table is an attribute, None where empty.
 
@@ -79,7 +80,7 @@ class Table:
     @property
     def name(self) -> str: ...
     def __len__(self) -> int: ...
-    def __getitem__(self, index: int) -> Row: ...
+    def __getitem__(self, index: int, /) -> Row: ...
     def __iter__(self) -> Iterator[Row]: ...
     def where(self, predicate: Predicate) -> Table:
         """The rows for which the predicate holds."""
@@ -124,9 +125,9 @@ class Session:
         *,
         live: bool = False,
         timeout_ns: int | None = None,
-        tables: Sequence[str] = ("frames", "transactions", "findings"),
+        tables: Sequence[str] | None = None,
     ) -> Session:
-        """`live`: rows in order of completion, no hold-back. `tables`: those worth building (readings need transactions)."""
+        """`live`: rows in order of completion, no hold-back. `tables`: those worth building (readings need transactions); all."""
     def add_bus(
         self,
         name: str,

@@ -16,16 +16,20 @@ Importing this package loads no serial port, screen or capture library.
 
 from __future__ import annotations
 
-from analyzer.api import Decoding, Rows, Tap, decode, tap
-from dissectors.errors import (
-    CaptureError,
-    FilterError,
-    ModlensError,
-    PortError,
-    ProfileError,
-    SourceError,
-    UsageError,
-)
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analyzer.api import Decoding, Rows, Tap, decode, tap
+    from dissectors.errors import (
+        CaptureError,
+        FilterError,
+        ModlensError,
+        PortError,
+        ProfileError,
+        SourceError,
+        UsageError,
+    )
 
 __all__ = [
     "CaptureError",
@@ -41,3 +45,15 @@ __all__ = [
     "decode",
     "tap",
 ]
+
+_API = ("Decoding", "Rows", "Tap", "decode", "tap")
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for: the command line starts without them."""
+    if name not in __all__:
+        raise AttributeError(f"module 'analyzer' has no attribute {name!r}")
+    home = "analyzer.api" if name in _API else "dissectors.errors"
+    value = getattr(importlib.import_module(home), name)
+    globals()[name] = value
+    return value

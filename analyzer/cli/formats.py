@@ -25,9 +25,9 @@ def run(options: argparse.Namespace) -> int:
 def _lines() -> Iterator[list[Part]]:
     yield [("read (the format is found by itself; --from NAME orders one)", "head")]
     for kind in FORMATS.values():
-        yield [(f"  {kind.name:<9}", "note"), (f"{kind.title}; clock: {kind.clock}", "")]
+        yield [(f"  {kind.name:<9}", "note"), (f"{kind.title} (clock: {kind.clock})", "")]
         for line in kind.sample:
-            yield [(f"             {line}", "dim")]
+            yield [(f"    {line}", "dim")]
     yield [("tapped", "head")]
     for scheme in SCHEMES.values():
         yield [(f"  {scheme.example:<28}", "note"), (scheme.title, "")]

@@ -65,7 +65,7 @@ def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
     if len(options.words) != 1 or options.pdu:
         raise UsageError("show: --frame and --txn look into one recording")
     chosen = settings(options)
-    notes = Notes(quiet=False)
+    notes = Notes(quiet=True)
     run = FileRun(options.words, chosen, read_as=options.read_as, told=notes.intake)
     if options.frame is not None:
         found = lookup_frame(run, options.frame)

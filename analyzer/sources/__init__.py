@@ -51,7 +51,7 @@ FORMATS = {
         Format(
             "hex",
             binary=False,
-            title="hex text: plain, separated or with 0x; times and Tx or Rx may stand in front",
+            title="hex text, plain or separated; times, Tx, Rx in front",
             clock="as printed",
             sample=("01 03 00 6B 00 03 74 17", "12:00:01.250 Rx: 0x01,0x03,0x06,..."),
         ),
@@ -74,7 +74,7 @@ FORMATS = {
         Format(
             "chunks",
             binary=False,
-            title="the chunk log: one read a line, with the time at which it returned",
+            title="the chunk log: a read a line, with its time",
             clock="utc or relative",
             sample=('{"t": 1697041234.123456, "hex": "0103006b00037417"}',),
         ),

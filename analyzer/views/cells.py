@@ -166,7 +166,7 @@ def text_of(value: Any) -> str:
 def findings(row: Any) -> str:
     """The codes of a row's findings, with commas; what its status says already is left out."""
     said = (getattr(row, "status", None), getattr(row, "verdict", None))
-    return visible(",".join(code for code in row.findings or () if code not in said))
+    return visible(",".join(dict.fromkeys(code for code in row.findings or () if code not in said)))
 
 
 def hex_items(data: bytes | None) -> Items:

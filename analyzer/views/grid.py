@@ -17,8 +17,8 @@ __all__ = ["ROOMY", "Cell", "Field", "Grid", "Head", "Items", "Run"]
 _STUB = 4
 """A text of fewer columns than this tells nothing."""
 
-ROOMY = 100
-"""From this width on there are two spaces between columns, and longer names."""
+ROOMY = 120
+"""From this width on: two spaces between columns, longer names, microseconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Items:
 class Run:
     """Texts one behind the other in one cell, each in its own style; what does not fit is cut.
 
-    >>> Run([("ok", "good"), ("retry", "odd"), (Items(("555", "0", "100")), "")]).within(18)
+    >>> Run([("ok", "good"), ("retry", "odd"), (Items(("555", "0", "100")), "")]).within(17)
     [('ok ', 'good'), ('retry ', 'odd'), ('555 … +2', '')]
     """
 

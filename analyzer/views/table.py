@@ -7,7 +7,7 @@ from itertools import islice
 
 import _modlens
 from analyzer.filters import parse
-from analyzer.views.grid import Grid
+from analyzer.views.grid import ROOMY, Grid
 from analyzer.views.moments import Moments
 from analyzer.views.screen import Part, Screen
 from analyzer.views.tables import Look, fields
@@ -17,9 +17,6 @@ __all__ = ["TableSink"]
 
 SAMPLE = 500
 """Rows that decide the widths."""
-
-WIDE = 120
-"""From this width on times have microseconds."""
 
 AT_ONCE = 1000
 """Lines that are printed with one write."""
@@ -66,7 +63,7 @@ class TableSink:
         if self._grid is None or self._moments is None:
             width = self._screen.width
             sample = list(islice(table, SAMPLE))
-            self._moments = Moments(self._look.times, sample, digits=6 if width >= WIDE else 3)
+            self._moments = Moments(self._look.times, sample, digits=6 if width >= ROOMY else 3)
             chosen = fields(self.table, self._look, sample, width, self._moments)
             self._grid = Grid(chosen, sample, width)
             yield self._grid.head()

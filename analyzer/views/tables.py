@@ -43,14 +43,13 @@ def _transactions(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
     def function(row: Any) -> str:
         return cells.function(row, long=roomy)
 
-    def values(row: Any) -> Items:
-        return cells.values(row, look.address)
-
-    def all_in_one(row: Any) -> Run:
-        status = row.status if row.exception is None else f"{row.status} {row.exception}"
+    def rest(row: Any) -> Run:
         found = (cells.findings(row), "odd")
-        refused = (visible(row.exception_name or ""), "")
-        return Run([(status, _status_style(row)), found, refused, (values(row), "")])
+        values = cells.values(row, look.address)
+        refused = visible(row.exception_name or "")
+        if refused and values.values:
+            refused += ":"
+        return Run([found, (refused, ""), (values, "")])
 
     chosen = [
         Field(Head("txn", 4, right=True), lambda row: cells.number(row.txn)),
@@ -58,41 +57,45 @@ def _transactions(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
         Field(Head("function", 10, most=28 if roomy else 14), function),
         Field(Head(cells.BASE_TITLES[look.address], 11), lambda row: _address(row, look.address)),
     ]
-    if roomy:
-        chosen.append(Field(Head("values", 8, share=3), values))
     if any(row.elapsed_us is not None for row in rows):
         chosen.append(Field(Head("ms", 5, right=True), _response_ms))
-    if roomy:
-        chosen.append(Field(Head("status", 12), lambda row: row.status, _status_style))
-        chosen.append(Field(Head("findings", 10, share=2), _remarks, lambda _: "odd"))
-    else:  # most rows are `ok`, which leaves room for values
-        chosen.append(Field(Head("status, values", 11, share=1), all_in_one))
-    return chosen
+    return chosen + _ending("status", _status, _status_style, rest, roomy=roomy)
 
 
 def _frames(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
-    def all_in_one(row: Any) -> Run:
-        found = (cells.findings(row), "odd")
-        return Run([(row.verdict, _verdict_style(row)), found, (cells.hex_items(row.hex), "")])
+    def rest(row: Any) -> Run:
+        return Run([(cells.findings(row), "odd"), (cells.hex_items(row.hex), "")])
 
     chosen = [
         Field(Head("frame", 5, right=True), lambda row: cells.number(row.frame)),
         Field(Head("dir", 3), lambda row: _DIRECTIONS.get(row.direction, "?")),
         _UNIT,
-        Field(
-            Head("function", 24, most=28) if roomy else Head("fc", 3), _function if roomy else _code
-        ),
+        Field(Head("function", 24, most=28), _function) if roomy else Field(Head("fc", 3), _code),
         Field(Head("len", 3, right=True), lambda row: cells.number(row.byte_length)),
     ]
     if any(row.elapsed_us is not None for row in rows):
         chosen.append(Field(Head("gap ms", 6, right=True), _gap_ms))
+    return chosen + _ending("verdict", lambda row: row.verdict, _verdict_style, rest, roomy=roomy)
+
+
+def _ending(
+    title: str,
+    state: Callable[[Any], str],
+    style: Callable[[Any], str],
+    rest: Callable[[Any], Run],
+    *,
+    roomy: bool,
+) -> list[Field]:
+    """The last columns: a state, then findings and content in what room is left.
+
+    In little room both are one column: most states are `ok`, which leaves more for the content.
+    """
+    content = "bytes" if title == "verdict" else "values"
     if roomy:
-        chosen.append(Field(Head("verdict", 12), lambda row: row.verdict, _verdict_style))
-        chosen.append(Field(Head("findings", 8, share=1), cells.findings, lambda _: "odd"))
-        chosen.append(Field(Head("bytes", 8, share=3), lambda row: cells.hex_items(row.hex)))
-    else:
-        chosen.append(Field(Head("verdict, bytes", 12, share=1), all_in_one))
-    return chosen
+        field = Field(Head(title, 12), state, style)
+        return [field, Field(Head(f"findings, {content}", 12, share=1), rest)]
+    both = Head(f"{title}, {content}", 11, share=1)
+    return [Field(both, lambda row: Run([(state(row), style(row)), *rest(row).pieces]))]
 
 
 def _readings(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
@@ -157,9 +160,8 @@ def _response_ms(row: Any) -> str:
     return f">{cells.milliseconds(row.waited_us)}" if row.waited_us is not None else ""
 
 
-def _remarks(row: Any) -> str:
-    """What a refusal said, and the findings."""
-    return f"{visible(row.exception_name or '')} {cells.findings(row)}".strip()
+def _status(row: Any) -> str:
+    return str(row.status) if row.exception is None else f"{row.status} {row.exception}"
 
 
 def _gap_ms(row: Any) -> str:

@@ -208,6 +208,7 @@ impl Table {
     }
 
     /// The rows for which `keep` says yes.
+    #[must_use]
     pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
         let rows = match &self.rows {
@@ -510,10 +511,9 @@ fn fields<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let mut map = serde_json::Map::new();
     let sides =
         [(asked(batch, t), &row.request), (Some(response(batch, t)).filter(|p| p.len() > 1).map(|p| &p[1..]), &row.response)];
-    for (body, layout) in sides {
-        let good = t.exception.is_none() && !matches!(t.status, Status::BadResponse | Status::BadRequest);
-        let request_side = std::ptr::eq(layout, &row.request);
-        let (Some(body), Some(shape)) = (body.filter(|_| request_side || good), layout.shape()) else { continue };
+    let answered = t.exception.is_none() && !matches!(t.status, Status::BadResponse | Status::BadRequest);
+    for (body, layout) in sides.into_iter().take(if answered { 2 } else { 1 }) {
+        let (Some(body), Some(shape)) = (body, layout.shape()) else { continue };
         map.extend(pdu::object(&pdu::decode(shape, body).nodes));
     }
     if row.operation != Operation::Other {

@@ -148,8 +148,13 @@ impl Input {
         }
     }
 
+    #[inline]
     fn read_of(&self, index: usize) -> Option<usize> {
         let at = self.offset + index as u64;
+        // Nearly all questions are about the first read.
+        if self.reads.front().is_some_and(|read| at < read.end) {
+            return Some(0);
+        }
         let i = self.reads.partition_point(|read| read.end <= at);
         (i < self.reads.len()).then_some(i)
     }

@@ -81,6 +81,13 @@ pub struct Kept {
 }
 
 impl Kept {
+    fn reset(&mut self) {
+        self.frame = 0;
+        self.wire.clear();
+        self.pdu.clear();
+        (self.start, self.end) = (None, None);
+    }
+
     fn fill(&mut self, seen: &Seen<'_>) {
         self.frame = seen.frame;
         self.wire.clear();
@@ -159,6 +166,16 @@ impl Exchange {
             silent: false,
         }
     }
+
+    /// As new, but with the buffers of the old one.
+    fn reset(&mut self, mode: Mode) {
+        let (mut request, mut response) = (std::mem::take(&mut self.request), std::mem::take(&mut self.response));
+        let mut findings = std::mem::take(&mut self.findings);
+        request.reset();
+        response.reset();
+        findings.clear();
+        *self = Self { request, response, findings, ..Self::new(mode) };
+    }
 }
 
 /// An unanswered request, in short.
@@ -200,9 +217,9 @@ impl Tempo {
 /// Pairing of one bus, or one connection.
 #[derive(Debug)]
 pub struct Pairing {
-    open: VecDeque<Exchange>,
+    open: VecDeque<Box<Exchange>>,
     unanswered: VecDeque<Unanswered>,
-    spare: Vec<Exchange>,
+    spare: Vec<Box<Exchange>>,
     /// What was learned of the bus's tempo.
     pub tempo: Tempo,
     timeout: Ns,
@@ -247,14 +264,14 @@ impl Pairing {
     }
 
     /// Takes back an exchange whose rows were written, to use its buffers again.
-    pub fn recycle(&mut self, exchange: Exchange) {
+    pub fn recycle(&mut self, exchange: Box<Exchange>) {
         if self.spare.len() < 8 {
             self.spare.push(exchange);
         }
     }
 
     /// Places a frame; `done` gets what it completes.
-    pub fn take(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+    pub fn take(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
         match (seen.verdict.good(), seen.direction) {
             (_, _) if seen.verdict == Verdict::Noise || seen.adu.len() < 2 => Placed::default(),
             (true, Direction::Request) => self.request(functions, seen, next_txn, done),
@@ -264,19 +281,9 @@ impl Pairing {
         }
     }
 
-    fn start(&mut self, seen: &Seen<'_>, next_txn: &mut u64) -> Exchange {
-        let mut exchange = self.spare.pop().map_or_else(
-            || Exchange::new(seen.mode),
-            |old| Exchange { request: old.request, response: old.response, findings: old.findings, ..Exchange::new(seen.mode) },
-        );
-        exchange.findings.clear();
-        exchange.response.frame = 0;
-        exchange.request.frame = 0;
-        for kept in [&mut exchange.request, &mut exchange.response] {
-            kept.wire.clear();
-            kept.pdu.clear();
-            (kept.start, kept.end) = (None, None);
-        }
+    fn start(&mut self, seen: &Seen<'_>, next_txn: &mut u64) -> Box<Exchange> {
+        let mut exchange = self.spare.pop().unwrap_or_else(|| Box::new(Exchange::new(seen.mode)));
+        exchange.reset(seen.mode);
         exchange.txn = *next_txn;
         *next_txn += 1;
         exchange.unit = seen.unit();
@@ -286,7 +293,7 @@ impl Pairing {
         exchange
     }
 
-    fn request(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+    fn request(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
         if seen.mode == Mode::Tcp {
             if self.open.len() >= OPEN_LIMIT {
                 self.give_up_oldest(seen.start, done);
@@ -325,7 +332,7 @@ impl Pairing {
         placed
     }
 
-    fn response(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+    fn response(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
         let Some(at) = self.answered(functions, seen) else {
             return self.unrequested(functions, seen, next_txn, done);
         };
@@ -367,7 +374,13 @@ impl Pairing {
         (seen.clean_start && time >= 2 * self.resolution && time >= 0).then_some(time)
     }
 
-    fn unrequested(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Exchange>) -> Placed {
+    fn unrequested(
+        &mut self,
+        functions: &Functions,
+        seen: &Seen<'_>,
+        next_txn: &mut u64,
+        done: &mut Vec<Box<Exchange>>,
+    ) -> Placed {
         let mut exchange = self.start(seen, next_txn);
         exchange.response.fill(seen);
         exchange.findings.extend_from_slice(seen.codes);
@@ -405,7 +418,7 @@ impl Pairing {
         seen: &Seen<'_>,
         direction: Direction,
         next_txn: &mut u64,
-        done: &mut Vec<Exchange>,
+        done: &mut Vec<Box<Exchange>>,
     ) -> Placed {
         if let Some(open) = self.open.back_mut().filter(|open| !open.given_up) {
             let ours = seen.unit() == open.unit && seen.function() == open.function;
@@ -433,7 +446,7 @@ impl Pairing {
     }
 
     /// Closes the oldest open request: another one came.
-    fn give_up_oldest(&mut self, next: Option<Ns>, done: &mut Vec<Exchange>) {
+    fn give_up_oldest(&mut self, next: Option<Ns>, done: &mut Vec<Box<Exchange>>) {
         let Some(mut exchange) = self.open.pop_front() else { return };
         exchange.waited = next.zip(exchange.request.end).map(|(next, end)| next - end).filter(|&ns| ns >= 2 * self.resolution);
         // Functions whose answers look like requests must not teach the time-out that tells them apart.
@@ -445,7 +458,7 @@ impl Pairing {
         self.close(exchange, Status::NoResponse, done);
     }
 
-    fn close(&mut self, mut exchange: Exchange, silence: Status, done: &mut Vec<Exchange>) {
+    fn close(&mut self, mut exchange: Box<Exchange>, silence: Status, done: &mut Vec<Box<Exchange>>) {
         if exchange.status != Status::BadRequest {
             exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
         }
@@ -461,7 +474,7 @@ impl Pairing {
     }
 
     /// Time has come to `now`: gives up requests whose time-out has passed.
-    pub fn tick(&mut self, now: Ns, done: &mut Vec<Exchange>) {
+    pub fn tick(&mut self, now: Ns, done: &mut Vec<Box<Exchange>>) {
         for exchange in &mut self.open {
             exchange.given_up |= exchange.request.end.is_some_and(|end| now - end >= self.timeout);
         }
@@ -473,7 +486,7 @@ impl Pairing {
     }
 
     /// The recording is over.
-    pub fn finish(&mut self, done: &mut Vec<Exchange>) {
+    pub fn finish(&mut self, done: &mut Vec<Box<Exchange>>) {
         while let Some(exchange) = self.open.pop_front() {
             let status = if exchange.given_up { Status::NoResponse } else { Status::NotSeen };
             self.close(exchange, status, done);

@@ -156,8 +156,11 @@ pub fn hex(bytes: &[u8]) -> String {
 #[inline]
 pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
     const DIGITS: &[u8; 16] = b"0123456789abcdef";
-    for &byte in bytes {
-        out.extend([DIGITS[(byte >> 4) as usize], DIGITS[(byte & 15) as usize]]);
+    let start = out.len();
+    out.resize(start + 2 * bytes.len(), 0);
+    for (pair, &byte) in out[start..].chunks_exact_mut(2).zip(bytes) {
+        pair[0] = DIGITS[(byte >> 4) as usize];
+        pair[1] = DIGITS[(byte & 15) as usize];
     }
 }
 
@@ -337,7 +340,9 @@ fn push_list(name: &str, word: &Word, value: &Json, out: &mut Vec<u8>) -> Result
         }
         out.extend(bytes);
     } else {
-        numbers.into_iter().for_each(|value| push_number(out, value, width));
+        for value in numbers {
+            push_number(out, value, width);
+        }
     }
     Ok(())
 }

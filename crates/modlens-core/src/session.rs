@@ -97,7 +97,7 @@ pub struct Session {
     stats: Stats,
     /// Scratch.
     adu: Vec<u8>,
-    done: Vec<Exchange>,
+    done: Vec<Box<Exchange>>,
     found: check::Found,
     codes: Vec<Finding>,
 }
@@ -198,8 +198,7 @@ impl Session {
     pub fn feed_text(&mut self, bus: usize, format: Format, data: &[u8], last: bool) {
         let mut reader = self.buses[bus].reader.take().unwrap_or_else(|| Reader::new(format));
         reader.push(data);
-        loop {
-            let Some((record, bytes)) = reader.next(last) else { break };
+        while let Some((record, bytes)) = reader.next(last) {
             let clock = record.clock;
             if self.buses[bus].options.bus.clock != clock || self.buses[bus].options.bus.place != Place::Line {
                 self.describe_bus(bus, clock, Place::Line);
@@ -574,10 +573,14 @@ fn learn(known_units: &mut [bool; 256], sides: &mut [i32; 2], seen: &Seen<'_>, s
 }
 
 /// What a log's word means: what its frames have shown, or else that the logging process is the master.
-fn said(sides: [i32; 2], side: Side) -> Option<Direction> {
+fn said(sides: [i32; 2], side: Side) -> Direction {
     let lead = sides[0] - sides[1];
     let master_logs = lead >= 0;
-    Some(if (side == Side::Sent) == master_logs { Direction::Request } else { Direction::Response })
+    if (side == Side::Sent) == master_logs {
+        Direction::Request
+    } else {
+        Direction::Response
+    }
 }
 
 fn elapsed(origin: Option<Ns>, start: Option<Ns>) -> Option<Ns> {

@@ -20,8 +20,11 @@ struct Times {
     sum: Ns,
     least: Ns,
     most: Ns,
-    buckets: BTreeMap<i16, u64>,
+    buckets: Vec<u64>,
 }
+
+/// 2^40 ns are 18 minutes; what is longer counts there.
+const BUCKETS: usize = 40 * STEPS_PER_OCTAVE as usize + 1;
 
 impl Times {
     fn add(&mut self, ns: Ns) {
@@ -29,16 +32,18 @@ impl Times {
         self.most = self.most.max(ns);
         self.count += 1;
         self.sum += ns;
-        *self.buckets.entry(((ns.max(1) as f64).log2() * STEPS_PER_OCTAVE).round() as i16).or_default() += 1;
+        self.buckets.resize(BUCKETS, 0);
+        let bucket = ((ns.max(1) as f64).log2() * STEPS_PER_OCTAVE).round() as usize;
+        self.buckets[bucket.min(BUCKETS - 1)] += 1;
     }
 
     fn percentile(&self, share: f64) -> Ns {
         let rank = (self.count as f64 * share).ceil() as u64;
         let mut below = 0;
-        for (&bucket, &count) in &self.buckets {
+        for (bucket, count) in self.buckets.iter().enumerate() {
             below += count;
             if below >= rank {
-                return ((f64::from(bucket) / STEPS_PER_OCTAVE).exp2() as Ns).clamp(self.least, self.most);
+                return ((bucket as f64 / STEPS_PER_OCTAVE).exp2() as Ns).clamp(self.least, self.most);
             }
         }
         self.most
@@ -58,7 +63,7 @@ impl Times {
 
 #[derive(Clone, Debug, Default)]
 struct Row {
-    statuses: BTreeMap<Status, u64>,
+    statuses: [u64; 8],
     retries: u64,
     exceptions: BTreeMap<u8, u64>,
     response: Times,
@@ -105,7 +110,7 @@ impl Stats {
     /// A transaction was decided.
     pub fn transaction(&mut self, bus: usize, exchange: &Exchange) {
         let row = self.buses[bus].units.entry((exchange.unit, exchange.function)).or_default();
-        *row.statuses.entry(exchange.status).or_default() += 1;
+        row.statuses[exchange.status as usize] += 1;
         row.retries += u64::from(exchange.retry_of.is_some());
         if let Some(code) = exchange.exception {
             *row.exceptions.entry(code).or_default() += 1;
@@ -141,12 +146,13 @@ impl BusCounts {
             .units
             .iter()
             .map(|((unit, function), row)| {
-                for (status, count) in &row.statuses {
-                    *total.entry(status.text()).or_default() += count;
+                let counted = Status::ALL.iter().map(|status| (status.text(), row.statuses[*status as usize])).filter(|(_, count)| *count > 0);
+                let statuses: BTreeMap<&str, u64> = counted.collect();
+                for (status, count) in &statuses {
+                    *total.entry(status).or_default() += count;
                 }
-                let statuses: BTreeMap<&str, u64> = row.statuses.iter().map(|(status, count)| (status.text(), *count)).collect();
                 json!({
-                    "unit": unit, "function": function, "transactions": row.statuses.values().sum::<u64>(), "statuses": statuses,
+                    "unit": unit, "function": function, "transactions": row.statuses.iter().sum::<u64>(), "statuses": statuses,
                     "retries": row.retries, "exceptions": row.exceptions.iter().map(|(k, v)| (k.to_string(), *v)).collect::<BTreeMap<_, _>>(),
                     "response_time": row.response.json(),
                 })

@@ -67,8 +67,17 @@ pub(crate) fn content(length: usize, zero_heavy: bool, rng: &mut Rng) -> Vec<u8>
 
 /// What a write carries: in zero-heavy scenarios 60 % of the payloads are 85 % zeros.
 pub(crate) fn payload(length: usize, zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
+    if zero_heavy && rng.chance(0.6) { mostly_zeros(length, rng) } else { content(length, zero_heavy, rng) }
+}
+
+/// What a vendor's function carries: anything.
+pub(crate) fn anything(length: usize, zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
     if zero_heavy && rng.chance(0.6) {
-        return (0..length).map(|_| if rng.chance(0.85) { 0 } else { rng.byte() }).collect();
+        return mostly_zeros(length, rng);
     }
-    content(length, zero_heavy, rng)
+    (0..length).map(|_| rng.byte()).collect()
+}
+
+fn mostly_zeros(length: usize, rng: &mut Rng) -> Vec<u8> {
+    (0..length).map(|_| if rng.chance(0.85) { 0 } else { rng.byte() }).collect()
 }

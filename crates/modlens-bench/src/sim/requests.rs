@@ -3,7 +3,7 @@
 use crate::checksum::rtu;
 use crate::rng::Rng;
 use crate::sim::bus::{Bus, Slave, Style};
-use crate::sim::registers::{content, draw, payload};
+use crate::sim::registers::{anything, draw, payload};
 use crate::sim::scenario::Scenario;
 
 /// Share of transactions that go to all slaves.
@@ -112,7 +112,7 @@ impl Bus {
             0x0E2B => vec![0x2B, 0x0E, rng.range(1, 4) as u8, rng.pick(&[0, 0, 0, 1, 2, 0x80])],
             0x0D2B => {
                 let length = rng.range(4, 14);
-                join(vec![0x2B, 0x0D], &[&content(length - 1, false, rng)])
+                join(vec![0x2B, 0x0D], &[&anything(length - 1, false, rng)])
             }
             _ => self.custom(zero_heavy, rng),
         }
@@ -129,7 +129,7 @@ impl Bus {
         if counted {
             pdu.push(length as u8);
         }
-        join(pdu, &[&payload(length, zero_heavy, rng)])
+        join(pdu, &[&anything(length, zero_heavy, rng)])
     }
 
     fn file_write(&mut self, scenario: &Scenario, rng: &mut Rng) -> Vec<u8> {

@@ -2,7 +2,7 @@
 
 use crate::rng::Rng;
 use crate::sim::bus::{Bus, Slave, Style};
-use crate::sim::registers::{character, content, draw, COILS};
+use crate::sim::registers::{anything, character, draw, COILS};
 use crate::sim::requests::mask_padding;
 use crate::sim::scenario::Scenario;
 
@@ -79,7 +79,7 @@ impl Slave {
             _ if request.get(1) == Some(&0x0E) => identification(request[2], rng),
             _ => {
                 let length = rng.range(4, 30);
-                [&[code, 0x0D][..], &content(length - 1, false, rng)].concat()
+                [&[code, 0x0D][..], &anything(length - 1, false, rng)].concat()
             }
         }
     }
@@ -126,11 +126,14 @@ fn vendor_answer(code: u8, style: Style, zero_heavy: bool, rng: &mut Rng) -> Vec
         Style::Fixed { response, .. } => response,
         Style::Counted => {
             let length = rng.range(0, 80);
-            return counted(code, &content(length, zero_heavy, rng));
+            return counted(code, &anything(length, zero_heavy, rng));
         }
-        Style::Random => rng.range(0, if rng.chance(0.3) { 200 } else { 30 }),
+        Style::Random => {
+            let most = if rng.chance(0.3) { 200 } else { 30 };
+            rng.range(0, most)
+        }
     };
-    [&[code][..], &content(length, zero_heavy, rng)].concat()
+    [&[code][..], &anything(length, zero_heavy, rng)].concat()
 }
 
 fn diagnostics_answer(request: &[u8], rng: &mut Rng) -> Vec<u8> {

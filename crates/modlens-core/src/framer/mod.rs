@@ -165,13 +165,13 @@ pub struct Context<'a> {
     /// Turns a silence into evidence.
     pub pause: &'a dyn Fn(Option<Ns>) -> Pause,
     /// Turns a record's words into a direction.
-    pub said: &'a dyn Fn(crate::chunk::Side) -> Option<Direction>,
+    pub said: &'a dyn Fn(crate::chunk::Side) -> Direction,
 }
 
 impl Context<'_> {
     /// What the recording says of the direction of the frame at `index`.
     pub fn said_at(&self, input: &Input, index: usize) -> Option<Direction> {
-        input.read(index).and_then(|read| read.side).and_then(|side| (self.said)(side))
+        input.read(index).and_then(|read| read.side).map(|side| (self.said)(side))
     }
 }
 

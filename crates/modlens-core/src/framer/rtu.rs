@@ -122,9 +122,8 @@ impl Rtu {
                 continue;
             }
             let end = at + length;
-            let cut_by = if length == there.len() && closed {
-                Some(CutBy::Silence)
-            } else if input.pause_before(end).is_some_and(|pause| pause >= self.silence(input)) {
+            let silence = input.pause_before(end).is_some_and(|pause| pause >= self.silence(input));
+            let cut_by = if silence || (closed && length == there.len()) {
                 Some(CutBy::Silence)
             } else if asked.is_some_and(|asked| asked.pdu.len() + 3 == length) {
                 Some(CutBy::Checksum)
@@ -153,13 +152,12 @@ impl Rtu {
         let burst = edge.unwrap_or(region).min(NOISE_LIMIT);
         let by_edge = match edge {
             Some(end) if input.read(end).is_some_and(|read| read.record) => CutBy::Record,
-            Some(_) => CutBy::Silence,
             None if burst == NOISE_LIMIT => CutBy::Limit,
             None if burst < input.bytes().len() => CutBy::Frame,
             None if input.ended => CutBy::End,
-            None => CutBy::Silence,
+            _ => CutBy::Silence,
         };
-        let cut = self.name(input, context, burst, by_edge);
+        let cut = Self::name(input, context, burst, by_edge);
         adu.clear();
         if cut.verdict != Verdict::Noise {
             let end = if cut.verdict == Verdict::Incomplete { cut.length } else { cut.length - 2 };
@@ -170,7 +168,7 @@ impl Rtu {
         cut
     }
 
-    fn name(&self, input: &Input, context: &Context<'_>, burst: usize, by_edge: CutBy) -> Cut {
+    fn name(input: &Input, context: &Context<'_>, burst: usize, by_edge: CutBy) -> Cut {
         let bytes = &input.bytes()[..burst];
         if burst < AROUND {
             return Cut::noise(burst, by_edge);

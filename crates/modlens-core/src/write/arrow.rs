@@ -71,7 +71,9 @@ fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
                     out.append(false);
                     continue;
                 };
-                (0..items.len()).for_each(|i| out.values().append_value(items.get(i)));
+                for i in 0..items.len() {
+                    out.values().append_value(items.get(i));
+                }
                 out.append(true);
             }
             Arc::new(out.finish())
@@ -80,7 +82,9 @@ fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
             let mut out = ListBuilder::new(StringBuilder::new());
             for cell in cells {
                 if let Cell::Codes(codes) = cell {
-                    codes.iter().for_each(|code| out.values().append_value(code.doc().code));
+                    for code in codes {
+                        out.values().append_value(code.doc().code);
+                    }
                 }
                 out.append(true);
             }

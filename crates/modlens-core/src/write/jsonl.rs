@@ -1,7 +1,7 @@
 //! JSON lines: one object a row, null omitted.
 
 use crate::columns::{Cell, Table};
-use crate::write::{push_int, push_plain};
+use crate::write::{push_items, push_plain};
 
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
@@ -36,12 +36,7 @@ fn push_cell(cell: &Cell<'_>, out: &mut Vec<u8>) {
         }
         Cell::Ints(items) => {
             out.push(b'[');
-            for i in 0..items.len() {
-                if i > 0 {
-                    out.push(b',');
-                }
-                push_int(i64::from(items.get(i)), out);
-            }
+            push_items(items, b',', out);
             out.push(b']');
         }
         Cell::Codes(codes) => {

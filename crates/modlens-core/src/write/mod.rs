@@ -5,7 +5,9 @@ pub mod csv;
 pub mod jsonl;
 mod time;
 
-use crate::columns::Cell;
+use std::sync::OnceLock;
+
+use crate::columns::{Cell, Items};
 use crate::pdu::push_hex;
 use crate::records::Place;
 use crate::Ns;
@@ -16,6 +18,47 @@ pub use time::{day_number, push_time};
 #[inline]
 pub fn push_int(value: i64, out: &mut Vec<u8>) {
     out.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
+}
+
+/// Numbers of 16 bits as text: up to five digits, and how many they are in the last byte.
+fn decimals() -> &'static [[u8; 8]] {
+    static TABLE: OnceLock<Vec<[u8; 8]>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        (0..=u16::MAX)
+            .map(|value| {
+                let mut entry = [0; 8];
+                let mut buffer = itoa::Buffer::new();
+                let text = buffer.format(value).as_bytes();
+                entry[..text.len()].copy_from_slice(text);
+                entry[7] = text.len() as u8;
+                entry
+            })
+            .collect()
+    })
+}
+
+/// Appends the numbers of a list with one byte between them.
+///
+/// Most of a table is registers: each is one look-up and one copy of fixed size.
+pub fn push_items(items: &Items<'_>, between: u8, out: &mut Vec<u8>) {
+    let table = decimals();
+    let count = items.len();
+    out.reserve(8 * count);
+    for i in 0..count {
+        let value = items.get(i);
+        let Some(entry) = usize::try_from(value).ok().and_then(|value| table.get(value)) else {
+            push_int(i64::from(value), out);
+            out.push(between);
+            continue;
+        };
+        let end = out.len() + entry[7] as usize;
+        out.extend_from_slice(entry);
+        out.truncate(end);
+        out.push(between);
+    }
+    if count > 0 {
+        out.pop();
+    }
 }
 
 /// Appends nanoseconds as microseconds, with as many decimals as there are.
@@ -72,14 +115,7 @@ fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
         Cell::Bool(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),
         Cell::Word(text) | Cell::Text(text) => out.extend_from_slice(text.as_bytes()),
         Cell::Hex(bytes) => push_hex(bytes, out),
-        Cell::Ints(items) => {
-            for i in 0..items.len() {
-                if i > 0 {
-                    out.push(b' ');
-                }
-                push_int(i64::from(items.get(i)), out);
-            }
-        }
+        Cell::Ints(items) => push_items(items, b' ', out),
         Cell::Codes(codes) => {
             for (i, code) in codes.iter().enumerate() {
                 if i > 0 {

@@ -1,0 +1,176 @@
+//! Runs algorithms over scenarios, tap modes and seeds, and adds up what comes out.
+
+use std::collections::BTreeMap;
+
+use crate::reported::Algorithm;
+use crate::score::{false_frames, score, Score};
+use crate::sim::case::Traffic;
+use crate::sim::noise::{NoiseCase, Pattern};
+use crate::sim::scenario::Scenario;
+use crate::sim::tap::TapMode;
+
+/// Makes the algorithms of a run; each thread has its own.
+pub type Makers = fn() -> Vec<Box<dyn Algorithm>>;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Scenarios, in the order of the table.
+    pub scenarios: Vec<&'static Scenario>,
+    /// Tap modes, in the order of the table.
+    pub modes: Vec<TapMode>,
+    /// Seeds.
+    pub seeds: Vec<u64>,
+    /// Frames where a scenario has 3000; the others in proportion.
+    pub frames: usize,
+    /// Names of algorithms; all where empty.
+    pub algorithms: Vec<String>,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// Scores of one scenario: by algorithm and mode, one per seed.
+pub type Cells = BTreeMap<(usize, usize), Vec<Score>>;
+
+/// What came out: one entry per scenario of the plan.
+pub struct Outcome {
+    /// Names of the algorithms.
+    pub names: Vec<&'static str>,
+    /// Which of them say what people act on.
+    pub labelling: Vec<bool>,
+    /// Scores of each scenario.
+    pub scenarios: Vec<Cells>,
+}
+
+impl Plan {
+    /// The algorithms that were asked for.
+    fn chosen(&self, makers: Makers) -> Vec<Box<dyn Algorithm>> {
+        let wanted = |name: &str| self.algorithms.is_empty() || self.algorithms.iter().any(|other| other == name);
+        makers().into_iter().filter(|algorithm| wanted(algorithm.name())).collect()
+    }
+
+    /// Runs everything.
+    pub fn run(&self, makers: Makers) -> Outcome {
+        let next = std::sync::atomic::AtomicUsize::new(0);
+        let done = std::sync::Mutex::new(vec![Cells::new(); self.scenarios.len()]);
+        std::thread::scope(|scope| {
+            for _ in 0..self.threads.max(1) {
+                scope.spawn(|| loop {
+                    let at = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                    let Some(scenario) = self.scenarios.get(at) else { break };
+                    let cells = self.scenario(scenario, makers);
+                    done.lock().expect("no other thread panicked")[at] = cells;
+                });
+            }
+        });
+        let algorithms = self.chosen(makers);
+        Outcome {
+            names: algorithms.iter().map(|algorithm| algorithm.name()).collect(),
+            labelling: algorithms.iter().map(|algorithm| algorithm.labels()).collect(),
+            scenarios: done.into_inner().expect("no thread panicked"),
+        }
+    }
+
+    fn scenario(&self, scenario: &Scenario, makers: Makers) -> Cells {
+        let mut cells = Cells::new();
+        for &seed in &self.seeds {
+            let frames = (scenario.frames * self.frames).div_ceil(3000);
+            let traffic = Traffic::new(scenario, seed, frames);
+            let cases: Vec<_> = self.modes.iter().map(|&mode| traffic.tap(mode)).collect();
+            for (at, algorithm) in self.chosen(makers).iter_mut().enumerate() {
+                let mut timeless: Option<Score> = None;
+                for (mode, case) in cases.iter().enumerate() {
+                    if !algorithm.reads(case) {
+                        continue;
+                    }
+                    let result = match &timeless {
+                        Some(score) => score.clone(),
+                        None => score(case, &algorithm.run(case)),
+                    };
+                    if !algorithm.uses_times() {
+                        timeless = Some(result.clone());
+                    }
+                    cells.entry((at, mode)).or_default().push(result);
+                }
+            }
+        }
+        cells
+    }
+}
+
+impl Outcome {
+    /// The mean over the seeds, in percent; `None` where the algorithm does not read the scenario.
+    pub fn mean(&self, scenario: usize, algorithm: usize, mode: usize, of: fn(&Score) -> f64) -> Option<f64> {
+        let scores = self.scenarios[scenario].get(&(algorithm, mode))?;
+        Some(100.0 * scores.iter().map(of).sum::<f64>() / scores.len() as f64)
+    }
+
+    /// All of an algorithm's scores, added up.
+    pub fn total(&self, algorithm: usize) -> Score {
+        let mut total = Score::default();
+        for cells in &self.scenarios {
+            let mine = cells.iter().filter(|((other, _), _)| *other == algorithm);
+            mine.flat_map(|(_, scores)| scores).for_each(|score| total.add(score));
+        }
+        total
+    }
+}
+
+/// False frames in noise.
+#[derive(Clone, Copy, Debug)]
+pub struct NoiseRow {
+    /// Which noise.
+    pub pattern: Pattern,
+    /// Behind clean traffic.
+    pub warm: bool,
+    /// Which algorithm of the plan.
+    pub algorithm: usize,
+    /// Facts per MB.
+    pub facts: f64,
+    /// Tentative frames per MB.
+    pub tentative: f64,
+}
+
+/// What noise to run.
+#[derive(Clone, Debug)]
+pub struct NoisePlan {
+    /// Patterns.
+    pub patterns: Vec<Pattern>,
+    /// Bytes of each.
+    pub bytes: usize,
+    /// Seeds.
+    pub seeds: Vec<u64>,
+    /// How the noise is tapped.
+    pub mode: TapMode,
+}
+
+impl NoisePlan {
+    /// Counts false frames, cold and warm.
+    pub fn run(&self, plan: &Plan, makers: Makers) -> Vec<NoiseRow> {
+        let mut rows = Vec::new();
+        for &pattern in &self.patterns {
+            for warm in [false, true] {
+                let mut counts = vec![(0, 0); plan.chosen(makers).len()];
+                for &seed in &self.seeds {
+                    let noise = NoiseCase::new(pattern, seed, self.bytes, self.mode, warm);
+                    for (count, algorithm) in counts.iter_mut().zip(plan.chosen(makers)) {
+                        let mut algorithm = algorithm;
+                        if algorithm.reads(&noise.case) {
+                            let (facts, tentative) = false_frames(&algorithm.run(&noise.case), noise.from);
+                            *count = (count.0 + facts, count.1 + tentative);
+                        }
+                    }
+                }
+                let megabytes = (self.bytes * self.seeds.len()) as f64 / 1e6;
+                rows.extend(counts.into_iter().enumerate().map(|(algorithm, (facts, tentative))| NoiseRow {
+                    pattern,
+                    warm,
+                    algorithm,
+                    facts: facts as f64 / megabytes,
+                    tentative: tentative as f64 / megabytes,
+                }));
+            }
+        }
+        rows
+    }
+}

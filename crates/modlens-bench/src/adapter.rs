@@ -1,0 +1,203 @@
+//! modlens itself, as one more algorithm. The only file that knows its core.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use modlens_core::chunk::{Chunk, Times};
+use modlens_core::direction;
+use modlens_core::framer::{Mode, Verdict};
+use modlens_core::functions::Functions;
+use modlens_core::line::{Line, Parity};
+use modlens_core::records::{Batch, Bus, Clock, Frame, Place, Status};
+use modlens_core::session::{BusOptions, Session, Wanted};
+
+use crate::model::{Direction, Framing, Label, Settings};
+use crate::reported::{Algorithm, Reported};
+use crate::sim::case::Case;
+
+/// How often a live tap looks at the clock while nothing comes.
+const TICK_NS: i64 = 5_000_000;
+
+/// A silence longer than this has ended everything that it can end.
+const PATIENCE_NS: i64 = 2_000_000_000;
+
+/// modlens: over a recording, or live.
+#[derive(Clone, Copy, Debug)]
+pub struct Modlens {
+    live: bool,
+}
+
+impl Modlens {
+    /// Over a recording.
+    pub fn offline() -> Self {
+        Self { live: false }
+    }
+
+    /// Live, in the recording's own time.
+    pub fn live() -> Self {
+        Self { live: true }
+    }
+}
+
+impl Algorithm for Modlens {
+    fn name(&self) -> &'static str {
+        if self.live { "modlens-live" } else { "modlens" }
+    }
+
+    fn run(&mut self, case: &Case) -> Vec<Reported> {
+        Run::new(case, self.live).all(case)
+    }
+
+    fn labels(&self) -> bool {
+        true
+    }
+}
+
+/// One run over a case.
+struct Run {
+    session: Session,
+    bus: usize,
+    live: bool,
+    now: Option<i64>,
+    frames: Vec<Reported>,
+    /// Where the frame of this number stands in `frames`.
+    places: HashMap<u64, usize>,
+    /// The request of this transaction.
+    requests: HashMap<u64, u64>,
+}
+
+impl Run {
+    fn new(case: &Case, live: bool) -> Self {
+        let wanted = Wanted { frames: true, transactions: true, findings: true };
+        let mut session = Session::new(Arc::new(Functions::default()), wanted, live, None);
+        let timed = case.feeds().next().is_some_and(|feed| feed.time.is_some());
+        let clock = if timed { Clock::Relative } else { Clock::None };
+        let name: Arc<str> = Arc::from(case.name.as_str());
+        let bus = session.add_bus(BusOptions {
+            bus: Bus { name: String::from(&*name), source: String::from(&*name), place: Place::Offset, clock },
+            mode: Some(if case.framing == Framing::Rtu { Mode::Rtu } else { Mode::Ascii }),
+            line: Some(line(case.settings)),
+            resolution: None,
+        });
+        Self { session, bus, live, now: None, frames: Vec::new(), places: HashMap::new(), requests: HashMap::new() }
+    }
+
+    fn all(mut self, case: &Case) -> Vec<Reported> {
+        for feed in case.feeds() {
+            if let (true, Some(before), Some(time)) = (self.live, self.now, feed.time) {
+                self.wait(before, time);
+            }
+            self.now = feed.time;
+            let times = feed.time.map_or(Times::None, Times::Read);
+            let chunk = Chunk { line: feed.line, bytes: feed.bytes, times, ..Chunk::default() };
+            self.session.feed(self.bus, &chunk);
+            self.take();
+        }
+        if let (true, Some(now)) = (self.live, self.now) {
+            self.wait(now, now + PATIENCE_NS);
+        }
+        self.session.flush();
+        self.take();
+        self.frames
+    }
+
+    /// Time goes by without bytes.
+    fn wait(&mut self, from: i64, to: i64) {
+        let end = to.min(from + PATIENCE_NS);
+        let mut now = from + TICK_NS;
+        while now < end {
+            self.session.poll(now);
+            self.now = Some(now);
+            self.take();
+            now += TICK_NS;
+        }
+    }
+
+    fn take(&mut self) {
+        if self.session.pending_rows() == 0 {
+            return;
+        }
+        let batch = self.session.take();
+        for frame in &batch.frames {
+            self.frame(frame);
+        }
+        self.transactions(&batch);
+        self.findings(&batch);
+    }
+
+    fn frame(&mut self, row: &Frame) {
+        if row.verdict == Verdict::Noise {
+            return;
+        }
+        let end = row.offset + u64::from(row.wire.length);
+        let mut frame = Reported::new(row.line, row.offset, end, row.verdict.good());
+        frame.direction = match row.direction {
+            direction::Direction::Request => Direction::Request,
+            direction::Direction::Response => Direction::Response,
+            direction::Direction::Unknown => Direction::Unknown,
+        };
+        frame.tentative = row.tentative;
+        frame.txn = row.txn;
+        frame.t_emit = self.now.filter(|_| self.live);
+        self.places.insert(row.number, self.frames.len());
+        self.frames.push(frame);
+    }
+
+    fn transactions(&mut self, batch: &Batch) {
+        for row in &batch.transactions {
+            if row.request.frame != 0 {
+                self.requests.insert(row.number, row.request.frame);
+            }
+            if row.status == Status::NoResponse {
+                self.label(row.request.frame, Label::NoResponse);
+            }
+            if row.retry_of.is_some() {
+                self.label(row.request.frame, Label::Retry);
+            }
+            if let Some(old) = row.late_for {
+                // A late answer is a row of its own; for the scorer it belongs to the request that it answers.
+                self.label(row.response.frame, Label::Late);
+                if let Some(&place) = self.places.get(&row.response.frame) {
+                    self.frames[place].txn = Some(old);
+                }
+            }
+        }
+    }
+
+    fn findings(&mut self, batch: &Batch) {
+        for row in &batch.findings {
+            let Some(label) = label(row.finding.doc().code) else { continue };
+            let request = row.txn.and_then(|txn| self.requests.get(&txn).copied());
+            if let Some(frame) = row.frame.or(request) {
+                self.label(frame, label);
+            }
+        }
+    }
+
+    fn label(&mut self, frame: u64, label: Label) {
+        if let Some(&place) = self.places.get(&frame) {
+            self.frames[place].labels.insert(label);
+        }
+    }
+}
+
+/// Findings that are scored; the codes of the core's table. The others come from the transactions' columns.
+fn label(code: &str) -> Option<Label> {
+    Some(match code {
+        "duplicate" | "duplicate_response" => Label::Duplicate,
+        "local_echo" | "echo" => Label::Echo,
+        "wrong_unit" => Label::WrongUnit,
+        "two_masters" => Label::TwoMasters,
+        "lost_bytes" => Label::LostBytes,
+        _ => return None,
+    })
+}
+
+fn line(settings: Settings) -> Line {
+    Line {
+        baud: settings.baud,
+        data_bits: settings.data_bits,
+        parity: if settings.parity { Parity::Even } else { Parity::None },
+        stop_halves: 2,
+    }
+}

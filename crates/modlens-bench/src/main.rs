@@ -1,0 +1,116 @@
+//! `modlens-bench`: prints how well frames are found, and writes simulated recordings.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::process::ExitCode;
+
+use modlens_bench::accuracy::Makers;
+use modlens_bench::adapter::Modlens;
+use modlens_bench::options::{Options, HELP};
+use modlens_bench::reported::Algorithm;
+use modlens_bench::score::Score;
+use modlens_bench::sim::bulk::{Bulk, Mixed};
+use modlens_bench::sim::case::Traffic;
+use modlens_bench::sim::output::{write_chunk_log, write_truth};
+use modlens_bench::sim::scenario::Scenario;
+use modlens_bench::{baselines, tables};
+
+/// Bulk traffic is written in blocks of this size.
+const BLOCK: usize = 1 << 20;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("modlens-bench: {why}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &[String]) -> Result<(), String> {
+    let Some((command, rest)) = arguments.split_first().filter(|(first, _)| *first != "--help") else {
+        print!("{HELP}");
+        return Ok(());
+    };
+    let options = Options::parse(rest)?;
+    match command.as_str() {
+        "accuracy" => accuracy(&options),
+        "noise" => noise(&options),
+        "write" => write(&options).map_err(|why| why.to_string())?,
+        "bulk" => bulk(&options).map_err(|why| why.to_string())?,
+        "scenarios" => Scenario::all().for_each(|scenario| println!("{}", scenario.name)),
+        other => return Err(format!("{other} is no command; see --help")),
+    }
+    Ok(())
+}
+
+fn algorithms() -> Vec<Box<dyn Algorithm>> {
+    let mut all = baselines::all();
+    all.push(Box::new(Modlens::offline()));
+    all.push(Box::new(Modlens::live()));
+    all
+}
+
+const MAKERS: Makers = algorithms;
+
+fn accuracy(options: &Options) {
+    let plan = &options.plan;
+    let outcome = plan.run(MAKERS);
+    for algorithm in 0..outcome.names.len() {
+        print!("{}", tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| s.fd().f1()));
+        print!("{}", tables::by_mode(plan, &outcome, algorithm, "pair F1", |s: &Score| s.pairs.f1()));
+    }
+    print!("{}{}{}", tables::totals(&outcome), tables::labels(&outcome), tables::latencies(&outcome));
+    if options.noise.bytes > 0 {
+        noise(options);
+    }
+}
+
+fn noise(options: &Options) {
+    let wanted = |name: &&str| {
+        options.plan.algorithms.is_empty() || options.plan.algorithms.iter().any(|other| other == name)
+    };
+    let names: Vec<&str> = algorithms().iter().map(|algorithm| algorithm.name()).filter(wanted).collect();
+    let rows = options.noise.run(&options.plan, MAKERS);
+    print!("{}", tables::noise(&names, &rows));
+}
+
+/// One chunk log and one truth per scenario, mode and seed.
+fn write(options: &Options) -> io::Result<()> {
+    let plan = &options.plan;
+    let many = plan.scenarios.len() * plan.modes.len() * plan.seeds.len() > 1;
+    let stem = options.out.as_deref().unwrap_or("case");
+    for scenario in &plan.scenarios {
+        for &seed in &plan.seeds {
+            let traffic = Traffic::new(scenario, seed, plan.frames);
+            for &mode in &plan.modes {
+                let name = if many { format!("{stem}-{}-{}-{seed}", scenario.name, mode.text()) } else { stem.into() };
+                let case = traffic.tap(mode);
+                let mut log = BufWriter::new(File::create(format!("{name}.jsonl"))?);
+                write_chunk_log(&case, &mut log)?;
+                log.flush()?;
+                let mut truth = BufWriter::new(File::create(format!("{name}.truth.jsonl"))?);
+                write_truth(&case, &mut truth)?;
+                truth.flush()?;
+                println!("{name}.jsonl: --line {} ({} frames)", case.settings.text(), case.truth.len());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn bulk(options: &Options) -> io::Result<()> {
+    let mut file = BufWriter::new(File::create(options.out.as_deref().unwrap_or("bulk.bin"))?);
+    let mut mixed = Mixed::new(options.plan.seeds[0], options.dirty);
+    let (mut bulk, mut left) = (Bulk::default(), options.bytes);
+    while left > 0 {
+        bulk.bytes.clear();
+        bulk.frames.clear();
+        mixed.more(left.min(BLOCK), &mut bulk);
+        left = left.saturating_sub(bulk.bytes.len());
+        file.write_all(&bulk.bytes)?;
+    }
+    file.flush()
+}

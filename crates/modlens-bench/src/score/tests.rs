@@ -1,0 +1,105 @@
+//! The scorer against hand-made answers.
+
+use super::*;
+use crate::model::Labels;
+use crate::sim::case::Traffic;
+use crate::sim::scenario::Scenario;
+use crate::sim::tap::TapMode;
+
+fn case(scenario: &str, frames: usize) -> Case {
+    Traffic::new(Scenario::named(scenario).unwrap(), 5, frames).tap(TapMode::Exact)
+}
+
+/// The answer of somebody who knows everything.
+fn perfect(case: &Case) -> Vec<Reported> {
+    let frames = case.truth.iter().map(|truth| {
+        let mut frame = Reported::new(truth.line, truth.start, truth.end, truth.valid);
+        frame.direction = truth.direction;
+        let old = truth.alt_txn.filter(|&old| asked(case, old));
+        frame.txn = Some(u64::from(old.unwrap_or(truth.txn)));
+        frame.labels = truth.labels;
+        frame
+    });
+    frames.collect()
+}
+
+/// Whether the request of this transaction arrived.
+fn asked(case: &Case, txn: u32) -> bool {
+    case.truth.iter().any(|frame| frame.valid && frame.txn == txn && frame.direction == Direction::Request)
+}
+
+#[test]
+fn the_truth_itself_is_perfect() {
+    for scenario in Scenario::all() {
+        let case = case(scenario.name, 400);
+        let score = score(&case, &perfect(&case));
+        let name = scenario.name;
+        for tally in [score.fd(), score.frames(), score.pairs, score.damaged] {
+            assert!((tally.recall() - 1.0).abs() < 1e-9 && (tally.precision() - 1.0).abs() < 1e-9, "{name} {tally:?}");
+        }
+        for (label, said) in Label::ALL.iter().zip(&score.labels) {
+            assert!((said.0.recall() - 1.0).abs() < 1e-9, "{name} {label:?} {said:?}");
+            assert!((said.0.precision() - 1.0).abs() < 1e-9, "{name} {label:?} {said:?}");
+        }
+    }
+}
+
+#[test]
+fn nothing_found_is_nothing() {
+    let score = score(&case("field", 200), &[]);
+    assert_eq!((score.fd().found, score.claimed, score.pairs.claimed), (0, 0, 0));
+    assert!(score.fd().f1() < 1e-9 && score.valid > 100);
+}
+
+#[test]
+fn wrong_directions_count_for_frames_only() {
+    let case = case("clean", 300);
+    let mut frames = perfect(&case);
+    frames.iter_mut().for_each(|frame| frame.direction = Direction::Unknown);
+    let score = score(&case, &frames);
+    assert_eq!((score.matched, score.matched_fd), (score.valid, 0));
+    assert_eq!(score.pairs.claimed, 0);
+}
+
+#[test]
+fn a_frame_is_found_once_and_shifted_ones_are_false() {
+    let case = case("clean", 100);
+    let mut frames = perfect(&case);
+    frames.push(frames[0]);
+    frames.push(Reported { start: frames[1].start + 1, ..frames[1] });
+    let score = score(&case, &frames);
+    assert_eq!((score.matched, score.claimed), (score.valid, score.valid + 2));
+}
+
+#[test]
+fn false_alarms_and_missed_ones() {
+    let case = case("timeouts", 400);
+    let mut frames = perfect(&case);
+    let silent = frames.iter().position(|frame| frame.labels.contains(Label::NoResponse)).unwrap();
+    let answered = case.truth.iter().position(|truth| truth.valid && truth.direction == Direction::Response).unwrap();
+    frames[silent].labels = Labels::default();
+    frames[answered].labels.insert(Label::TwoMasters);
+    let score = score(&case, &frames);
+    let said = score.label(Label::NoResponse).0;
+    assert_eq!((said.found + 1, said.right, said.claimed), (said.wanted, said.found, said.found));
+    assert_eq!(score.label(Label::TwoMasters).0, Tally { claimed: 1, ..Tally::default() });
+}
+
+#[test]
+fn latency_counts_from_the_read() {
+    let case = case("clean", 50);
+    let mut frames = perfect(&case);
+    let mut reads = case.read_times(0);
+    for frame in &mut frames {
+        frame.t_emit = reads.at(frame.end - 1).map(|time| time + 2_000_000);
+    }
+    let latency = score(&case, &frames).latency;
+    assert_eq!(latency.percentiles(), [2.0; 4]);
+}
+
+#[test]
+fn tentative_frames_in_noise_are_no_facts() {
+    let mut frames = vec![Reported::new(0, 0, 8, true), Reported::new(0, 100, 108, true), Reported::new(0, 200, 208, true)];
+    frames[1].tentative = true;
+    assert_eq!(false_frames(&frames, 50), (1, 1));
+}

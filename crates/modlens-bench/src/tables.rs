@@ -1,0 +1,123 @@
+//! The tables that `accuracy` prints.
+
+use std::fmt::Write as _;
+
+use crate::accuracy::{NoiseRow, Outcome, Plan};
+use crate::model::Label;
+use crate::score::Score;
+
+/// Scenarios by tap modes, for one algorithm, in percent.
+pub fn by_mode(plan: &Plan, outcome: &Outcome, algorithm: usize, title: &str, of: fn(&Score) -> f64) -> String {
+    let mut text = format!("\n{}: {title}, percent\n{:<15}", outcome.names[algorithm], "");
+    for mode in &plan.modes {
+        write!(text, "{:>9}", mode.text()).expect("text can grow");
+    }
+    text.push_str("     mean\n");
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for (at, scenario) in plan.scenarios.iter().enumerate() {
+        let cells: Option<Vec<f64>> =
+            (0..plan.modes.len()).map(|mode| outcome.mean(at, algorithm, mode, of)).collect();
+        if let Some(cells) = cells {
+            row(&mut text, scenario.name, &cells);
+            rows.push(cells);
+        }
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    let columns = (0..plan.modes.len()).map(|mode| mean(rows.iter().map(|row| row[mode])));
+    row(&mut text, "mean", &columns.collect::<Vec<_>>());
+    text
+}
+
+fn row(text: &mut String, name: &str, cells: &[f64]) {
+    write!(text, "{name:<15}").expect("text can grow");
+    for cell in cells {
+        write!(text, "{cell:>9.2}").expect("text can grow");
+    }
+    writeln!(text, "{:>9.2}", mean(cells.iter().copied())).expect("text can grow");
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let values: Vec<f64> = values.collect();
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// All scenarios and modes together: one line per algorithm.
+pub fn totals(outcome: &Outcome) -> String {
+    let mut text = String::from(
+        "\nall scenarios and modes, percent\n                recall  precision  direction  pair rec.  pair prec.    pair F1  located  loc.prec.  false/missed\n",
+    );
+    for (at, name) in outcome.names.iter().enumerate() {
+        let score = outcome.total(at);
+        if score.valid == 0 {
+            continue;
+        }
+        let frames = score.frames();
+        let direction = score.matched_fd as f64 / score.matched.max(1) as f64;
+        let shares = [frames.recall(), frames.precision(), direction, score.pairs.recall(), score.pairs.precision()];
+        let shares = shares.map(|share| format!("{:>10.3}", 100.0 * share)).join(" ");
+        let rest = [score.pairs.f1(), score.damaged.recall(), score.damaged.precision()];
+        let rest = rest.map(|share| format!("{:>9.2}", 100.0 * share)).join(" ");
+        let (false_ones, missed) = (score.claimed - score.matched, score.valid - score.matched);
+        writeln!(text, "{name:<12} {shares} {rest}   {false_ones} / {missed}").expect("text can grow");
+    }
+    text
+}
+
+/// What people act on: precision and recall of every label.
+pub fn labels(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.labelling[*at]) {
+        let score = outcome.total(at);
+        writeln!(text, "\n{name}: what people act on\n{:<14}{:>10}{:>10}{:>9}{:>9}", "", "precision", "recall", "claimed", "wanted")
+            .expect("text can grow");
+        for label in Label::ALL {
+            let tally = score.label(label).0;
+            writeln!(
+                text,
+                "{:<14}{:>10.2}{:>10.2}{:>9}{:>9}",
+                label.text(),
+                100.0 * tally.precision(),
+                100.0 * tally.recall(),
+                tally.claimed,
+                tally.wanted,
+            )
+            .expect("text can grow");
+        }
+    }
+    text
+}
+
+/// How long live reports take.
+pub fn latencies(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    for (at, name) in outcome.names.iter().enumerate() {
+        let latency = outcome.total(at).latency;
+        if !latency.is_empty() {
+            let [p50, p95, p99, longest] = latency.percentiles();
+            writeln!(text, "\n{name}: latency ms  p50 {p50:.2}  p95 {p95:.2}  p99 {p99:.2}  max {longest:.2}")
+                .expect("text can grow");
+        }
+    }
+    text
+}
+
+/// False frames per MB of noise.
+pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
+    let mut text = String::from("\nfalse frames per MB of noise (tentative ones in brackets)\n");
+    write!(text, "{:<17}", "").expect("text can grow");
+    for name in names {
+        write!(text, "{name:>20}").expect("text can grow");
+    }
+    for row in rows {
+        if row.algorithm == 0 {
+            let name = format!("{} {}", row.pattern.text(), if row.warm { "warm" } else { "cold" });
+            write!(text, "\n{name:<17}").expect("text can grow");
+        }
+        let cell = format!("{:.2} ({:.2})", row.facts, row.tentative);
+        write!(text, "{cell:>20}").expect("text can grow");
+    }
+    text.push('\n');
+    text
+}

@@ -1,0 +1,163 @@
+"""`modlens show`, `explain`, `craft`, `stats` and `formats`: what people look up."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from analyzer.cli.show import parse_hex
+from analyzer.sources import FORMATS
+from tests.conftest import CAPTURES, ROOT, Modlens, command, environment
+
+SEED = CAPTURES / "seed_rtu" / "recording.hex"
+POLLS = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
+REQUEST = "01 03 00 6B 00 03 74 17"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [REQUEST, "0103006b00037417", "0x01,0x03,0x00,0x6B,0x00,0x03,0x74,0x17", "1 3 0 6b 0 3 74 17",
+     r"\x01\x03\x00\x6b\x00\x03\x74\x17", "01-03-00-6B-00-03-74-17", "01:03:00:6B:00:03:74:17",
+     "[01][03][00][6B][00][03][74][17]"],
+)  # fmt: skip
+def test_hex_is_taken_in_any_spacing(text: str, modlens: Modlens) -> None:
+    """As it comes out of other programs."""
+    assert parse_hex(text) == bytes.fromhex(REQUEST)
+    done = modlens("show", text)
+    assert done.status == 0
+    assert "request, rtu, ok" in done.out
+    assert "CRC-16 right" in done.out
+
+
+def test_words_may_come_one_by_one(modlens: Modlens) -> None:
+    """Without quotes."""
+    assert modlens("show", *REQUEST.split()).out == modlens("show", REQUEST).out
+
+
+def test_a_wrong_checksum_is_told(modlens: Modlens) -> None:
+    """Expected and found, and the finding with what to check."""
+    done = modlens("show", "01 03 00 6B 00 03 74 18")
+    assert "CRC-16 wrong: 0x1774 expected, 0x1874 found" in done.out
+    assert "error: bad_checksum" in done.out
+
+
+def test_a_checksum_of_another_frame_is_told(modlens: Modlens) -> None:
+    """A handbook's example with the checksum of the example before it (01 83 04)."""
+    assert "checksum_of_another_frame" in modlens("show", "01 86 04 40 F3").out
+
+
+def test_a_request_and_its_response(modlens: Modlens) -> None:
+    """Pasted one behind the other: the registers get their numbers."""
+    done = modlens("show", "11 03 006B 0003 7687 11 03 06 022B 0000 0064 C8BA")
+    assert done.status == 0
+    assert "frame 2: response" in done.out
+    assert "registers[2]" in done.out
+    assert "400110" in done.out
+
+
+def test_ascii_and_tcp_frames(modlens: Modlens) -> None:
+    """Found by their looks."""
+    assert "LRC right" in modlens("show", ":010300000001FB").out
+    done = modlens("show", "00 01 00 00 00 06 11 03 00 6B 00 03")
+    assert "mbap_id" in done.out
+    assert "request, tcp" in done.out
+
+
+def test_a_bare_pdu(modlens: Modlens) -> None:
+    """The direction is found by the layout, or given."""
+    assert "request by its layout" in modlens("show", "--pdu", "03 006B 0003").out
+    done = modlens("show", "--pdu", "--direction", "response", "03 06 022B 0000 0064")
+    assert "6 bytes follow" in done.out
+
+
+def test_a_frame_of_a_recording(modlens: Modlens) -> None:
+    """With its findings."""
+    done = modlens("show", POLLS, "--frame", "4")
+    assert done.status == 0
+    assert done.out.startswith("frame 4: response, rtu, bad_checksum, 2026-11-21T11:12:56.")
+    assert "error: bad_checksum" in done.out
+
+
+def test_a_transaction_of_a_recording(modlens: Modlens) -> None:
+    """Both frames, and the time between them."""
+    done = modlens("show", POLLS, "--txn", "1")
+    lines = done.out.splitlines()
+    assert lines[0].startswith("transaction 1: rtu, ok, 2026-11-21T")
+    assert "request, frame 1" in lines
+    assert "response, frame 2" in lines
+    assert any(line.startswith("... ") and line.endswith(" ms later") for line in lines)
+    assert "registers[9]" in done.out
+    assert max(map(len, lines)) <= 80
+
+
+def test_a_request_without_an_answer(modlens: Modlens) -> None:
+    """It says so where the response would be."""
+    done = modlens("show", SEED, "--txn", "8")
+    assert "request, frame 15" in done.out
+    assert "\nno response\n" in done.out
+    assert "response, frame" not in done.out
+
+
+@pytest.mark.parametrize(
+    ("words", "title"),
+    [
+        (["3"], "Read Holding Registers"),
+        (["exception", "2"], "Illegal Data Address"),
+        (["0x83", "2"], "Illegal Data Address"),
+        (["retry"], "retry"),
+    ],
+)
+def test_words_are_explained(words: list[str], title: str, modlens: Modlens) -> None:
+    """With the section of the specification, within the width."""
+    done = modlens("explain", *words)
+    assert done.status == 0
+    assert title in done.out.splitlines()[0]
+    assert "section" in done.out.splitlines()[1]
+    assert max(map(len, done.out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("words", "frame"),
+    [
+        (["read-holding-registers", "unit=1", "address=107", "quantity=3"], REQUEST),
+        (["3", "--response", "unit=17", "exception=2"], "11 83 02 C1 34"),
+        (["3", "address=0", "quantity=1", "--mode", "ascii"], ":010300000001FB"),
+        (["3", "address=0", "quantity=1", "--mode", "pdu"], "03 00 00 00 01"),
+        (["7", "mbap_id=5", "--mode", "tcp"], "00 05 00 00 00 02 01 07"),
+    ],
+)
+def test_frames_are_crafted(words: list[str], frame: str, modlens: Modlens) -> None:
+    """And what was crafted can be shown."""
+    done = modlens("craft", *words)
+    assert done.out.strip() == frame
+    if "pdu" not in words:
+        assert modlens("show", frame).status == 0
+
+
+def test_crafted_bytes_can_be_decoded(modlens: Modlens) -> None:
+    """`modlens craft --to raw | modlens decode -`: the ends of the program meet."""
+    words = ("craft", "3", "address=107", "quantity=3", "--to", "raw")
+    raw = subprocess.run(
+        command(*words), env=environment(), cwd=ROOT, capture_output=True, check=True, timeout=60
+    ).stdout
+    assert raw == bytes.fromhex(REQUEST)
+    assert "107-109" in modlens("decode", "-", "--from", "raw", stdin=raw).out
+
+
+def test_statistics(modlens: Modlens) -> None:
+    """By bus, by unit and function, by finding."""
+    done = modlens("stats", POLLS, "--line", "19200-8E1")
+    assert done.status == 0
+    assert "Read Holding Registers" in done.out
+    assert "bad_checksum" in done.out
+    assert modlens("stats", POLLS, "--strict").status == 1
+
+
+def test_formats_are_listed_with_samples(modlens: Modlens) -> None:
+    """Every one of them."""
+    done = modlens("formats")
+    assert done.status == 0
+    for kind in FORMATS.values():
+        assert kind.name in done.out
+        assert kind.sample[0] in done.out

@@ -1,0 +1,81 @@
+"""Exports: what is asked for by `-o`, and what is written."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analyzer import FilterError, UsageError, decode
+from analyzer.exports.sink import ExportSink, Target, target
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("log.csv", Target("transactions", "csv", "log.csv")),
+        ("frames:log.JSONL", Target("frames", "jsonl", "log.JSONL")),
+        ("C:/logs/log.csv", Target("transactions", "csv", "C:/logs/log.csv")),
+        ("findings:C:/log.csv", Target("findings", "csv", "C:/log.csv")),
+    ],
+)
+def test_an_output_says_table_format_and_path(text: str, expected: Target) -> None:
+    """The table may stand in front; a drive letter is none."""
+    assert target(text, "transactions") == expected
+
+
+@pytest.mark.parametrize("text", ["log", "log.cvs", "frames:", "log.csv.gz", ".csv"])
+def test_a_suffix_that_says_nothing(text: str) -> None:
+    """Wrong use, with the suffixes that are known."""
+    with pytest.raises(UsageError, match=r"one of \.csv, \.jsonl"):
+        target(text, "transactions")
+
+
+def export(path: Path, captures: Path, *, columns: str | None, where: str | None) -> ExportSink:
+    """Write the transactions of a recording."""
+    sink = ExportSink(
+        target(str(path), "transactions"), columns=columns, where=where, growing=False
+    )
+    recording = decode(captures / "pymodbus_exceptions" / "recording.jsonl", line="19200-8E1")
+    for batch in recording.batches("transactions"):
+        sink.put(batch)
+    sink.close()
+    return sink
+
+
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """What another program reads."""
+    if path.suffix == ".csv":
+        with path.open(newline="", encoding="utf-8") as file:
+            return list(csv.DictReader(file))
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
+def test_columns_and_rows_are_chosen(suffix: str, tmp_path: Path, captures: Path) -> None:
+    """In the order asked for."""
+    path = tmp_path / f"out.{suffix}"
+    sink = export(path, captures, columns="status,txn", where="status == 'exception'")
+    found = rows_of(path)
+    assert sink.rows == len(found) > 5
+    assert all(list(row) == ["status", "txn"] and row["status"] == "exception" for row in found)
+
+
+def test_without_rows_there_is_a_header(tmp_path: Path, captures: Path) -> None:
+    """An empty CSV still says its columns; an empty JSONL is empty."""
+    for suffix, size in (("csv", len("txn,unit\r\n")), ("jsonl", 0)):
+        path = tmp_path / f"out.{suffix}"
+        export(path, captures, columns="txn,unit", where="unit == 99")
+        assert path.stat().st_size == size
+
+
+def test_a_wrong_filter_or_column_opens_no_file(tmp_path: Path, captures: Path) -> None:
+    """Nothing is left behind."""
+    with pytest.raises(FilterError, match="no column 'verdict'"):
+        export(tmp_path / "out.csv", captures, columns=None, where="verdict == 'ok'")
+    with pytest.raises(UsageError, match="no column 'verdict'"):
+        export(tmp_path / "out.csv", captures, columns="verdict", where=None)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,157 @@
+"""The annotated tables: what is in a line, and that it fits."""
+
+from __future__ import annotations
+
+import io
+import time
+from pathlib import Path
+
+import pytest
+
+from analyzer import decode
+from analyzer.columns import TABLES
+from analyzer.views.screen import Screen
+from analyzer.views.table import TableSink
+from analyzer.views.tables import Look
+
+
+def shown(  # noqa: PLR0913 - a table can look in so many ways
+    path: Path, monkeypatch: pytest.MonkeyPatch, *, table: str = "transactions", width: int = 80,
+    look: Look | None = None, where: str | None = None,
+) -> list[str]:  # fmt: skip
+    """The lines of a recording's table."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    stream = io.StringIO()
+    sink = TableSink(table, Screen(stream), look or Look(times="utc"), where=where)
+    for batch in decode(path, line="19200-8E1").batches(table):
+        sink.put(batch)
+    return stream.getvalue().splitlines()
+
+
+POLLS = "pymodbus_two_units"
+
+
+@pytest.fixture
+def polls(captures: Path) -> Path:
+    """Polls of two units, with a UTC clock."""
+    return captures / POLLS / "recording.jsonl"
+
+
+def test_a_transaction_takes_a_line(polls: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Number, time, unit, function, addresses, response time, status, values."""
+    head, day, first, *_ = shown(polls, monkeypatch)
+    assert head.split() == [
+        "txn", "time", "UTC", "unit", "function", "addr", "from", "0", "ms", "status,", "values",
+    ]  # fmt: skip
+    assert day == "2026-11-21"
+    words = first.split()
+    assert words[0] == "1"
+    assert words[1].startswith("11:13:10.")
+    assert words[2:7] == ["1", "3", "read", "hr", "0-9"]
+    assert words[8:12] == ["ok", "42", "217", "65516"]
+    assert "… +" in first
+
+
+@pytest.mark.parametrize("width", [80, 100, 132, 200])
+@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize(
+    "name", ["pymodbus_all_functions", "pymodbus_disturbed", "pymodbus_exceptions"]
+)
+def test_lines_fit_the_terminal(
+    name: str, table: str, width: int, captures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At any width, in any table, whatever happened on the line."""
+    lines = shown(captures / name / "recording.jsonl", monkeypatch, table=table, width=width)
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= width
+
+
+@pytest.mark.parametrize(
+    ("base", "title", "first"),
+    [
+        ("wire", "addr from 0", "0-9"),
+        ("hex", "hex from 0", "0x0000-0x0009"),
+        ("5digit", "40001-based", "40001-40010"),
+        ("6digit", "400001-based", "400001-400010"),
+    ],
+)
+def test_the_head_names_the_base_of_addresses(
+    base: str, title: str, first: str, polls: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the addresses are in it."""
+    head, _, line, *_ = shown(polls, monkeypatch, look=Look(base, "utc"))
+    assert title in head
+    assert f" {first} " in line
+
+
+@pytest.mark.parametrize(
+    ("times", "title", "second"),
+    [
+        ("utc", "time UTC", "11:13:10."),
+        ("elapsed", "elapsed s", "0.03"),
+        ("delta", "delta s", "0.03"),
+    ],
+)
+def test_times_can_be_shown_in_ways(
+    times: str, title: str, second: str, polls: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Time of day, since the start, since the row before."""
+    head, *lines = shown(polls, monkeypatch, look=Look(times=times))
+    assert title in head
+    rows = [line for line in lines if not line.startswith("2026")]
+    assert rows[1].split()[1].startswith(second)
+
+
+def test_local_time_names_its_zone(polls: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The date changes where it changes for the reader."""
+    monkeypatch.setenv("TZ", "Etc/GMT-14")
+    time.tzset()
+    try:
+        head, day, line, *_ = shown(polls, monkeypatch, look=Look(times="local"))
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+    assert "time +14:00" in head
+    assert day == "2026-11-22"
+    assert " 01:13:10." in line
+
+
+def test_without_a_clock_the_place_in_the_file_stands_there(
+    captures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line of text or an offset of bytes, and no response times."""
+    head, first, *_ = shown(captures / "seed_rtu" / "recording.hex", monkeypatch)
+    assert head.split()[:3] == ["txn", "line", "unit"]
+    assert " ms " not in head
+    assert first.split()[1] == "4"
+    head, first, *_ = shown(captures / "seed_ascii" / "recording.bin", monkeypatch)
+    assert head.split()[1] == "offset"
+
+
+def test_a_filter_leaves_rows_out(polls: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The numbers stay those of the recording."""
+    lines = shown(polls, monkeypatch, where="unit == 2", look=Look(times="elapsed"))
+    assert {line.split()[2] for line in lines[1:]} == {"2"}
+
+
+def test_several_recordings_have_a_column_of_their_own(
+    captures: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The last part of the path, if they meet among the first rows."""
+    monkeypatch.setenv("COLUMNS", "100")
+    names = [tmp_path / "a.hex", tmp_path / "b.hex"]
+    stream = io.StringIO()
+    for name in names:
+        name.write_bytes((captures / "seed_rtu" / "recording.hex").read_bytes())
+    sink = TableSink("transactions", Screen(stream), Look())
+    for batch in decode(names).batches("transactions"):
+        sink.put(batch)
+    assert max(map(len, stream.getvalue().splitlines())) <= 100
+
+
+def test_memory_stays_flat() -> None:
+    """A table keeps no row: only its widths and the time of the last one."""
+    sink = TableSink("frames", Screen(io.StringIO()), Look())
+    kept = {name for name in vars(sink) if "rows" in name}
+    assert kept == {"rows"}
+    assert isinstance(sink.rows, int)
