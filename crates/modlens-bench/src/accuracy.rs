@@ -44,7 +44,7 @@ pub struct Outcome {
 
 impl Plan {
     /// The algorithms that were asked for.
-    fn chosen(&self, makers: Makers) -> Vec<Box<dyn Algorithm>> {
+    pub fn chosen(&self, makers: Makers) -> Vec<Box<dyn Algorithm>> {
         let wanted = |name: &str| self.algorithms.is_empty() || self.algorithms.iter().any(|other| other == name);
         makers().into_iter().filter(|algorithm| wanted(algorithm.name())).collect()
     }

@@ -41,7 +41,11 @@ impl Modlens {
 
 impl Algorithm for Modlens {
     fn name(&self) -> &'static str {
-        if self.live { "modlens-live" } else { "modlens" }
+        if self.live {
+            "modlens-live"
+        } else {
+            "modlens"
+        }
     }
 
     fn run(&mut self, case: &Case) -> Vec<Reported> {

@@ -16,6 +16,7 @@ pub mod accuracy;
 pub mod adapter;
 pub mod baselines;
 pub mod checksum;
+pub mod differences;
 pub mod model;
 pub mod options;
 pub mod reported;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use modlens_bench::accuracy::Makers;
 use modlens_bench::adapter::Modlens;
+use modlens_bench::differences::differences;
 use modlens_bench::options::{Options, HELP};
 use modlens_bench::reported::Algorithm;
 use modlens_bench::score::Score;
@@ -31,19 +32,27 @@ fn main() -> ExitCode {
 
 fn run(arguments: &[String]) -> Result<(), String> {
     let Some((command, rest)) = arguments.split_first().filter(|(first, _)| *first != "--help") else {
-        print!("{HELP}");
+        say(HELP);
         return Ok(());
     };
     let options = Options::parse(rest)?;
     match command.as_str() {
         "accuracy" => accuracy(&options),
         "noise" => noise(&options),
+        "differences" => show_differences(&options),
         "write" => write(&options).map_err(|why| why.to_string())?,
         "bulk" => bulk(&options).map_err(|why| why.to_string())?,
-        "scenarios" => Scenario::all().for_each(|scenario| println!("{}", scenario.name)),
+        "scenarios" => Scenario::all().for_each(|scenario| say(&format!("{}\n", scenario.name))),
         other => return Err(format!("{other} is no command; see --help")),
     }
     Ok(())
+}
+
+/// Prints; a reader that has seen enough ends the program quietly.
+fn say(text: &str) {
+    if io::stdout().write_all(text.as_bytes()).is_err() {
+        std::process::exit(0);
+    }
 }
 
 fn algorithms() -> Vec<Box<dyn Algorithm>> {
@@ -59,22 +68,40 @@ fn accuracy(options: &Options) {
     let plan = &options.plan;
     let outcome = plan.run(MAKERS);
     for algorithm in 0..outcome.names.len() {
-        print!("{}", tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| s.fd().f1()));
-        print!("{}", tables::by_mode(plan, &outcome, algorithm, "pair F1", |s: &Score| s.pairs.f1()));
+        say(&tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| s.fd().f1()));
+        say(&tables::by_mode(plan, &outcome, algorithm, "pair F1", |s: &Score| s.pairs.f1()));
     }
-    print!("{}{}{}", tables::totals(&outcome), tables::labels(&outcome), tables::latencies(&outcome));
+    say(&tables::totals(&outcome));
+    say(&tables::labels(&outcome));
+    say(&tables::latencies(&outcome));
     if options.noise.bytes > 0 {
         noise(options);
     }
 }
 
 fn noise(options: &Options) {
-    let wanted = |name: &&str| {
-        options.plan.algorithms.is_empty() || options.plan.algorithms.iter().any(|other| other == name)
-    };
-    let names: Vec<&str> = algorithms().iter().map(|algorithm| algorithm.name()).filter(wanted).collect();
+    let names: Vec<&str> = options.plan.chosen(MAKERS).iter().map(|algorithm| algorithm.name()).collect();
     let rows = options.noise.run(&options.plan, MAKERS);
-    print!("{}", tables::noise(&names, &rows));
+    say(&tables::noise(&names, &rows));
+}
+
+/// Every case and algorithm of the plan, one behind the other.
+fn show_differences(options: &Options) {
+    let plan = &options.plan;
+    for scenario in &plan.scenarios {
+        for &seed in &plan.seeds {
+            let traffic = Traffic::new(scenario, seed, plan.frames);
+            for &mode in &plan.modes {
+                let case = traffic.tap(mode);
+                for mut algorithm in plan.chosen(MAKERS) {
+                    if algorithm.reads(&case) {
+                        let what = differences(&case, &algorithm.run(&case));
+                        say(&format!("== {} {} seed {seed}, {}\n{what}", scenario.name, mode.text(), algorithm.name()));
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// One chunk log and one truth per scenario, mode and seed.
@@ -94,7 +121,7 @@ fn write(options: &Options) -> io::Result<()> {
                 let mut truth = BufWriter::new(File::create(format!("{name}.truth.jsonl"))?);
                 write_truth(&case, &mut truth)?;
                 truth.flush()?;
-                println!("{name}.jsonl: --line {} ({} frames)", case.settings.text(), case.truth.len());
+                say(&format!("{name}.jsonl: --line {} ({} frames)\n", case.settings.text(), case.truth.len()));
             }
         }
     }

@@ -114,7 +114,11 @@ impl Settings {
 
     /// The shortest silence between frames, in ns (serial line specification, 2.5.1.1).
     pub fn t35_ns(self) -> f64 {
-        if self.baud > 19_200 { 1_750_000.0 } else { 3.5 * self.char_ns() }
+        if self.baud > 19_200 {
+            1_750_000.0
+        } else {
+            3.5 * self.char_ns()
+        }
     }
 
     /// As `modlens --line` takes it.

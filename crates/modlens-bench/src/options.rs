@@ -9,6 +9,7 @@ use crate::sim::tap::TapMode;
 pub const HELP: &str = "\
 modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for modlens
 modlens-bench noise [options]      false frames per MB of noise only
+modlens-bench differences [options]  the bytes around every missed, false or mislabelled frame
 modlens-bench write [options]      one case as chunk log and truth (JSON lines)
 modlens-bench bulk [options]       clean mixed traffic as raw bytes
 modlens-bench scenarios            names of the scenarios
@@ -90,12 +91,7 @@ impl Default for Options {
                 algorithms: Vec::new(),
                 threads: 1,
             },
-            noise: NoisePlan {
-                patterns: Pattern::ALL.to_vec(),
-                bytes: 1_000_000,
-                seeds: vec![1, 2, 3],
-                mode: TapMode::None,
-            },
+            noise: NoisePlan { patterns: Pattern::ALL.to_vec(), bytes: 1_000_000, seeds: vec![1, 2, 3], mode: TapMode::None },
             out: None,
             bytes: 64_000_000,
             dirty: false,

@@ -14,9 +14,8 @@ impl Rng {
     /// The stream of this seed and name. Streams of different names have nothing to do with each other.
     pub fn new(seed: u64, name: &str) -> Self {
         // FNV-1a over the name, then SplitMix64, as the authors of xoshiro advise.
-        let hash = name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
-        });
+        let hash =
+            name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3));
         let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ hash;
         let state = std::array::from_fn(|_| {
             x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);

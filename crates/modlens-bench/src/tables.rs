@@ -15,8 +15,7 @@ pub fn by_mode(plan: &Plan, outcome: &Outcome, algorithm: usize, title: &str, of
     text.push_str("     mean\n");
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for (at, scenario) in plan.scenarios.iter().enumerate() {
-        let cells: Option<Vec<f64>> =
-            (0..plan.modes.len()).map(|mode| outcome.mean(at, algorithm, mode, of)).collect();
+        let cells: Option<Vec<f64>> = (0..plan.modes.len()).map(|mode| outcome.mean(at, algorithm, mode, of)).collect();
         if let Some(cells) = cells {
             row(&mut text, scenario.name, &cells);
             rows.push(cells);
@@ -70,8 +69,12 @@ pub fn labels(outcome: &Outcome) -> String {
     let mut text = String::new();
     for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.labelling[*at]) {
         let score = outcome.total(at);
-        writeln!(text, "\n{name}: what people act on\n{:<14}{:>10}{:>10}{:>9}{:>9}", "", "precision", "recall", "claimed", "wanted")
-            .expect("text can grow");
+        writeln!(
+            text,
+            "\n{name}: what people act on\n{:<14}{:>10}{:>10}{:>9}{:>9}",
+            "", "precision", "recall", "claimed", "wanted"
+        )
+        .expect("text can grow");
         for label in Label::ALL {
             let tally = score.label(label).0;
             writeln!(

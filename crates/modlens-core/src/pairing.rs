@@ -2,6 +2,9 @@
 //!
 //! What is here decides about whole frames; where frames begin and who sent them is the framer's and `direction`'s.
 
+// An exchange is large and changes hands three times: boxes move, exchanges do not.
+#![allow(clippy::vec_box)]
+
 use std::collections::VecDeque;
 
 use crate::direction::{answers, Asked, Direction, Match, Pause};

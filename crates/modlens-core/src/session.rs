@@ -1,5 +1,8 @@
 //! Framer, decoder, pairing and statistics behind one `feed`.
 
+// See pairing.rs.
+#![allow(clippy::vec_box)]
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 

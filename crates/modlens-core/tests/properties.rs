@@ -118,8 +118,7 @@ fn traffic() -> impl Strategy<Value = Vec<u8>> {
         let mut adu = vec![unit];
         adu.extend(body);
         adu.push(lrc(&adu));
-        let text: String = adu.iter().map(|b| format!("{b:02X}")).collect();
-        format!(":{text}\r\n").into_bytes()
+        format!(":{}\r\n", modlens_core::pdu::hex(&adu).to_uppercase()).into_bytes()
     });
     let noise = proptest::collection::vec(byte, 0..40);
     proptest::collection::vec(prop_oneof![3 => poll, 2 => frame, 1 => ascii, 1 => noise], 0..12).prop_map(|parts| parts.concat())

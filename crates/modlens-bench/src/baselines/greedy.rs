@@ -60,8 +60,7 @@ fn predicted(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
     let mut at = 0;
     while at + LIMITS.0 <= bytes.len() {
         let rest = &bytes[at..];
-        let mut readings =
-            [(Direction::Request, request_length(rest)), (Direction::Response, response_length(rest))];
+        let mut readings = [(Direction::Request, request_length(rest)), (Direction::Response, response_length(rest))];
         if pairing.expects(rest) {
             readings.swap(0, 1);
         }

@@ -88,9 +88,7 @@ fn lost_bytes(case: &Case, reported: &[Reported]) -> Tally {
         tally.claimed += u64::from(right || !maybe);
     }
     for truth in case.truth.iter().filter(|frame| frame.labels.contains(label)) {
-        let reaches = |claim: &&Reported| {
-            claim.line == truth.line && claim.start < truth.end && claim.end > truth.start
-        };
+        let reaches = |claim: &&Reported| claim.line == truth.line && claim.start < truth.end && claim.end > truth.start;
         tally.wanted += 1;
         tally.found += u64::from(claims.iter().any(reaches));
     }

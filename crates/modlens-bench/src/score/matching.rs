@@ -12,6 +12,7 @@ pub(crate) struct Matching {
     pub(crate) truth_of: Vec<Option<usize>>,
     /// How many claim to be whole, those left out that are neither right nor wrong.
     pub(crate) claimed: u64,
+    lenient: HashSet<(u8, u64)>,
 }
 
 impl Matching {
@@ -19,8 +20,7 @@ impl Matching {
         let valid = case.truth.iter().enumerate().filter(|(_, frame)| frame.valid);
         let mut places: HashMap<(u8, u64, u64), usize> =
             valid.map(|(at, frame)| ((frame.line, frame.start, frame.end), at)).collect();
-        let lenient = case.truth.iter().filter(|frame| frame.lenient);
-        let lenient: HashSet<(u8, u64)> = lenient.map(|frame| (frame.line, frame.start)).collect();
+        let lenient = lenient_places(case);
         let mut claimed = 0;
         let matches = reported.iter().map(|frame| {
             if !frame.crc_ok || lenient.contains(&(frame.line, frame.start)) {
@@ -31,16 +31,26 @@ impl Matching {
             places.remove(&(frame.line, frame.start, frame.end))
         });
         let truth_of = matches.collect();
-        Self { truth_of, claimed }
+        Self { truth_of, claimed, lenient }
     }
+
+    /// Whether this report is neither right nor wrong.
+    pub(crate) fn lenient(&self, frame: &Reported) -> bool {
+        self.lenient.contains(&(frame.line, frame.start))
+    }
+}
+
+/// Where frames begin that lack their end mark only.
+fn lenient_places(case: &Case) -> HashSet<(u8, u64)> {
+    let lenient = case.truth.iter().filter(|frame| frame.lenient);
+    lenient.map(|frame| (frame.line, frame.start)).collect()
 }
 
 /// Damaged frames by their start: how many of the truth's were located, how many of the reported are there.
 pub(crate) fn damaged(case: &Case, reported: &[Reported]) -> Tally {
     let damaged = case.truth.iter().filter(|frame| !frame.valid);
     let wanted: HashSet<(u8, u64)> = damaged.map(|frame| (frame.line, frame.start)).collect();
-    let lenient = case.truth.iter().filter(|frame| frame.lenient);
-    let lenient: HashSet<(u8, u64)> = lenient.map(|frame| (frame.line, frame.start)).collect();
+    let lenient = lenient_places(case);
     let whole = reported.iter().filter(|frame| frame.crc_ok);
     let whole: HashSet<(u8, u64)> = whole.map(|frame| (frame.line, frame.start)).collect();
     let bad = reported.iter().filter(|frame| !frame.crc_ok);

@@ -5,7 +5,7 @@
 
 mod labels;
 mod latency;
-mod matching;
+pub(crate) mod matching;
 mod pairs;
 
 pub use labels::LabelScore;
@@ -43,7 +43,11 @@ impl Tally {
     /// The harmonic mean of the two.
     pub fn f1(&self) -> f64 {
         let (recall, precision) = (self.recall(), self.precision());
-        if recall + precision == 0.0 { 0.0 } else { 2.0 * recall * precision / (recall + precision) }
+        if recall + precision == 0.0 {
+            0.0
+        } else {
+            2.0 * recall * precision / (recall + precision)
+        }
     }
 
     /// Adds another one.
@@ -56,7 +60,11 @@ impl Tally {
 }
 
 fn share(part: u64, whole: u64) -> f64 {
-    if whole == 0 { 1.0 } else { part as f64 / whole as f64 }
+    if whole == 0 {
+        1.0
+    } else {
+        part as f64 / whole as f64
+    }
 }
 
 /// What came out for one case, or for many.
@@ -139,9 +147,16 @@ pub fn score(case: &Case, reported: &[Reported]) -> Score {
 /// Facts and tentative frames that an algorithm claims behind this offset, where there is only noise.
 pub fn false_frames(reported: &[Reported], from: u64) -> (u64, u64) {
     let claimed = reported.iter().filter(|frame| frame.crc_ok && frame.end > from);
-    claimed.fold((0, 0), |(facts, tentative), frame| {
-        if frame.tentative { (facts, tentative + 1) } else { (facts + 1, tentative) }
-    })
+    claimed.fold(
+        (0, 0),
+        |(facts, tentative), frame| {
+            if frame.tentative {
+                (facts, tentative + 1)
+            } else {
+                (facts + 1, tentative)
+            }
+        },
+    )
 }
 
 fn is_request(frame: &Reported) -> bool {

@@ -24,6 +24,9 @@ pub(crate) fn score(case: &Case, reported: &[Reported], matching: &Matching) -> 
             continue;
         }
         let Some(&request) = frame.txn.and_then(|txn| requests.get(&txn)) else { continue };
+        if matching.lenient(frame) || matching.lenient(&reported[request]) {
+            continue;
+        }
         let request = matching.truth_of[request].map(|truth| &case.truth[truth]);
         let response = matching.truth_of[at].map(|truth| &case.truth[truth]);
         if response.is_some_and(|response| response.unpaired) {
@@ -46,11 +49,7 @@ fn belong(request: &TruthFrame, response: &TruthFrame) -> bool {
 fn wanted(case: &Case) -> u64 {
     let requests = case.truth.iter().filter(|frame| frame.valid && frame.direction == Direction::Request);
     let asked: HashSet<u32> = requests.map(|frame| frame.txn).collect();
-    let responses = case.truth.iter().filter(|frame| {
-        frame.valid && !frame.unpaired && frame.direction == Direction::Response
-    });
-    let answered = responses.filter(|frame| {
-        asked.contains(&frame.txn) || frame.alt_txn.is_some_and(|txn| asked.contains(&txn))
-    });
+    let responses = case.truth.iter().filter(|frame| frame.valid && !frame.unpaired && frame.direction == Direction::Response);
+    let answered = responses.filter(|frame| asked.contains(&frame.txn) || frame.alt_txn.is_some_and(|txn| asked.contains(&txn)));
     answered.count() as u64
 }

@@ -8,8 +8,8 @@ use crate::sim::scenario::Scenario;
 
 /// Codes that vendors use: user-defined, reserved and legacy ones (application protocol, 5 and annex A).
 const VENDOR_CODES: [u8; 30] = [
-    65, 66, 67, 68, 69, 70, 71, 72, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 90, 91, 125, 126, 9, 10, 13,
-    14, 40, 0x2E, 0x31,
+    65, 66, 67, 68, 69, 70, 71, 72, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 90, 91, 125, 126, 9, 10, 13, 14, 40,
+    0x2E, 0x31,
 ];
 
 /// One device.

@@ -55,10 +55,7 @@ pub(crate) struct Damaged {
 impl Damaged {
     /// The frame with all that this scenario does to it.
     pub(crate) fn new(frame: &[u8], scenario: &Scenario, rng: &mut Rng) -> Self {
-        let slots = frame.iter().enumerate().map(|(index, &value)| Slot {
-            index: Some(index as u16),
-            ..Slot::stray(value)
-        });
+        let slots = frame.iter().enumerate().map(|(index, &value)| Slot { index: Some(index as u16), ..Slot::stray(value) });
         let mut this = Self { slots: slots.collect(), damage: Damage::default(), on_the_wire: false };
         let mask = if scenario.framing == Framing::Ascii { 0x7F } else { 0xFF };
         if rng.chance(scenario.no_crlf) {

@@ -35,8 +35,7 @@ const BAUDS: [u32; 8] = [1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200
 
 impl Pattern {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Uniform, Self::ZerosOnes, Self::Bus, Self::SingleBit, Self::WrongBaud, Self::Inverted];
+    pub const ALL: [Self; 6] = [Self::Uniform, Self::ZerosOnes, Self::Bus, Self::SingleBit, Self::WrongBaud, Self::Inverted];
 
     /// As the table names it.
     pub fn text(self) -> &'static str {
@@ -180,9 +179,7 @@ mod tests {
 
     #[test]
     fn shares() {
-        let share = |bytes: &[u8], value: u8| {
-            bytes.iter().filter(|&&byte| byte == value).count() as f64 / bytes.len() as f64
-        };
+        let share = |bytes: &[u8], value: u8| bytes.iter().filter(|&&byte| byte == value).count() as f64 / bytes.len() as f64;
         let zeros = Pattern::ZerosOnes.bytes(1, 100_000);
         assert!((share(&zeros, 0) - 0.6).abs() < 0.01 && (share(&zeros, 0xFF) - 0.3).abs() < 0.01);
         let bus = Pattern::Bus.bytes(1, 100_000);

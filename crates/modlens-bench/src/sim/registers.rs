@@ -67,7 +67,11 @@ pub(crate) fn content(length: usize, zero_heavy: bool, rng: &mut Rng) -> Vec<u8>
 
 /// What a write carries: in zero-heavy scenarios 60 % of the payloads are 85 % zeros.
 pub(crate) fn payload(length: usize, zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
-    if zero_heavy && rng.chance(0.6) { mostly_zeros(length, rng) } else { content(length, zero_heavy, rng) }
+    if zero_heavy && rng.chance(0.6) {
+        mostly_zeros(length, rng)
+    } else {
+        content(length, zero_heavy, rng)
+    }
 }
 
 /// What a vendor's function carries: anything.

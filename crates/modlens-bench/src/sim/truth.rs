@@ -71,13 +71,17 @@ impl Span {
 /// All of the truth about a recording.
 pub(crate) fn truth(wire: &Wire, framing: Framing) -> (Vec<TruthFrame>, Vec<Loss>) {
     let (spans, losses) = spans(wire);
-    let view = View { sent: &wire.frames, spans: &spans, losses: &losses, lines: wire.lines.len() };
+    let view = View { sent: &wire.frames, spans: &spans, losses: &losses, lines: wire.lines.len(), framing };
     let frames = wire.frames.iter().enumerate().filter(|(at, _)| spans[*at].delivered > 0);
-    (frames.map(|(at, sent)| view.frame(at, sent, framing)).collect(), losses)
+    (frames.map(|(at, sent)| view.frame(at, sent)).collect(), losses)
 }
 
 fn line_id(line: usize, lines: usize) -> u8 {
-    if lines == 1 { 0 } else { line as u8 + 1 }
+    if lines == 1 {
+        0
+    } else {
+        line as u8 + 1
+    }
 }
 
 fn spans(wire: &Wire) -> (Vec<Span>, Vec<Loss>) {
@@ -119,10 +123,11 @@ struct View<'a> {
     spans: &'a [Span],
     losses: &'a [Loss],
     lines: usize,
+    framing: Framing,
 }
 
 impl View<'_> {
-    fn frame(&self, at: usize, sent: &Sent, framing: Framing) -> TruthFrame {
+    fn frame(&self, at: usize, sent: &Sent) -> TruthFrame {
         let span = &self.spans[at];
         let valid = self.valid(at);
         let complete = !span.modified && span.body + 2 == sent.wire.len() && span.contiguous();
@@ -142,7 +147,7 @@ impl View<'_> {
             txn: sent.txn,
             alt_txn: old,
             valid,
-            lenient: framing == Framing::Ascii && !valid && complete,
+            lenient: self.framing == Framing::Ascii && !valid && complete,
             echo: matches!(sent.role, Role::Echo(_)),
             unpaired: matches!(sent.role, Role::WrongUnit(_) | Role::Duplicate(_)),
             labels,
@@ -167,13 +172,18 @@ impl View<'_> {
             Role::Retry(before) => {
                 let seen = self.valid(before) && !self.loss_between(before, at);
                 let silent = match self.sent[before].fate {
-                    Fate::Elsewhere => self.valid(before + 1),
+                    Fate::Elsewhere => self.valid(before + 1) && !self.mirrors(before, before + 1),
                     _ => true,
                 };
                 said.say(Label::Retry, seen && silent);
             }
             Role::Echo(original) => said.say(Label::Echo, self.valid(original)),
-            Role::WrongUnit(request) => said.say(Label::WrongUnit, self.valid(request)),
+            Role::WrongUnit(request) => {
+                // An echoed write from another unit may as well be the same write to that unit.
+                let mirrors = self.mirrors(request, at);
+                said.say(Label::WrongUnit, self.valid(request) && !mirrors);
+                said.perhaps(Label::NoResponse, mirrors);
+            }
             Role::Duplicate(first) => {
                 // Three equal frames may as well be a request, its retry and the answer.
                 let equal = self.echoes(first);
@@ -236,6 +246,18 @@ impl View<'_> {
         }
     }
 
+    /// Whether two frames say the same but for the unit.
+    fn mirrors(&self, first: usize, second: usize) -> bool {
+        let body = |at: usize| {
+            let wire = &self.sent[at].wire;
+            match self.framing {
+                Framing::Rtu => &wire[1..wire.len() - 2],
+                Framing::Ascii => &wire[3..wire.len() - 4],
+            }
+        };
+        body(first) == body(second)
+    }
+
     fn is_doubled(&self, answer: usize) -> bool {
         self.sent.get(answer + 1).is_some_and(|next| next.role == Role::Duplicate(answer))
     }
@@ -271,7 +293,11 @@ struct Said {
 
 impl Said {
     fn say(&mut self, label: Label, certain: bool) {
-        if certain { self.must.insert(label) } else { self.may.insert(label) }
+        if certain {
+            self.must.insert(label)
+        } else {
+            self.may.insert(label)
+        }
     }
 
     fn perhaps(&mut self, label: Label, really: bool) {

@@ -39,7 +39,10 @@ pub(crate) enum Role {
     /// The same answer again; the first one.
     Duplicate(usize),
     /// The answer to `old`, which the master had given up, behind the retry `now`.
-    Late { old: usize, now: usize },
+    Late {
+        old: usize,
+        now: usize,
+    },
 }
 
 impl Role {

@@ -1,0 +1,105 @@
+//! Where an algorithm and the truth differ, for people: the bytes around every missed, false or mislabelled frame.
+
+use std::fmt::Write as _;
+
+use crate::model::{Direction, Label};
+use crate::reported::Reported;
+use crate::score::matching::Matching;
+use crate::sim::case::Case;
+use crate::sim::truth::TruthFrame;
+
+/// Bytes shown before and behind.
+const AROUND: u64 = 12;
+
+/// One line per difference, in the order of the stream.
+pub fn differences(case: &Case, reported: &[Reported]) -> String {
+    let matching = Matching::new(case, reported);
+    let mut rows: Vec<(u64, String)> = Vec::new();
+    let mut found = vec![None; case.truth.len()];
+    for (at, frame) in reported.iter().enumerate() {
+        match matching.truth_of[at] {
+            Some(truth) => {
+                found[truth] = Some(at);
+                let truth = &case.truth[truth];
+                if !truth.echo && frame.direction != truth.direction {
+                    rows.push((frame.start, format!("direction {:?}, is {}", frame.direction, describe(truth))));
+                }
+            }
+            None if frame.crc_ok && !matching.lenient(frame) => rows.push((frame.start, String::from("false frame"))),
+            None => {}
+        }
+        let label = label_errors(case, frame, matching.truth_of[at]);
+        rows.extend(label.into_iter().map(|what| (frame.start, what)));
+    }
+    for (truth, found) in case.truth.iter().zip(&found) {
+        if truth.valid && found.is_none() {
+            rows.push((truth.start, format!("missed: {}", describe(truth))));
+        }
+        let said = found.map(|at: usize| reported[at].labels).unwrap_or_default();
+        for label in truth.labels.iter().filter(|&label| truth.valid && !said.contains(label)) {
+            rows.push((truth.start, format!("{} not said: {}", label.text(), describe(truth))));
+        }
+    }
+    rows.sort();
+    let mut text = String::new();
+    for (start, what) in rows {
+        writeln!(text, "{start:>8}  {what}").expect("text can grow");
+        for line in &case.lines {
+            writeln!(text, "          {}", context(case, reported, line.id, start)).expect("text can grow");
+        }
+    }
+    text
+}
+
+fn label_errors(case: &Case, frame: &Reported, truth: Option<usize>) -> Vec<String> {
+    let truth = truth.map(|at| &case.truth[at]);
+    let truth = truth.or_else(|| case.truth.iter().find(|t| !t.valid && t.line == frame.line && t.start == frame.start));
+    // Lost bytes are judged by place, two masters by meeting: the table counts them.
+    let judged = frame.labels.iter().filter(|label| !matches!(label, Label::LostBytes | Label::TwoMasters));
+    let wrong = judged.filter(|&label| !truth.is_some_and(|truth| truth.labels.contains(label) || truth.maybe.contains(label)));
+    wrong.map(|label| format!("{} said: {}", label.text(), truth.map_or(String::from("nothing there"), describe))).collect()
+}
+
+fn describe(truth: &TruthFrame) -> String {
+    let direction = if truth.direction == Direction::Request { "request" } else { "response" };
+    let labels: Vec<&str> = truth.labels.iter().map(Label::text).collect();
+    let valid = if truth.valid { "" } else { ", damaged" };
+    format!(
+        "{direction} {}..{} unit {} function {} txn {}{valid} {}",
+        truth.start,
+        truth.end,
+        truth.unit,
+        truth.function,
+        truth.txn,
+        labels.join(" ")
+    )
+}
+
+/// Bytes around a place; `[` and `]` are the truth's frames, `(` and `)` the reported ones, `|2.5|` a new read after so many ms.
+fn context(case: &Case, reported: &[Reported], line: u8, place: u64) -> String {
+    let bytes = case.bytes(line);
+    let end = (place + 3 * AROUND).min(bytes.len() as u64);
+    let from = place.saturating_sub(AROUND).min(end);
+    let mut text = String::new();
+    let truths = || case.truth.iter().filter(|frame| frame.line == line);
+    let claims = || reported.iter().filter(|frame| frame.line == line && frame.crc_ok);
+    let mut reads = case.read_times(line);
+    let mut before = reads.at(from);
+    let pause = 1.5 * case.settings.char_ns();
+    for at in from..end {
+        text.extend(claims().filter(|frame| frame.end == at).map(|_| ')'));
+        text.extend(truths().filter(|frame| frame.end == at).map(|_| ']'));
+        let now = reads.at(at);
+        if let (Some(now), Some(earlier)) = (now, before) {
+            if (now - earlier) as f64 > pause {
+                write!(text, " |{:.1}|", (now - earlier) as f64 / 1e6).expect("text can grow");
+            }
+        }
+        before = now;
+        text.push(' ');
+        text.extend(truths().filter(|frame| frame.start == at).map(|_| '['));
+        text.extend(claims().filter(|frame| frame.start == at).map(|_| '('));
+        write!(text, "{:02x}", bytes[at as usize]).expect("text can grow");
+    }
+    text
+}
