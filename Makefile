@@ -7,7 +7,7 @@ SOURCES := pyproject.toml Cargo.toml Cargo.lock $(shell find crates dissectors a
 .PHONY: demo test lint wheel bench captures vectors clean
 
 demo: $(VENV)/.installed
-	$(BIN)/modlens decode captures/pymodbus_two_units/recording.jsonl --line 19200-8E1
+	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
 
 test: $(VENV)/.tested
 	cargo test --release --locked --package modlens-core

@@ -22,11 +22,8 @@ __all__ = ["Compiler", "Tree"]
 Tree = list[Any]
 """A node of the filter tree: nested JSON lists."""
 
-PAIR = 2
-"""Arguments of touches(), writes() and range()."""
-
-DEPTH = 60
-"""Levels that a filter may have."""
+PAIR = 2  # arguments of touches(), writes() and range()
+DEPTH = 60  # levels that a filter may have
 
 _KINDS = {
     "int": "number",
@@ -68,8 +65,9 @@ _ARITHMETIC: dict[type[ast.operator], str] = {
     ast.Mod: "%",
     ast.BitAnd: "&",
 }
-_ADDRESSED = ("address", "write_address")
-_QUESTIONS = ("touches", "writes")
+
+
+_ADDRESSED: list[Tree] = [["col", "address"], ["col", "write_address"]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,13 +93,10 @@ class Compiler:
 
     def condition(self, node: ast.expr) -> Tree:
         """The tree of a node that is true or false."""
-        self._depth += 1
-        if self._depth > DEPTH:
-            self._refuse(node, f"more than {DEPTH} levels")
-        try:
-            return self._condition(node)
-        finally:
-            self._depth -= 1
+        self._descend(node)
+        tree = self._condition(node)
+        self._depth -= 1
+        return tree
 
     def _condition(self, node: ast.expr) -> Tree:
         if isinstance(node, ast.BoolOp):
@@ -156,43 +151,35 @@ class Compiler:
         for term in (a, b):
             if term.kind not in ("number", "flag", "text", "time"):
                 self._refuse(term.node, f"{self._say(term)} cannot be compared; use `in`")
-        same = {"flag": "number"}
-        if same.get(a.kind, a.kind) != same.get(b.kind, b.kind):
+        if a.kind.replace("flag", "number") != b.kind.replace("flag", "number"):
             self._refuse(b.node, f"{self._say(a)} cannot be compared with {self._say(b)}")
         return ["cmp", operator, _hex_text(a, b, self._known), _hex_text(b, a, self._known)]
 
     def _membership(self, item: _Term, where: _Term) -> Tree:
         if where.kind == "list":
             choices = [_Term(kind, tree, where.node) for kind, tree in where.tree[1]]
-            if item.kind in ("number", "flag", "text") and all(
-                choice.kind == item.kind == "number" or (choice.kind == item.kind == "text")
-                for choice in choices
-            ):
-                return ["in", item.tree, ["list", [choice.tree for choice in choices]]]
+            if not choices:
+                self._refuse(where.node, "an empty list")
+            if {choice.kind for choice in choices} == {item.kind}:
+                same = [_hex_text(choice, item, self._known) for choice in choices]
+                return ["in", item.tree, ["list", same]]
             return _join("or", [self._compare("==", item, choice) for choice in choices])
         wanted = {"numbers": "number", "texts": "text", "text": "text"}.get(where.kind)
         if wanted is None:
-            self._refuse(
-                where.node, f"{self._say(where)} has no items; `in` takes a list or a text"
-            )
+            self._refuse(where.node, f"{self._say(where)} has no items for `in`")
         if item.kind != wanted:
-            self._refuse(
-                item.node, f"{self._say(where)} holds {_SAY[wanted][2:]}s, not {self._say(item)}"
-            )
+            holds = f"{self._say(where)} holds {_SAY[wanted][2:]}s"
+            self._refuse(item.node, f"{holds}, not {self._say(item)}")
         return ["in", _hex_text(item, where, self._known), where.tree]
 
     def _question(self, node: ast.Call) -> Tree:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
-        if name not in _QUESTIONS:
-            self._refuse(
-                node, "the only questions are touches(type, where) and writes(type, where)"
-            )
+        if name not in ("touches", "writes"):
+            self._refuse(node, "the only questions are touches(hr, 107) and writes(hr, 107)")
         if "address" not in self._known:
             self._refuse(node, f"{name}() looks into registers, which {self._table} do not have")
         if len(node.args) != PAIR or node.keywords:
-            self._refuse(
-                node, f"{name}() takes a register type and an address, as in {name}(hr, 107)"
-            )
+            self._refuse(node, f"{name}() takes a register type and an address: {name}(hr, 107)")
         kind = self._register_type(node.args[0])
         first, last = self._span(node.args[1], kind)
         return [name, kind, first, last]
@@ -231,13 +218,10 @@ class Compiler:
         return value
 
     def _term(self, node: ast.expr) -> _Term:
-        self._depth += 1
-        if self._depth > DEPTH:
-            self._refuse(node, f"more than {DEPTH} levels")
-        try:
-            return self._value(node)
-        finally:
-            self._depth -= 1
+        self._descend(node)
+        term = self._value(node)
+        self._depth -= 1
+        return term
 
     def _value(self, node: ast.expr) -> _Term:
         if isinstance(node, ast.Name):
@@ -259,9 +243,9 @@ class Compiler:
 
     def _number(self, node: ast.expr) -> _Term:
         term = self._term(node)
-        if term.kind not in ("number", "flag"):
-            self._refuse(node, f"{self._say(term)} is no number to calculate with")
-        return term
+        if term.kind in ("number", "flag"):
+            return term
+        self._refuse(node, f"{self._say(term)} is no number to calculate with")
 
     def _column(self, node: ast.Name) -> _Term:
         if node.id not in self._known:
@@ -296,7 +280,7 @@ class Compiler:
         return term.kind, term.tree
 
     def _address(self, column: _Term, literal: _Term) -> addresses.Address | None:
-        if column.tree[0] != "col" or column.tree[1] not in _ADDRESSED or literal.kind != "text":
+        if column.tree not in _ADDRESSED or literal.kind != "text":
             return None
         address = addresses.parse(literal.tree[1]) if literal.tree[0] == "text" else None
         if address is None:
@@ -310,6 +294,11 @@ class Compiler:
         if moment is None:
             self._refuse(term.node, "not a time; write '2023-10-11T14:00:00Z'")
         return _Term("time", ["time", moment], term.node)
+
+    def _descend(self, node: ast.expr) -> None:
+        self._depth += 1
+        if self._depth > DEPTH:
+            self._refuse(node, f"more than {DEPTH} levels")
 
     def _say(self, term: _Term) -> str:
         if term.tree[0] == "col":

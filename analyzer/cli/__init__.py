@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from typing import TextIO
 
-__all__ = ["COMMANDS", "forget_stdout", "main"]
+__all__ = ["COMMANDS", "STDERR", "STDOUT", "forget", "main"]
 
 COMMANDS = {
     "tap": "listen to a serial line and decode what happens on it",
@@ -31,6 +31,8 @@ COMMANDS = {
 
 INTERRUPTED = 130
 
+STDOUT, STDERR = 1, 2
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; gives the exit status and prints every error as one line."""
@@ -43,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(words[0], words[1:])
     except BrokenPipeError:
-        forget_stdout()
+        forget(STDOUT)
         return 0
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -106,10 +108,10 @@ def _survive_odd_text(*streams: TextIO) -> None:
             reconfigure(errors="backslashreplace")
 
 
-def forget_stdout() -> None:
-    """Nobody reads any more: what is left in the buffer goes nowhere, also when Python ends."""
+def forget(descriptor: int) -> None:
+    """Nobody reads it any more: what is left in a buffer goes nowhere, also when Python ends."""
     sink = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, 1)
+    os.dup2(sink, descriptor)
     os.close(sink)
 
 

@@ -16,7 +16,8 @@ examples:
   modlens decode bus.jsonl --line 19200-8E1 -o bus.csv -o frames:frames.jsonl
   modlens decode - --from hex --to jsonl < bus.txt
 
-Without -o and --to the table goes to the screen; add --to table to have it beside -o.
+Without -o and --to the table goes to the screen; --to table brings it back
+beside -o.
 """
 
 

@@ -6,8 +6,10 @@ What was detected, what could not be read, the summary.
 from __future__ import annotations
 
 import sys
+import textwrap
 from typing import Any
 
+from analyzer.cli import STDERR, forget
 from analyzer.session import Intake
 from analyzer.views.screen import Screen, fit, visible
 from analyzer.views.summary import summary
@@ -44,20 +46,33 @@ class Notes:
     def say(self, text: str) -> None:
         """One line, unless quiet."""
         if not self._quiet:
-            self._screen.line(visible(text), "dim")
+            self._print(text, "dim")
 
     def trouble(self, text: str) -> None:
         """One line of an error, always."""
-        self._screen.line(f"modlens: {visible(text)}")
+        self._print(f"modlens: {text}", "")
 
     def summary(self, stats: dict[str, Any]) -> None:
-        """The last lines of a run."""
+        """The last lines of a run, wrapped on a terminal."""
         for line in summary(stats):
-            self.say(line)
+            width = self._screen.width if self._screen.is_terminal else sys.maxsize
+            for part in textwrap.wrap(line, width, subsequent_indent="  "):
+                self.say(part)
+
+    def _print(self, text: str, style: str) -> None:
+        """Print one line; a terminal that is gone must not harm the outputs."""
+        try:
+            self._screen.line(visible(text), style)
+        except OSError:
+            forget(STDERR)
 
     def _detected(self, intake: Intake) -> None:
         seen = intake.seen
-        sure = "ordered" if intake.ordered else f"{intake.confidence:.0%} sure: {intake.reason}"
+        sure = (
+            "ordered"
+            if intake.ordered
+            else f"{100 * intake.confidence:.0f} % sure: {intake.reason}"
+        )
         words = [f"{intake.name}: {intake.format} ({sure})"]
         clock = seen.get("clock") or "none"
         words.append(_CLOCKS.get(clock, f"clock: {clock}"))

@@ -11,7 +11,7 @@ import os
 from contextlib import ExitStack
 from dataclasses import replace
 
-from analyzer.cli import forget_stdout
+from analyzer.cli import STDOUT, forget
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import settings
 from analyzer.cli.stopping import Stopping
@@ -67,6 +67,7 @@ class Outputs:
     def __init__(
         self, options: argparse.Namespace, notes: Notes, *, to: str | None, growing: bool
     ) -> None:
+        names = options.ports if growing else options.files
         self.status = 0
         self.silenced = False
         self._notes = notes
@@ -75,7 +76,7 @@ class Outputs:
         targets = _targets(options)
         with ExitStack() as opened:
             if to == TABLE:
-                look = Look(options.address, options.times)
+                look = Look(options.address, options.times, tuple(names))
                 if options.columns is not None and not targets:
                     raise UsageError("--columns is for exports; add --to csv or -o FILE")
                 self._sinks.append(TableSink(options.table, stdout(), look, where=options.where))
@@ -117,7 +118,7 @@ class Outputs:
     def _failed(self, sink: Sink, error: SourceError | BrokenPipeError) -> None:
         if isinstance(error, BrokenPipeError):
             self.silenced = len(self._sinks) == 1
-            forget_stdout()
+            forget(STDOUT)
             return
         self.status = max(self.status, error.exit_status)
         self._notes.trouble(error.message)

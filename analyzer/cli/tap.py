@@ -22,8 +22,9 @@ examples:
   modlens tap /dev/ttyUSB0 --line 9600-8N1 -o today.csv --where "status != 'ok'"
   modlens tap socket://192.168.1.50:4001 --line 19200-8E1 --to jsonl
 
-A B are two buses; A+B is one bus of which each direction has a port of its own.
--o adds a file that grows while the tap runs; it must not exist yet. Ctrl-C ends.
+A B are two buses; A+B is one bus of which each direction has its own port.
+-o adds a file that grows while the tap runs; it must not exist yet.
+Ctrl-C ends.
 """
 
 

@@ -53,8 +53,8 @@ def choose(sample: bytes, name: str, order: str | None = None) -> Detection:
         return _ordered(sample, name, order, scores)
     best, confidence, reason = scores[0]
     if confidence < DOUBTFUL:
-        kind = "text, but of no known form" if is_text(sample) else "of no known form"
-        raise SourceError(f"{name}: {kind} ({reason}); see `modlens formats`, or give it by --from")
+        kind = "text, but of no known form" if is_text(sample) else f"of no known form ({reason})"
+        raise SourceError(f"{name}: {kind}; see `modlens formats`, or say it by --from")
     return Detection(best, confidence, reason, ordered=False)
 
 

@@ -5,21 +5,23 @@ Addresses, values, times in milliseconds, states and their colours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from analyzer.addresses import LAST, SHORT, render
-from analyzer.views.grid import Items
-from analyzer.views.screen import visible
+from analyzer.views.grid import Field, Head, Items
+from analyzer.views.screen import visible, width_of
 
 __all__ = [
     "BASE_TITLES",
     "STATUS_STYLES",
     "VERDICT_STYLES",
     "bits",
+    "bus_field",
     "findings",
     "function",
     "hex_items",
+    "labels",
     "milliseconds",
     "number",
     "span",
@@ -54,12 +56,46 @@ VERDICT_STYLES = {
     "noise": "odd",
 }
 
+LABEL = 16
+"""Columns of a bus's short name."""
+
 _LONG_US = 100_000
 """From here on tenths of a millisecond are noise."""
 
 _BITS = ("coil", "discrete_input")
 
 _OPERATIONS = {"read": "read", "write": "write", "read_write": "r/w"}
+
+
+def labels(names: Sequence[str]) -> dict[str, str]:
+    """Short names for buses: the end of each path, as long as it takes to tell them apart.
+
+    >>> labels(["a/bus.hex", "a/other.hex"])
+    {'a/bus.hex': 'bus.hex', 'a/other.hex': 'other.hex'}
+    >>> list(labels(["logs/monday/bus.hex", "logs/tuesday/bus.hex"]).values())
+    ['monday', 'tuesday']
+    """
+    parts = {name: visible(name).replace("\\", "/").rstrip("/").split("/") for name in names}
+    while len(parts) > 1 and len({tuple(part[-1:]) for part in parts.values()}) == 1:
+        if min(map(len, parts.values())) == 1:
+            break
+        parts = {name: part[:-1] for name, part in parts.items()}
+    longest = max(map(len, parts.values()), default=0)
+    for depth in range(1, longest + 1):
+        found = {name: "/".join(part[-depth:]) for name, part in parts.items()}
+        if len(set(found.values())) == len(found):
+            break
+    return {
+        name: "…" + label[1 - LABEL :] if len(label) > LABEL else label
+        for name, label in found.items()
+    }
+
+
+def bus_field(names: Sequence[str], name_of: Callable[[Any], str]) -> Field:
+    """The column that says the bus; `name_of` gives a row's."""
+    short = labels(names)
+    width = max(map(width_of, short.values()))
+    return Field(Head("bus", min(width, LABEL)), lambda row: short.get(name_of(row), name_of(row)))
 
 
 def number(value: int | None) -> str:

@@ -88,6 +88,11 @@ class Screen:
         self._plain = not self._console.is_terminal or self._console.color_system is None
 
     @property
+    def is_terminal(self) -> bool:
+        """Whether somebody looks at it."""
+        return self._console.is_terminal
+
+    @property
     def width(self) -> int:
         """Columns: the terminal's, else those of `COLUMNS`, else 80."""
         return self._console.width

@@ -44,11 +44,14 @@ def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
 
 def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     buses = stats["buses"]
-    yield from _grid(_bus_fields(), buses, width)
+    short = cells.labels([bus["bus"] for bus in buses])
+    yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
     rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
     if rows:
         yield []
-        fields = _row_fields(roomy=width >= ROOMY, many=len(buses) > 1)
+        fields = _row_fields(roomy=width >= ROOMY)
+        if len(short) > 1:
+            fields.insert(0, cells.bus_field(tuple(short), lambda row: str(row["bus"])))
         yield from _grid(fields, rows, width)
     if stats["findings"]:
         yield []
@@ -64,9 +67,12 @@ def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[
         yield grid.line(row)
 
 
-def _bus_fields() -> list[Field]:
+def _bus_fields(short: Mapping[str, str]) -> list[Field]:
+    def name(bus: Mapping[str, Any]) -> str:
+        return short.get(bus["bus"]) or visible(bus["bus"])
+
     return [
-        Field(Head("bus", 8, share=1), lambda bus: visible(bus["bus"])),
+        Field(Head("bus", 8, share=1), name),
         Field(Head("mode", 5), lambda bus: bus["mode"] or ""),
         Field(Head("seconds", 8, right=True), _duration),
         Field(Head("bytes", 8, right=True), lambda bus: f"{sum(bus['bytes'].values()):,}"),
@@ -77,7 +83,7 @@ def _bus_fields() -> list[Field]:
     ]
 
 
-def _row_fields(*, roomy: bool, many: bool) -> list[Field]:
+def _row_fields(*, roomy: bool) -> list[Field]:
     chosen = [
         Field(Head("unit", 4, right=True), lambda row: cells.number(row["unit"])),
         Field(Head("function", 12, share=1), _function),
@@ -92,8 +98,6 @@ def _row_fields(*, roomy: bool, many: bool) -> list[Field]:
         for name in ("min", "p50", "p95", "max")
         if roomy or name in ("p50", "max")
     ]
-    if many:
-        chosen.insert(0, Field(Head("bus", 8), lambda row: visible(row["bus"])))
     return chosen
 
 

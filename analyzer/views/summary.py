@@ -3,7 +3,7 @@
 >>> bus = {"frames": {"ok": 2, "noise": 1}, "bytes": {"ok": 15, "noise": 3}}
 >>> for line in summary({"buses": [bus], "transactions": {"ok": 1}, "findings": {}}):
 ...     print(line)
-3 frames, 18 bytes: ok 2 (15 bytes), noise 1 (3 bytes)
+3 frames (18 bytes): ok 2 (15), noise 1 (3)
 1 transaction: ok 1
 """
 
@@ -20,8 +20,8 @@ DAMAGED = ("bad_checksum", "incomplete", "noise")
 def summary(stats: Mapping[str, Any]) -> list[str]:
     """The lines; `stats` as in views/stats.py."""
     frames, sizes = _total(stats, "frames"), _total(stats, "bytes")
-    parts = [f"{name} {count:,} ({_count(sizes[name], 'byte')})" for name, count in frames.items()]
-    head = f"{_count(sum(frames.values()), 'frame')}, {_count(sum(sizes.values()), 'byte')}"
+    parts = [f"{name} {count:,} ({sizes[name]:,})" for name, count in frames.items()]
+    head = f"{_count(sum(frames.values()), 'frame')} ({_count(sum(sizes.values()), 'byte')})"
     lines = [f"{head}{_list(parts)}"]
     states = [f"{status} {count:,}" for status, count in stats["transactions"].items()]
     lines.append(f"{_count(sum(stats['transactions'].values()), 'transaction')}{_list(states)}")

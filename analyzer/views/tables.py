@@ -21,10 +21,15 @@ __all__ = ["Look", "fields"]
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a table looks: `address` is one of `addresses.BASES`, `times` one of `moments.TIMES`."""
+    """How a table looks.
+
+    `address` is one of `addresses.BASES`, `times` one of `moments.TIMES`; `buses` are the names of
+    the buses: where there are several, each row says its own.
+    """
 
     address: str = "wire"
     times: str = "local"
+    buses: tuple[str, ...] = ()
 
 
 def fields(
@@ -33,9 +38,8 @@ def fields(
     """The columns of a table; `rows` are its first rows."""
     chosen = _TABLES[table](look, rows, width >= ROOMY)
     chosen.insert(1, moments.field())
-    buses = {row.bus for row in rows}
-    if len(buses) > 1:
-        chosen.insert(2, Field(Head("bus", 4), lambda row: _short(row.bus)))
+    if len(look.buses) > 1:
+        chosen.insert(2, cells.bus_field(look.buses, lambda row: str(row.bus)))
     return chosen
 
 
@@ -54,7 +58,7 @@ def _transactions(look: Look, rows: Sequence[Any], roomy: bool) -> list[Field]:
     chosen = [
         Field(Head("txn", 4, right=True), lambda row: cells.number(row.txn)),
         _UNIT,
-        Field(Head("function", 10, most=28 if roomy else 14), function),
+        Field(Head("function", 11, most=28 if roomy else 14), function),
         Field(Head(cells.BASE_TITLES[look.address], 11), lambda row: _address(row, look.address)),
     ]
     if any(row.elapsed_us is not None for row in rows):
@@ -139,11 +143,6 @@ _TABLES: dict[str, Callable[[Look, Sequence[Any], bool], list[Field]]] = {
 _DIRECTIONS = {"request": "req", "response": "rsp"}
 _SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
 _UNIT = Field(Head("unit", 4, right=True), lambda row: cells.number(row.unit))
-
-
-def _short(name: str) -> str:
-    """The last part of a path, as far as a column takes it."""
-    return visible(name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1])[:16]
 
 
 def _address(row: Any, base: str) -> str:

@@ -105,11 +105,11 @@ impl Outcome {
         Some(100.0 * scores.iter().map(of).sum::<f64>() / scores.len() as f64)
     }
 
-    /// All of an algorithm's scores, added up.
-    pub fn total(&self, algorithm: usize) -> Score {
+    /// All of an algorithm's scores, added up; in one tap mode, or in all.
+    pub fn total(&self, algorithm: usize, mode: Option<usize>) -> Score {
         let mut total = Score::default();
         for cells in &self.scenarios {
-            let mine = cells.iter().filter(|((other, _), _)| *other == algorithm);
+            let mine = cells.iter().filter(|((other, tap), _)| *other == algorithm && mode.is_none_or(|mode| mode == *tap));
             mine.flat_map(|(_, scores)| scores).for_each(|score| total.add(score));
         }
         total

@@ -70,9 +70,13 @@ fn accuracy(options: &Options) {
     for algorithm in 0..outcome.names.len() {
         say(&tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| s.fd().f1()));
         say(&tables::by_mode(plan, &outcome, algorithm, "pair F1", |s: &Score| s.pairs.f1()));
+        if outcome.labelling[algorithm] {
+            let title = "damaged frames located";
+            say(&tables::by_mode(plan, &outcome, algorithm, title, |s: &Score| s.damaged.recall()));
+        }
     }
     say(&tables::totals(&outcome));
-    say(&tables::labels(&outcome));
+    say(&tables::labels(plan, &outcome));
     say(&tables::latencies(&outcome));
     if options.noise.bytes > 0 {
         noise(options);

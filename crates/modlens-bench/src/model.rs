@@ -27,7 +27,7 @@ pub enum Label {
     NoResponse,
     /// The same request again after no answer; at the second one.
     Retry,
-    /// The answer to a request that the master had given up; at the answer.
+    /// The answer to a request that the master had given up; at it, or at the retry's own answer behind it.
     Late,
     /// The same answer twice; at the second one.
     Duplicate,

@@ -48,7 +48,7 @@ pub fn totals(outcome: &Outcome) -> String {
         "\nall scenarios and modes, percent\n                recall  precision  direction  pair rec.  pair prec.    pair F1  located  loc.prec.  false/missed\n",
     );
     for (at, name) in outcome.names.iter().enumerate() {
-        let score = outcome.total(at);
+        let score = outcome.total(at, None);
         if score.valid == 0 {
             continue;
         }
@@ -64,29 +64,23 @@ pub fn totals(outcome: &Outcome) -> String {
     text
 }
 
-/// What people act on: precision and recall of every label.
-pub fn labels(outcome: &Outcome) -> String {
+/// What people act on: precision and recall of every label, by tap mode and in all.
+pub fn labels(plan: &Plan, outcome: &Outcome) -> String {
     let mut text = String::new();
     for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.labelling[*at]) {
-        let score = outcome.total(at);
-        writeln!(
-            text,
-            "\n{name}: what people act on\n{:<14}{:>10}{:>10}{:>9}{:>9}",
-            "", "precision", "recall", "claimed", "wanted"
-        )
-        .expect("text can grow");
+        write!(text, "\n{name}: what people act on, precision/recall, percent\n{:<14}", "").expect("text can grow");
+        plan.modes.iter().for_each(|mode| write!(text, "{:>13}", mode.text()).expect("text can grow"));
+        writeln!(text, "{:>13}{:>9}{:>9}", "all", "claimed", "wanted").expect("text can grow");
+        let modes = (0..plan.modes.len()).map(Some).chain([None]);
+        let totals: Vec<Score> = modes.map(|mode| outcome.total(at, mode)).collect();
         for label in Label::ALL {
-            let tally = score.label(label).0;
-            writeln!(
-                text,
-                "{:<14}{:>10.2}{:>10.2}{:>9}{:>9}",
-                label.text(),
-                100.0 * tally.precision(),
-                100.0 * tally.recall(),
-                tally.claimed,
-                tally.wanted,
-            )
-            .expect("text can grow");
+            write!(text, "{:<14}", label.text()).expect("text can grow");
+            for tally in totals.iter().map(|total| total.label(label).0) {
+                let cell = format!("{:.1}/{:.1}", 100.0 * tally.precision(), 100.0 * tally.recall());
+                write!(text, "{cell:>13}").expect("text can grow");
+            }
+            let all = totals.last().map(|total| total.label(label).0).unwrap_or_default();
+            writeln!(text, "{:>9}{:>9}", all.claimed, all.wanted).expect("text can grow");
         }
     }
     text
@@ -96,7 +90,7 @@ pub fn labels(outcome: &Outcome) -> String {
 pub fn latencies(outcome: &Outcome) -> String {
     let mut text = String::new();
     for (at, name) in outcome.names.iter().enumerate() {
-        let latency = outcome.total(at).latency;
+        let latency = outcome.total(at, None).latency;
         if !latency.is_empty() {
             let [p50, p95, p99, longest] = latency.percentiles();
             writeln!(text, "\n{name}: latency ms  p50 {p50:.2}  p95 {p95:.2}  p99 {p99:.2}  max {longest:.2}")

@@ -145,16 +145,10 @@ fn permitted_as_request(functions: &Functions, pdu: &[u8]) -> bool {
     row.is_none_or(|row| row.permits[0].iter().all(|permit| permit.violated_by(&pdu[1..]).is_none()))
 }
 
-/// Timing that tells a retry from an echoed answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pause {
-    /// No clock, or nothing learned yet.
-    Unknown,
-    /// As long as this bus takes to answer.
-    LikeAnswer,
-    /// As long as its master waits before it asks again.
-    LikeTimeout,
-}
+/// Bits by which a silence fits this master's time-out better than this bus's answers; 0 without a clock.
+///
+/// It tells a retry from an echoed answer.
+pub type Pause = f32;
 
 /// Who sent this PDU?
 ///
@@ -172,7 +166,7 @@ pub fn judge(
     let matched = asked.map_or(Match::No, |asked| answers(functions, asked, unit, pdu));
     if matched == Match::Fully {
         let identical = request && asked.is_some_and(|asked| asked.pdu == pdu);
-        if identical && (pause == Pause::LikeTimeout || said == Some(Direction::Request)) {
+        if identical && (pause > 0.0 || said == Some(Direction::Request)) {
             return Direction::Request;
         }
         return Direction::Response;
@@ -185,7 +179,7 @@ pub fn judge(
         (true, true) => {
             // An answer that repeats the address but not the value is more likely than a new request for the same place.
             let same_place = matched == Match::Partly && asked.is_some_and(|asked| asked.pdu.get(1..3) == pdu.get(1..3));
-            if same_place && pause != Pause::LikeTimeout {
+            if same_place && pause <= 0.0 {
                 return said.unwrap_or(Direction::Response);
             }
             said.unwrap_or(if permitted_as_request(functions, pdu) { Direction::Request } else { Direction::Response })
@@ -201,7 +195,7 @@ mod tests {
     fn judged(asked: Option<&str>, pdu: &str) -> Direction {
         let asked = asked.map(|text| parse_hex(text).unwrap());
         let asked = asked.as_deref().map(|pdu| Asked { unit: 1, pdu });
-        judge(Functions::embedded(), asked, 1, &parse_hex(pdu).unwrap(), None, Pause::Unknown)
+        judge(Functions::embedded(), asked, 1, &parse_hex(pdu).unwrap(), None, 0.0)
     }
 
     #[test]

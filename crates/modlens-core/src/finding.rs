@@ -157,6 +157,11 @@ findings! {
         "Its bytes are shown as they are; only the checksum vouches for its length."
         "modlens decode --functions NAME|FILE loads further rows."
         "5";
+    Tentative "tentative" Info
+        "a frame that may be an accident of noise"
+        "In noise of any length some bytes have a right checksum by chance."
+        "Nothing, if more frames of this unit follow; else the noise."
+        "";
     ShortSilence "short_silence" Info
         "less than t3.5 of silence before the frame"
         "Receivers that go by the clock run two such frames into one."

@@ -20,6 +20,9 @@ pub const BROADCAST: u8 = 0;
 /// Unanswered requests that a late answer may still belong to.
 const REMEMBERED: usize = 16;
 
+/// However well a silence fits, it is worth no more bits than this.
+const MOST_TEMPO: f64 = 20.0;
+
 /// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
 const OPEN_LIMIT: usize = 1024;
 
@@ -205,15 +208,13 @@ impl Tempo {
         *slot = Some(slot.map_or(value, |old| old * 0.9 + value * 0.1));
     }
 
-    /// Which of the two a silence is like, by the ratio to either.
+    /// By how many bits a silence is more like a time-out than like an answer.
     pub fn judge(&self, gap: Option<Ns>) -> Pause {
-        let (Some(gap), Some(answer)) = (gap.map(|ns| ns.max(1) as f64), self.answer) else { return Pause::Unknown };
-        match self.timeout.filter(|&timeout| timeout > 4.0 * answer) {
-            // The middle between the two, as ratios go.
-            Some(timeout) if gap * gap > answer * timeout => Pause::LikeTimeout,
-            None if gap > 30.0 * answer => Pause::LikeTimeout,
-            _ => Pause::LikeAnswer,
-        }
+        let (Some(gap), Some(answer)) = (gap.map(|ns| ns.max(1) as f64), self.answer) else { return 0.0 };
+        // Both scatter by a factor of about e^(1/2); until a time-out was seen, one is expected at 30 answers or more.
+        let likely = |typical: f64| -(gap / typical).ln().powi(2) * 2.0 * std::f64::consts::LOG2_E;
+        let timeout = self.timeout.unwrap_or_else(|| (30.0 * answer).max(gap.min(1e9)));
+        (likely(timeout) - likely(answer)).clamp(-MOST_TEMPO, MOST_TEMPO) as f32
     }
 }
 

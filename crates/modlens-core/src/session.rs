@@ -16,7 +16,7 @@ use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::line::Line;
 use crate::pairing::{Exchange, Kept, Pairing, Placed, Seen};
-use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Place, Span, Transaction};
+use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Place, Span, Status, Transaction};
 use crate::stats::Stats;
 use crate::text::{Format, Reader};
 use crate::Ns;
@@ -58,6 +58,8 @@ pub struct BusOptions {
 }
 
 struct LineState {
+    /// Requests less responses seen on it.
+    votes: i32,
     input: Input,
     framer: Box<dyn Framer>,
     last_end: Option<Ns>,
@@ -68,6 +70,7 @@ struct BusState {
     lines: Vec<(u8, LineState)>,
     pairing: Pairing,
     known_units: Box<[bool; 256]>,
+    paired_units: Box<[bool; 256]>,
     /// For what the log calls sent and received: requests less responses seen so far.
     sides: [i32; 2],
     newest: Option<Ns>,
@@ -150,6 +153,7 @@ impl Session {
             pairing: Pairing::new(self.timeout, self.live),
             lines: Vec::new(),
             known_units: Box::new([false; 256]),
+            paired_units: Box::new([false; 256]),
             sides: [0; 2],
             newest: None,
             jumped: false,
@@ -302,7 +306,10 @@ impl Session {
 
     fn tick(&mut self, bus: usize, now: Ns) {
         let mut done = std::mem::take(&mut self.done);
-        self.buses[bus].pairing.tick(now, &mut done);
+        let state = &mut self.buses[bus];
+        // Bytes that are not framed yet may be the answer: time has come only to the first of them.
+        let undecided = state.lines.iter().filter_map(|(_, line)| line.input.byte_time(0)).min();
+        state.pairing.tick(undecided.map_or(now, |first| first.min(now)), &mut done);
         self.done = done;
         if !self.done.is_empty() {
             self.write_done(bus);
@@ -366,6 +373,12 @@ impl Session {
         if jumped {
             self.found.push((Finding::ClockJumped, String::from("this read is older than the one before")));
         }
+        if cut.tentative {
+            self.found.push((
+                Finding::Tentative,
+                String::from("between bytes that are no frames, and the unit was in no paired transaction yet"),
+            ));
+        }
         if let Some(finding) = cut.finding {
             self.found.push((finding, framing_detail(finding, wire)));
         }
@@ -373,6 +386,9 @@ impl Session {
         self.codes.extend(self.found.iter().map(|(finding, _)| *finding));
         seen.codes = &self.codes;
         let mut done = std::mem::take(&mut self.done);
+        if let Some(start) = start {
+            state.pairing.tick(start, &mut done);
+        }
         let placed = state.pairing.take(&self.functions, &seen, &mut self.next_txn, &mut done);
         self.done = done;
         if let Some(finding) = placed.finding {
@@ -417,7 +433,7 @@ impl Session {
                 code,
                 exception,
                 verdict: cut.verdict,
-                tentative: false,
+                tentative: cut.tentative,
                 confidence: cut.confidence,
                 cut_by: cut.cut_by,
                 txn: placed.txn,
@@ -430,6 +446,9 @@ impl Session {
         self.stats.frame(bus, mode, &seen);
         learn(&mut state.known_units, &mut state.sides, &seen, side);
         let input = &mut state.lines[at].1;
+        if cut.verdict.good() {
+            input.votes += i32::from(cut.direction == Direction::Request) - i32::from(cut.direction == Direction::Response);
+        }
         input.input.consume(cut.length);
         input.last_end = end.or(input.last_end);
         if !self.done.is_empty() {
@@ -471,6 +490,9 @@ impl Session {
                         origin: exchange.origin,
                     });
                 }
+            }
+            if matches!(exchange.status, Status::Ok | Status::Exception) {
+                self.buses[bus].paired_units[exchange.unit as usize] = true;
             }
             self.stats.transaction(bus, &exchange);
             if self.wanted.transactions {
@@ -516,7 +538,7 @@ impl BusState {
         };
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());
-        self.lines.push((id, LineState { input, framer, last_end: None }));
+        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None }));
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
@@ -547,7 +569,10 @@ impl BusState {
         let context = Context {
             functions,
             asked: self.pairing.asked(),
+            shared: !one_line,
+            speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
             known_units: &self.known_units,
+            paired_units: &self.paired_units,
             pause: &move |gap| tempo.judge(gap.filter(|_| one_line)),
             said: &move |side| said(sides, side),
         };
@@ -555,6 +580,15 @@ impl BusState {
         let cut = state.framer.next(&state.input, &context, adu);
         state.input.break_ns = state.framer.break_ns(settings.as_ref());
         Some((at, cut?))
+    }
+}
+
+/// Who has a line of a two-line tap for himself, once he has shown it twice.
+fn speaker(votes: i32) -> Option<Direction> {
+    match votes {
+        2.. => Some(Direction::Request),
+        ..=-2 => Some(Direction::Response),
+        _ => None,
     }
 }
 

@@ -27,9 +27,9 @@ def test_the_table_is_for_stdout_and_the_rest_for_stderr(modlens: Modlens) -> No
     assert done.status == 0
     assert done.out.splitlines()[0].split()[:2] == ["txn", "time"]
     said = done.err.splitlines()
-    assert said[0].startswith(f"{POLLS}: chunks (100% sure:")
+    assert said[0].startswith(f"{POLLS}: chunks (100 % sure:")
     assert "UTC clock, mode rtu" in said[0]
-    assert said[1].endswith("bytes)")
+    assert " frames (" in said[1]
     assert "transactions: ok" in said[2]
 
 
@@ -166,6 +166,26 @@ def test_a_closed_pipe_ends_quietly(to: str, tmp_path: Path) -> None:
         assert "rror" not in said
         assert ("frames" in said) == bool(more)
     assert other.read_bytes().count(b"\n") == 200_001
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_terminal_that_is_gone_harms_no_output(tmp_path: Path) -> None:
+    """Nobody can read what is said: the outputs are whole all the same."""
+    out = tmp_path / "out.csv"
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        command("decode", POLLS, "-o", out),
+        stdout=writing,
+        stderr=writing,
+        env=environment(),
+        cwd=ROOT,
+        check=False,
+        timeout=60,
+    )
+    os.close(writing)
+    assert done.returncode == 0
+    assert out.read_text().count("\n") > 50
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

@@ -134,19 +134,25 @@ def test_a_filter_leaves_rows_out(polls: Path, monkeypatch: pytest.MonkeyPatch) 
     assert {line.split()[2] for line in lines[1:]} == {"2"}
 
 
-def test_several_recordings_have_a_column_of_their_own(
+def test_several_buses_have_a_column_of_their_own(
     captures: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The last part of the path, if they meet among the first rows."""
-    monkeypatch.setenv("COLUMNS", "100")
-    names = [tmp_path / "a.hex", tmp_path / "b.hex"]
+    """The part of the path that tells them apart, from the first line on."""
+    names = []
+    for day in ("monday", "tuesday"):
+        path = tmp_path / day / "bus.hex"
+        path.parent.mkdir()
+        path.write_bytes((captures / "seed_rtu" / "recording.hex").read_bytes())
+        names.append(str(path))
+    monkeypatch.setenv("COLUMNS", "80")
     stream = io.StringIO()
-    for name in names:
-        name.write_bytes((captures / "seed_rtu" / "recording.hex").read_bytes())
-    sink = TableSink("transactions", Screen(stream), Look())
+    sink = TableSink("transactions", Screen(stream), Look(buses=tuple(names)))
     for batch in decode(names).batches("transactions"):
         sink.put(batch)
-    assert max(map(len, stream.getvalue().splitlines())) <= 100
+    head, *lines = stream.getvalue().splitlines()
+    assert head.split()[2] == "bus"
+    assert [line.split()[2] for line in lines] == ["monday"] * 26 + ["tuesday"] * 26
+    assert max(map(len, lines)) <= 80
 
 
 def test_memory_stays_flat() -> None:

@@ -19,10 +19,9 @@ pub(crate) fn request_length(frame: &[u8]) -> Option<usize> {
 pub(crate) fn response_length(frame: &[u8]) -> Option<usize> {
     let counted = |at: usize, base: usize| frame.get(at).map(|&count| base + usize::from(count));
     match frame.get(1)? {
-        0x80.. => Some(5),
+        0x80.. | 7 => Some(5),
         1..=4 | 12 | 17 | 20 | 21 | 23 => counted(2, 5),
         5 | 6 | 8 | 11 | 15 | 16 => Some(8),
-        7 => Some(5),
         22 => Some(10),
         24 => Some(6 + usize::from(u16::from_be_bytes([*frame.get(2)?, *frame.get(3)?]))),
         _ => None,

@@ -13,12 +13,14 @@ use crate::sim::truth::TruthFrame;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LabelScore(pub Tally);
 
-/// Scores all labels. Most stand at whole frames; two masters at any frame of their meeting; lost bytes at a place.
+/// Scores all labels. Most stand at whole frames; two masters at any frame of their meeting, late answers at either of
+/// the two behind a retry; lost bytes at a place.
 pub(crate) fn score(case: &Case, reported: &[Reported], matching: &Matching) -> [LabelScore; 8] {
     Label::ALL.map(|label| {
         LabelScore(match label {
             Label::LostBytes => lost_bytes(case, reported),
-            Label::TwoMasters => two_masters(case, reported, matching),
+            Label::TwoMasters => in_groups(case, reported, matching, label, meeting),
+            Label::Late => in_groups(case, reported, matching, label, retried),
             _ => at_frames(case, reported, matching, label),
         })
     })
@@ -48,11 +50,11 @@ fn damaged_at<'a>(case: &'a Case, frame: &Reported) -> Option<&'a TruthFrame> {
     case.truth.iter().find(|truth| !truth.valid && truth.line == frame.line && truth.start == frame.start)
 }
 
-/// One alarm a meeting is enough; an alarm at a frame of no meeting is false.
-fn two_masters(case: &Case, reported: &[Reported], matching: &Matching) -> Tally {
-    let label = Label::TwoMasters;
+/// For what stands in a group of frames (a meeting of two masters, the two answers behind a retry): one report a group
+/// is enough, any report in it is right, and one outside of all groups is false.
+fn in_groups(case: &Case, reported: &[Reported], matching: &Matching, label: Label, group: Group) -> Tally {
     let clear = case.truth.iter().filter(|frame| frame.valid && frame.labels.contains(label));
-    let wanted: HashSet<u32> = clear.map(|frame| frame.episode).collect();
+    let wanted: HashSet<u32> = clear.filter_map(group).collect();
     let mut tally = Tally { wanted: wanted.len() as u64, ..Tally::default() };
     let mut found = HashSet::new();
     for (frame, truth) in reported.iter().zip(&matching.truth_of) {
@@ -60,18 +62,29 @@ fn two_masters(case: &Case, reported: &[Reported], matching: &Matching) -> Tally
             continue;
         }
         let truth = truth.map(|at| &case.truth[at]).or_else(|| damaged_at(case, frame));
-        match truth.map_or(0, |truth| truth.episode) {
-            episode if wanted.contains(&episode) => {
-                found.insert(episode);
+        match truth.and_then(group) {
+            Some(group) if wanted.contains(&group) => {
+                found.insert(group);
                 tally.claimed += 1;
                 tally.right += 1;
             }
-            0 => tally.claimed += 1,
-            _ => {}
+            _ if truth.is_some_and(|truth| truth.maybe.contains(label)) => {}
+            _ => tally.claimed += 1,
         }
     }
     tally.found = found.len() as u64;
     tally
+}
+
+/// The group that a frame is in.
+type Group = fn(&TruthFrame) -> Option<u32>;
+
+fn meeting(frame: &TruthFrame) -> Option<u32> {
+    (frame.episode > 0).then_some(frame.episode)
+}
+
+fn retried(frame: &TruthFrame) -> Option<u32> {
+    frame.alt_txn.map(|_| frame.txn)
 }
 
 /// A report is right if bytes are missing inside it or at one of its ends; a frame that lost bytes is found if such a

@@ -55,7 +55,9 @@ fn nothing_found_is_nothing() {
 fn wrong_directions_count_for_frames_only() {
     let case = case("clean", 300);
     let mut frames = perfect(&case);
-    frames.iter_mut().for_each(|frame| frame.direction = Direction::Unknown);
+    for frame in &mut frames {
+        frame.direction = Direction::Unknown;
+    }
     let score = score(&case, &frames);
     assert_eq!((score.matched, score.matched_fd), (score.valid, 0));
     assert_eq!(score.pairs.claimed, 0);
@@ -94,7 +96,7 @@ fn latency_counts_from_the_read() {
         frame.t_emit = reads.at(frame.end - 1).map(|time| time + 2_000_000);
     }
     let latency = score(&case, &frames).latency;
-    assert_eq!(latency.percentiles(), [2.0; 4]);
+    assert!(latency.percentiles().iter().all(|ms| (ms - 2.0).abs() < 1e-9));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::rng::Rng;
 use crate::sim::case::{Case, CaseLine};
 use crate::sim::damage::Damage;
 use crate::sim::registers::content;
-use crate::sim::requests::mask_padding;
+use crate::sim::requests::{body, mask_padding};
 use crate::sim::tap::{Read, TapMode};
 use crate::sim::truth::TruthFrame;
 
@@ -76,7 +76,7 @@ impl Mixed {
         let poll = (0..120u16).map(|at| {
             let function = [3, 4, 1, 2][rng.weighted(&[56, 14, 6, 9])];
             let quantity = if function > 2 { rng.pick(&REGISTERS) } else { rng.pick(&BITS) };
-            (at as u8 % 10 + 1, words(function, &[at * 100, quantity]))
+            (at as u8 % 10 + 1, body(function, &[at * 100, quantity]))
         });
         let poll = poll.collect();
         Self { rng, dirty, poll, turn: 0, offset: 0, txn: 0, now: 1e9 }
@@ -130,23 +130,23 @@ impl Mixed {
         let unit = self.rng.range(1, 10) as u8;
         let address = self.rng.range(0, 2000) as u16;
         let pdu = match kind {
-            1 => words(5, &[address, self.rng.pick(&[0, 0xFF00])]),
-            2 => words(6, &[address, self.rng.range(0, 5000) as u16]),
+            1 => body(5, &[address, self.rng.pick(&[0, 0xFF00])]),
+            2 => body(6, &[address, self.rng.range(0, 5000) as u16]),
             3 => {
                 let count = self.rng.range(1, 32) as u16;
                 let mut data = content(usize::from(count).div_ceil(8), false, &mut self.rng);
                 mask_padding(&mut data, count);
-                [words(15, &[address, count]), vec![data.len() as u8], data].concat()
+                [body(15, &[address, count]), vec![data.len() as u8], data].concat()
             }
             4 => {
                 let count = self.rng.range(1, 20) as u16;
                 let data = content(2 * usize::from(count), false, &mut self.rng);
-                [words(16, &[address, count]), vec![data.len() as u8], data].concat()
+                [body(16, &[address, count]), vec![data.len() as u8], data].concat()
             }
             _ => {
                 let (read, write) = (self.rng.pick(&REGISTERS), self.rng.range(1, 10) as u16);
                 let data = content(2 * usize::from(write), false, &mut self.rng);
-                [words(23, &[address, read, address, write]), vec![data.len() as u8], data].concat()
+                [body(23, &[address, read, address, write]), vec![data.len() as u8], data].concat()
             }
         };
         (unit, pdu)
@@ -234,12 +234,6 @@ impl Bulk {
             losses: Vec::new(),
         }
     }
-}
-
-fn words(code: u8, words: &[u16]) -> Vec<u8> {
-    let mut pdu = vec![code];
-    words.iter().for_each(|word| pdu.extend(word.to_be_bytes()));
-    pdu
 }
 
 #[cfg(test)]

@@ -109,7 +109,7 @@ impl Damaged {
         self.on_the_wire = true;
     }
 
-    /// The driver that pulls to 0 wins: the bytes are ANDed, and an intruder that is longer goes on behind.
+    /// The driver that pulls to 0 wins: the bytes are joined by AND, and an intruder that is longer goes on behind.
     fn collide(&mut self, mask: u8, rng: &mut Rng) {
         let from = rng.below(self.slots.len());
         for at in from..from + rng.range(3, 40) {

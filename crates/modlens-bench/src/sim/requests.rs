@@ -225,13 +225,13 @@ pub(crate) fn mask_padding(data: &mut [u8], count: u16) {
 }
 
 /// A code and big-endian words behind it.
-fn body(code: u8, words: &[u16]) -> Vec<u8> {
+pub(crate) fn body(code: u8, words: &[u16]) -> Vec<u8> {
     let mut pdu = vec![code];
-    words.iter().for_each(|word| pdu.extend(word.to_be_bytes()));
+    pdu.extend(words.iter().flat_map(|word| word.to_be_bytes()));
     pdu
 }
 
 fn join(mut head: Vec<u8>, parts: &[&[u8]]) -> Vec<u8> {
-    parts.iter().for_each(|part| head.extend_from_slice(part));
+    head.extend(parts.concat());
     head
 }

@@ -39,8 +39,7 @@ impl Slave {
                 mask_padding(&mut data, count);
                 counted(code, &data)
             }
-            3 | 4 => self.registers_answer(code, word(request, 1), word(request, 3), rng),
-            23 => self.registers_answer(code, word(request, 1), word(request, 3), rng),
+            3 | 4 | 23 => self.registers_answer(code, word(request, 1), word(request, 3), rng),
             6 if self.quirk && rng.chance(0.3) => {
                 let mut answer = request.to_vec();
                 let value = draw(zero_heavy, rng);

@@ -117,26 +117,26 @@ fn polled(times: &[i64], rng: &mut Rng) -> Vec<Read> {
 type Transfers = Vec<(i64, usize)>;
 
 /// FTDI: a transfer when the timer expires, or when a packet (64 bytes less 2 of status) is full; each restarts the timer.
-fn latency_timer(times: &[i64], timer: i64) -> Transfers {
+fn latency_timer(times: &[i64], period: i64) -> Transfers {
     const FULL: usize = 62;
     let mut transfers = Vec::new();
-    let mut expires = times.first().map_or(0, |first| first - timer / 2);
+    let mut expires = times.first().map_or(0, |first| first - period / 2);
     let mut waiting = 0;
     for &time in times {
         if time > expires && waiting > 0 {
             transfers.push((expires, waiting));
             waiting = 0;
-            expires += timer;
+            expires += period;
         }
         if time > expires {
             // With nothing to send the chip sends its status, and the timer starts again.
-            expires += (time - expires + timer - 1) / timer * timer;
+            expires += (time - expires + period - 1) / period * period;
         }
         waiting += 1;
         if waiting == FULL {
             transfers.push((time, waiting));
             waiting = 0;
-            expires = time + timer;
+            expires = time + period;
         }
     }
     if waiting > 0 {

@@ -23,7 +23,8 @@ pub struct TruthFrame {
     pub exception: bool,
     /// Transaction: request and response share it.
     pub txn: u32,
-    /// For a late answer: the transaction that it was sent for.
+    /// For a late answer: the transaction that it was sent for. The retry's own answer behind it has it too: a live
+    /// tap sees the first of the two as the retry's answer, and only the second as one too many.
     pub alt_txn: Option<u32>,
     /// All its bytes were delivered, unmodified and contiguous.
     pub valid: bool,
@@ -134,6 +135,7 @@ impl View<'_> {
         let (labels, maybe) = if valid { self.labels(at) } else { damaged_labels(sent, span) };
         let old = match sent.role {
             Role::Late { old, .. } => Some(self.sent[old].txn),
+            Role::Answer(_) => self.late_before(at).map(|old| self.sent[old].txn),
             _ => None,
         };
         TruthFrame {
@@ -195,7 +197,10 @@ impl View<'_> {
                 let both = matches!(self.sent[now].fate, Fate::Answered(own) if self.valid(own));
                 said.say(Label::Late, both && self.valid(old) && self.valid(now));
             }
-            Role::Answer(_) => said.perhaps(Label::Retry, self.echoes(at) && self.is_doubled(at)),
+            Role::Answer(_) => {
+                said.perhaps(Label::Retry, self.echoes(at) && self.is_doubled(at));
+                said.perhaps(Label::Late, self.late_before(at).is_some());
+            }
             Role::Request | Role::Intruder(_) => {}
         }
         if sent.episode > 0 {
@@ -243,6 +248,14 @@ impl View<'_> {
         match self.sent[answer].role {
             Role::Answer(request) => self.sent[request].wire == self.sent[answer].wire,
             _ => false,
+        }
+    }
+
+    /// The given-up request whose late answer stands before this answer.
+    fn late_before(&self, answer: usize) -> Option<usize> {
+        match self.sent[answer - 1].role {
+            Role::Late { old, .. } => Some(old),
+            _ => None,
         }
     }
 
@@ -294,9 +307,9 @@ struct Said {
 impl Said {
     fn say(&mut self, label: Label, certain: bool) {
         if certain {
-            self.must.insert(label)
+            self.must.insert(label);
         } else {
-            self.may.insert(label)
+            self.may.insert(label);
         }
     }
 

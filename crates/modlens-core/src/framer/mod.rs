@@ -132,6 +132,8 @@ pub struct Cut {
     pub direction: Direction,
     /// Bits between this reading and its rival, at most 60.
     pub confidence: u8,
+    /// Checksum right, but isolated in noise and from a unit not yet seen in a paired transaction.
+    pub tentative: bool,
     /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
     /// A finding on the framing itself.
@@ -147,6 +149,7 @@ impl Cut {
             cut_by,
             direction: Direction::Unknown,
             confidence: 0,
+            tentative: false,
             mbap_id: None,
             finding: None,
         }
@@ -160,8 +163,14 @@ pub struct Context<'a> {
     pub functions: &'a Functions,
     /// The request that waits for its answer.
     pub asked: Option<Asked<'a>>,
+    /// The request may have come on another line than the answer.
+    pub shared: bool,
+    /// Who speaks on this line, where each side has its own.
+    pub speaker: Option<Direction>,
     /// Units that took part in a good frame.
     pub known_units: &'a [bool; 256],
+    /// Units that took part in a paired transaction.
+    pub paired_units: &'a [bool; 256],
     /// Turns a silence into evidence.
     pub pause: &'a dyn Fn(Option<Ns>) -> Pause,
     /// Turns a record's words into a direction.
@@ -171,7 +180,7 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// What the recording says of the direction of the frame at `index`.
     pub fn said_at(&self, input: &Input, index: usize) -> Option<Direction> {
-        input.read(index).and_then(|read| read.side).map(|side| (self.said)(side))
+        self.speaker.or_else(|| input.read(index).and_then(|read| read.side).map(|side| (self.said)(side)))
     }
 }
 

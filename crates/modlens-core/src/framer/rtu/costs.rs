@@ -1,0 +1,223 @@
+//! What evidence is worth, in bits: the priors and the learned counts of one line.
+//!
+//! A reading of the bytes is scored by the bits that it saves over reading them as line noise. One model of a byte for
+//! noise and payload alike, so that a field that agrees is worth exactly the bits of the bytes it predicts, and runs of
+//! zeros cannot fake evidence.
+
+use crate::functions::{Functions, EXCEPTION_BIT};
+
+/// Learned counts are halved here: units and functions may change after hours.
+const FORGET: f32 = 4000.0;
+
+/// Observations that a prior is worth.
+const PRIOR_WEIGHT: f32 = 6.0;
+
+/// A quarter of all bytes on real lines are 00, a twelfth FF.
+const ZERO_BITS: f32 = 2.0;
+const ONES_BITS: f32 = 3.6;
+const OTHER_BITS: f32 = 8.56;
+
+/// Rules of the specification that a frame may break, but seldom does.
+pub const BROKEN_RULE: f32 = 7.0;
+
+/// A frame that lacks the last byte of its layout, although the checksum is right.
+pub const CUT_SHORT: f32 = 40.0;
+
+/// A layout that fixes no length leaves the end to chance.
+pub const OPEN_LENGTH: f32 = 7.5;
+
+/// A response that nobody asked for: one in sixty.
+pub const ORPHAN: f32 = 5.9;
+
+/// A request while another one waits: one in thirty.
+pub const UNANSWERED: f32 = 4.9;
+
+/// The answer to the request that waits.
+pub const ANSWERED: f32 = 0.1;
+
+/// Exceptions among answers.
+pub const EXCEPTION: f32 = 4.0;
+
+/// A request for everybody is seldom a read, and nobody answers as unit 0.
+pub const BROADCAST_READ: f32 = 9.0;
+
+/// A request seen before in this poll cycle is worth so much at most.
+pub const REPEATED_AT_MOST: f32 = 12.0;
+
+/// Places in the dictionary of requests seen.
+const SEEN: usize = 1024;
+
+/// Frames follow each other without strays but for one in forty at first.
+const FIRST_JUNK: f32 = 1.0 / 40.0;
+
+/// The next stray byte of a short run; the way from it into a frame.
+const STRAY: f32 = 1.2;
+const AFTER_STRAYS: f32 = 0.8;
+const BEFORE_STRAYS: f32 = 0.5;
+
+/// The ways into and out of a long run of noise. Its bytes cost nothing: else a long accident would pay.
+const INTO_NOISE: f32 = 1.8;
+const OUT_OF_NOISE: f32 = 5.0;
+
+/// A pause that only ends of frames should have, at the start of a frame or inside one.
+pub const PAUSE_BEFORE: f32 = 2.0;
+/// The same inside a frame.
+pub const PAUSE_INSIDE: f32 = 2.0;
+
+/// What the line has shown so far.
+pub struct Model {
+    units: [f32; 256],
+    unit_total: f32,
+    /// By direction and function code, the exception bit off.
+    functions: [[f32; 128]; 2],
+    function_totals: [f32; 2],
+    seen: Box<[(u64, u32)]>,
+    frames: f32,
+    junk: f32,
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Self {
+            units: [0.0; 256],
+            unit_total: 0.0,
+            functions: [[0.0; 128]; 2],
+            function_totals: [0.0; 2],
+            seen: vec![(0, 0); SEEN].into_boxed_slice(),
+            frames: 0.0,
+            junk: 0.0,
+        }
+    }
+}
+
+/// The bits of a byte.
+#[inline]
+pub fn bits(byte: u8) -> f32 {
+    match byte {
+        0 => ZERO_BITS,
+        0xFF => ONES_BITS,
+        _ => OTHER_BITS,
+    }
+}
+
+/// The bits of some bytes.
+pub fn bits_of(bytes: &[u8]) -> f32 {
+    bytes.iter().map(|&byte| bits(byte)).sum()
+}
+
+/// How common a function is before anything was learned.
+fn function_prior(functions: &Functions, code: u8) -> f32 {
+    match code {
+        3 => 0.30,
+        4 => 0.15,
+        1 | 2 | 6 | 16 => 0.08,
+        5 | 15 => 0.04,
+        23 => 0.02,
+        _ if functions.name(code).is_some() => 0.006,
+        // User-defined codes (application protocol, 5).
+        65..=72 | 100..=110 => 0.003,
+        _ => 0.0005,
+    }
+}
+
+fn unit_prior(unit: u8) -> f32 {
+    match unit {
+        0 => 0.01,
+        // Masters are seldom set up for more than the first addresses, but they are.
+        1..=30 => 0.7 / 30.0,
+        31..=247 => 0.28 / 217.0,
+        _ => 0.01 / 8.0,
+    }
+}
+
+impl Model {
+    /// Cost of a unit number.
+    pub fn unit(&self, unit: u8) -> f32 {
+        let seen = self.units[unit as usize] + PRIOR_WEIGHT * unit_prior(unit);
+        -(seen / (self.unit_total + PRIOR_WEIGHT)).log2()
+    }
+
+    /// Cost of a function code in a direction (0 request, 1 response).
+    pub fn function(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
+        let function = code & !EXCEPTION_BIT;
+        let seen = self.functions[direction][function as usize] + PRIOR_WEIGHT * function_prior(functions, function);
+        -(seen / (self.function_totals[direction] + PRIOR_WEIGHT)).log2()
+    }
+
+    /// Times that unit and function were seen in committed frames.
+    pub fn familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
+        const OFTEN: f32 = 3.0;
+        self.units[unit as usize] >= OFTEN && self.functions[direction][(code & !EXCEPTION_BIT) as usize] >= OFTEN
+    }
+
+    /// What a request that was seen before is worth.
+    pub fn repeated(&self, frame: &[u8]) -> f32 {
+        let (key, slot) = key(frame);
+        let (known, count) = self.seen[slot];
+        if known != key || count == 0 {
+            return 0.0;
+        }
+        let body = bits_of(&frame[2..frame.len() - 2]);
+        (body - 3.0).clamp(0.0, REPEATED_AT_MOST)
+    }
+
+    /// Cost of so many bytes between two frames that are neither.
+    pub fn between(&self, length: u64) -> f32 {
+        let share = (self.junk + PRIOR_WEIGHT * FIRST_JUNK) / (self.frames + PRIOR_WEIGHT);
+        let share = share.clamp(0.002, 0.9);
+        if length == 0 {
+            return -(1.0 - share).log2();
+        }
+        let strays = BEFORE_STRAYS + STRAY * (length - 1) as f32 + AFTER_STRAYS;
+        -share.log2() + strays.min(INTO_NOISE + OUT_OF_NOISE)
+    }
+
+    /// Cost of being among bytes that are no frame, so many behind the last one, without a way out yet.
+    pub fn astray(&self, length: u64) -> f32 {
+        if length == 0 {
+            0.0
+        } else {
+            self.between(1) - BEFORE_STRAYS - AFTER_STRAYS + (BEFORE_STRAYS + STRAY * (length - 1) as f32).min(INTO_NOISE)
+        }
+    }
+
+    /// Learns from a frame that is certain; `strays` says that there was junk before it.
+    pub fn learn(&mut self, frame: &[u8], direction: usize, strays: bool) {
+        self.units[frame[0] as usize] += 1.0;
+        self.unit_total += 1.0;
+        self.functions[direction][(frame[1] & !EXCEPTION_BIT) as usize] += 1.0;
+        self.function_totals[direction] += 1.0;
+        self.frames += 1.0;
+        self.junk += f32::from(u8::from(strays));
+        if direction == 0 {
+            let (key, slot) = key(frame);
+            let (known, count) = &mut self.seen[slot];
+            // A newcomer takes the place of a request that has not come back for long.
+            if *known == key {
+                *count = (*count + 1).min(15);
+            } else if *count > 0 {
+                *count -= 1;
+            } else {
+                (*known, *count) = (key, 1);
+            }
+        }
+        if self.unit_total > FORGET {
+            self.forget();
+        }
+    }
+
+    fn forget(&mut self) {
+        for value in self.units.iter_mut().chain(self.functions.iter_mut().flatten()).chain(&mut self.function_totals) {
+            *value /= 2.0;
+        }
+        self.unit_total /= 2.0;
+        self.frames /= 2.0;
+        self.junk /= 2.0;
+    }
+}
+
+/// A hash of a frame (FNV-1a) and its place in the dictionary.
+fn key(frame: &[u8]) -> (u64, usize) {
+    let hash = frame.iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    (hash, (hash >> 32) as usize % SEEN)
+}

@@ -1,0 +1,195 @@
+//! What a substring with a right CRC is worth as a request or as a response.
+
+use std::sync::Arc;
+
+use crate::direction::{answers, consistent, expected_block, Asked, Direction, Match, Pause};
+use crate::framer::rtu::announced;
+use crate::framer::rtu::costs::{self, bits, bits_of, Model};
+use crate::framer::Context;
+use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
+use crate::pairing::BROADCAST;
+
+/// A request that may be answered.
+#[derive(Debug)]
+pub struct Request {
+    /// Unit asked.
+    pub unit: u8,
+    /// Its PDU.
+    pub pdu: Vec<u8>,
+}
+
+impl Request {
+    /// The same as the rest of the core knows it.
+    pub fn asked(&self) -> Asked<'_> {
+        Asked { unit: self.unit, pdu: &self.pdu }
+    }
+}
+
+/// 0 for requests, 1 for responses: the index of learned counts.
+pub const REQUEST: usize = 0;
+/// See `REQUEST`.
+pub const RESPONSE: usize = 1;
+
+/// The direction of an index.
+pub fn direction(index: usize) -> Direction {
+    if index == REQUEST {
+        Direction::Request
+    } else {
+        Direction::Response
+    }
+}
+
+/// Bits that the frame itself saves, read in this direction; `None` where no frame can look so.
+pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
+    let (unit, code) = (frame[0], frame[1]);
+    let body = &frame[2..frame.len() - 2];
+    let header = bits(unit) - model.unit(unit) + bits(code) - model.function(context.functions, code, direction);
+    let mut gain = bits_of(&frame[frame.len() - 2..]) + header;
+    if direction == RESPONSE && unit == BROADCAST {
+        gain -= costs::BROADCAST_READ;
+    }
+    if code & EXCEPTION_BIT != 0 {
+        return exception(code, body, direction).map(|exception| gain + exception);
+    }
+    if code == 0 {
+        return None;
+    }
+    let Some(row) = context.functions.row(code, body) else { return Some(gain - costs::OPEN_LENGTH) };
+    if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
+        gain -= costs::BROADCAST_READ;
+    }
+    Some(gain + layout(row, body, direction))
+}
+
+fn exception(code: u8, body: &[u8], direction: usize) -> Option<f32> {
+    let &[exception] = body else { return None };
+    if direction == REQUEST {
+        return None;
+    }
+    // The specification has codes 1 to 11; vendors have their own, but none of them is 0.
+    let usual = match exception {
+        1..=6 | 8 | 10 | 11 => 3.5,
+        0 => 16.0,
+        _ => 9.0,
+    };
+    let function = if code & !EXCEPTION_BIT == 0 { costs::BROKEN_RULE } else { 0.0 };
+    Some(bits(exception) - usual - function - costs::EXCEPTION)
+}
+
+fn layout(row: &Row, body: &[u8], direction: usize) -> f32 {
+    let layout = if direction == REQUEST { &row.request } else { &row.response };
+    let other = if direction == REQUEST { &row.response } else { &row.request };
+    // A frame whose last byte was 00 keeps a right checksum without it: then it was cut short.
+    let cut_short = |layout: &Layout| matches!(layout.extent(body), Extent::Exactly(length) if length == body.len() + 1);
+    let mut gain = match layout {
+        Layout::Silent => -costs::OPEN_LENGTH - costs::BROKEN_RULE,
+        Layout::Unknown => -costs::OPEN_LENGTH,
+        Layout::Body(shape) => match shape.extent(body) {
+            Extent::Exactly(length) if length == body.len() => 0.0,
+            Extent::Open(least) if body.len() >= least => -costs::OPEN_LENGTH,
+            _ if cut_short(layout) || cut_short(other) => return -costs::CUT_SHORT,
+            _ => return -costs::OPEN_LENGTH - costs::BROKEN_RULE,
+        },
+    };
+    gain += row.permits[direction].iter().map(|permit| permitted(permit, body)).sum::<f32>();
+    if direction == REQUEST {
+        if let Some((at, _)) = row.roles.request_block {
+            gain += if consistent(row, body) { bits(body[at - 1]) } else { -costs::BROKEN_RULE };
+        }
+    }
+    if direction == RESPONSE && row.roles.response_block.is_some_and(|(at, bit)| !bit && (body.len() - at) % 2 == 1) {
+        gain -= costs::BROKEN_RULE;
+    }
+    gain
+}
+
+/// A field within its limits is worth its bits less those that choose among the values permitted.
+fn permitted(permit: &Permit, body: &[u8]) -> f32 {
+    let Some(field) = body.get(permit.offset..permit.offset + permit.width) else { return 0.0 };
+    if permit.violated_by(body).is_some() {
+        return -costs::BROKEN_RULE;
+    }
+    let choices: u64 = permit.ranges.iter().map(|(low, high)| u64::from(high - low) + 1).sum();
+    (bits_of(field) - (choices as f32).log2()).max(0.0)
+}
+
+/// What the request that waits makes of a frame: bits, and whether it is answered.
+pub fn context(
+    model: &Model,
+    context: &Context<'_>,
+    asked: Option<&Arc<Request>>,
+    frame: &[u8],
+    direction: usize,
+    pause: Pause,
+) -> (f32, bool) {
+    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    if direction == REQUEST {
+        let repeated = model.repeated(frame);
+        let Some(asked) = asked else { return (repeated, false) };
+        if asked.unit == unit && asked.pdu == pdu {
+            return (repeated.max(bits_of(&pdu[1..]) - 1.0) - costs::UNANSWERED + pause.min(0.0), false);
+        }
+        return (repeated - costs::UNANSWERED, false);
+    }
+    let matched = asked.map_or(Match::No, |asked| answers(context.functions, asked.asked(), unit, pdu));
+    let Some(asked) = asked.filter(|_| matched != Match::No) else { return (-costs::ORPHAN, false) };
+    // Unit and function are known beforehand.
+    let mut gain = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - costs::ANSWERED;
+    if let Some(row) = context.functions.row(asked.pdu[0], &asked.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
+        if row.response == Layout::Silent {
+            // It should not answer; if something comes, it is this all the same.
+        } else if matched == Match::Partly {
+            gain -= costs::BROKEN_RULE;
+        } else if expected_block(row, &asked.pdu).is_some() {
+            gain += bits(pdu[1]);
+        } else if asked.pdu == pdu {
+            gain += bits_of(&pdu[1..]);
+        } else if !row.echo.is_empty() {
+            gain += bits_of(&pdu[1..pdu.len().min(5)]);
+        }
+    }
+    if asked.pdu == pdu {
+        gain -= pause.max(0.0);
+    }
+    (gain, true)
+}
+
+/// Bits that an unfinished frame may claim by its header, if it can still go on beyond `seen` bytes.
+pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Arc<Request>>, seen: &[u8]) -> Option<f32> {
+    if seen.len() < 2 {
+        return Some(bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH);
+    }
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let mut best: Option<f32> = None;
+    for (way, extent) in announced(context, seen).into_iter().flatten() {
+        let index = if way == Direction::Response { RESPONSE } else { REQUEST };
+        let open = match extent {
+            Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
+            Extent::Open(_) if !model.familiar(unit, code, index) => continue,
+            Extent::Open(_) => costs::OPEN_LENGTH,
+            _ => 0.0,
+        };
+        let mut gain = bits(unit) - model.unit(unit) + bits(code) - model.function(context.functions, code, index) - open;
+        let row = context.functions.row(code & !EXCEPTION_BIT, body);
+        if let Some(row) = row {
+            gain += row.permits[index].iter().map(|permit| permitted(permit, body)).sum::<f32>();
+            if index == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
+                gain += costs::OPEN_LENGTH;
+            }
+        }
+        if index == RESPONSE {
+            let ours = asked.filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
+            gain += match ours {
+                Some(asked) => {
+                    let expected = row.and_then(|row| expected_block(row, &asked.pdu));
+                    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
+                    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
+                    known + if agrees { body.first().map_or(0.0, |&count| bits(count)) } else { -costs::BROKEN_RULE }
+                }
+                None => -costs::ORPHAN,
+            };
+        }
+        best = Some(best.map_or(gain, |best| best.max(gain)));
+    }
+    best
+}

@@ -1,0 +1,290 @@
+//! RTU by joint evidence: checksum, layout, the pending request, what the line has shown, and pauses, weighed in bits.
+//!
+//! `join` lists every substring with a right checksum, `gain` and `costs` say what each is worth as a request or a
+//! response, `search` finds the best way through all of them. Traffic that leaves no doubt goes past the search.
+//! Bytes between frames are named here: a damaged frame where header or silences say so, noise elsewhere.
+
+mod costs;
+mod gain;
+mod join;
+mod search;
+
+use crate::checksum::crc_valid;
+use crate::direction::{expected_block, judge, Direction};
+use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT, RTU_LIMIT};
+use crate::functions::{Extent, Layout, EXCEPTION_BIT};
+use crate::input::Input;
+use crate::line::Line;
+use crate::Ns;
+
+use gain::{Request, REQUEST, RESPONSE};
+use search::{Search, Told};
+
+/// Without line settings or with reads of several bytes, shorter pauses say nothing.
+const COARSE_SILENCE: Ns = 5_000_000;
+
+/// The longest pause that may stand inside a frame: USB adapters and schedulers hold bytes back that long.
+const BREAK: Ns = 100_000_000;
+
+/// Some masters announce more than the 256 bytes of the specification; a byte count cannot say more than this.
+const LONGEST: usize = join::REACH as usize;
+
+/// Unit, function code and checksum: bytes of a frame beside its body.
+const AROUND: usize = 4;
+
+/// A silence that is so much more like an answer than like a time-out, in bits.
+const SURELY_AN_ANSWER: f32 = -10.0;
+
+/// Unit, function code and the first byte of the body.
+const HEADER: usize = 3;
+
+/// The framer of an RTU line.
+pub struct Rtu {
+    search: Search,
+    /// What the search decided and is not given out yet.
+    told: Option<Told>,
+    /// Shortest pause between frames.
+    silence: Ns,
+}
+
+/// What a look at the next header says.
+enum Certain {
+    Frame(usize, usize),
+    Wait,
+    No,
+}
+
+impl Rtu {
+    /// A framer for a line with these settings.
+    pub fn new(line: Option<&Line>) -> Self {
+        Self { search: Search::default(), told: None, silence: line.map_or(COARSE_SILENCE, Line::t35_ns) }
+    }
+
+    fn silence(&self, input: &Input) -> Ns {
+        if input.coarse {
+            self.silence.max(COARSE_SILENCE)
+        } else {
+            self.silence
+        }
+    }
+
+    /// A frame that needs no search: the answer to the request that waits, or a request in the way of this line,
+    /// of the length that its header announces, with a right checksum.
+    fn certain(&self, input: &Input, context: &Context<'_>) -> Certain {
+        let bytes = input.bytes();
+        if bytes.len() < HEADER && !input.closed {
+            return Certain::Wait;
+        }
+        let Some((length, direction)) = self.expected(input, context) else { return Certain::No };
+        if bytes.len() < length {
+            return if input.closed { Certain::No } else { Certain::Wait };
+        }
+        let whole = crc_valid(&bytes[..length]) && input.edge_after(0, length - 1, input.break_ns).is_none();
+        if whole {
+            Certain::Frame(length, direction)
+        } else {
+            Certain::No
+        }
+    }
+
+    fn expected(&self, input: &Input, context: &Context<'_>) -> Option<(usize, usize)> {
+        let bytes = input.bytes();
+        let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
+        let body = bytes.get(2..)?;
+        let function = code & !EXCEPTION_BIT;
+        if let Some(asked) = self.search.asked().filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&function)) {
+            if code != function {
+                return Some((5, RESPONSE)).filter(|_| bytes.get(2).is_some_and(|&exception| exception != 0));
+            }
+            let row = context.functions.row(code, &asked.pdu[1..])?;
+            let length = announced_length(row.response.extent(body))?;
+            let same = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
+            let echo = same && row.request == row.response;
+            // Without a clock an echoed answer and a retry look the same; the search weighs them.
+            if echo && (context.pause)(input.pause_before(0)) > SURELY_AN_ANSWER {
+                return None;
+            }
+            let agrees = match expected_block(row, &asked.pdu) {
+                Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
+                None => row.echo.is_empty() || body.len() < 4 || body.get(..4) == asked.pdu.get(1..5),
+            };
+            return Some((length + AROUND, RESPONSE)).filter(|_| agrees && length + AROUND <= LONGEST);
+        }
+        if self.search.asked().is_some() || code != function || !self.search.model.familiar(unit, code, REQUEST) {
+            return None;
+        }
+        let row = context.functions.row(code, body)?;
+        let length = announced_length(row.request.extent(body))?;
+        Some((length + AROUND, REQUEST)).filter(|&(length, _)| length <= RTU_LIMIT)
+    }
+
+    fn cut(
+        &self,
+        input: &Input,
+        context: &Context<'_>,
+        length: usize,
+        direction: Direction,
+        confidence: u8,
+        adu: &mut Vec<u8>,
+    ) -> Cut {
+        let frame = &input.bytes()[..length];
+        adu.clear();
+        adu.extend_from_slice(&frame[..length - 2]);
+        let lengths = announced(context, frame);
+        let by_length = lengths.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length));
+        let silence = input.closed || input.pause_before(length).is_some_and(|pause| pause >= self.silence(input));
+        let cut_by = match (by_length, silence) {
+            (true, _) => CutBy::Length,
+            (false, true) => CutBy::Silence,
+            (false, false) => CutBy::Checksum,
+        };
+        Cut { verdict: Verdict::Ok, direction, confidence, ..Cut::noise(length, cut_by) }
+    }
+
+    /// Names the bytes `..region`, which begin no frame: the first piece of them.
+    fn damaged(&self, input: &Input, context: &Context<'_>, region: usize, adu: &mut Vec<u8>) -> Cut {
+        let edge = input.edge_after(0, region, self.silence(input));
+        let burst = edge.unwrap_or(region).min(NOISE_LIMIT);
+        let by_edge = match edge {
+            Some(end) if input.read(end).is_some_and(|read| read.record) => CutBy::Record,
+            None if burst == NOISE_LIMIT => CutBy::Limit,
+            None if burst < input.bytes().len() => CutBy::Frame,
+            None if input.ended => CutBy::End,
+            _ => CutBy::Silence,
+        };
+        let cut = Self::name(input, context, burst, by_edge);
+        adu.clear();
+        if cut.verdict != Verdict::Noise {
+            let end = if cut.verdict == Verdict::Incomplete { cut.length } else { cut.length - 2 };
+            adu.extend_from_slice(&input.bytes()[..end]);
+        }
+        cut
+    }
+
+    fn name(input: &Input, context: &Context<'_>, burst: usize, by_edge: CutBy) -> Cut {
+        let bytes = &input.bytes()[..burst];
+        if burst < AROUND {
+            return Cut::noise(burst, by_edge);
+        }
+        let damaged = |length, verdict, cut_by, direction| Cut { verdict, direction, ..Cut::noise(length, cut_by) };
+        let familiar = context.known_units[bytes[0] as usize] || context.asked.is_some_and(|asked| asked.unit == bytes[0]);
+        let mut shorter = None;
+        let mut longer = None;
+        let known = announced(context, bytes);
+        for (direction, length) in known.iter().copied().flatten() {
+            match length {
+                Extent::Exactly(length) if length == burst => {
+                    return damaged(length, Verdict::BadChecksum, CutBy::Length, direction);
+                }
+                Extent::Exactly(length) if length < burst => shorter = shorter.or(Some((length, direction))),
+                Extent::Exactly(_) | Extent::AtLeast(_) => longer = longer.or(Some(direction)),
+                Extent::Open(_) => {}
+            }
+        }
+        let alone = input.offset() == 0 && by_edge == CutBy::End;
+        let bounded = alone || input.timed || matches!(by_edge, CutBy::Silence | CutBy::Record);
+        match (shorter, longer) {
+            (Some((length, direction)), _) if familiar && !bounded => {
+                damaged(length, Verdict::BadChecksum, CutBy::Length, direction)
+            }
+            (_, Some(direction)) if burst <= LONGEST && (bounded || familiar || by_edge == CutBy::End) => {
+                damaged(burst, Verdict::Incomplete, by_edge, direction)
+            }
+            _ if burst <= LONGEST && (bounded || familiar) => damaged(burst, Verdict::BadChecksum, by_edge, Direction::Unknown),
+            _ => Cut::noise(burst, by_edge),
+        }
+    }
+
+    /// A record of a recording that prints no checksums is one frame.
+    fn without_checksum(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        let read = input.read(0).filter(|read| read.no_checksum)?;
+        let length = (read.end - input.offset()) as usize;
+        let bytes = &input.bytes()[..length];
+        adu.clear();
+        adu.extend_from_slice(bytes);
+        self.search.jump(input.offset() + length as u64);
+        if length < 2 {
+            return Some(Cut::noise(length, CutBy::Record));
+        }
+        let pause = (context.pause)(input.pause_before(0));
+        let direction = judge(context.functions, context.asked, bytes[0], &bytes[1..], context.said_at(input, 0), pause);
+        Some(Cut { verdict: Verdict::NoChecksum, direction, ..Cut::noise(length, CutBy::Record) })
+    }
+}
+
+impl Framer for Rtu {
+    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        if let Some(cut) = self.without_checksum(input, context, adu) {
+            return Some(cut);
+        }
+        loop {
+            match self.told {
+                Some(Told::Junk(to) | Told::Frame { start: to, .. }) if input.offset() < to => {
+                    return Some(self.damaged(input, context, (to - input.offset()) as usize, adu));
+                }
+                Some(Told::Frame { start, end, direction, confidence, tentative }) => {
+                    self.told = None;
+                    let cut = self.cut(input, context, (end - start) as usize, direction, confidence, adu);
+                    return Some(Cut { tentative, ..cut });
+                }
+                _ => self.told = None,
+            }
+            if self.search.idle() {
+                if context.shared {
+                    let asked = context.asked.map(|asked| Request { unit: asked.unit, pdu: asked.pdu.to_vec() });
+                    self.search.set_asked(asked.map(std::sync::Arc::new));
+                }
+                match self.certain(input, context) {
+                    Certain::Frame(length, direction) => {
+                        self.search.skip(&input.bytes()[..length], direction);
+                        return Some(self.cut(input, context, length, gain::direction(direction), 60, adu));
+                    }
+                    Certain::Wait => return None,
+                    Certain::No => {}
+                }
+            }
+            self.told = Some(self.search.advance(input, context, self.silence(input))?);
+        }
+    }
+
+    fn mode(&self) -> Mode {
+        Mode::Rtu
+    }
+
+    fn break_ns(&self, line: Option<&Line>) -> Ns {
+        line.map_or(BREAK, |line| BREAK.max(10 * line.char_ns()))
+    }
+}
+
+/// The length that is announced, or at least the one at which more will be known.
+fn announced_length(extent: Extent) -> Option<usize> {
+    match extent {
+        Extent::Exactly(length) | Extent::AtLeast(length) => Some(length),
+        Extent::Open(_) => None,
+    }
+}
+
+/// The whole-frame lengths that a header announces, the likelier direction first.
+fn announced(context: &Context<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
+    let (code, body) = (frame[1], &frame[2..]);
+    if code & EXCEPTION_BIT != 0 {
+        let function = code & !EXCEPTION_BIT;
+        return if function == 0 { [None, None] } else { [Some((Direction::Response, Extent::Exactly(5))), None] };
+    }
+    let around = |layout: &Layout| match layout.extent(body) {
+        Extent::Exactly(length) => Extent::Exactly(length + AROUND),
+        Extent::AtLeast(length) => Extent::AtLeast(length + AROUND),
+        Extent::Open(length) => Extent::Open(length + AROUND),
+    };
+    let Some(row) = context.functions.row(code, body) else {
+        // No code 0 in the specification: a run of zeros is no frame.
+        return if code == 0 { [None, None] } else { [Some((Direction::Unknown, Extent::Open(AROUND))), None] };
+    };
+    let request = Some((Direction::Request, around(&row.request)));
+    let response = (row.response != Layout::Silent).then(|| (Direction::Response, around(&row.response)));
+    if context.asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
+        [response, request]
+    } else {
+        [request, response]
+    }
+}

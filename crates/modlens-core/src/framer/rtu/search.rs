@@ -1,0 +1,350 @@
+//! The best path through the bytes: frames and what lies between them, scored in bits.
+//!
+//! Nodes stand at ends of frames only. What lies between two frames costs the same however it is read, so nothing has
+//! to be kept for single bytes. A frame is told once no rival reading within `THETA` bits is left without it.
+
+use std::sync::Arc;
+
+use crate::direction::Direction;
+use crate::framer::rtu::costs::{self, Model};
+use crate::framer::rtu::gain::{self, Request, REQUEST, RESPONSE};
+use crate::framer::rtu::join::{Join, REACH};
+use crate::framer::Context;
+use crate::input::Input;
+use crate::pairing::BROADCAST;
+use crate::Ns;
+
+/// The chance of telling a frame too early is about 2 to the minus this.
+const THETA: f32 = 14.0;
+
+/// Readings that stay equally good for so many bytes will not be told apart: the better one is taken.
+const PATIENCE: u64 = 640;
+
+/// A frame right behind another one with this many bits cannot be overtaken by any header alone.
+const SURE: f32 = 34.0;
+
+/// More readings than this at once are no traffic; the best one is taken.
+const CROWD: usize = 96;
+
+/// Readings that are so many bits behind are dropped.
+const HOPELESS: f32 = 60.0;
+
+/// Bytes without any frame are given out in such pieces.
+const NOISE: u64 = 4096;
+
+/// A frame on a path.
+struct Node {
+    start: u64,
+    end: u64,
+    direction: usize,
+    score: f32,
+    /// Of this frame alone.
+    gain: f32,
+    parent: usize,
+    /// Whether it answers the request that waited.
+    answers: bool,
+    asked: Option<Arc<Request>>,
+}
+
+/// What was decided.
+pub enum Told {
+    /// A frame from here to there.
+    Frame {
+        /// Stream offset of its first byte.
+        start: u64,
+        /// Stream offset behind it.
+        end: u64,
+        /// Who sent it.
+        direction: Direction,
+        /// Bits.
+        confidence: u8,
+        /// Isolated in noise, from a unit that has not been seen in a paired transaction.
+        tentative: bool,
+    },
+    /// No frame begins before this stream offset.
+    Junk(u64),
+}
+
+/// The search over one line.
+pub struct Search {
+    nodes: Vec<Node>,
+    join: Join,
+    found: Vec<u64>,
+    /// The first byte not looked at.
+    next: u64,
+    /// The join has begun behind the root.
+    running: bool,
+    /// What was learned.
+    pub model: Model,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        let root = Node { start: 0, end: 0, direction: RESPONSE, score: 0.0, gain: 0.0, parent: 0, answers: false, asked: None };
+        Self { nodes: vec![root], join: Join::default(), found: Vec::new(), next: 0, running: false, model: Model::default() }
+    }
+}
+
+impl Search {
+    /// The end of what was told.
+    pub fn told(&self) -> u64 {
+        self.nodes[0].end
+    }
+
+    /// Whether nothing behind what was told was looked at.
+    pub fn idle(&self) -> bool {
+        self.nodes.len() == 1 && (!self.running || self.next == self.told())
+    }
+
+    /// The request that waits.
+    pub fn asked(&self) -> Option<&Arc<Request>> {
+        self.nodes[0].asked.as_ref()
+    }
+
+    /// The request that waits is known from elsewhere: the other line of a two-line tap.
+    pub fn set_asked(&mut self, asked: Option<Arc<Request>>) {
+        self.nodes[0].asked = asked;
+    }
+
+    /// A frame was found without search, right behind what was told.
+    pub fn skip(&mut self, frame: &[u8], direction: usize) {
+        let root = &mut self.nodes[0];
+        (root.start, root.end) = (root.end, root.end + frame.len() as u64);
+        root.direction = direction;
+        root.asked = after(frame, direction, root.asked.take(), direction == RESPONSE);
+        self.model.learn(frame, direction, false);
+        self.next = root.end;
+        self.running = false;
+    }
+
+    /// Bytes up to here belong to no frame, as somebody else decided.
+    pub fn jump(&mut self, to: u64) {
+        self.nodes.truncate(1);
+        self.nodes[0].end = to;
+        self.next = to;
+        self.running = false;
+    }
+
+    /// Looks at the bytes that have come, until something is decided.
+    pub fn advance(&mut self, input: &Input, context: &Context<'_>, silence: Ns) -> Option<Told> {
+        if !self.running {
+            self.join.restart(self.told());
+            self.next = self.told();
+            self.running = true;
+        }
+        let base = input.offset();
+        let end = base + input.bytes().len() as u64;
+        while self.next < end {
+            let index = (self.next - base) as usize;
+            if self.next > self.told() && input.hard_edge(index) {
+                if let Some(told) = self.decide(input, context, true) {
+                    return Some(told);
+                }
+                self.join.restart(self.next);
+            }
+            let mut found = std::mem::take(&mut self.found);
+            self.join.push(self.next, input.bytes()[index], &mut found);
+            self.next += 1;
+            for &start in &found {
+                self.consider(input, context, start, silence);
+            }
+            self.found = found;
+            if self.nodes.len() > 1 || self.next - self.told() > NOISE + REACH {
+                if let Some(told) = self.decide(input, context, false) {
+                    return Some(told);
+                }
+            }
+        }
+        if input.closed && self.next > self.told() {
+            return self.decide(input, context, true);
+        }
+        None
+    }
+
+    /// Adds the readings of a substring with a right CRC that ends here.
+    fn consider(&mut self, input: &Input, context: &Context<'_>, start: u64, silence: Ns) {
+        if start < self.told() {
+            return;
+        }
+        let (from, to) = ((start - input.offset()) as usize, (self.next - input.offset()) as usize);
+        let frame = &input.bytes()[from..to];
+        let timing = timing(input, from, to, silence);
+        let said = context.said_at(input, from);
+        let pause = (context.pause)(input.pause_before(from));
+        let floor = self.best().1 - HOPELESS;
+        for direction in [REQUEST, RESPONSE] {
+            let Some(own) = gain::frame(&self.model, context, frame, direction) else { continue };
+            let told = if said.is_some_and(|said| said != gain::direction(direction)) { costs::BROKEN_RULE } else { 0.0 };
+            // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
+            let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
+            for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
+                let (around, answered) = gain::context(&self.model, context, node.asked.as_ref(), frame, direction, pause);
+                let gain = own + timing - told + around;
+                let score = node.score - self.model.between(start - node.end) + gain;
+                let slot = &mut best[usize::from(answered)];
+                if score > floor && slot.is_none_or(|(known, ..)| score > known) {
+                    *slot = Some((score, i, gain));
+                }
+            }
+            for (answered, found) in best.into_iter().enumerate() {
+                let Some((score, parent, gain)) = found else { continue };
+                let asked = after(frame, direction, self.nodes[parent].asked.clone(), answered == 1);
+                let answers = answered == 1;
+                self.nodes.push(Node { start, end: self.next, direction, score, gain, parent, answers, asked });
+            }
+        }
+    }
+
+    /// The score of a path that ends with this node, at the next byte.
+    fn standing(&self, node: &Node) -> f32 {
+        node.score - self.model.astray(self.next - node.end)
+    }
+
+    fn best(&self) -> (usize, f32) {
+        let standings = self.nodes.iter().enumerate().map(|(i, node)| (i, self.standing(node)));
+        standings.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+    }
+
+    /// The first frame behind the root on the way to this node.
+    fn first(&self, mut node: usize) -> usize {
+        while node != 0 && self.nodes[node].parent != 0 {
+            node = self.nodes[node].parent;
+        }
+        node
+    }
+
+    fn decide(&mut self, input: &Input, context: &Context<'_>, closed: bool) -> Option<Told> {
+        let (best, standing) = self.best();
+        let first = self.first(best);
+        if first == 0 {
+            let waiting = self.next - self.told();
+            let to = if closed { self.next } else { self.told() + NOISE };
+            if !closed && waiting <= NOISE + REACH {
+                return None;
+            }
+            return Some(self.junk(to));
+        }
+        let frame = &self.nodes[first];
+        let patient = !closed && self.next < frame.end + PATIENCE && self.nodes.len() < CROWD;
+        if patient {
+            let bar = standing - THETA;
+            let rival = (0..self.nodes.len()).any(|i| self.first(i) != first && self.standing(&self.nodes[i]) > bar);
+            if rival || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
+                return None;
+            }
+        }
+        Some(self.tell(input, context, first, standing))
+    }
+
+    /// Tells bytes without frames. Readings behind them stay.
+    fn junk(&mut self, to: u64) -> Told {
+        let mut index = 0;
+        self.nodes.retain(|node| {
+            index += 1;
+            index == 1 || (node.parent == 0 && node.start >= to)
+        });
+        (self.nodes[0].start, self.nodes[0].end) = (to, to);
+        if self.next <= to {
+            self.running = false;
+        }
+        Told::Junk(to)
+    }
+
+    /// Whether a frame that has begun before the end of `first` may still turn out to be worth more.
+    fn threatened(&self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> bool {
+        let frame = &self.nodes[first];
+        if frame.start == self.told() && frame.gain >= SURE {
+            return false;
+        }
+        let base = input.offset();
+        let from = self.told().max(self.next.saturating_sub(REACH));
+        (from..frame.end).any(|start| {
+            let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
+            self.nodes.iter().filter(|node| node.end <= start).any(|node| {
+                let way = node.score - self.model.between(start - node.end);
+                way > bar - 40.0
+                    && gain::header(&self.model, context, node.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
+            })
+        })
+    }
+
+    /// Tells a frame: it becomes the root of all that is left.
+    fn tell(&mut self, input: &Input, context: &Context<'_>, first: usize, standing: f32) -> Told {
+        let rival = (0..self.nodes.len()).filter(|&i| self.first(i) != first).map(|i| self.standing(&self.nodes[i]));
+        let lead = standing - rival.fold(f32::MIN, f32::max);
+        let frame = &self.nodes[first];
+        let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
+        let strays = frame.start > self.told();
+        let tentative = strays && !frame.answers && !context.paired_units[bytes[0] as usize];
+        // Noise must not teach units.
+        if !tentative {
+            self.model.learn(bytes, frame.direction, strays);
+        }
+        let told = Told::Frame {
+            start: frame.start,
+            end: frame.end,
+            direction: if lead < 1.0 { self.undecided(first) } else { gain::direction(frame.direction) },
+            confidence: lead.clamp(0.0, 60.0) as u8,
+            tentative,
+        };
+        self.reroot(first);
+        told
+    }
+
+    /// The direction of a frame whose rival is nearly as good: unknown, if the rival is the same bytes the other way round.
+    fn undecided(&self, first: usize) -> Direction {
+        let frame = &self.nodes[first];
+        let turned =
+            self.nodes.iter().any(|node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction);
+        if turned {
+            Direction::Unknown
+        } else {
+            gain::direction(frame.direction)
+        }
+    }
+
+    fn reroot(&mut self, first: usize) {
+        let score = self.nodes[first].score;
+        let mut places = vec![usize::MAX; self.nodes.len()];
+        places[first] = 0;
+        let mut kept = 1;
+        for i in first + 1..self.nodes.len() {
+            if places[self.nodes[i].parent] != usize::MAX && self.nodes[i].parent >= first {
+                places[i] = kept;
+                kept += 1;
+            }
+        }
+        let mut i = 0;
+        self.nodes.retain_mut(|node| {
+            let stays = places[i] != usize::MAX;
+            if stays {
+                node.score -= score;
+                node.parent = if places[i] == 0 { 0 } else { places[node.parent] };
+            }
+            i += 1;
+            stays
+        });
+    }
+}
+
+/// Bits that pauses and record boundaries give or take.
+fn timing(input: &Input, from: usize, to: usize, silence: Ns) -> f32 {
+    let paused = input.pause_before(from).is_some_and(|pause| pause >= silence);
+    let before = if paused || input.read(from).is_some_and(|read| read.record && input.starts_read(from)) {
+        costs::PAUSE_BEFORE
+    } else {
+        0.0
+    };
+    let inside = if input.edge_after(from, to - 1, silence).is_some() { costs::PAUSE_INSIDE } else { 0.0 };
+    before - inside
+}
+
+/// The request that waits behind this frame.
+fn after(frame: &[u8], direction: usize, before: Option<Arc<Request>>, answered: bool) -> Option<Arc<Request>> {
+    if direction == RESPONSE {
+        return before.filter(|_| !answered);
+    }
+    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    // A broadcast is never answered.
+    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec() }))
+}

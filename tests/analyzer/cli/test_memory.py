@@ -1,0 +1,47 @@
+"""Memory does not grow with the recording."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dissectors.craft import craft
+from tests.conftest import ROOT, command, environment
+
+if sys.platform == "win32":
+    pytest.skip("resource usage of POSIX", allow_module_level=True)
+
+MIB = 1 << 20
+
+
+def peak_kib(*words: str | Path) -> int:
+    """The most memory that a run of the command has had at once."""
+    with Path(os.devnull).open("wb") as nowhere:
+        running = subprocess.Popen(
+            command(*words), stdout=nowhere, stderr=nowhere, env=environment(), cwd=ROOT
+        )
+        _, status, usage = os.wait4(running.pid, 0)
+        running.returncode = os.waitstatus_to_exitcode(status)
+    assert running.returncode == 0
+    return usage.ru_maxrss // (1024 if sys.platform == "darwin" else 1)
+
+
+@pytest.mark.parametrize("to", ["csv", "jsonl"])
+def test_memory_is_the_same_for_a_longer_recording(to: str, tmp_path: Path) -> None:
+    """Six times the bytes, within 8 MiB."""
+    registers = list(range(40))
+    polls = b"".join(
+        craft(3, unit=unit, values={"address": unit * 100, "quantity": 40})
+        + craft(3, unit=unit, direction="response", values={"registers": registers})
+        for unit in range(1, 20)
+    )
+    sizes = []
+    for mib in (2, 12):
+        path = tmp_path / f"{mib}.bin"
+        path.write_bytes(polls * (mib * MIB // len(polls)))
+        sizes.append(peak_kib("decode", path, "--to", to))
+    assert sizes[1] - sizes[0] < 8 * 1024

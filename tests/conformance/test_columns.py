@@ -1,0 +1,65 @@
+"""Every column of columns.toml is in the core's tables, in order, everywhere."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+from analyzer import decode
+from analyzer.columns import TABLES, columns
+from tests.conftest import CAPTURES, ROOT
+
+PATH = ROOT / "analyzer" / "columns.toml"
+TYPES = ("int", "us", "time", "float", "bool", "text", "hex", "ints", "texts", "map")
+RESERVED = {"transaction", "table", "values", "offset", "check", "order", "group", "index", "to"}
+
+
+@pytest.fixture(scope="module")
+def written() -> dict[str, list[dict[str, str]]]:
+    """What columns.toml says."""
+    found = tomllib.loads(PATH.read_text(encoding="utf-8"))
+    return {name: rows for name, rows in found.items() if name != "version"}
+
+
+def test_the_tables_are_those_of_the_file(written: dict[str, list[dict[str, str]]]) -> None:
+    """None more, none less."""
+    assert set(written) == set(TABLES)
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_the_core_has_the_columns_of_the_file(
+    table: str, written: dict[str, list[dict[str, str]]]
+) -> None:
+    """Read back, in rows, and in CSV: the same keys in the same order."""
+    keys = [row["key"] for row in written[table]]
+    assert [column.key for column in columns(table)] == keys
+    recording = decode(CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
+    found = next(getattr(recording, table).tables())
+    assert found.name == table
+    assert list(found[0].as_dict()) == keys
+    assert found.csv(keys, header=True).split(b"\r\n", 1)[0].decode().split(",") == keys
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_columns_have_known_types_and_free_names(
+    table: str, written: dict[str, list[dict[str, str]]]
+) -> None:
+    """Nothing that a database reserves."""
+    for row in written[table]:
+        assert row["type"] in TYPES
+        assert row["key"] not in RESERVED
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_cells_have_the_type_of_their_column(table: str) -> None:
+    """In Python's words."""
+    python = {
+        "int": "int", "us": "float", "float": "float", "time": "datetime", "bool": "bool",
+        "text": "str", "hex": "bytes", "ints": "list", "texts": "list", "map": "dict",
+    }  # fmt: skip
+    kinds = {column.key: python[column.type] for column in columns(table)}
+    recording = decode(CAPTURES / "pymodbus_all_functions" / "recording.jsonl", line="19200-8E1")
+    for row in getattr(recording, table):
+        for key, value in row.as_dict().items():
+            assert value is None or type(value).__name__ == kinds[key], (key, value)

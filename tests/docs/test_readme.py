@@ -1,0 +1,179 @@
+"""What the README says is so: its commands run, its picture and its examples are what comes out."""
+
+from __future__ import annotations
+
+import doctest
+import fcntl
+import os
+import pty
+import re
+import signal
+import struct
+import subprocess
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+import _modlens
+from analyzer.cli import COMMANDS
+from analyzer.exports import FORMATS as WRITTEN
+from analyzer.sources import FORMATS
+from tests.conftest import ROOT, TIMEOUT_S, command, environment
+from tests.docs.documents import (
+    COLUMNS,
+    Block,
+    blocks,
+    rows_of_table,
+    shell,
+    shell_environment,
+    text_of,
+)
+
+README = "README.md"
+LEFT_OUT = re.compile(r"( *\.\.\. \d+ more rows\n)")
+LINES = [line for block in blocks(README, "sh") for line in block.text.splitlines()]
+TAPS = [line for line in LINES if line.startswith("modlens tap")]
+RUNS = [line for line in LINES if line not in TAPS]
+PORT = re.compile(r"/dev/ttyUSB\d")
+
+
+def test_the_commands_of_the_readme_are_all_commands() -> None:
+    """Nothing in a block for the shell that the tests here would not run."""
+    assert all(line.startswith("modlens ") for line in LINES)
+    assert {line.split()[1] for line in LINES} >= {"tap", "decode", "export", "show", "stats"}
+
+
+@pytest.mark.parametrize("line", RUNS)
+def test_a_command_works_as_written(line: str, tmp_path: Path) -> None:
+    """Typed in a folder that has the recordings; every file that it names is written."""
+    done = shell(line, cwd=tmp_path, env=shell_environment(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert "not understood" not in done.stderr
+    outputs = re.findall(r"-o (?:\w+:)?(\S+)", line)
+    assert all((tmp_path / name).stat().st_size for name in outputs)
+    assert bool(done.stdout) == (not outputs)
+
+
+@pytest.mark.parametrize("line", TAPS)
+def test_a_tap_works_as_written(line: str, tmp_path: Path) -> None:
+    """With the ends of pseudo terminals for ports; what is heard becomes a row."""
+    names = PORT.findall(line)
+    ends = {name: pty.openpty() for name in names}
+    for name, (_, port) in ends.items():
+        line = line.replace(name, os.ttyname(port))
+    line = line.replace(" --where \"status != 'ok'\"", "")  # what is sent here is sound
+    running = subprocess.Popen(
+        ["sh", "-c", f"exec {line}"],
+        cwd=tmp_path, env=shell_environment(tmp_path),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert running.stderr is not None
+        assert "listening" in running.stderr.readline()
+        for name, part in zip((names[0], names[-1]), exchange(), strict=True):
+            os.write(ends[name][0], part)
+            time.sleep(0.3)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=TIMEOUT_S)
+    finally:
+        running.kill()
+        for pair in ends.values():
+            for end in pair:
+                os.close(end)
+    assert "555 0 100" in out, err
+    assert "1 transaction: ok 1" in err
+    for name in re.findall(r"-o (\S+)", line):
+        assert "555 0 100" in (tmp_path / name).read_text()
+
+
+def exchange() -> list[bytes]:
+    """The request and the response of the specification's example for function 3."""
+    bodies = [bytes.fromhex("1103006b0003"), bytes.fromhex("110306022b00000064")]
+    return [body + _modlens.crc16(body).to_bytes(2, "little") for body in bodies]
+
+
+def picture() -> Block:
+    """The block that shows what `make demo` prints."""
+    return next(block for block in blocks(README, "console") if "modlens decode" in block.text)
+
+
+def on_a_terminal(words: list[str]) -> str:
+    """What a terminal of 80 columns without colours shows of a command, tables and notes alike."""
+    control, screen = pty.openpty()
+    fcntl.ioctl(screen, termios.TIOCSWINSZ, struct.pack("HHHH", 60, COLUMNS, 0, 0))
+    env = environment(NO_COLOR="1", TERM="xterm")
+    running = subprocess.Popen(words, cwd=ROOT, env=env, stdout=screen, stderr=screen)
+    os.close(screen)
+    shown = b""
+    try:
+        while data := os.read(control, 1 << 16):
+            shown += data
+    except OSError:  # how Linux says that nobody is left at the other end
+        pass
+    os.close(control)
+    assert running.wait(TIMEOUT_S) == 0
+    return re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).replace("\r\n", "\n")
+
+
+def folded(text: str) -> str:
+    """Lines as a terminal breaks them."""
+    return "".join(
+        f"{line[start : start + COLUMNS]}\n"
+        for line in text.splitlines()
+        for start in range(0, max(len(line), 1), COLUMNS)
+    )
+
+
+def test_the_picture_is_what_the_demo_prints() -> None:
+    """All of it, but for the rows that it says are left out."""
+    prompt, _, shown = picture().text.partition("\n")
+    words = prompt.removeprefix("$ modlens ").split()
+    assert f"$(BIN)/modlens {' '.join(words)}\n" in text_of("Makefile")
+    real = folded(on_a_terminal(command(*words)))
+    top, mark, bottom = LEFT_OUT.split(shown)
+    assert real.startswith(top), real
+    assert real.endswith(bottom), real
+    count = len(real.splitlines()) - len((top + bottom).splitlines())
+    assert mark.split()[1] == str(count)
+    assert max(map(len, shown.splitlines())) <= COLUMNS
+
+
+def test_the_examples_in_python_are_true() -> None:
+    """Every block in turn, in one session, at the root of the checkout."""
+    text = "".join(block.text for block in blocks(README, "python"))
+    example = doctest.DocTestParser().get_doctest(text, {}, README, README, 0)
+    assert len(example.examples) > 5
+    runner = doctest.DocTestRunner()
+    before = Path.cwd()
+    os.chdir(ROOT)
+    try:
+        runner.run(example)
+    finally:
+        os.chdir(before)
+    assert runner.summarize().failed == 0
+
+
+def test_the_table_of_commands_is_the_registry() -> None:
+    """In its order and its words."""
+    said = [[f"`modlens {name}`", summary] for name, summary in COMMANDS.items()]
+    assert rows_of_table(README, "| command |") == said
+
+
+def test_the_tables_of_formats_are_the_registries() -> None:
+    """What can be read, in the words of `modlens formats`, and what can be written."""
+    said = [[f"`{kind.name}`", kind.title, kind.clock] for kind in FORMATS.values()]
+    assert rows_of_table(README, "| read |") == said
+    assert [row[0] for row in rows_of_table(README, "| written |")] == [f"`{n}`" for n in WRITTEN]
+
+
+@pytest.mark.parametrize("document", ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"])
+def test_links_lead_somewhere(document: str) -> None:
+    """Every relative link is a file of the checkout, every `make` word a target."""
+    text = text_of(document)
+    for target in re.findall(r"\]\(([^)#:]+)\)", text):
+        assert (ROOT / target).exists(), target
+    targets = set(re.findall(r"^([a-z]+):", text_of("Makefile"), re.MULTILINE))
+    for name in re.findall(r"(?:^|[`$ ])make ([a-z]+)\b(?=[ `\n])", text, re.MULTILINE):
+        assert name in targets, name

@@ -1,0 +1,100 @@
+"""All recipes of CONTRIBUTING.md together: a copy of the tree, changed, built and tested.
+
+Takes minutes, so it runs by `make recipes` and under CI only.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT, environment
+from tests.docs.recipes import METER, Step, carry_out, copy_of_the_tree, steps
+
+TIMEOUT_S = 900
+
+pytestmark = pytest.mark.skipif(
+    "1" not in (os.environ.get("MODLENS_CI"), os.environ.get("MODLENS_RECIPES")),
+    reason="takes minutes: make recipes",
+)
+
+
+def run(words: Sequence[str], tree: Path) -> str:
+    """What a command said in the copy; its failure is the test's."""
+    # The checkout's build folder has the dependencies already.
+    env = environment(CARGO_TARGET_DIR=str(ROOT / "target"))
+    done = subprocess.run(
+        list(words),
+        cwd=tree, env=env, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The copy after all recipes."""
+    tree = copy_of_the_tree(tmp_path_factory.mktemp("recipes") / "copy")
+    for step in steps():
+        carry_out(Step(METER, "new", "", step.text) if step.file == "meter.toml" else step, tree)
+    return tree
+
+
+@pytest.fixture(scope="module")
+def built(tree: Path) -> Path:
+    """The copy with the extension in it; there it hides the installed one."""
+    folder = tree.with_name("wheel")
+    words = ["pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder), str(tree)]
+    run([sys.executable, "-m", *words], tree)
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tree, [name for name in archive.namelist() if name.startswith("_mod")])
+    return tree
+
+
+def test_the_core_knows_them(tree: Path) -> None:
+    """The core's own tests: samples of formats, texts of findings, the columns of the file."""
+    words = ["cargo", "test", "--release", "--locked", "--package", "modlens-core", "--lib"]
+    out = run(words, tree)
+    for name in ("samples_of_all_formats", "every_finding_has_its_text", "every_column"):
+        assert name in out
+
+
+@pytest.mark.parametrize("folder", ["conformance", "border", "dissectors"])
+def test_the_tests_that_walk_the_registries_find_them(folder: str, built: Path) -> None:
+    """Nobody has told them of a new function, format, export, column or finding."""
+    words = ["pytest", "-q", "-p", "no:cacheprovider", f"tests/{folder}"]
+    # The README gets its rows by hand, and the stub was not changed.
+    run([sys.executable, "-m", *words, "-k", "not readme and not stub"], built)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["explain", "--functions", "meter", "100"], "Read Meter Serial"),
+        (["formats"], "JSON lists of numbers"),
+        (["explain", "address_end"], "beyond address 65535"),
+        (["show", "01 03 FF FF 00 02 C4 2F"], "address_end"),
+    ],
+)
+def test_a_user_sees_them(words: list[str], expected: str, built: Path) -> None:
+    """In the commands that show what there is."""
+    assert expected in run([sys.executable, "-m", "analyzer", *words], built)
+
+
+def test_a_column_is_in_every_export(built: Path) -> None:
+    """By its name, where a filter uses it, too."""
+    words = ["decode", "captures/seed_rtu/recording.hex", "--table", "frames", "--to", "md"]
+    words += ["--columns", "byte_offset,byte_length,byte_end", "--where", "byte_end == 8"]
+    out = run([sys.executable, "-m", "analyzer", *words], built)
+    assert out.splitlines() == [
+        "| byte_offset | byte_length | byte_end |",
+        "|---|---|---|",
+        "| 0 | 8 | 8 |",
+    ]
