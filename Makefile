@@ -1,16 +1,20 @@
-# Everything runs in a virtual environment of its own; `make demo` and `make test` need Python 3.11, Rust, make and cc.
+# Everything runs in a virtual environment of its own, which is made when it is needed.
+# `make demo` and `make test` need Python 3.11, Rust, make and a C compiler; see CONTRIBUTING.md for the rest.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-SOURCES := pyproject.toml Cargo.toml Cargo.lock $(shell find crates dissectors analyzer -name '*.rs' -o -name '*.toml')
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+# What the extension is made of: sources, and the tables that are embedded in it.
+SOURCES := pyproject.toml Cargo.toml Cargo.lock \
+	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint wheel bench captures vectors clean
+.PHONY: demo test lint recipes wheel bench captures vectors clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
 
 test: $(VENV)/.tested
-	cargo test --release --locked --package modlens-core
+	cargo test --release --locked --package modlens-core --package modlens-bench
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/.tested
@@ -21,8 +25,12 @@ lint: $(VENV)/.tested
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-wheel: $(VENV)/.tested
-	$(BIN)/pip wheel --quiet --no-deps --wheel-dir dist .
+# The recipes of CONTRIBUTING.md, carried out on a copy of the tree.
+recipes: $(VENV)/.tested
+	MODLENS_RECIPES=1 $(BIN)/python -m pytest tests/docs/test_recipes.py
+
+wheel: $(BIN)/python
+	$(PIP) wheel --no-deps --wheel-dir dist .
 
 bench: $(VENV)/.tested
 	$(BIN)/python bench/decode_speed.py
@@ -34,17 +42,18 @@ captures: $(VENV)/.tested
 vectors: $(VENV)/.tested
 	CORPUS=$(CORPUS) $(BIN)/python -m pytest tests/corpus
 
+# A venv that was begun only (Debian without python3-venv) is taken away, so that the next try begins anew.
 $(BIN)/python:
-	$(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); false; }
 
 # An editable install builds the core once; it is built again when a source of it changes.
 $(VENV)/.installed: $(BIN)/python $(SOURCES)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(PIP) install --editable .
 	touch $@
 
-$(VENV)/.tested: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
-	touch $@
+$(VENV)/.tested: $(BIN)/python $(SOURCES)
+	$(PIP) install --editable '.[test]'
+	touch $(VENV)/.installed $@
 
 clean:
 	rm -rf $(VENV) target dist

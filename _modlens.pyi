@@ -1,6 +1,7 @@
 """The border: what the Rust core shows to Python. Private; use `analyzer` and `dissectors`.
 
-Checked against the built module by tests/border. Times are integer nanoseconds; offsets and sizes are bytes.
+Checked against the built module by tests/border. Times are integer nanoseconds; offsets and sizes
+are bytes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,9 +12,10 @@ __version__: str
 def vocabulary() -> str:
     """The texts that the core embeds, as one JSON object.
 
-    Keys: `functions` (rows of functions.toml as the core understood them), `exceptions`, `diagnostics`, `mei_types`,
-    `object_ids`, `columns` (table name -> list of {key, type, title, help}), `findings` (list of {code, severity,
-    title, why, advice, section}), `vendors` (names that `Functions.load` knows), `version` (of the schema).
+    Keys: `functions` (rows of functions.toml as the core understood them), `exceptions`,
+    `diagnostics`, `mei_types`, `object_ids`, `columns` (table name -> list of {key, type, title,
+    help}), `findings` (list of {code, severity, title, why, advice, section}), `vendors` (names
+    that `Functions.load_vendor` knows), `version` (of the schema).
     """
 
 def crc16(data: bytes) -> int:
@@ -28,7 +30,8 @@ def line_timing(baud: int, data_bits: int, parity: str, stop_bits: float) -> tup
 def detect(sample: bytes, name: str) -> list[tuple[str, float, str]]:
     """Which format these first bytes of a file are: (format, confidence 0..1, reason), best first.
 
-    Formats: raw, hex, hexdump, xxd, chunks. Never empty. `name` is the file's name: its suffix counts as evidence.
+    Formats: raw, hex, hexdump, xxd, chunks. Never empty. `name` is the file's name: its suffix
+    counts as evidence.
     """
 
 @final
@@ -37,19 +40,28 @@ class Functions:
 
     def __new__(cls) -> Functions: ...
     def load(self, text: str, origin: str) -> None:
-        """Add the rows of a TOML text; later rows win. `ValueError` says which row and key is wrong, and the known words."""
+        """Add the rows of a TOML text; later rows win.
+
+        `ValueError` says which row and key is wrong, and the known words.
+        """
     def load_vendor(self, name: str) -> None:
         """Add an embedded vendor's rows; `ValueError` lists the known names."""
     def rows(self) -> str:
         """All rows as JSON."""
     def decode(self, pdu: bytes, direction: str) -> str:
-        """A PDU as JSON: {function, name, exception, complete, fields: [{name, offset, length, value, word, children}]}.
+        """A PDU as JSON.
 
-        `direction` is "request" or "response". Offsets count from the function code. Bytes that the layout does not
-        cover stand in a last field named "extra"; bytes that are missing make `complete` false.
+        {function, name, exception, complete,
+        fields: [{name, offset, length, value, word, children}]}.
+
+        `direction` is "request" or "response". Offsets count from the function code. Bytes that the
+        layout does not cover stand in a last field named "extra"; bytes that are missing make
+        `complete` false.
         """
     def encode(self, function: int, direction: str, values: str) -> bytes:
-        """The PDU of these values (JSON object: field -> number, list, hex text); lengths and counts are filled in.
+        """The PDU of these values (JSON object: field -> number, list, hex text).
+
+        Lengths and counts are filled in.
 
         `ValueError` names the field and what it takes.
         """
@@ -63,9 +75,10 @@ class Predicate:
 
 @final
 class Row:
-    """One row, made when somebody looks at it: every column of its table is an attribute, None where empty.
+    """One row, made when somebody looks at it.
 
-    Attributes have the columns' Python types: int, float (`*_us`), str, bool, `datetime` (UTC) for `time`, list[int],
+    Every column of its table is an attribute, None where empty. Attributes have the columns' Python
+    types: int, float (`*_us`), str, bool, `datetime` (UTC) for `time`, list[int],
     list[str], dict for maps, bytes for `hex` columns.
     """
 
@@ -89,7 +102,9 @@ class Table:
     def jsonl(self, columns: Sequence[str]) -> bytes:
         """One JSON object a line; null omitted."""
     def __arrow_c_schema__(self) -> object: ...
-    def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
+    def __arrow_c_array__(
+        self, requested_schema: object | None = None
+    ) -> tuple[object, object]: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 @final
@@ -116,7 +131,8 @@ class Batch:
 class Session:
     """Framer, decoder, pairing and statistics behind one `feed`; no I/O, never fails on bytes.
 
-    Buses are numbered from 0 in the order in which they were added. Rows of several buses share their numbering.
+    Buses are numbered from 0 in the order in which they were added. Rows of several buses share
+    their numbering.
     """
 
     def __new__(
@@ -127,7 +143,11 @@ class Session:
         timeout_ns: int | None = None,
         tables: Sequence[str] | None = None,
     ) -> Session:
-        """`live`: rows in order of completion, no hold-back. `tables`: those worth building (readings need transactions); all."""
+        """A session of no bus yet.
+
+        - `live`: rows in order of completion, no hold-back
+        - `tables`: those worth building (readings need transactions); all by default
+        """
     def add_bus(
         self,
         name: str,
@@ -138,12 +158,25 @@ class Session:
         clock: str = "none",
         resolution_ns: int | None = None,
     ) -> int:
-        """A bus: `source` is the file or port as `source` columns name it; `line` is (baud, data bits, parity, stop bits);
-        `clock` is utc, relative or none; `resolution_ns` None lets the core judge from the reads."""
-    def feed(self, bus: int, data: bytes, time_ns: int | None = None, *, line: str | None = None) -> None:
-        """Bytes off the line; `time_ns` is when the read returned, never before the last byte's stop bit."""
+        """A bus; gives its number.
+
+        - `source`: the file or port as `source` columns name it
+        - `line`: baud, data bits, parity, stop bits
+        - `clock`: utc, relative or none
+        - `resolution_ns`: of that clock; None lets the core judge from the reads
+        """
+    def feed(
+        self, bus: int, data: bytes, time_ns: int | None = None, *, line: str | None = None
+    ) -> None:
+        """Bytes off the line.
+
+        `time_ns` is when the read returned, never before the last byte's stop bit.
+        """
     def feed_text(self, bus: int, format: str, data: bytes, *, final: bool = False) -> None:
-        """Text of a recording (hex, hexdump, xxd, chunks), cut anywhere; `final` ends the last line."""
+        """Text of a recording (hex, hexdump, xxd, chunks), cut anywhere.
+
+        `final` ends the last line.
+        """
     def poll(self, now_ns: int) -> None:
         """Time goes on without bytes: ends silences and time-outs of every live bus."""
     def flush(self) -> None:
@@ -154,5 +187,8 @@ class Session:
     def stats(self) -> str:
         """Statistics so far, as JSON (see analyzer/views/stats.py for the keys)."""
     def reading(self, bus: int) -> str:
-        """What a text reader saw, as JSON: {lines, records, unparsed, first_unparsed: [[line, text]...], dropped: {reason: n},
-        clock, mode}."""
+        """What a text reader saw, as JSON.
+
+        {lines, records, unparsed, first_unparsed: [[line, text]...], dropped: {reason: n}, clock,
+        resolution_ns, mode}.
+        """

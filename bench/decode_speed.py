@@ -1,7 +1,8 @@
-"""How fast `modlens decode` turns raw RTU bytes into CSV, and how much memory it takes, beside pymodbus.
+"""How fast `modlens export` turns raw RTU bytes into CSV, and its memory, beside pymodbus.
 
-`make bench`, or `python bench/decode_speed.py [MEGABYTES]`. CPU seconds of whole processes on one core; pymodbus gets
-the bounds and directions of all frames for free, does no pairing and writes nothing.
+`make bench`, or `python bench/decode_speed.py [MEGABYTES]`. CPU seconds of whole processes on one
+core; pymodbus gets the bounds and directions of all frames for free, does no pairing and writes
+nothing.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def frame(unit: int, pdu: bytes) -> bytes:
 
 
 def exchange(rng: random.Random) -> tuple[bytes, bytes]:
-    """A request and its response: mostly reads of registers, some bits and writes, 1 % exceptions."""
+    """A request and its response: mostly reads, some bits and writes, 1 % exceptions."""
     unit, address = rng.choice(UNITS), rng.randrange(0x1000)
     code = rng.choices((3, 4, 1, 2, 6, 16), (56, 14, 10, 10, 5, 5))[0]
     if code in (3, 4):
@@ -100,10 +101,12 @@ def main() -> None:
             command = [sys.executable, "-m", "analyzer", "export", str(recording), "--mode", "rtu"]
             cpu, peak = measured([*command, "-o", str(table)])
             rate = size * BLOCK / cpu
-            out.write(f"{size} MiB of RTU to CSV: {cpu:.2f} CPU s, {rate / 1e6:.0f} MB/s, peak {peak:.0f} MiB\n")
+            speed = f"{cpu:.2f} CPU s, {rate / 1e6:.0f} MB/s"
+            out.write(f"{size} MiB of RTU to CSV: {speed}, peak {peak:.0f} MiB\n")
             table.unlink()
     peer = pymodbus_rate(pairs)
-    out.write(f"pymodbus, decoding alone: {peer / 1e6:.2f} MB/s; modlens to CSV is {rate / peer:.0f} times as fast\n")
+    out.write(f"pymodbus, decoding alone: {peer / 1e6:.2f} MB/s\n")
+    out.write(f"modlens to CSV is {rate / peer:.0f} times as fast\n")
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     out.write(f"(this script itself: {own:.0f} MiB)\n")
 

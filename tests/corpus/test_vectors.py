@@ -42,12 +42,13 @@ def wire(row: dict[str, Any]) -> bytes:
     return bytes.fromhex(row.get("complete_hex") or row["hex"])
 
 
-FRAMES = [
-    pytest.param(row, id=f"{name}-{i}")
+FRAMES = {
+    f"{name}-{i}": row
     for name in ("rtu", "ascii", "tcp", "seed_documents")
     for i, row in enumerate(load(name))
     if row["mode"] in ("rtu", "ascii", "tcp") and row.get("expect", "valid") == "valid"
-]
+}
+SERIAL = {name: row for name, row in FRAMES.items() if row["mode"] != "tcp"}
 
 
 def says(meaning: str, txn: dict[str, Any]) -> list[str]:
@@ -72,7 +73,7 @@ def says(meaning: str, txn: dict[str, Any]) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("row", FRAMES)
+@pytest.mark.parametrize("row", FRAMES.values(), ids=FRAMES)
 def test_valid_frames_decode_to_their_meaning(row: dict[str, Any]) -> None:
     batch = decode(row["mode"], wire(row))
     frame = batch.frames[0].as_dict()
@@ -89,7 +90,7 @@ def echoes(row: dict[str, Any]) -> bool:
     return row["direction"] == "response" and row["function"] in (5, 6, 8, 21, 22)
 
 
-@pytest.mark.parametrize("row", [param for param in FRAMES if param.values[0]["mode"] != "tcp"])
+@pytest.mark.parametrize("row", SERIAL.values(), ids=SERIAL)
 def test_damaged_frames_are_reported_as_damaged(row: dict[str, Any]) -> None:
     data = wire(row)
     if row["mode"] == "ascii":
@@ -139,5 +140,7 @@ def test_document_mistakes_are_said() -> None:
     asked = bytes.fromhex("01 10 00 D0 00 02 04 03 E8 03 20 7F AB")
     batch = decode("rtu", asked, bytes.fromhex("01 83 04 40 F3"))
     assert "wrong_function" in [finding.code for finding in batch.findings]
-    batch = decode("rtu", bytes.fromhex("01 01 00 00 00 07 7D C8"), bytes.fromhex("01 01 01 80 50 28"))
+    batch = decode(
+        "rtu", bytes.fromhex("01 01 00 00 00 07 7D C8"), bytes.fromhex("01 01 01 80 50 28")
+    )
     assert [finding.code for finding in batch.findings] == ["padding_bits"]

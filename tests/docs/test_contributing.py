@@ -14,7 +14,7 @@ import pytest
 
 from tests.conftest import ROOT, TIMEOUT_S, environment
 from tests.docs.documents import blocks, rows_of_table, shell, shell_environment, text_of
-from tests.docs.recipes import DOCUMENT, Step, carry_out, copy_of_the_tree, place, steps
+from tests.docs.recipes import DOCUMENT, METER, Step, carry_out, copy_of_the_tree, place, steps
 
 STEPS = steps()
 
@@ -78,7 +78,7 @@ def test_the_commands_are_targets() -> None:
 
 def test_files_that_are_named_exist() -> None:
     """Every path of the documents, but for those that a recipe makes."""
-    made = {step.file for step in STEPS if step.how == "new"} | {"meter.toml", "wrong.toml"}
+    made = {step.file for step in STEPS if step.how == "new"} | {METER}
     for document in (DOCUMENT, "ARCHITECTURE.md", "README.md", "THIRD_PARTY.md"):
         for path in re.findall(r"`((?:[\w.]+/)+[\w.]*)`", text_of(document)):
             assert path in made or path == "dist/" or (ROOT / path).exists(), (document, path)

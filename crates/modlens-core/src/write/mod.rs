@@ -17,6 +17,10 @@ pub use time::{day_number, push_time};
 /// Appends an integer.
 #[inline]
 pub fn push_int(value: i64, out: &mut Vec<u8>) {
+    if let Some(entry) = usize::try_from(value).ok().and_then(|value| decimals().get(value)) {
+        push_entry(*entry, out);
+        return;
+    }
     out.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
 }
 
@@ -37,6 +41,14 @@ fn decimals() -> &'static [[u8; 8]] {
     })
 }
 
+/// A copy of fixed size and a cut are faster than a copy of the right size.
+#[inline]
+fn push_entry(entry: [u8; 8], out: &mut Vec<u8>) {
+    let end = out.len() + entry[7] as usize;
+    out.extend_from_slice(&entry);
+    out.truncate(end);
+}
+
 /// Appends the numbers of a list with one byte between them.
 ///
 /// Most of a table is registers: each is one look-up and one copy of fixed size.
@@ -51,9 +63,7 @@ pub fn push_items(items: &Items<'_>, between: u8, out: &mut Vec<u8>) {
             out.push(between);
             continue;
         };
-        let end = out.len() + entry[7] as usize;
-        out.extend_from_slice(entry);
-        out.truncate(end);
+        push_entry(*entry, out);
         out.push(between);
     }
     if count > 0 {
@@ -90,12 +100,15 @@ impl TrimZeros for [u8; 3] {
 
 /// Where a row stands, as `source` spells it.
 pub fn source_text(file: &str, place: Place, number: u64) -> String {
-    let mark = match place {
-        Place::Offset => '@',
-        Place::Line => ':',
-        Place::Packet => '#',
-    };
-    format!("{file}{mark}{number}")
+    format!("{file}{}{number}", place_mark(place) as char)
+}
+
+fn place_mark(place: Place) -> u8 {
+    match place {
+        Place::Offset => b'@',
+        Place::Line => b':',
+        Place::Packet => b'#',
+    }
 }
 
 /// A value as plain text: the spelling of CSV cells and of text comparisons.
@@ -125,7 +138,11 @@ fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
             }
         }
         Cell::Map(map) => out.extend_from_slice(map.to_string().as_bytes()),
-        Cell::Source(file, place, number) => out.extend_from_slice(source_text(file, *place, *number).as_bytes()),
+        Cell::Source(file, place, number) => {
+            out.extend_from_slice(file.as_bytes());
+            out.push(place_mark(*place));
+            push_int(*number as i64, out);
+        }
     }
 }
 

@@ -100,9 +100,14 @@ impl Rtu {
             let length = announced_length(row.response.extent(body))?;
             let same = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
             let echo = same && row.request == row.response;
-            // Without a clock an echoed answer and a retry look the same; the search weighs them.
+            // An echoed answer and a retry look the same; where neither the clock nor what follows tells, they are weighed.
             if echo && (context.pause)(input.pause_before(0)) > SURELY_AN_ANSWER {
-                return None;
+                match third_copy(bytes, asked.pdu.len() + 3) {
+                    _ if input.timed => return None,
+                    Some(true) => return None,
+                    Some(false) => {}
+                    None => return Some((bytes.len() + 1, RESPONSE)),
+                }
             }
             let agrees = match expected_block(row, &asked.pdu) {
                 Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
@@ -254,6 +259,16 @@ impl Framer for Rtu {
     fn break_ns(&self, line: Option<&Line>) -> Ns {
         line.map_or(BREAK, |line| BREAK.max(10 * line.char_ns()))
     }
+}
+
+/// Whether the bytes begin with the same frame twice; `None` if more bytes are needed to tell.
+fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
+    let second = bytes.get(length..).unwrap_or(&[]);
+    let compared = second.len().min(length);
+    if second[..compared] != bytes[..compared] {
+        return Some(false);
+    }
+    (compared == length).then_some(true)
 }
 
 /// The length that is announced, or at least the one at which more will be known.
