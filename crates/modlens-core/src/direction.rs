@@ -62,6 +62,9 @@ pub fn answers(functions: &Functions, asked: Asked<'_>, unit: u8, pdu: &[u8]) ->
     if !row.response.fits(&pdu[1..]) {
         return Match::No;
     }
+    if row.response.shape().is_some_and(|shape| !shape.groups_fit(&pdu[1..])) {
+        return Match::Partly;
+    }
     let length_ok = expected_block(row, asked.pdu).is_none_or(|expected| block_length(row, pdu) == Some(expected));
     if length_ok && echoes(row, asked.pdu, pdu) {
         Match::Fully
@@ -126,7 +129,11 @@ pub fn readings(functions: &Functions, pdu: &[u8]) -> (bool, bool) {
         return (false, body.len() == 1);
     }
     match functions.row(code, body) {
-        Some(row) => (row.request.fits(body) && consistent(row, body), row.response.fits(body)),
+        Some(row) => {
+            let groups = |layout: &Layout| layout.shape().is_none_or(|shape| shape.groups_fit(body));
+            let request = row.request.fits(body) && consistent(row, body) && groups(&row.request);
+            (request, row.response.fits(body) && groups(&row.response))
+        }
         None => (true, true),
     }
 }

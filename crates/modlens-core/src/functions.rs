@@ -160,6 +160,19 @@ impl Shape {
         }
     }
 
+    /// Whether the groups of a body, if it has any, fill it without rest.
+    pub fn groups_fit(&self, body: &[u8]) -> bool {
+        let Some(Field { word: Word::Group(inner), .. }) = self.fields.last() else { return true };
+        let mut rest = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum::<usize>();
+        while rest < body.len() {
+            match walk(inner, &body[rest..]) {
+                Extent::Exactly(length) if length > 0 => rest += length,
+                _ => return false,
+            }
+        }
+        rest == body.len()
+    }
+
     /// The body offset of a number that stands before everything of variable length.
     pub fn offset_of(&self, name: &str) -> Option<usize> {
         let mut offset = 0;

@@ -85,7 +85,8 @@ fn layout(row: &Row, body: &[u8], direction: usize) -> f32 {
         Layout::Silent => -costs::OPEN_LENGTH - costs::BROKEN_RULE,
         Layout::Unknown => -costs::OPEN_LENGTH,
         Layout::Body(shape) => match shape.extent(body) {
-            Extent::Exactly(length) if length == body.len() => 0.0,
+            Extent::Exactly(length) if length == body.len() && shape.groups_fit(body) => 0.0,
+            Extent::Exactly(length) if length == body.len() => -costs::BROKEN_RULE,
             Extent::Open(least) if body.len() >= least => -costs::OPEN_LENGTH,
             _ if cut_short(layout) || cut_short(other) => return -costs::CUT_SHORT,
             _ => return -costs::OPEN_LENGTH - costs::BROKEN_RULE,

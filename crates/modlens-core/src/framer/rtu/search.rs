@@ -20,6 +20,9 @@ const THETA: f32 = 14.0;
 /// Readings that stay equally good for so many bytes will not be told apart: the better one is taken.
 const PATIENCE: u64 = 640;
 
+/// Without a clock the frame behind tells an echoed answer from a retry; readings the other way round so near wait for it.
+const LOOK_ALIKE: f32 = 40.0;
+
 /// A frame right behind another one with this many bits cannot be overtaken by any header alone.
 const SURE: f32 = 34.0;
 
@@ -229,7 +232,8 @@ impl Search {
         if patient {
             let bar = standing - THETA;
             let rival = (0..self.nodes.len()).any(|i| self.first(i) != first && self.standing(&self.nodes[i]) > bar);
-            if rival || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
+            let look_alike = !input.timed && first == best && self.next < frame.end + REACH && self.turned(first, standing - LOOK_ALIKE);
+            if rival || look_alike || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
                 return None;
             }
         }
@@ -293,14 +297,18 @@ impl Search {
 
     /// The direction of a frame whose rival is nearly as good: unknown, if the rival is the same bytes the other way round.
     fn undecided(&self, first: usize) -> Direction {
-        let frame = &self.nodes[first];
-        let turned =
-            self.nodes.iter().any(|node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction);
-        if turned {
+        if self.turned(first, f32::MIN) {
             Direction::Unknown
         } else {
-            gain::direction(frame.direction)
+            gain::direction(self.nodes[first].direction)
         }
+    }
+
+    /// Whether the same bytes are also read the other way round, by a path above the bar.
+    fn turned(&self, first: usize, bar: f32) -> bool {
+        let frame = &self.nodes[first];
+        let same = |node: &Node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction;
+        self.nodes.iter().any(|node| same(node) && self.standing(node) > bar)
     }
 
     fn reroot(&mut self, first: usize) {
