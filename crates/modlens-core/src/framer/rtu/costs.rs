@@ -29,6 +29,9 @@ pub const OPEN_LENGTH: f32 = 7.5;
 /// A response that nobody asked for: one in sixty.
 pub const ORPHAN: f32 = 5.9;
 
+/// A frame whose checksum is wrong, where everything else fits: one in two hundred, and no checksum to vouch for it.
+pub const DAMAGED: f32 = 9.0;
+
 /// A request while another one waits: one in thirty.
 pub const UNANSWERED: f32 = 4.9;
 

@@ -16,6 +16,8 @@ pub struct Request {
     pub unit: u8,
     /// Its PDU.
     pub pdu: Vec<u8>,
+    /// Its checksum was wrong: what the answer repeats may differ.
+    pub damaged: bool,
 }
 
 impl Request {
@@ -137,7 +139,7 @@ pub fn context(
     // Unit and function are known beforehand.
     let mut gain = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - costs::ANSWERED;
     if let Some(row) = context.functions.row(asked.pdu[0], &asked.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
-        if row.response == Layout::Silent {
+        if row.response == Layout::Silent || asked.damaged {
             // It should not answer; if something comes, it is this all the same.
         } else if matched == Match::Partly {
             gain -= costs::BROKEN_RULE;
@@ -153,6 +155,33 @@ pub fn context(
         gain -= pause.max(0.0);
     }
     (gain, true)
+}
+
+/// Bits that a frame with a wrong checksum saves, where its header announces just its length and is no stranger here.
+pub fn damaged(
+    model: &Model,
+    context: &Context<'_>,
+    asked: Option<&Arc<Request>>,
+    frame: &[u8],
+    direction: usize,
+) -> Option<f32> {
+    let (unit, code, body) = (frame[0], frame[1], &frame[2..frame.len() - 2]);
+    let row = context.functions.row(code, body)?;
+    if direction == REQUEST {
+        if !model.familiar(unit, code, REQUEST) || !consistent(row, body) {
+            return None;
+        }
+        let header = bits(unit) - model.unit(unit) + bits(code) - model.function(context.functions, code, REQUEST);
+        let waiting = if asked.is_some() { costs::UNANSWERED } else { 0.0 };
+        return Some(header + layout(row, body, REQUEST) - costs::DAMAGED - waiting);
+    }
+    let asked = asked.filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&code))?;
+    let expected = expected_block(row, &asked.pdu);
+    if expected.is_some_and(|expected| body.first().map(|&count| usize::from(count)) != Some(expected)) {
+        return None;
+    }
+    let count = if expected.is_some() { bits(body[0]) } else { 0.0 };
+    Some(bits(unit) + bits(code) + count - costs::ANSWERED - costs::DAMAGED)
 }
 
 /// Bits that an unfinished frame may claim by its header, if it can still go on beyond `seen` bytes.

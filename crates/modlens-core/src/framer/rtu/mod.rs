@@ -111,7 +111,7 @@ impl Rtu {
             }
             let agrees = match expected_block(row, &asked.pdu) {
                 Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
-                None => row.echo.is_empty() || body.len() < 4 || body.get(..4) == asked.pdu.get(1..5),
+                None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == asked.pdu.get(1..5)),
             };
             return Some((length + AROUND, RESPONSE)).filter(|_| agrees && length + AROUND <= LONGEST);
         }
@@ -224,7 +224,7 @@ impl Framer for Rtu {
         }
         loop {
             match self.told {
-                Some(Told::Junk(to) | Told::Frame { start: to, .. }) if input.offset() < to => {
+                Some(Told::Junk(to) | Told::Frame { start: to, .. } | Told::Damaged { start: to, .. }) if input.offset() < to => {
                     return Some(self.damaged(input, context, (to - input.offset()) as usize, adu));
                 }
                 Some(Told::Frame { start, end, direction, confidence, tentative }) => {
@@ -232,11 +232,18 @@ impl Framer for Rtu {
                     let cut = self.cut(input, context, (end - start) as usize, direction, confidence, adu);
                     return Some(Cut { tentative, ..cut });
                 }
+                Some(Told::Damaged { start, end, direction }) => {
+                    self.told = None;
+                    let length = (end - start) as usize;
+                    adu.clear();
+                    adu.extend_from_slice(&input.bytes()[..length - 2]);
+                    return Some(Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) });
+                }
                 _ => self.told = None,
             }
             if self.search.idle() {
                 if context.shared {
-                    let asked = context.asked.map(|asked| Request { unit: asked.unit, pdu: asked.pdu.to_vec() });
+                    let asked = context.asked.map(|asked| Request { unit: asked.unit, pdu: asked.pdu.to_vec(), damaged: false });
                     self.search.set_asked(asked.map(std::sync::Arc::new));
                 }
                 match self.certain(input, context) {

@@ -6,10 +6,12 @@
 use std::sync::Arc;
 
 use crate::direction::Direction;
+use crate::framer::rtu::announced;
 use crate::framer::rtu::costs::{self, Model};
 use crate::framer::rtu::gain::{self, Request, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
 use crate::framer::Context;
+use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::pairing::BROADCAST;
 use crate::Ns;
@@ -46,6 +48,8 @@ struct Node {
     parent: usize,
     /// Whether it answers the request that waited.
     answers: bool,
+    /// Whether its checksum is right.
+    whole: bool,
     asked: Option<Arc<Request>>,
 }
 
@@ -63,6 +67,15 @@ pub enum Told {
         confidence: u8,
         /// Isolated in noise, from a unit that has not been seen in a paired transaction.
         tentative: bool,
+    },
+    /// A frame with a wrong checksum.
+    Damaged {
+        /// Stream offset of its first byte.
+        start: u64,
+        /// Stream offset behind it.
+        end: u64,
+        /// Who sent it.
+        direction: Direction,
     },
     /// No frame begins before this stream offset.
     Junk(u64),
@@ -83,7 +96,17 @@ pub struct Search {
 
 impl Default for Search {
     fn default() -> Self {
-        let root = Node { start: 0, end: 0, direction: RESPONSE, score: 0.0, gain: 0.0, parent: 0, answers: false, asked: None };
+        let root = Node {
+            start: 0,
+            end: 0,
+            direction: RESPONSE,
+            score: 0.0,
+            gain: 0.0,
+            parent: 0,
+            answers: false,
+            whole: true,
+            asked: None,
+        };
         Self { nodes: vec![root], join: Join::default(), found: Vec::new(), next: 0, running: false, model: Model::default() }
     }
 }
@@ -114,7 +137,7 @@ impl Search {
         let root = &mut self.nodes[0];
         (root.start, root.end) = (root.end, root.end + frame.len() as u64);
         root.direction = direction;
-        root.asked = after(frame, direction, root.asked.take(), direction == RESPONSE);
+        root.asked = after(frame, direction, root.asked.take(), direction == RESPONSE, true);
         self.model.learn(frame, direction, false);
         self.next = root.end;
         self.running = false;
@@ -151,7 +174,11 @@ impl Search {
             for &start in &found {
                 self.consider(input, context, start, silence);
             }
+            let whole = !found.is_empty();
             self.found = found;
+            if !whole {
+                self.suppose(input, context);
+            }
             if self.nodes.len() > 1 || self.next - self.told() > NOISE + REACH {
                 if let Some(told) = self.decide(input, context, false) {
                     return Some(told);
@@ -191,9 +218,34 @@ impl Search {
             }
             for (answered, found) in best.into_iter().enumerate() {
                 let Some((score, parent, gain)) = found else { continue };
-                let asked = after(frame, direction, self.nodes[parent].asked.clone(), answered == 1);
                 let answers = answered == 1;
-                self.nodes.push(Node { start, end: self.next, direction, score, gain, parent, answers, asked });
+                let asked = after(frame, direction, self.nodes[parent].asked.clone(), answers, true);
+                self.nodes.push(Node { start, end: self.next, direction, score, gain, parent, answers, whole: true, asked });
+            }
+        }
+    }
+
+    /// Adds frames with a wrong checksum that begin right behind another one and have just the length they announce.
+    fn suppose(&mut self, input: &Input, context: &Context<'_>) {
+        for parent in 0..self.nodes.len() {
+            let (start, asked) = (self.nodes[parent].end, self.nodes[parent].asked.clone());
+            let length = (self.next - start) as usize;
+            // The shortest frame with a length of its own is a request of eight bytes, or its answer of five.
+            if !(5..=REACH as usize).contains(&length) || start < input.offset() {
+                continue;
+            }
+            let from = (start - input.offset()) as usize;
+            let frame = &input.bytes()[from..from + length];
+            for (way, extent) in announced(context, frame).into_iter().flatten() {
+                let direction = if way == Direction::Response { RESPONSE } else { REQUEST };
+                if extent != Extent::Exactly(length) || frame[1] & EXCEPTION_BIT != 0 {
+                    continue;
+                }
+                let Some(gain) = gain::damaged(&self.model, context, asked.as_ref(), frame, direction) else { continue };
+                let score = self.nodes[parent].score + gain;
+                let answers = direction == RESPONSE;
+                let asked = after(frame, direction, asked.clone(), answers, false);
+                self.nodes.push(Node { start, end: self.next, direction, score, gain, parent, answers, whole: false, asked });
             }
         }
     }
@@ -232,8 +284,11 @@ impl Search {
         if patient {
             let bar = standing - THETA;
             let rival = (0..self.nodes.len()).any(|i| self.first(i) != first && self.standing(&self.nodes[i]) > bar);
-            let look_alike = !input.timed && first == best && self.next < frame.end + REACH && self.turned(first, standing - LOOK_ALIKE);
-            if rival || look_alike || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
+            let look_alike =
+                !input.timed && first == best && self.next < frame.end + REACH && self.turned(first, standing - LOOK_ALIKE);
+            // Only what follows shows that a frame was damaged rather than none.
+            let doubtful = !frame.whole && first == best && self.next < frame.end + REACH;
+            if rival || look_alike || doubtful || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
                 return None;
             }
         }
@@ -277,6 +332,11 @@ impl Search {
         let rival = (0..self.nodes.len()).filter(|&i| self.first(i) != first).map(|i| self.standing(&self.nodes[i]));
         let lead = standing - rival.fold(f32::MIN, f32::max);
         let frame = &self.nodes[first];
+        if !frame.whole {
+            let told = Told::Damaged { start: frame.start, end: frame.end, direction: gain::direction(frame.direction) };
+            self.reroot(first);
+            return told;
+        }
         let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
         let strays = frame.start > self.told();
         let tentative = strays && !frame.answers && !context.paired_units[bytes[0] as usize];
@@ -348,11 +408,11 @@ fn timing(input: &Input, from: usize, to: usize, silence: Ns) -> f32 {
 }
 
 /// The request that waits behind this frame.
-fn after(frame: &[u8], direction: usize, before: Option<Arc<Request>>, answered: bool) -> Option<Arc<Request>> {
+fn after(frame: &[u8], direction: usize, before: Option<Arc<Request>>, answered: bool, whole: bool) -> Option<Arc<Request>> {
     if direction == RESPONSE {
         return before.filter(|_| !answered);
     }
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
     // A broadcast is never answered.
-    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec() }))
+    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole }))
 }
