@@ -63,11 +63,27 @@ def _run(command: str, words: list[str]) -> int:
         parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
         module.add_arguments(parser)
         status: int = module.run(parser.parse_intermixed_args(words))
-        sys.stdout.flush()
+        _flush(told=status != 0)
     except ModlensError as error:
         sys.stderr.write(f"modlens: {_plain(error.message)}\n")
+        _flush(told=True)
         return error.exit_status
     return status
+
+
+def _flush(*, told: bool) -> None:
+    """Write what is left in the buffer; `SourceError` if that fails and nobody was told so yet."""
+    from dissectors.errors import SourceError  # noqa: PLC0415
+
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        forget(STDOUT)
+        if not told:
+            message = f"standard output: cannot be written: {error.strerror}"
+            raise SourceError(message) from error
 
 
 def _run_help(words: list[str]) -> int:

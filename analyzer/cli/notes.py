@@ -13,6 +13,7 @@ from analyzer.cli import STDERR, forget
 from analyzer.session import Intake
 from analyzer.views.screen import Screen, fit, visible
 from analyzer.views.summary import summary
+from dissectors.errors import SourceError
 
 __all__ = ["Notes"]
 
@@ -44,26 +45,27 @@ class Notes:
             self._detected(intake)
 
     def say(self, text: str) -> None:
-        """One line, unless quiet."""
-        if not self._quiet:
-            self._print(text, "dim")
+        """One line, unless quiet; wrapped on a terminal."""
+        if self._quiet:
+            return
+        width = self._screen.width if self._screen.is_terminal else sys.maxsize
+        for part in textwrap.wrap(text, width, subsequent_indent="  ", drop_whitespace=False):
+            self._print(part.rstrip(), "dim")
 
     def trouble(self, text: str) -> None:
         """One line of an error, always."""
         self._print(f"modlens: {text}", "")
 
     def summary(self, stats: dict[str, Any]) -> None:
-        """The last lines of a run, wrapped on a terminal."""
+        """The last lines of a run."""
         for line in summary(stats):
-            width = self._screen.width if self._screen.is_terminal else sys.maxsize
-            for part in textwrap.wrap(line, width, subsequent_indent="  "):
-                self.say(part)
+            self.say(line)
 
     def _print(self, text: str, style: str) -> None:
         """Print one line; a terminal that is gone must not harm the outputs."""
         try:
             self._screen.line(visible(text), style)
-        except OSError:
+        except (BrokenPipeError, SourceError):
             forget(STDERR)
 
     def _detected(self, intake: Intake) -> None:

@@ -18,6 +18,8 @@ from rich.console import Console
 from rich.segment import Segment, Segments
 from rich.style import Style
 
+from dissectors.errors import SourceError
+
 __all__ = ["Part", "Screen", "fit", "visible", "width_of"]
 
 Part = tuple[str, str]
@@ -98,7 +100,18 @@ class Screen:
         return self._console.width
 
     def lines(self, lines: Iterable[Iterable[Part]]) -> None:
-        """Print lines of parts, flushed once at the end; `BrokenPipeError` when nobody reads."""
+        """Print lines of parts, flushed once at the end.
+
+        `BrokenPipeError` when nobody reads, `SourceError` when they cannot be written.
+        """
+        try:
+            self._print(lines)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise SourceError(f"standard output: cannot be written: {error.strerror}") from error
+
+    def _print(self, lines: Iterable[Iterable[Part]]) -> None:
         if self._plain:
             text = "".join("".join(part for part, _ in line).rstrip() + "\n" for line in lines)
             self._stream.write(text)

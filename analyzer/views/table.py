@@ -11,7 +11,6 @@ from analyzer.views.grid import ROOMY, Grid
 from analyzer.views.moments import Moments
 from analyzer.views.screen import Part, Screen
 from analyzer.views.tables import Look, fields
-from dissectors.errors import SourceError
 
 __all__ = ["TableSink"]
 
@@ -45,13 +44,8 @@ class TableSink:
             return
         self.rows += len(table)
         lines = self._lines(table)
-        try:
-            while chunk := list(islice(lines, AT_ONCE)):
-                self._screen.lines(chunk)
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            raise SourceError(f"{self.name}: cannot be written: {error.strerror}") from error
+        while chunk := list(islice(lines, AT_ONCE)):
+            self._screen.lines(chunk)
 
     def close(self) -> None:
         """Nothing to do: every line has been printed."""

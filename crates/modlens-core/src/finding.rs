@@ -102,6 +102,21 @@ findings! {
         "The request was lost to the tap, or a second device answers."
         "Two units with one address; the start of a recording; a tap that hears one side only."
         "serial line 2.4.1";
+    Duplicate "duplicate_response" Warning
+        "the same answer a second time"
+        "Two devices with one address answer alike, or a repeater sends twice; the master may take it for its next answer."
+        "Two units with one address; repeaters; gateways."
+        "serial line 2.4.1";
+    LocalEcho "local_echo" Info
+        "the request was heard twice"
+        "The master's adapter hears itself; a master that does not expect it takes the echo for the answer."
+        "The adapter's receiver-enable setting; nothing, if the master copes with it."
+        "serial line 3.2";
+    TwoMasters "two_masters" Error
+        "a request before the other one's answer, and both were answered"
+        "There is one master on a serial line; two of them collide sooner or later."
+        "A second controller, a service laptop or a gateway on the same line."
+        "serial line 2.1";
     WrongUnit "wrong_unit" Error
         "another unit answered than the one asked"
         "The master drops the answer, or worse, believes it."

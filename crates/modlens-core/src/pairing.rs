@@ -20,6 +20,21 @@ pub const BROADCAST: u8 = 0;
 /// Unanswered requests that a late answer may still belong to.
 const REMEMBERED: usize = 16;
 
+/// No master gives up so soon (serial line specification, 2.4.1: one second is typical).
+const NO_TIMEOUT: Ns = 100_000_000;
+
+/// An answer later than so many transactions belongs to none of them.
+const LATE_BY: u64 = 4;
+
+/// The echo of an adapter that hears itself comes within this time: it is the adapter's own delay.
+const MOST_ECHO: Ns = 3_000_000;
+
+/// Without a clock, a line is one with echo if more than this share of requests is heard twice.
+const ECHO_SHARE: f32 = 0.7;
+
+/// How fast that share is learned.
+const COPY_RATE: f32 = 0.1;
+
 /// However well a silence fits, it is worth no more bits than this.
 const MOST_TEMPO: f64 = 20.0;
 
@@ -146,6 +161,8 @@ pub struct Exchange {
     given_up: bool,
     /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
     silent: bool,
+    /// The request was heard twice.
+    echoed: bool,
 }
 
 impl Exchange {
@@ -170,6 +187,7 @@ impl Exchange {
             origin: 0,
             given_up: false,
             silent: false,
+            echoed: false,
         }
     }
 
@@ -227,6 +245,12 @@ pub struct Pairing {
     /// What was learned of the bus's tempo.
     pub tempo: Tempo,
     timeout: Ns,
+    /// The last answer: unit, PDU, whether it answered a retry.
+    last: Option<(u8, Vec<u8>, bool)>,
+    /// Share of requests heard twice.
+    copies: f32,
+    /// Whether the request before was.
+    twice: bool,
     /// Times that differ by less than twice this are not told apart.
     pub resolution: Ns,
     live: bool,
@@ -252,6 +276,9 @@ impl Pairing {
             spare: Vec::new(),
             tempo: Tempo::default(),
             timeout,
+            last: None,
+            copies: 0.0,
+            twice: false,
             resolution: 0,
             live,
         }
@@ -297,14 +324,48 @@ impl Pairing {
         exchange
     }
 
+    /// Whether a request is the echo of the one that waits: the same again, much sooner than any master asks again.
+    fn local_echo(&mut self, functions: &Functions, seen: &Seen<'_>) -> Option<u64> {
+        if seen.mode == Mode::Tcp {
+            return None;
+        }
+        let same =
+            self.open.back().is_some_and(|open| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed);
+        if !echoes_whole(functions, seen.pdu()) {
+            // Of each request in turn: was it heard twice? On a line with time-outs some are, on one with echo all.
+            if same {
+                self.twice = true;
+            } else {
+                self.copies += (f32::from(u8::from(self.twice)) - self.copies) * COPY_RATE;
+                self.twice = false;
+            }
+        }
+        let open = self.open.back()?;
+        let soon = match seen.start.zip(open.request.end) {
+            Some((start, end)) => start - end < MOST_ECHO,
+            None => self.copies > ECHO_SHARE,
+        };
+        let open = self.open.back_mut().filter(|_| same && soon)?;
+        open.echoed = true;
+        open.findings.push(Finding::LocalEcho);
+        // The answer's time counts from the last byte of the request, whoever sent it.
+        open.request.end = seen.end.or(open.request.end);
+        Some(open.txn)
+    }
+
     fn request(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
+        if let Some(txn) = self.local_echo(functions, seen) {
+            return Placed { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
+        }
         if seen.mode == Mode::Tcp {
             if self.open.len() >= OPEN_LIMIT {
-                self.give_up_oldest(seen.start, done);
+                self.give_up_oldest(functions, seen.start, done);
             }
         } else {
-            while !self.open.is_empty() {
-                self.give_up_oldest(seen.start, done);
+            // A request long before the time-out, to another unit, comes from another master: the first one goes on waiting.
+            let early = self.open.len() == 1 && self.too_early(seen);
+            while self.open.len() > usize::from(early) {
+                self.give_up_oldest(functions, seen.start, done);
             }
         }
         let mut exchange = self.start(seen, next_txn);
@@ -336,11 +397,23 @@ impl Pairing {
         placed
     }
 
+    fn too_early(&self, seen: &Seen<'_>) -> bool {
+        let Some(open) = self.open.back().filter(|open| open.unit != seen.unit() && !open.silent && open.response.frame == 0)
+        else {
+            return false;
+        };
+        let waited = seen.start.zip(open.request.end).map(|(start, end)| start - end);
+        let limit = self.tempo.timeout.map_or(NO_TIMEOUT, |timeout| timeout as Ns / 2);
+        seen.clean_start && waited.is_some_and(|waited| waited < limit)
+    }
+
     fn response(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
         let Some(at) = self.answered(functions, seen) else {
             return self.unrequested(functions, seen, next_txn, done);
         };
         let mut exchange = self.open.remove(at).expect("found above");
+        let overtaken = at == 0 && self.open.front().is_some_and(|later| seen.mode != Mode::Tcp && later.txn > exchange.txn);
+        self.last = Some((seen.unit(), seen.pdu().to_vec(), exchange.retry_of.is_some()));
         exchange.response.fill(seen);
         exchange.findings.extend_from_slice(seen.codes);
         exchange.exception =
@@ -355,7 +428,11 @@ impl Pairing {
         if let Some(time) = exchange.response_time {
             Tempo::learn(&mut self.tempo.answer, time);
         }
-        let placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
+        let mut placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
+        if overtaken {
+            exchange.findings.push(Finding::TwoMasters);
+            placed.finding = Some(Finding::TwoMasters);
+        }
         done.push(exchange);
         placed
     }
@@ -393,19 +470,28 @@ impl Pairing {
             seen.pdu().first().filter(|&code| code & EXCEPTION_BIT != 0).and_then(|_| seen.pdu().get(1).copied());
         exchange.gap = seen.gap;
         let mut placed = Placed { txn: Some(exchange.txn), finding: Some(Finding::Unrequested), other: None };
+        let again = self.open.is_empty()
+            && self.last.as_ref().is_some_and(|(unit, pdu, retry)| !retry && *unit == seen.unit() && pdu == seen.pdu());
         let late = |unit: u8, pdu: &[u8]| answers(functions, Asked { unit, pdu }, seen.unit(), seen.pdu()) == Match::Fully;
         let open = self.open.iter().find(|old| old.given_up && late(old.unit, &old.request.pdu));
         let candidate = open.map(|old| (old.txn, old.request.end)).or_else(|| {
-            let at = self.unanswered.iter().rposition(|old| late(old.unit, &old.pdu))?;
+            let recent = |old: &Unanswered| old.txn + LATE_BY >= exchange.txn;
+            let at = self.unanswered.iter().rposition(|old| recent(old) && late(old.unit, &old.pdu))?;
             self.unanswered.remove(at).map(|old| (old.txn, old.end))
         });
-        if let Some((txn, end)) = candidate {
+        if again {
+            placed.finding = Some(Finding::Duplicate);
+        } else if let Some((txn, end)) = candidate {
             exchange.late_for = Some(txn);
             exchange.late_response = self.since(end, seen);
             placed = Placed { finding: Some(Finding::LateResponse), other: Some(txn), ..placed };
         } else if let Some(open) = self.open.back() {
             placed.other = Some(open.txn);
-            if open.function == exchange.function && open.unit != exchange.unit {
+            let asked = Asked { unit: exchange.unit, pdu: &open.request.pdu };
+            if open.unit != exchange.unit
+                && seen.clean_start
+                && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully
+            {
                 placed.finding = Some(Finding::WrongUnit);
             } else if open.unit == exchange.unit && open.function != exchange.function {
                 placed.finding = Some(Finding::WrongFunction);
@@ -437,7 +523,7 @@ impl Pairing {
             return Placed::default();
         }
         while !self.open.is_empty() {
-            self.give_up_oldest(seen.start, done);
+            self.give_up_oldest(functions, seen.start, done);
         }
         let mut exchange = self.start(seen, next_txn);
         exchange.request.fill(seen);
@@ -450,12 +536,13 @@ impl Pairing {
     }
 
     /// Closes the oldest open request: another one came.
-    fn give_up_oldest(&mut self, next: Option<Ns>, done: &mut Vec<Box<Exchange>>) {
+    fn give_up_oldest(&mut self, functions: &Functions, next: Option<Ns>, done: &mut Vec<Box<Exchange>>) {
         let Some(mut exchange) = self.open.pop_front() else { return };
         exchange.waited = next.zip(exchange.request.end).map(|(next, end)| next - end).filter(|&ns| ns >= 2 * self.resolution);
         // Functions whose answers look like requests must not teach the time-out that tells them apart.
-        if let Some(waited) =
-            exchange.waited.filter(|_| exchange.response.frame == 0 && !exchange.silent && !echoes_whole(exchange.function))
+        if let Some(waited) = exchange
+            .waited
+            .filter(|_| exchange.response.frame == 0 && !exchange.silent && !echoes_whole(functions, &exchange.request.pdu))
         {
             Tempo::learn(&mut self.tempo.timeout, waited);
         }
@@ -503,6 +590,6 @@ fn silent(functions: &Functions, exchange: &Exchange) -> bool {
     functions.row(exchange.function, body).is_some_and(|row| row.response == Layout::Silent)
 }
 
-fn echoes_whole(function: u8) -> bool {
-    Functions::embedded().row(function, &[]).is_some_and(|row| row.request == row.response)
+fn echoes_whole(functions: &Functions, pdu: &[u8]) -> bool {
+    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.request == row.response)
 }

@@ -637,6 +637,8 @@ fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) -> String {
     match finding {
         Finding::Retry => format!("repeats transaction{other}"),
         Finding::LateResponse => format!("answers transaction{other}"),
+        Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
+        Finding::TwoMasters => String::from("answered after a later request"),
         Finding::WrongUnit => format!("unit {unit} answered; transaction{other} asked another"),
         Finding::WrongFunction => {
             format!("function {}; transaction{other} asked for another", seen.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT))

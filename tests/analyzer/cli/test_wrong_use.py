@@ -107,15 +107,18 @@ def test_a_full_disk(modlens: Modlens, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="/dev/full")
-@pytest.mark.parametrize("to", ["csv", "table"])
-def test_standard_output_is_full(to: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "words", [["decode", SEED, "--to", "csv"], ["decode", SEED], ["formats"], ["explain", "3"]]
+)
+def test_standard_output_is_full(words: list[str | Path], unbuffered: str) -> None:
     """The same for what goes to standard output."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
-            command("decode", SEED, "--to", to),
+            command(*words),
             stdout=full,
             stderr=subprocess.PIPE,
-            env=environment(),
+            env=environment(PYTHONUNBUFFERED=unbuffered),
             cwd=ROOT,
             check=False,
             timeout=60,

@@ -77,6 +77,22 @@ pub struct Model {
     seen: Box<[(u64, u32)]>,
     frames: f32,
     junk: f32,
+    requests: f32,
+    copies: f32,
+}
+
+/// Adapters that hear themselves: one in two hundred lines.
+const FIRST_COPIES: f32 = 1.0 / 200.0;
+
+/// What a request is to the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Copy {
+    /// Another one.
+    First,
+    /// The same again, before any answer.
+    Again,
+    /// An answer may look the same.
+    Unclear,
 }
 
 impl Default for Model {
@@ -89,6 +105,8 @@ impl Default for Model {
             seen: vec![(0, 0); SEEN].into_boxed_slice(),
             frames: 0.0,
             junk: 0.0,
+            requests: 0.0,
+            copies: 0.0,
         }
     }
 }
@@ -184,8 +202,20 @@ impl Model {
         }
     }
 
+    /// Costs of a request heard twice, and of hearing it once only.
+    pub fn copied(&self) -> (f32, f32) {
+        let share = (self.copies + PRIOR_WEIGHT * FIRST_COPIES) / (self.requests + PRIOR_WEIGHT);
+        let share = share.clamp(0.001, 0.99);
+        (-share.log2(), -(1.0 - share).log2())
+    }
+
     /// Learns from a frame that is certain; `strays` says that there was junk before it.
-    pub fn learn(&mut self, frame: &[u8], direction: usize, strays: bool) {
+    pub fn learn(&mut self, frame: &[u8], direction: usize, strays: bool, copy: Copy) {
+        match copy {
+            Copy::First if direction == 0 => self.requests += 1.0,
+            Copy::Again => self.copies += 1.0,
+            _ => {}
+        }
         self.units[frame[0] as usize] += 1.0;
         self.unit_total += 1.0;
         self.functions[direction][(frame[1] & !EXCEPTION_BIT) as usize] += 1.0;
@@ -214,8 +244,9 @@ impl Model {
             *value /= 2.0;
         }
         self.unit_total /= 2.0;
-        self.frames /= 2.0;
-        self.junk /= 2.0;
+        for value in [&mut self.frames, &mut self.junk, &mut self.requests, &mut self.copies] {
+            *value /= 2.0;
+        }
     }
 }
 

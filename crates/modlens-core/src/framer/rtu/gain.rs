@@ -18,6 +18,8 @@ pub struct Request {
     pub pdu: Vec<u8>,
     /// Its checksum was wrong: what the answer repeats may differ.
     pub damaged: bool,
+    /// It was already heard twice.
+    pub copied: bool,
 }
 
 impl Request {
@@ -130,7 +132,10 @@ pub fn context(
         let repeated = model.repeated(frame);
         let Some(asked) = asked else { return (repeated, false) };
         if asked.unit == unit && asked.pdu == pdu {
-            return (repeated.max(bits_of(&pdu[1..]) - 1.0) - costs::UNANSWERED + pause.min(0.0), false);
+            // A retry comes after a time-out; the echo of the tap's own adapter comes once, at once.
+            let retry = costs::UNANSWERED - pause.min(0.0);
+            let again = if asked.copied { retry } else { retry.min(model.copied().0) };
+            return (repeated.max(bits_of(&pdu[1..]) - 1.0) - again, false);
         }
         return (repeated - costs::UNANSWERED, false);
     }
@@ -152,7 +157,7 @@ pub fn context(
         }
     }
     if asked.pdu == pdu {
-        gain -= pause.max(0.0);
+        gain -= pause.max(0.0) + if asked.copied { 0.0 } else { model.copied().1 };
     }
     (gain, true)
 }

@@ -243,12 +243,17 @@ impl Framer for Rtu {
             }
             if self.search.idle() {
                 if context.shared {
-                    let asked = context.asked.map(|asked| Request { unit: asked.unit, pdu: asked.pdu.to_vec(), damaged: false });
+                    let asked = context.asked.map(|asked| Request {
+                        unit: asked.unit,
+                        pdu: asked.pdu.to_vec(),
+                        damaged: false,
+                        copied: false,
+                    });
                     self.search.set_asked(asked.map(std::sync::Arc::new));
                 }
                 match self.certain(input, context) {
                     Certain::Frame(length, direction) => {
-                        self.search.skip(&input.bytes()[..length], direction);
+                        self.search.skip(context, &input.bytes()[..length], direction);
                         return Some(self.cut(input, context, length, gain::direction(direction), 60, adu));
                     }
                     Certain::Wait => return None,

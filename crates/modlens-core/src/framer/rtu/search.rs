@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::direction::Direction;
 use crate::framer::rtu::announced;
-use crate::framer::rtu::costs::{self, Model};
+use crate::framer::rtu::costs::{self, Copy, Model};
 use crate::framer::rtu::gain::{self, Request, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
 use crate::framer::Context;
@@ -24,6 +24,12 @@ const PATIENCE: u64 = 640;
 
 /// Without a clock the frame behind tells an echoed answer from a retry; readings the other way round so near wait for it.
 const LOOK_ALIKE: f32 = 40.0;
+
+/// What it is worth for a frame that has begun to have begun right behind another one.
+const DUE: f32 = 14.0;
+
+/// No header is worth more.
+const MOST_HEADER: f32 = 60.0;
 
 /// A frame right behind another one with this many bits cannot be overtaken by any header alone.
 const SURE: f32 = 34.0;
@@ -133,12 +139,13 @@ impl Search {
     }
 
     /// A frame was found without search, right behind what was told.
-    pub fn skip(&mut self, frame: &[u8], direction: usize) {
+    pub fn skip(&mut self, context: &Context<'_>, frame: &[u8], direction: usize) {
+        let copy = copy(context, frame, false);
         let root = &mut self.nodes[0];
         (root.start, root.end) = (root.end, root.end + frame.len() as u64);
         root.direction = direction;
         root.asked = after(frame, direction, root.asked.take(), direction == RESPONSE, true);
-        self.model.learn(frame, direction, false);
+        self.model.learn(frame, direction, false, copy);
         self.next = root.end;
         self.running = false;
     }
@@ -315,16 +322,26 @@ impl Search {
         if frame.start == self.told() && frame.gain >= SURE {
             return false;
         }
-        let base = input.offset();
         let from = self.told().max(self.next.saturating_sub(REACH));
-        (from..frame.end).any(|start| {
-            let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
-            self.nodes.iter().filter(|node| node.end <= start).any(|node| {
-                let way = node.score - self.model.between(start - node.end);
-                way > bar - 40.0
-                    && gain::header(&self.model, context, node.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
-            })
-        })
+        let inside = (from..frame.end).any(|start| self.nodes.iter().any(|node| self.promises(input, context, node, start, bar)));
+        // The rival path may be in the middle of its next frame.
+        inside
+            || (1..self.nodes.len())
+                .any(|i| self.first(i) != first && self.promises(input, context, &self.nodes[i], self.nodes[i].end, bar))
+    }
+
+    /// Whether a frame that has begun at `start`, behind this node, may come out above the bar.
+    fn promises(&self, input: &Input, context: &Context<'_>, node: &Node, start: u64, bar: f32) -> bool {
+        if node.end > start || start >= self.next {
+            return false;
+        }
+        // A frame that begins where one is due may well contain another one: its end is waited for.
+        let due = if start == node.end { DUE } else { 0.0 };
+        let way = node.score - self.model.between(start - node.end) + due;
+        let base = input.offset();
+        let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
+        way > bar - MOST_HEADER
+            && gain::header(&self.model, context, node.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
     }
 
     /// Tells a frame: it becomes the root of all that is left.
@@ -342,7 +359,8 @@ impl Search {
         let tentative = strays && !frame.answers && !context.paired_units[bytes[0] as usize];
         // Noise must not teach units.
         if !tentative {
-            self.model.learn(bytes, frame.direction, strays);
+            let again = frame.asked.as_ref().is_some_and(|asked| asked.copied);
+            self.model.learn(bytes, frame.direction, strays, copy(context, bytes, again && frame.direction == REQUEST));
         }
         let told = Told::Frame {
             start: frame.start,
@@ -407,12 +425,28 @@ fn timing(input: &Input, from: usize, to: usize, silence: Ns) -> f32 {
     before - inside
 }
 
+/// What a request is to the one before. Where the answer may be an echo, nothing is learned.
+fn copy(context: &Context<'_>, frame: &[u8], again: bool) -> Copy {
+    let row = context.functions.row(frame[1] & !EXCEPTION_BIT, &frame[2..]);
+    match row {
+        Some(row) if row.request != row.response => {
+            if again {
+                Copy::Again
+            } else {
+                Copy::First
+            }
+        }
+        _ => Copy::Unclear,
+    }
+}
+
 /// The request that waits behind this frame.
 fn after(frame: &[u8], direction: usize, before: Option<Arc<Request>>, answered: bool, whole: bool) -> Option<Arc<Request>> {
     if direction == RESPONSE {
         return before.filter(|_| !answered);
     }
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    let copied = before.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
     // A broadcast is never answered.
-    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole }))
+    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied }))
 }
