@@ -229,6 +229,10 @@ impl Tempo {
     /// By how many bits a silence is more like a time-out than like an answer.
     pub fn judge(&self, gap: Option<Ns>) -> Pause {
         let (Some(gap), Some(answer)) = (gap.map(|ns| ns.max(1) as f64), self.answer) else { return 0.0 };
+        if gap < answer / 8.0 {
+            // Too soon for either: an echo, or a silence that the clock has lost.
+            return 0.0;
+        }
         // Both scatter by a factor of about e^(1/2); until a time-out was seen, one is expected at 30 answers or more.
         let likely = |typical: f64| -(gap / typical).ln().powi(2) * 2.0 * std::f64::consts::LOG2_E;
         let timeout = self.timeout.unwrap_or_else(|| (30.0 * answer).max(gap.min(1e9)));

@@ -291,8 +291,8 @@ impl Search {
         if patient {
             let bar = standing - THETA;
             let rival = (0..self.nodes.len()).any(|i| self.first(i) != first && self.standing(&self.nodes[i]) > bar);
-            let look_alike =
-                !input.timed && first == best && self.next < frame.end + REACH && self.turned(first, standing - LOOK_ALIKE);
+            let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
+            let look_alike = clockless && first == best && self.next < frame.end + REACH && self.turned(first, standing - LOOK_ALIKE);
             // Only what follows shows that a frame was damaged rather than none.
             let doubtful = !frame.whole && first == best && self.next < frame.end + REACH;
             if rival || look_alike || doubtful || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
