@@ -68,6 +68,8 @@ pub struct Seen<'a> {
     pub mbap_id: Option<u16>,
     /// Line or packet number, or the stream offset.
     pub origin: u64,
+    /// Isolated in noise: no proof that its unit exists.
+    pub tentative: bool,
     /// What was found on the frame itself.
     pub codes: &'a [Finding],
 }
@@ -163,6 +165,8 @@ pub struct Exchange {
     silent: bool,
     /// The request was heard twice.
     echoed: bool,
+    /// A response that is not tentative answers it: the unit is there.
+    pub sure: bool,
 }
 
 impl Exchange {
@@ -188,6 +192,7 @@ impl Exchange {
             given_up: false,
             silent: false,
             echoed: false,
+            sure: false,
         }
     }
 
@@ -416,6 +421,7 @@ impl Pairing {
             return self.unrequested(functions, seen, next_txn, done);
         };
         let mut exchange = self.open.remove(at).expect("found above");
+        exchange.sure = !seen.tentative;
         let overtaken = at == 0 && self.open.front().is_some_and(|later| seen.mode != Mode::Tcp && later.txn > exchange.txn);
         self.last = Some((seen.unit(), seen.pdu().to_vec(), exchange.retry_of.is_some()));
         exchange.response.fill(seen);

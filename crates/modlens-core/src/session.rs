@@ -362,6 +362,7 @@ impl Session {
             gap,
             mbap_id: cut.mbap_id,
             origin,
+            tentative: cut.tentative,
             codes: &[],
         };
         self.found.clear();
@@ -491,7 +492,7 @@ impl Session {
                     });
                 }
             }
-            if matches!(exchange.status, Status::Ok | Status::Exception) {
+            if exchange.sure && matches!(exchange.status, Status::Ok | Status::Exception) {
                 self.buses[bus].paired_units[exchange.unit as usize] = true;
             }
             self.stats.transaction(bus, &exchange);

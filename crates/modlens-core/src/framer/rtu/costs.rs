@@ -32,6 +32,9 @@ pub const ORPHAN: f32 = 5.9;
 /// A frame whose checksum is wrong, where everything else fits: one in two hundred, and no checksum to vouch for it.
 pub const DAMAGED: f32 = 9.0;
 
+/// A frame of the other side on a line that one side has for itself.
+pub const WRONG_LINE: f32 = 25.0;
+
 /// A request while another one waits: one in thirty.
 pub const UNANSWERED: f32 = 4.9;
 
@@ -79,7 +82,16 @@ pub struct Model {
     junk: f32,
     requests: f32,
     copies: f32,
+    bits: [f32; 256],
+    noise: Box<[f32; 256]>,
+    noise_total: f32,
+    noise_due: f32,
 }
+
+/// Bytes of noise that weigh as much as the usual bits, after which the bits are worked out again, and half forgotten.
+const NOISE_WEIGHT: f32 = 256.0;
+const NOISE_STEP: f32 = 128.0;
+const NOISE_FORGET: f32 = 8192.0;
 
 /// Adapters that hear themselves: one in two hundred lines.
 const FIRST_COPIES: f32 = 1.0 / 200.0;
@@ -107,23 +119,21 @@ impl Default for Model {
             junk: 0.0,
             requests: 0.0,
             copies: 0.0,
+            bits: std::array::from_fn(|byte| usual_bits(byte as u8)),
+            noise: Box::new([0.0; 256]),
+            noise_total: 0.0,
+            noise_due: NOISE_STEP,
         }
     }
 }
 
-/// The bits of a byte.
-#[inline]
-pub fn bits(byte: u8) -> f32 {
+/// The bits of a byte before any noise was seen.
+fn usual_bits(byte: u8) -> f32 {
     match byte {
         0 => ZERO_BITS,
         0xFF => ONES_BITS,
         _ => OTHER_BITS,
     }
-}
-
-/// The bits of some bytes.
-pub fn bits_of(bytes: &[u8]) -> f32 {
-    bytes.iter().map(|&byte| bits(byte)).sum()
 }
 
 /// How common a function is before anything was learned.
@@ -152,6 +162,39 @@ fn unit_prior(unit: u8) -> f32 {
 }
 
 impl Model {
+    /// The bits of a byte: fewer for bytes that this line's noise is made of.
+    #[inline]
+    pub fn bits(&self, byte: u8) -> f32 {
+        self.bits[byte as usize]
+    }
+
+    /// The bits of some bytes.
+    pub fn bits_of(&self, bytes: &[u8]) -> f32 {
+        bytes.iter().map(|&byte| self.bits(byte)).sum()
+    }
+
+    /// Learns from bytes that are no frame: on a wrong baud rate or a floating line few values make all of the noise.
+    pub fn learn_noise(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.noise[byte as usize] += 1.0;
+        }
+        self.noise_total += bytes.len() as f32;
+        if self.noise_total < self.noise_due {
+            return;
+        }
+        if self.noise_total > NOISE_FORGET {
+            self.noise.iter_mut().for_each(|count| *count /= 2.0);
+            self.noise_total /= 2.0;
+        }
+        self.noise_due = self.noise_total + NOISE_STEP;
+        let weight = self.noise_total / (self.noise_total + NOISE_WEIGHT);
+        for (byte, bits) in self.bits.iter_mut().enumerate() {
+            let usual = (-usual_bits(byte as u8)).exp2();
+            let share = self.noise[byte] / self.noise_total;
+            *bits = -((1.0 - weight) * usual + weight * share.max(usual)).log2();
+        }
+    }
+
     /// Cost of a unit number.
     pub fn unit(&self, unit: u8) -> f32 {
         let seen = self.units[unit as usize] + PRIOR_WEIGHT * unit_prior(unit);
@@ -178,7 +221,7 @@ impl Model {
         if known != key || count == 0 {
             return 0.0;
         }
-        let body = bits_of(&frame[2..frame.len() - 2]);
+        let body = self.bits_of(&frame[2..frame.len() - 2]);
         (body - 3.0).clamp(0.0, REPEATED_AT_MOST)
     }
 

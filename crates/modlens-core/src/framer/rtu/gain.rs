@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use crate::direction::{answers, consistent, expected_block, Asked, Direction, Match, Pause};
 use crate::framer::rtu::announced;
-use crate::framer::rtu::costs::{self, bits, bits_of, Model};
+use crate::framer::rtu::costs::{self, Model};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
 use crate::pairing::BROADCAST;
 
 /// A request that may be answered.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Request {
     /// Unit asked.
     pub unit: u8,
@@ -20,6 +20,8 @@ pub struct Request {
     pub damaged: bool,
     /// It was already heard twice.
     pub copied: bool,
+    /// It is isolated in noise.
+    pub tentative: bool,
 }
 
 impl Request {
@@ -47,13 +49,13 @@ pub fn direction(index: usize) -> Direction {
 pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
-    let header = bits(unit) - model.unit(unit) + bits(code) - model.function(context.functions, code, direction);
-    let mut gain = bits_of(&frame[frame.len() - 2..]) + header;
+    let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
+    let mut gain = model.bits_of(&frame[frame.len() - 2..]) + header;
     if direction == RESPONSE && unit == BROADCAST {
         gain -= costs::BROADCAST_READ;
     }
     if code & EXCEPTION_BIT != 0 {
-        return exception(code, body, direction).map(|exception| gain + exception);
+        return exception(model, code, body, direction).map(|exception| gain + exception);
     }
     if code == 0 {
         return None;
@@ -62,10 +64,10 @@ pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usiz
     if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
         gain -= costs::BROADCAST_READ;
     }
-    Some(gain + layout(row, body, direction))
+    Some(gain + layout(model, row, body, direction))
 }
 
-fn exception(code: u8, body: &[u8], direction: usize) -> Option<f32> {
+fn exception(model: &Model, code: u8, body: &[u8], direction: usize) -> Option<f32> {
     let &[exception] = body else { return None };
     if direction == REQUEST {
         return None;
@@ -77,10 +79,10 @@ fn exception(code: u8, body: &[u8], direction: usize) -> Option<f32> {
         _ => 9.0,
     };
     let function = if code & !EXCEPTION_BIT == 0 { costs::BROKEN_RULE } else { 0.0 };
-    Some(bits(exception) - usual - function - costs::EXCEPTION)
+    Some(model.bits(exception) - usual - function - costs::EXCEPTION)
 }
 
-fn layout(row: &Row, body: &[u8], direction: usize) -> f32 {
+fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {
     let layout = if direction == REQUEST { &row.request } else { &row.response };
     let other = if direction == REQUEST { &row.response } else { &row.request };
     // A frame whose last byte was 00 keeps a right checksum without it: then it was cut short.
@@ -96,10 +98,10 @@ fn layout(row: &Row, body: &[u8], direction: usize) -> f32 {
             _ => return -costs::OPEN_LENGTH - costs::BROKEN_RULE,
         },
     };
-    gain += row.permits[direction].iter().map(|permit| permitted(permit, body)).sum::<f32>();
+    gain += row.permits[direction].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
     if direction == REQUEST {
         if let Some((at, _)) = row.roles.request_block {
-            gain += if consistent(row, body) { bits(body[at - 1]) } else { -costs::BROKEN_RULE };
+            gain += if consistent(row, body) { model.bits(body[at - 1]) } else { -costs::BROKEN_RULE };
         }
     }
     if direction == RESPONSE && row.roles.response_block.is_some_and(|(at, bit)| !bit && (body.len() - at) % 2 == 1) {
@@ -109,13 +111,13 @@ fn layout(row: &Row, body: &[u8], direction: usize) -> f32 {
 }
 
 /// A field within its limits is worth its bits less those that choose among the values permitted.
-fn permitted(permit: &Permit, body: &[u8]) -> f32 {
+fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
     let Some(field) = body.get(permit.offset..permit.offset + permit.width) else { return 0.0 };
     if permit.violated_by(body).is_some() {
         return -costs::BROKEN_RULE;
     }
     let choices: u64 = permit.ranges.iter().map(|(low, high)| u64::from(high - low) + 1).sum();
-    (bits_of(field) - (choices as f32).log2()).max(0.0)
+    (model.bits_of(field) - (choices as f32).log2()).max(0.0)
 }
 
 /// What the request that waits makes of a frame: bits, and whether it is answered.
@@ -135,7 +137,7 @@ pub fn context(
             // A retry comes after a time-out; the echo of the tap's own adapter comes once, at once.
             let retry = costs::UNANSWERED - pause.min(0.0);
             let again = if asked.copied { retry } else { retry.min(model.copied().0) };
-            return (repeated.max(bits_of(&pdu[1..]) - 1.0) - again, false);
+            return (repeated.max(model.bits_of(&pdu[1..]) - 1.0) - again, false);
         }
         return (repeated - costs::UNANSWERED, false);
     }
@@ -149,11 +151,11 @@ pub fn context(
         } else if matched == Match::Partly {
             gain -= costs::BROKEN_RULE;
         } else if expected_block(row, &asked.pdu).is_some() {
-            gain += bits(pdu[1]);
+            gain += model.bits(pdu[1]);
         } else if asked.pdu == pdu {
-            gain += bits_of(&pdu[1..]);
+            gain += model.bits_of(&pdu[1..]);
         } else if !row.echo.is_empty() {
-            gain += bits_of(&pdu[1..pdu.len().min(5)]);
+            gain += model.bits_of(&pdu[1..pdu.len().min(5)]);
         }
     }
     if asked.pdu == pdu {
@@ -176,23 +178,23 @@ pub fn damaged(
         if !model.familiar(unit, code, REQUEST) || !consistent(row, body) {
             return None;
         }
-        let header = bits(unit) - model.unit(unit) + bits(code) - model.function(context.functions, code, REQUEST);
+        let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, REQUEST);
         let waiting = if asked.is_some() { costs::UNANSWERED } else { 0.0 };
-        return Some(header + layout(row, body, REQUEST) - costs::DAMAGED - waiting);
+        return Some(header + layout(model, row, body, REQUEST) - costs::DAMAGED - waiting);
     }
     let asked = asked.filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&code))?;
     let expected = expected_block(row, &asked.pdu);
     if expected.is_some_and(|expected| body.first().map(|&count| usize::from(count)) != Some(expected)) {
         return None;
     }
-    let count = if expected.is_some() { bits(body[0]) } else { 0.0 };
-    Some(bits(unit) + bits(code) + count - costs::ANSWERED - costs::DAMAGED)
+    let count = if expected.is_some() { model.bits(body[0]) } else { 0.0 };
+    Some(model.bits(unit) + model.bits(code) + count - costs::ANSWERED - costs::DAMAGED)
 }
 
 /// Bits that an unfinished frame may claim by its header, if it can still go on beyond `seen` bytes.
 pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Arc<Request>>, seen: &[u8]) -> Option<f32> {
     if seen.len() < 2 {
-        return Some(bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH);
+        return Some(model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH);
     }
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
     let mut best: Option<f32> = None;
@@ -204,10 +206,11 @@ pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Arc<Request>>
             Extent::Open(_) => costs::OPEN_LENGTH,
             _ => 0.0,
         };
-        let mut gain = bits(unit) - model.unit(unit) + bits(code) - model.function(context.functions, code, index) - open;
+        let mut gain =
+            model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, index) - open;
         let row = context.functions.row(code & !EXCEPTION_BIT, body);
         if let Some(row) = row {
-            gain += row.permits[index].iter().map(|permit| permitted(permit, body)).sum::<f32>();
+            gain += row.permits[index].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
             if index == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
                 gain += costs::OPEN_LENGTH;
             }
@@ -219,7 +222,7 @@ pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Arc<Request>>
                     let expected = row.and_then(|row| expected_block(row, &asked.pdu));
                     let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
                     let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
-                    known + if agrees { body.first().map_or(0.0, |&count| bits(count)) } else { -costs::BROKEN_RULE }
+                    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -costs::BROKEN_RULE }
                 }
                 None => -costs::ORPHAN,
             };

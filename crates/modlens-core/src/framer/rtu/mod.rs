@@ -248,6 +248,7 @@ impl Framer for Rtu {
                         pdu: asked.pdu.to_vec(),
                         damaged: false,
                         copied: false,
+                        tentative: false,
                     });
                     self.search.set_asked(asked.map(std::sync::Arc::new));
                 }

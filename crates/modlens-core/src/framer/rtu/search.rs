@@ -211,7 +211,12 @@ impl Search {
         let floor = self.best().1 - HOPELESS;
         for direction in [REQUEST, RESPONSE] {
             let Some(own) = gain::frame(&self.model, context, frame, direction) else { continue };
-            let told = if said.is_some_and(|said| said != gain::direction(direction)) { costs::BROKEN_RULE } else { 0.0 };
+            let told = match said {
+                Some(said) if said == gain::direction(direction) => 0.0,
+                Some(_) if context.speaker.is_some() => costs::WRONG_LINE,
+                Some(_) => costs::BROKEN_RULE,
+                None => 0.0,
+            };
             // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
             let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
@@ -284,6 +289,8 @@ impl Search {
             if !closed && waiting <= NOISE + REACH {
                 return None;
             }
+            let junk = (self.told() - input.offset()) as usize..(to - input.offset()) as usize;
+            self.model.learn_noise(&input.bytes()[junk]);
             return Some(self.junk(to));
         }
         let frame = &self.nodes[first];
@@ -292,7 +299,11 @@ impl Search {
             let bar = standing - THETA;
             let rival = (0..self.nodes.len()).any(|i| self.first(i) != first && self.standing(&self.nodes[i]) > bar);
             let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
-            let look_alike = clockless && first == best && self.next < frame.end + REACH && self.turned(first, standing - LOOK_ALIKE);
+            let look_alike = clockless
+                && context.speaker.is_none()
+                && first == best
+                && self.next < frame.end + REACH
+                && self.turned(first, standing - LOOK_ALIKE);
             // Only what follows shows that a frame was damaged rather than none.
             let doubtful = !frame.whole && first == best && self.next < frame.end + REACH;
             if rival || look_alike || doubtful || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
@@ -356,7 +367,8 @@ impl Search {
         }
         let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
         let strays = frame.start > self.told();
-        let tentative = strays && !frame.answers && !context.paired_units[bytes[0] as usize];
+        let asked_for = frame.answers && self.nodes[0].asked.as_ref().is_some_and(|asked| !asked.tentative);
+        let tentative = strays && !asked_for && !context.paired_units[bytes[0] as usize];
         // Noise must not teach units.
         if !tentative {
             let again = frame.asked.as_ref().is_some_and(|asked| asked.copied);
@@ -369,7 +381,14 @@ impl Search {
             confidence: lead.clamp(0.0, 60.0) as u8,
             tentative,
         };
+        if strays {
+            let junk = &input.bytes()[(self.told() - input.offset()) as usize..(frame.start - input.offset()) as usize];
+            self.model.learn_noise(junk);
+        }
         self.reroot(first);
+        if let Some(asked) = self.nodes[0].asked.as_mut().filter(|_| tentative) {
+            Arc::make_mut(asked).tentative = true;
+        }
         told
     }
 
@@ -448,5 +467,5 @@ fn after(frame: &[u8], direction: usize, before: Option<Arc<Request>>, answered:
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
     let copied = before.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
     // A broadcast is never answered.
-    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied }))
+    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied, tentative: false }))
 }
