@@ -175,8 +175,10 @@ impl Rtu {
         let familiar = context.known_units[bytes[0] as usize] || context.asked.is_some_and(|asked| asked.unit == bytes[0]);
         let mut shorter = None;
         let mut longer = None;
+        // Where this unit and function were asked for, it is the answer, not another request.
+        let answer = context.asked.is_some_and(|asked| asked.unit == bytes[0] && asked.pdu.first() == Some(&bytes[1]));
         let known = announced(context, bytes);
-        for (direction, length) in known.iter().copied().flatten() {
+        for (direction, length) in known.iter().copied().flatten().take(if answer { 1 } else { 2 }) {
             match length {
                 Extent::Exactly(length) if length == burst => {
                     return damaged(length, Verdict::BadChecksum, CutBy::Length, direction);

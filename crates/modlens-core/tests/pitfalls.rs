@@ -1,0 +1,348 @@
+//! What other tools get wrong, a test each. Expected values are built here, from the layouts of the specification.
+
+use std::time::Instant;
+
+use modlens_core::checksum::crc16;
+use modlens_core::chunk::{Chunk, Times};
+use modlens_core::direction::Direction;
+use modlens_core::finding::Finding;
+use modlens_core::framer::{Mode, Verdict};
+use modlens_core::records::{Batch, Clock, Status};
+use modlens_core::session::{BusOptions, Session};
+
+const MS: i64 = 1_000_000;
+const CHAR: i64 = 572_916;
+
+fn options() -> BusOptions {
+    let mut options = BusOptions::named("bus");
+    options.mode = Some(Mode::Rtu);
+    options
+}
+
+fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut frame = vec![unit];
+    frame.extend(pdu);
+    frame.extend(crc16(&frame).to_le_bytes());
+    frame
+}
+
+fn read(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
+    let [high, low] = address.to_be_bytes();
+    frame(unit, &[3, high, low, 0, quantity])
+}
+
+fn answer(unit: u8, registers: &[u16]) -> Vec<u8> {
+    let mut pdu = vec![3, 2 * registers.len() as u8];
+    pdu.extend(registers.iter().flat_map(|value| value.to_be_bytes()));
+    frame(unit, &pdu)
+}
+
+/// Traffic that makes units 1 and 2 familiar.
+fn warm_up() -> Vec<u8> {
+    (0..6u16).flat_map(|i| [read(1 + (i % 2) as u8, 100 * i, 2), answer(1 + (i % 2) as u8, &[i, 0])].concat()).collect()
+}
+
+fn untimed(bytes: &[u8]) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(options());
+    session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+/// Reads with the pause before each, at 19200 baud, 8E1, one byte a read.
+fn timed(bursts: &[(i64, Vec<u8>)]) -> Batch {
+    let mut session = Session::default();
+    let mut options = options();
+    options.line = Some("19200-8E1".parse().unwrap());
+    options.bus.clock = Clock::Utc;
+    let bus = session.add_bus(options);
+    let mut now = 1_700_000_000_000_000_000;
+    for (pause, bytes) in bursts {
+        now += pause;
+        let times: Vec<i64> = (1..=bytes.len() as i64).map(|i| now + i * CHAR).collect();
+        now += bytes.len() as i64 * CHAR;
+        session.feed(bus, &Chunk { bytes, times: Times::Bytes(&times), ..Chunk::default() });
+    }
+    session.flush();
+    session.take()
+}
+
+fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
+    let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
+    good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
+}
+
+fn statuses(batch: &Batch) -> Vec<Status> {
+    batch.transactions.iter().map(|txn| txn.status).collect()
+}
+
+fn expect(batch: &Batch, skip: usize, frames: &[(Vec<u8>, Direction)]) {
+    assert_eq!(&good(batch)[skip..], frames);
+}
+
+use Direction::{Request, Response};
+
+#[test]
+fn frames_glued_into_one_read_are_told_apart() {
+    let frames =
+        [(read(1, 0, 2), Request), (answer(1, &[7, 8]), Response), (read(2, 5, 1), Request), (answer(2, &[9]), Response)];
+    expect(&untimed(&frames.iter().flat_map(|(bytes, _)| bytes.clone()).collect::<Vec<_>>()), 0, &frames);
+}
+
+#[test]
+fn a_frame_whose_checksum_ends_in_zero_is_whole() {
+    // 01 04 02 03 01 has the CRC 78 00: without its last byte the frame is CRC-valid, too.
+    let whole = vec![0x01, 0x04, 0x02, 0x03, 0x01, 0x78, 0x00];
+    assert_eq!(frame(1, &[4, 2, 3, 1]), whole);
+    let request = frame(1, &[4, 0, 0, 0, 1]);
+    expect(&untimed(&[request.clone(), whole.clone()].concat()), 0, &[(request, Request), (whole, Response)]);
+}
+
+#[test]
+fn stray_zeros_and_ones_around_frames_belong_to_none() {
+    for strays in [&[0u8][..], &[0, 0], &[0xFF], &[0xFF, 0xFE], &[0, 0, 0, 0, 0]] {
+        let (ask, tell) = (read(1, 0, 2), answer(1, &[7, 8]));
+        let bytes = [&warm_up()[..], strays, &ask, strays, &tell, strays, &read(2, 0, 1)].concat();
+        expect(&untimed(&bytes), 12, &[(ask, Request), (tell, Response), (read(2, 0, 1), Request)]);
+    }
+}
+
+#[test]
+fn published_frames_with_glitches_on_both_sides() {
+    // minimalmodbus #61 and modbus-cli #41: CRC-valid with the trailing 00, too.
+    for text in ["00 04 83 02 D0 F0 00", "00 2E 03 02 04 80 6E E2 00"] {
+        let bytes = modlens_core::pdu::parse_hex(text).unwrap();
+        let request = read(bytes[1], 0, 1);
+        let batch = untimed(&[request.clone(), bytes.clone()].concat());
+        expect(&batch, 0, &[(request, Request), (bytes[1..bytes.len() - 1].to_vec(), Response)]);
+    }
+}
+
+#[test]
+fn runs_of_one_value_are_no_frames_and_take_linear_time() {
+    let patterns: [&[u8]; 5] = [&[0], &[0xFF], &[0xFF, 0xFF, 0, 0, 0], &[1, 3], &[0xA8, 0xEA]];
+    for pattern in patterns {
+        let bytes: Vec<u8> = pattern.iter().copied().cycle().take(1 << 20).collect();
+        let start = Instant::now();
+        assert_eq!(good(&untimed(&bytes)), [], "{pattern:02x?}");
+        // Quadratic, a megabyte would take hours.
+        assert!(start.elapsed().as_secs() < 60, "{pattern:02x?}");
+    }
+}
+
+#[test]
+fn eight_bytes_of_function_1_are_coils_where_coils_were_asked_for() {
+    let ask = frame(1, &[1, 0, 0, 0, 24]);
+    let tell = frame(1, &[1, 3, 0, 0, 8]);
+    expect(&untimed(&[ask.clone(), tell.clone()].concat()), 0, &[(ask, Request), (tell, Response)]);
+}
+
+#[test]
+fn an_echoed_write_is_an_answer_and_three_copies_are_a_retry() {
+    let write = frame(1, &[6, 0, 1, 0, 3]);
+    let next = read(2, 0, 1);
+    let two = [warm_up(), write.clone(), write.clone(), next.clone(), answer(2, &[1])].concat();
+    expect(
+        &untimed(&two),
+        12,
+        &[(write.clone(), Request), (write.clone(), Response), (next.clone(), Request), (answer(2, &[1]), Response)],
+    );
+    let three = [warm_up(), write.clone(), write.clone(), write.clone(), next.clone(), answer(2, &[1])].concat();
+    let batch = untimed(&three);
+    assert_eq!(good(&batch)[12..15].iter().map(|f| f.1).collect::<Vec<_>>(), [Request, Request, Response]);
+    assert_eq!(batch.transactions[7].retry_of, Some(batch.transactions[6].number));
+}
+
+#[test]
+fn the_pause_tells_a_retry_from_an_echo() {
+    let write = frame(1, &[6, 0, 1, 0, 3]);
+    let mut bursts = vec![];
+    for i in 0..6 {
+        bursts.extend([(20 * MS, read(1, i, 1)), (8 * MS, answer(1, &[i]))]);
+    }
+    bursts.extend([(20 * MS, read(9, 0, 1)), (300 * MS, read(9, 0, 1)), (300 * MS, read(1, 0, 1)), (8 * MS, answer(1, &[1]))]);
+    bursts.extend([(20 * MS, write.clone()), (300 * MS, write.clone()), (8 * MS, write.clone())]);
+    let batch = timed(&bursts);
+    let last: Vec<Direction> = good(&batch).iter().rev().take(3).map(|f| f.1).collect();
+    assert_eq!(last, [Response, Request, Request]);
+}
+
+#[test]
+fn a_local_echo_is_no_transaction_of_its_own() {
+    let mut bursts = vec![];
+    for i in 0..8 {
+        bursts.extend([(20 * MS, [read(1, i, 1), read(1, i, 1)].concat()), (8 * MS, answer(1, &[i]))]);
+    }
+    let batch = timed(&bursts);
+    assert_eq!(statuses(&batch), [Status::Ok; 8]);
+    assert!(batch.transactions.iter().all(|txn| txn.findings.of(&batch.codes).contains(&Finding::LocalEcho)));
+}
+
+#[test]
+fn unanswered_broadcast_and_late() {
+    let bursts = vec![
+        (20 * MS, read(1, 0, 1)),
+        (8 * MS, answer(1, &[1])),
+        (20 * MS, frame(0, &[6, 0, 1, 0, 3])),
+        (100 * MS, read(1, 0, 1)),
+        (8 * MS, answer(1, &[1])),
+        (20 * MS, read(2, 0, 2)),
+        (300 * MS, read(1, 9, 1)),
+        (8 * MS, answer(1, &[1])),
+        (8 * MS, answer(2, &[4, 5])),
+    ];
+    let batch = timed(&bursts);
+    use Status::{Broadcast, NoResponse, Ok, Unrequested};
+    assert_eq!(statuses(&batch), [Ok, Broadcast, Ok, NoResponse, Ok, Unrequested]);
+    assert_eq!(batch.transactions[5].late_for, Some(batch.transactions[3].number));
+    assert!(batch.transactions[3].waited.is_some_and(|ns| (ns - 300 * MS).abs() < MS));
+}
+
+#[test]
+fn exceptions_of_every_function_and_strange_codes() {
+    for code in [1u8, 6, 16, 23, 43, 65, 100] {
+        for exception in [1u8, 2, 7, 12, 0x80, 0xFF] {
+            let ask = frame(1, &[code, 0, 0, 0, 1]);
+            let tell = frame(1, &[code | 0x80, exception]);
+            let bytes = [warm_up(), ask, tell.clone(), read(1, 0, 1)].concat();
+            assert!(good(&untimed(&bytes)).contains(&(tell, Response)), "{code} {exception}");
+        }
+    }
+}
+
+#[test]
+fn functions_without_public_layout_end_where_their_checksum_and_the_next_frame_say() {
+    for length in [0usize, 1, 7, 40, 200] {
+        let body: Vec<u8> = (0..length).map(|i| (i * 37 + 11) as u8).collect();
+        let ask = frame(1, &[&[102], &body[..]].concat());
+        let bytes = [&warm_up()[..], &ask, &read(2, 0, 1), &answer(2, &[5])].concat();
+        assert!(good(&untimed(&bytes)).contains(&(ask, Request)), "{length}");
+    }
+}
+
+#[test]
+fn a_frame_inside_a_payload_is_payload() {
+    let inner = read(2, 0, 1);
+    let mut pdu = vec![16, 0, 0, 0, 5, 10];
+    pdu.extend(&inner);
+    pdu.extend([0, 0]);
+    let outer = frame(1, &pdu);
+    let done = frame(1, &[16, 0, 0, 0, 5]);
+    let bytes = [warm_up(), outer.clone(), done.clone(), read(1, 0, 1), answer(1, &[1])].concat();
+    expect(&untimed(&bytes), 12, &[(outer, Request), (done, Response), (read(1, 0, 1), Request), (answer(1, &[1]), Response)]);
+}
+
+#[test]
+fn a_request_behind_a_truncated_response_is_found() {
+    let cut = &answer(1, &[1; 60])[..50];
+    let bytes =
+        [&warm_up()[..], &read(1, 0, 60), cut, &read(2, 7, 1), &answer(2, &[3]), &read(1, 0, 1), &answer(1, &[1])].concat();
+    let rest = [(read(2, 7, 1), Request), (answer(2, &[3]), Response), (read(1, 0, 1), Request), (answer(1, &[1]), Response)];
+    expect(&untimed(&bytes), 13, &rest);
+}
+
+#[test]
+fn one_flipped_bit_spoils_one_frame_only() {
+    let victims = [read(1, 0, 2), answer(1, &[7, 8])];
+    for victim in 0..2 {
+        for at in 2..victims[victim].len() {
+            let mut pair = victims.clone();
+            pair[victim][at] ^= 0x10;
+            let bytes = [warm_up(), pair[0].clone(), pair[1].clone(), read(2, 0, 1), answer(2, &[5])].concat();
+            let batch = untimed(&bytes);
+            let found = good(&batch);
+            assert!(
+                found.contains(&(victims[1 - victim].clone(), if victim == 0 { Response } else { Request })),
+                "{victim} {at}"
+            );
+            assert_eq!(found[found.len() - 2..], [(read(2, 0, 1), Request), (answer(2, &[5]), Response)], "{victim} {at}");
+            let damaged =
+                batch.frames.iter().any(|f| f.verdict != Verdict::Ok && f.wire.of(&batch.arena).contains(&pair[victim][at]));
+            assert!(damaged, "{victim} {at}");
+        }
+    }
+}
+
+#[test]
+fn pauses_inside_frames_and_none_between_them() {
+    let (ask, tell) = (read(1, 0, 2), answer(1, &[7, 8]));
+    let bursts = vec![
+        (20 * MS, ask[..3].to_vec()),
+        (12 * MS, ask[3..].to_vec()),
+        (0, tell.clone()),
+        (20 * MS, ask.clone()),
+        (5 * MS, tell[..4].to_vec()),
+        (2 * CHAR, tell[4..].to_vec()),
+    ];
+    expect(&timed(&bursts), 0, &[(ask.clone(), Request), (tell.clone(), Response), (ask, Request), (tell, Response)]);
+}
+
+#[test]
+fn quantities_over_the_limit_are_frames_with_a_finding() {
+    for quantity in [126u8, 127] {
+        let ask = read(1, 0, quantity);
+        let tell = answer(1, &vec![3; usize::from(quantity)]);
+        let batch = untimed(&[warm_up(), ask.clone(), tell.clone(), read(1, 0, 1)].concat());
+        assert!(good(&batch).contains(&(ask, Request)) && good(&batch).contains(&(tell, Response)), "{quantity}");
+        assert!(batch.findings.iter().any(|row| row.finding == Finding::QuantityLimit));
+    }
+}
+
+#[test]
+fn a_response_with_four_bytes_a_register_is_a_frame_with_a_finding() {
+    let (ask, tell) = (read(1, 0, 2), answer(1, &[1, 2, 3, 4]));
+    let batch = untimed(&[warm_up(), ask, tell.clone(), read(1, 0, 1), answer(1, &[1])].concat());
+    assert!(good(&batch).contains(&(tell, Response)));
+    assert!(batch.findings.iter().any(|row| row.finding == Finding::ResponseLength));
+}
+
+#[test]
+fn a_file_record_response_of_one_register_is_legal() {
+    // Data length 4, below the minimum of 7 that the specification states (6.14).
+    let ask = frame(1, &[20, 7, 6, 0, 4, 0, 1, 0, 1]);
+    let tell = frame(1, &[20, 4, 3, 6, 0x0D, 0xFE]);
+    let batch = untimed(&[ask.clone(), tell.clone()].concat());
+    expect(&batch, 0, &[(ask, Request), (tell, Response)]);
+    assert!(batch.findings.is_empty());
+}
+
+#[test]
+fn random_noise_is_noise() {
+    // A linear congruential generator (Numerical Recipes): the same noise everywhere.
+    let mut state = 12345u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let bytes: Vec<u8> = (0..1 << 20).map(|_| noise()).collect();
+    let batch = untimed(&bytes);
+    let sure = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok && !frame.tentative).count();
+    assert!(sure <= 2, "{sure} frames in a megabyte of noise");
+}
+
+#[test]
+fn capture_starts_and_ends_in_the_middle() {
+    let bytes = [&answer(1, &[1; 20])[17..], &warm_up()[..], &read(1, 0, 20), &answer(1, &[1; 20])[..9]].concat();
+    let batch = untimed(&bytes);
+    assert_eq!(good(&batch).len(), 13);
+    assert_eq!(batch.frames.last().unwrap().verdict, Verdict::Incomplete);
+    assert_eq!(*statuses(&batch).last().unwrap(), Status::BadResponse);
+}
+
+#[test]
+fn two_masters_are_told_when_both_are_answered() {
+    let mut bursts = vec![];
+    for i in 0..4 {
+        bursts.extend([
+            (20 * MS, read(1, i, 1)),
+            (20 * MS, answer(1, &[i])),
+            (20 * MS, read(2, i, 2)),
+            (20 * MS, answer(2, &[i, i])),
+        ]);
+    }
+    bursts.extend([(20 * MS, read(1, 0, 1)), (8 * MS, read(2, 0, 2)), (8 * MS, answer(1, &[1])), (12 * MS, answer(2, &[1, 2]))]);
+    let batch = timed(&bursts);
+    assert_eq!(statuses(&batch), [Status::Ok; 10]);
+    assert!(batch.findings.iter().any(|row| row.finding == Finding::TwoMasters));
+}
