@@ -193,8 +193,8 @@ fn unanswered_broadcast_and_late() {
         (8 * MS, answer(2, &[4, 5])),
     ];
     let batch = timed(&bursts);
-    use Status::{Broadcast, NoResponse, Ok, Unrequested};
-    assert_eq!(statuses(&batch), [Ok, Broadcast, Ok, NoResponse, Ok, Unrequested]);
+    let (ok, none) = (Status::Ok, Status::NoResponse);
+    assert_eq!(statuses(&batch), [ok, Status::Broadcast, ok, none, ok, Status::Unrequested]);
     assert_eq!(batch.transactions[5].late_for, Some(batch.transactions[3].number));
     assert!(batch.transactions[3].waited.is_some_and(|ns| (ns - 300 * MS).abs() < MS));
 }

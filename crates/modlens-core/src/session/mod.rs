@@ -1,38 +1,36 @@
 //! Framer, decoder, pairing and statistics behind one `feed`.
 
-// See pairing.rs.
+// See pairing/mod.rs.
 #![allow(clippy::vec_box)]
+
+mod bus;
+mod rows;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::check;
-use crate::chunk::{Chunk, Side, Times};
+use crate::chunk::{Chunk, Times};
 use crate::direction::Direction;
 use crate::finding::Finding;
-use crate::framer::auto::{make, Auto};
-use crate::framer::{Context, Cut, Framer, Mode, Verdict};
+use crate::framer::{Cut, Mode, Verdict};
 use crate::functions::{Functions, EXCEPTION_BIT};
-use crate::input::Input;
-use crate::line::Line;
-use crate::pairing::{Exchange, Kept, Pairing, Placed, Seen};
-use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Place, Span, Status, Transaction};
+use crate::pairing::{Exchange, Pairing, Seen};
+use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Place, Span, Status, Transaction};
 use crate::stats::Stats;
 use crate::text::{Format, Reader};
 use crate::Ns;
+
+pub use bus::BusOptions;
+
+use bus::{learn, BusState};
+use rows::{elapsed, framing_detail, keep_half, placed_detail};
 
 /// A request is given up after so long at the latest (records.md).
 pub const DEFAULT_TIMEOUT: Ns = 1_000_000_000;
 
 /// Transactions that may wait for an older one before they are written all the same.
 const HOLD_BACK: usize = 65_536;
-
-/// The clock of reads of several bytes: schedulers and adapters make them late by about so much.
-const READ_RESOLUTION: Ns = 1_000_000;
-
-/// The clock of single bytes.
-const BYTE_RESOLUTION: Ns = 1_000;
-
 /// Which tables to build.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
@@ -43,41 +41,6 @@ pub struct Wanted {
     /// Findings.
     pub findings: bool,
 }
-
-/// What a bus is told about itself.
-#[derive(Clone, Debug)]
-pub struct BusOptions {
-    /// Name, source, clock.
-    pub bus: Bus,
-    /// Framing; found out where `None`.
-    pub mode: Option<Mode>,
-    /// Line settings.
-    pub line: Option<Line>,
-    /// What the clock can tell apart; judged from the reads where `None`.
-    pub resolution: Option<Ns>,
-}
-
-struct LineState {
-    /// Requests less responses seen on it.
-    votes: i32,
-    input: Input,
-    framer: Box<dyn Framer>,
-    last_end: Option<Ns>,
-}
-
-struct BusState {
-    options: BusOptions,
-    lines: Vec<(u8, LineState)>,
-    pairing: Pairing,
-    known_units: Box<[bool; 256]>,
-    paired_units: Box<[bool; 256]>,
-    /// For what the log calls sent and received: requests less responses seen so far.
-    sides: [i32; 2],
-    newest: Option<Ns>,
-    jumped: bool,
-    reader: Option<Reader>,
-}
-
 /// The engine: bytes and times in, rows out. No I/O, no clock, no failure on bytes.
 ///
 /// ```
@@ -107,15 +70,6 @@ pub struct Session {
     found: check::Found,
     codes: Vec<Finding>,
 }
-
-impl BusOptions {
-    /// A bus without clock or settings.
-    pub fn named(name: &str) -> Self {
-        let bus = Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None };
-        Self { bus, mode: None, line: None, resolution: None }
-    }
-}
-
 impl Default for Session {
     fn default() -> Self {
         Self::new(Arc::new(Functions::default()), Wanted { frames: true, transactions: true, findings: true }, false, None)
@@ -525,144 +479,4 @@ impl Session {
         }
         self.done = done;
     }
-}
-
-impl BusState {
-    fn line(&mut self, id: u8) -> &mut LineState {
-        if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {
-            return &mut self.lines[at].1;
-        }
-        let settings = self.options.line;
-        let framer: Box<dyn Framer> = match self.options.mode {
-            Some(mode) => make(mode, settings.as_ref()),
-            None => Box::new(Auto::new(settings)),
-        };
-        let mut input = Input::new(settings.map(|line| line.char_ns()));
-        input.break_ns = framer.break_ns(settings.as_ref());
-        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None }));
-        &mut self.lines.last_mut().expect("just pushed").1
-    }
-
-    fn resolution(&self, at: usize) -> Ns {
-        let coarse = self.lines[at].1.input.coarse;
-        self.options.resolution.unwrap_or(if coarse { READ_RESOLUTION } else { BYTE_RESOLUTION })
-    }
-
-    /// Ends the frames of lines that have been silent for long.
-    fn close_silent_lines(&mut self, now: Ns) {
-        for (_, line) in &mut self.lines {
-            line.input.closed |= line.input.newest().is_some_and(|newest| now - newest >= line.input.break_ns);
-        }
-    }
-
-    /// The next frame: of the line whose first unframed byte is the oldest, so that two lines are told in time order.
-    fn next_cut(&mut self, functions: &Functions, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
-        let settings = self.options.line;
-        let waiting = self.lines.iter().enumerate().filter(|(_, (_, line))| !line.input.bytes().is_empty());
-        let at = match self.lines.len() {
-            1 => waiting.map(|(at, _)| at).next()?,
-            _ => waiting.min_by_key(|(_, (_, line))| line.input.byte_time(0)).map(|(at, _)| at)?,
-        };
-        // On a two-line tap the silence on one line says nothing of the other's.
-        let one_line = self.lines.len() == 1;
-        let tempo = self.pairing.tempo;
-        let sides = self.sides;
-        let context = Context {
-            functions,
-            asked: self.pairing.asked(),
-            shared: !one_line,
-            speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
-            known_units: &self.known_units,
-            paired_units: &self.paired_units,
-            pause: &move |gap| tempo.judge(gap.filter(|_| one_line)),
-            said: &move |side| said(sides, side),
-        };
-        let state = &mut self.lines[at].1;
-        let cut = state.framer.next(&state.input, &context, adu);
-        state.input.break_ns = state.framer.break_ns(settings.as_ref());
-        Some((at, cut?))
-    }
-}
-
-/// Who has a line of a two-line tap for himself, once he has shown it twice.
-fn speaker(votes: i32) -> Option<Direction> {
-    match votes {
-        2.. => Some(Direction::Request),
-        ..=-2 => Some(Direction::Response),
-        _ => None,
-    }
-}
-
-/// Remembers who speaks on this bus, and what its log's words mean.
-fn learn(known_units: &mut [bool; 256], sides: &mut [i32; 2], seen: &Seen<'_>, side: Option<Side>) {
-    if !seen.verdict.good() || seen.adu.len() < 2 {
-        return;
-    }
-    known_units[seen.adu[0] as usize] = true;
-    if let Some(side) = side {
-        let vote = match seen.direction {
-            Direction::Request => 1,
-            Direction::Response => -1,
-            Direction::Unknown => 0,
-        };
-        let slot = &mut sides[usize::from(side == Side::Received)];
-        *slot = (*slot + vote).clamp(-100, 100);
-    }
-}
-
-/// What a log's word means: what its frames have shown, or else that the logging process is the master.
-fn said(sides: [i32; 2], side: Side) -> Direction {
-    let lead = sides[0] - sides[1];
-    let master_logs = lead >= 0;
-    if (side == Side::Sent) == master_logs {
-        Direction::Request
-    } else {
-        Direction::Response
-    }
-}
-
-fn elapsed(origin: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
-    Some(start? - origin?)
-}
-
-fn framing_detail(finding: Finding, wire: &[u8]) -> String {
-    match finding {
-        Finding::MbapLength => format!("{} bytes on the wire do not fit the layout of the function", wire.len()),
-        _ => format!("{} characters", wire.len()),
-    }
-}
-
-fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) -> String {
-    let unit = seen.adu.first().copied().unwrap_or(0);
-    let other = placed.other.map_or(String::new(), |txn| format!(" {txn}"));
-    match finding {
-        Finding::Retry => format!("repeats transaction{other}"),
-        Finding::LateResponse => format!("answers transaction{other}"),
-        Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
-        Finding::TwoMasters => String::from("answered after a later request"),
-        Finding::WrongUnit => format!("unit {unit} answered; transaction{other} asked another"),
-        Finding::WrongFunction => {
-            format!("function {}; transaction{other} asked for another", seen.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT))
-        }
-        _ => format!("unit {unit}"),
-    }
-}
-
-fn keep_half(batch: &mut Batch, kept: &Kept, mode: Mode) -> Half {
-    if kept.frame == 0 {
-        return Half::default();
-    }
-    let wire = batch.keep(&kept.wire);
-    // In RTU and TCP the PDU stands in the wire bytes; in ASCII it has to be kept in binary.
-    let inside = match mode {
-        Mode::Rtu => Some(1),
-        Mode::Tcp => Some(7),
-        Mode::Ascii => None,
-    };
-    let length = kept.pdu.len() as u32;
-    let pdu = match inside {
-        Some(at) if at + length <= wire.length => Span { start: wire.start + at, length },
-        _ => batch.keep(&kept.pdu),
-    };
-    Half { frame: kept.frame, wire, pdu, start: kept.start }
 }

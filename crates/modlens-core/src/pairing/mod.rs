@@ -7,7 +7,13 @@
 
 use std::collections::VecDeque;
 
-use crate::direction::{answers, Asked, Direction, Match, Pause};
+mod exchange;
+mod tempo;
+
+pub use exchange::{Exchange, Kept, Seen};
+pub use tempo::Tempo;
+
+use crate::direction::{answers, Asked, Direction, Match};
 use crate::finding::Finding;
 use crate::framer::{Mode, Verdict};
 use crate::functions::{Functions, Layout, Operation, EXCEPTION_BIT};
@@ -34,179 +40,8 @@ const ECHO_SHARE: f32 = 0.7;
 
 /// How fast that share is learned.
 const COPY_RATE: f32 = 0.1;
-
-/// However well a silence fits, it is worth no more bits than this.
-const MOST_TEMPO: f64 = 20.0;
-
 /// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
 const OPEN_LIMIT: usize = 1024;
-
-/// A frame, as pairing sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct Seen<'a> {
-    /// Its number.
-    pub frame: u64,
-    /// Bytes on the wire.
-    pub wire: &'a [u8],
-    /// Unit and PDU in binary.
-    pub adu: &'a [u8],
-    /// What it is worth.
-    pub verdict: Verdict,
-    /// Who sent it.
-    pub direction: Direction,
-    /// Framing.
-    pub mode: Mode,
-    /// Start of the first character.
-    pub start: Option<Ns>,
-    /// End of the last character.
-    pub end: Option<Ns>,
-    /// Whether its start is as exact as the clock: it begins a read.
-    pub clean_start: bool,
-    /// Silence before it.
-    pub gap: Option<Ns>,
-    /// MBAP transaction identifier.
-    pub mbap_id: Option<u16>,
-    /// Line or packet number, or the stream offset.
-    pub origin: u64,
-    /// Isolated in noise: no proof that its unit exists.
-    pub tentative: bool,
-    /// What was found on the frame itself.
-    pub codes: &'a [Finding],
-}
-
-impl Seen<'_> {
-    fn unit(&self) -> u8 {
-        self.adu.first().copied().unwrap_or(0)
-    }
-
-    fn pdu(&self) -> &[u8] {
-        self.adu.get(1..).unwrap_or(&[])
-    }
-
-    fn function(&self) -> u8 {
-        self.pdu().first().copied().unwrap_or(0) & !EXCEPTION_BIT
-    }
-}
-
-/// One frame kept until its transaction is complete.
-#[derive(Clone, Debug, Default)]
-pub struct Kept {
-    /// Its number; 0 where there is none.
-    pub frame: u64,
-    /// Bytes on the wire.
-    pub wire: Vec<u8>,
-    /// Its PDU in binary.
-    pub pdu: Vec<u8>,
-    /// Start of the first character.
-    pub start: Option<Ns>,
-    /// End of the last character.
-    pub end: Option<Ns>,
-}
-
-impl Kept {
-    fn reset(&mut self) {
-        self.frame = 0;
-        self.wire.clear();
-        self.pdu.clear();
-        (self.start, self.end) = (None, None);
-    }
-
-    fn fill(&mut self, seen: &Seen<'_>) {
-        self.frame = seen.frame;
-        self.wire.clear();
-        self.wire.extend_from_slice(seen.wire);
-        self.pdu.clear();
-        self.pdu.extend_from_slice(seen.pdu());
-        self.start = seen.start;
-        self.end = seen.end;
-    }
-}
-
-/// A transaction while it is open, and what leaves when it is done.
-#[derive(Clone, Debug)]
-pub struct Exchange {
-    /// Running number.
-    pub txn: u64,
-    /// Unit.
-    pub unit: u8,
-    /// Function code without the exception bit.
-    pub function: u8,
-    /// Framing.
-    pub mode: Mode,
-    /// How it ended.
-    pub status: Status,
-    /// Exception code.
-    pub exception: Option<u8>,
-    /// The request.
-    pub request: Kept,
-    /// The response.
-    pub response: Kept,
-    /// End of request to start of response.
-    pub response_time: Option<Ns>,
-    /// End of an unanswered request to the next request.
-    pub waited: Option<Ns>,
-    /// End of the request to the start of a late answer.
-    pub late_response: Option<Ns>,
-    /// The transaction that this request repeats.
-    pub retry_of: Option<u64>,
-    /// The transaction that this late answer belongs to.
-    pub late_for: Option<u64>,
-    /// Silence before the request.
-    pub gap: Option<Ns>,
-    /// MBAP transaction identifier.
-    pub mbap_id: Option<u16>,
-    /// What was found.
-    pub findings: Vec<Finding>,
-    /// Line or packet number, or the stream offset.
-    pub origin: u64,
-    /// The time-out has passed; an answer now is late.
-    given_up: bool,
-    /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
-    silent: bool,
-    /// The request was heard twice.
-    echoed: bool,
-    /// A response that is not tentative answers it: the unit is there.
-    pub sure: bool,
-}
-
-impl Exchange {
-    fn new(mode: Mode) -> Self {
-        Self {
-            txn: 0,
-            unit: 0,
-            function: 0,
-            mode,
-            status: Status::NoResponse,
-            exception: None,
-            request: Kept::default(),
-            response: Kept::default(),
-            response_time: None,
-            waited: None,
-            late_response: None,
-            retry_of: None,
-            late_for: None,
-            gap: None,
-            mbap_id: None,
-            findings: Vec::new(),
-            origin: 0,
-            given_up: false,
-            silent: false,
-            echoed: false,
-            sure: false,
-        }
-    }
-
-    /// As new, but with the buffers of the old one.
-    fn reset(&mut self, mode: Mode) {
-        let (mut request, mut response) = (std::mem::take(&mut self.request), std::mem::take(&mut self.response));
-        let mut findings = std::mem::take(&mut self.findings);
-        request.reset();
-        response.reset();
-        findings.clear();
-        *self = Self { request, response, findings, ..Self::new(mode) };
-    }
-}
-
 /// An unanswered request, in short.
 #[derive(Clone, Debug)]
 struct Unanswered {
@@ -215,36 +50,6 @@ struct Unanswered {
     pdu: Vec<u8>,
     end: Option<Ns>,
 }
-
-/// What this bus has shown of its tempo.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tempo {
-    /// Typical time to answer.
-    answer: Option<f64>,
-    /// Typical time until the master asks again.
-    timeout: Option<f64>,
-}
-
-impl Tempo {
-    fn learn(slot: &mut Option<f64>, ns: Ns) {
-        let value = (ns.max(1)) as f64;
-        *slot = Some(slot.map_or(value, |old| old * 0.9 + value * 0.1));
-    }
-
-    /// By how many bits a silence is more like a time-out than like an answer.
-    pub fn judge(&self, gap: Option<Ns>) -> Pause {
-        let (Some(gap), Some(answer)) = (gap.map(|ns| ns.max(1) as f64), self.answer) else { return 0.0 };
-        if gap < answer / 8.0 {
-            // Too soon for either: an echo, or a silence that the clock has lost.
-            return 0.0;
-        }
-        // Both scatter by a factor of about e^(1/2); until a time-out was seen, one is expected at 30 answers or more.
-        let likely = |typical: f64| -(gap / typical).ln().powi(2) * 2.0 * std::f64::consts::LOG2_E;
-        let timeout = self.timeout.unwrap_or_else(|| (30.0 * answer).max(gap.min(1e9)));
-        (likely(timeout) - likely(answer)).clamp(-MOST_TEMPO, MOST_TEMPO) as f32
-    }
-}
-
 /// Pairing of one bus, or one connection.
 #[derive(Debug)]
 pub struct Pairing {

@@ -1,0 +1,289 @@
+//! Columns: how a row is read. One line a column; `analyzer/columns.toml` has their types and words.
+//!
+//! Writers, filters and the border see rows only through `Table::cell`.
+
+use std::sync::{Arc, OnceLock};
+
+use serde_json::Value as Json;
+
+mod content;
+mod tables;
+
+pub use content::{read_data, read_range, row_of, write_data, write_range};
+
+use crate::finding::Finding;
+use crate::functions::Functions;
+use crate::records::{Batch, Place, Transaction};
+use crate::Ns;
+use tables::{readings, FINDINGS, FRAMES, READINGS, TRANSACTIONS};
+
+/// The embedded columns.
+pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
+
+/// Names of the tables, as options spell them.
+pub const TABLES: [&str; 4] = ["frames", "transactions", "readings", "findings"];
+
+/// A list of numbers that still stands on the wire.
+#[derive(Clone, Copy, Debug)]
+pub enum Items<'a> {
+    /// Two bytes each.
+    Words(&'a [u8]),
+    /// So many bits, lowest first.
+    Bits(&'a [u8], usize),
+    /// One number.
+    One(i32),
+}
+
+impl Items<'_> {
+    /// How many.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Words(bytes) => bytes.len() / 2,
+            Self::Bits(bytes, count) => (*count).min(bytes.len() * 8),
+            Self::One(_) => 1,
+        }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// One of them.
+    #[inline]
+    pub fn get(&self, index: usize) -> i32 {
+        match self {
+            Self::Words(bytes) => i32::from(u16::from_be_bytes([bytes[2 * index], bytes[2 * index + 1]])),
+            Self::Bits(bytes, _) => i32::from(bytes[index / 8] >> (index % 8) & 1),
+            Self::One(value) => *value,
+        }
+    }
+}
+
+/// One value of a row.
+#[derive(Clone, Debug)]
+pub enum Cell<'a> {
+    /// Nothing.
+    Null,
+    /// A number.
+    Int(i64),
+    /// A duration; columns show microseconds.
+    Us(Ns),
+    /// A time: ns since 1970.
+    Time(Ns),
+    /// Yes or no.
+    Bool(bool),
+    /// A word of ours: it needs no escaping.
+    Word(&'a str),
+    /// Text from outside.
+    Text(&'a str),
+    /// Bytes as hex.
+    Hex(&'a [u8]),
+    /// Numbers.
+    Ints(Items<'a>),
+    /// Codes of findings.
+    Codes(&'a [Finding]),
+    /// Decoded fields.
+    Map(Json),
+    /// Where it stands: file, kind of place, number.
+    Source(&'a str, Place, u64),
+}
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// int64.
+    Int,
+    /// Microseconds, float64.
+    Us,
+    /// timestamp[ns, UTC].
+    Time,
+    /// float64.
+    Float,
+    /// bool.
+    Bool,
+    /// utf8, bytes as hex among them.
+    Text,
+    /// list of int32.
+    Ints,
+    /// list of utf8.
+    Texts,
+    /// JSON text.
+    Map,
+}
+
+/// A column as `columns.toml` has it.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Name.
+    pub key: String,
+    /// Type.
+    pub kind: Kind,
+}
+
+/// Which table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableKind {
+    /// One row a frame.
+    Frames,
+    /// One row a transaction.
+    Transactions,
+    /// One row a register or bit.
+    Readings,
+    /// One row a finding.
+    Findings,
+}
+
+impl TableKind {
+    /// The table of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        let kinds = [Self::Frames, Self::Transactions, Self::Readings, Self::Findings];
+        TABLES.iter().position(|table| *table == name).map(|i| kinds[i])
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        TABLES[self as usize]
+    }
+
+    /// Its columns, in order.
+    pub fn columns(self) -> &'static [Column] {
+        static ALL: OnceLock<Vec<Vec<Column>>> = OnceLock::new();
+        let all = ALL.get_or_init(|| {
+            let file: Json = toml::from_str(COLUMNS).expect("the embedded columns are tested");
+            TABLES.iter().map(|table| file[*table].as_array().expect("a list").iter().map(column).collect()).collect()
+        });
+        &all[self as usize]
+    }
+
+    /// The place of a column, or all known names in the error.
+    pub fn column(self, key: &str) -> Result<usize, String> {
+        let columns = self.columns();
+        columns.iter().position(|column| column.key == key).ok_or_else(|| {
+            let known: Vec<&str> = columns.iter().map(|column| column.key.as_str()).collect();
+            format!("{} has no column {key:?}; it has {}", self.name(), known.join(", "))
+        })
+    }
+}
+
+fn column(row: &Json) -> Column {
+    let kind = match row["type"].as_str() {
+        Some("int") => Kind::Int,
+        Some("us") => Kind::Us,
+        Some("time") => Kind::Time,
+        Some("float") => Kind::Float,
+        Some("bool") => Kind::Bool,
+        Some("ints") => Kind::Ints,
+        Some("texts") => Kind::Texts,
+        Some("map") => Kind::Map,
+        Some("text" | "hex") => Kind::Text,
+        other => panic!("columns.toml: unknown type {other:?}"),
+    };
+    Column { key: row["key"].as_str().expect("a key").to_owned(), kind }
+}
+
+/// A view on rows of a batch.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// The batch.
+    pub batch: Arc<Batch>,
+    /// Which table.
+    pub kind: TableKind,
+    rows: Rows,
+}
+
+#[derive(Clone, Debug)]
+enum Rows {
+    All(usize),
+    Some(Arc<Vec<u32>>),
+    /// Transaction, item, whether it was written.
+    Readings(Arc<Vec<(u32, u16, bool)>>),
+}
+
+impl Table {
+    /// All rows of this kind.
+    pub fn new(batch: Arc<Batch>, kind: TableKind) -> Self {
+        let rows = match kind {
+            TableKind::Frames => Rows::All(batch.frames.len()),
+            TableKind::Transactions => Rows::All(batch.transactions.len()),
+            TableKind::Findings => Rows::All(batch.findings.len()),
+            TableKind::Readings => Rows::Readings(Arc::new(readings(&batch))),
+        };
+        Self { batch, kind, rows }
+    }
+
+    /// The rows for which `keep` says yes.
+    #[must_use]
+    pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
+        let rows = match &self.rows {
+            Rows::Readings(items) => Rows::Readings(Arc::new(kept.into_iter().map(|row| items[row]).collect())),
+            _ => Rows::Some(Arc::new(kept.into_iter().map(|row| self.index(row) as u32).collect())),
+        };
+        Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        match &self.rows {
+            Rows::All(count) => *count,
+            Rows::Some(rows) => rows.len(),
+            Rows::Readings(rows) => rows.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn index(&self, row: usize) -> usize {
+        match &self.rows {
+            Rows::Some(rows) => rows[row] as usize,
+            _ => row,
+        }
+    }
+
+    /// One value.
+    #[inline]
+    pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
+        let batch = &*self.batch;
+        match (&self.rows, self.kind) {
+            (Rows::Readings(rows), _) => READINGS[column].1(batch, rows[row]),
+            (_, TableKind::Frames) => FRAMES[column].1(batch, &batch.frames[self.index(row)]),
+            (_, TableKind::Findings) => FINDINGS[column].1(batch, &batch.findings[self.index(row)]),
+            _ => TRANSACTIONS[column].1(batch, &batch.transactions[self.index(row)]),
+        }
+    }
+
+    /// The transaction behind a row, where rows are transactions.
+    pub fn transaction(&self, row: usize) -> Option<&Transaction> {
+        (self.kind == TableKind::Transactions).then(|| &self.batch.transactions[self.index(row)])
+    }
+}
+
+/// The table that decodes the rows of a batch.
+fn functions(batch: &Batch) -> &Functions {
+    batch.functions.as_deref().unwrap_or_else(|| Functions::embedded())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_column_of_the_file_has_its_line_here() {
+        let here: [Vec<&str>; 4] = [
+            FRAMES.iter().map(|c| c.0).collect(),
+            TRANSACTIONS.iter().map(|c| c.0).collect(),
+            READINGS.iter().map(|c| c.0).collect(),
+            FINDINGS.iter().map(|c| c.0).collect(),
+        ];
+        for (kind, here) in
+            [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings].iter().zip(here)
+        {
+            let there: Vec<&str> = kind.columns().iter().map(|column| column.key.as_str()).collect();
+            assert_eq!(here, there, "{}", kind.name());
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The table of functions: `dissectors/functions.toml` compiled to shapes.
+//!
+//! What is not here: any knowledge of a single function. It stands in the table, and users add rows in the same words.
+
+use std::sync::OnceLock;
+
+mod parse;
+mod row;
+mod shape;
+
+pub use parse::parse_toml;
+pub use row::{Operation, Permit, Roles, Row};
+pub use shape::{Extent, Field, Layout, Shape, Word};
+
+use parse::parse;
+use shape::number;
+
+/// The embedded table.
+pub const TABLE: &str = include_str!("../../../../dissectors/functions.toml");
+
+/// The embedded vocabulary: exceptions, sub-functions, MEI types, objects.
+pub const VOCABULARY: &str = include_str!("../../../../dissectors/vocabulary.toml");
+
+/// The embedded vendors' rows, by name; loaded only when asked for.
+pub const VENDORS: &[(&str, &str)] = &[
+    ("huawei", include_str!("../../../../dissectors/vendor/huawei.toml")),
+    ("pace", include_str!("../../../../dissectors/vendor/pace.toml")),
+    ("sungrow", include_str!("../../../../dissectors/vendor/sungrow.toml")),
+];
+
+/// The bit that marks an exception response (application protocol, 7).
+pub const EXCEPTION_BIT: u8 = 0x80;
+/// The rows of one function code.
+#[derive(Clone, Debug)]
+struct Entry {
+    /// Width of the leading field that tells the variants apart; 0 where there are none.
+    width: usize,
+    variants: Vec<Row>,
+}
+
+/// The table: rows by function code.
+#[derive(Clone, Debug)]
+pub struct Functions {
+    entries: Vec<Option<Box<Entry>>>,
+}
+
+impl Default for Functions {
+    fn default() -> Self {
+        Self::embedded().clone()
+    }
+}
+
+impl Functions {
+    /// The embedded table.
+    pub fn embedded() -> &'static Self {
+        static EMBEDDED: OnceLock<Functions> = OnceLock::new();
+        EMBEDDED.get_or_init(|| {
+            let mut table = Self { entries: vec![None; 256] };
+            table.load(TABLE, "functions.toml", None).expect("the embedded table is tested");
+            table
+        })
+    }
+
+    /// Adds the rows of a text; a row replaces the one with the same code and `when`.
+    ///
+    /// The error says which row and key is wrong.
+    pub fn load(&mut self, text: &str, origin: &str, vendor: Option<&str>) -> Result<(), String> {
+        let rows = parse(text, origin, vendor)?;
+        for row in rows {
+            let slot = &mut self.entries[row.code as usize];
+            let width = leading_width(&row);
+            match slot {
+                Some(entry) => {
+                    entry.variants.retain(|old| old.when != row.when);
+                    if row.when.is_some() {
+                        entry.width = width;
+                    }
+                    entry.variants.push(row);
+                    // Rows for one value come first: the row without `when` is for all others.
+                    entry.variants.sort_by_key(|row| row.when.is_none());
+                }
+                None => *slot = Some(Box::new(Entry { width: if row.when.is_some() { width } else { 0 }, variants: vec![row] })),
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds an embedded vendor's rows.
+    pub fn load_vendor(&mut self, name: &str) -> Result<(), String> {
+        let known = || VENDORS.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+        let (_, text) = VENDORS
+            .iter()
+            .find(|(known, _)| known.eq_ignore_ascii_case(name))
+            .ok_or_else(|| format!("no functions of a vendor {name:?}: known are {}", known()))?;
+        self.load(text, name, Some(name))
+    }
+
+    /// The row for this function code and body, the exception bit taken off before. The body may be cut short.
+    #[inline]
+    pub fn row(&self, code: u8, body: &[u8]) -> Option<&Row> {
+        let entry = self.entries[code as usize].as_deref()?;
+        if entry.width == 0 {
+            return entry.variants.first();
+        }
+        let leading = number(body, 0, entry.width).map(|value| value as u16);
+        entry.variants.iter().find(|row| row.when.is_none() || row.when == leading)
+    }
+
+    /// Whether the body is too short to tell which row it belongs to, and how many bytes that takes.
+    #[inline]
+    pub fn leading_bytes(&self, code: u8) -> usize {
+        self.entries[code as usize].as_deref().map_or(0, |entry| entry.width)
+    }
+
+    /// The name of a function.
+    pub fn name(&self, code: u8) -> Option<&str> {
+        Some(self.entries[code as usize].as_deref()?.variants.first()?.name.as_str())
+    }
+
+    /// All rows, by code.
+    pub fn rows(&self) -> impl Iterator<Item = &Row> {
+        self.entries.iter().flatten().flat_map(|entry| entry.variants.iter())
+    }
+}
+
+fn leading_width(row: &Row) -> usize {
+    row.request.shape().and_then(|shape| shape.fields.first()).map_or(0, |field| field.word.width())
+}
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(code: u8, body: &[u8]) -> &'static Row {
+        Functions::embedded().row(code, body).unwrap()
+    }
+
+    #[test]
+    fn lengths_of_the_specification() {
+        // Bodies, so without unit, function code and checksum; application protocol, section 6.
+        assert_eq!(row(3, &[]).request.extent(&[]), Extent::Exactly(4));
+        assert_eq!(row(3, &[]).response.extent(&[]), Extent::AtLeast(1));
+        assert_eq!(row(3, &[]).response.extent(&[6]), Extent::Exactly(7));
+        assert_eq!(row(16, &[]).request.extent(&[0, 1, 0, 2, 4]), Extent::Exactly(9));
+        assert_eq!(row(24, &[]).response.extent(&[0, 6]), Extent::Exactly(8));
+        assert_eq!(row(8, &[0, 0]).request.extent(&[0, 0, 1]), Extent::Open(2));
+        assert_eq!(row(8, &[0, 11]).request.extent(&[0, 11]), Extent::Exactly(4));
+        assert_eq!(row(8, &[0, 4]).response, Layout::Silent);
+        let identification = [0x0E, 1, 1, 0, 0, 2, 0, 2, 65, 66, 1];
+        assert_eq!(row(43, &[14]).response.extent(&identification), Extent::AtLeast(12));
+        assert_eq!(row(43, &[14]).response.extent(&[0x0E, 1, 1, 0, 0, 1, 0, 2, 65, 66]), Extent::Exactly(10));
+        assert_eq!(row(90, &[]).request, Layout::Unknown);
+    }
+
+    #[test]
+    fn all_public_functions_are_there() {
+        let codes: std::collections::BTreeSet<u8> = Functions::embedded().rows().map(|row| row.code).collect();
+        for code in [1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 15, 16, 17, 20, 21, 22, 23, 24, 43] {
+            assert!(codes.contains(&code), "{code}");
+        }
+    }
+
+    #[test]
+    fn vendors_are_loaded_only_when_asked_for() {
+        for (name, _) in VENDORS {
+            let mut table = Functions::default();
+            let before = table.rows().count();
+            table.load_vendor(name).unwrap();
+            assert!(table.rows().count() > before, "{name}");
+        }
+        assert!(Functions::default().load_vendor("nobody").unwrap_err().contains("huawei"));
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let load =
+            |row: &str| Functions::default().load(&format!("format = 1\n[[function]]\n{row}"), "my.toml", None).unwrap_err();
+        let rest = "name = \"X\"\nexample = { request = \"41\" }\n";
+        assert!(load(&format!("code = 65\n{rest}request = [\"a:u32\"]")).contains("known are u8 u16"));
+        assert!(load(&format!("code = 200\n{rest}")).contains("1 to 127"));
+        assert!(load(&format!("code = 65\n{rest}colour = 1")).contains("\"colour\""));
+        assert!(load("code = 65\nname = \"X\"").contains("example"));
+        assert!(load(&format!("code = 65\n{rest}when = {{ b = 1 }}\nrequest = [\"a:u8\"]")).contains("first field"));
+        assert!(Functions::default().load("x = 1", "my.toml", None).unwrap_err().contains("format = 1"));
+    }
+}

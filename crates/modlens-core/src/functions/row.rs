@@ -1,0 +1,109 @@
+//! One row of the table: a function and what is known of it.
+
+use serde_json::Value as Json;
+
+use crate::direction::Direction;
+use crate::functions::shape::{number, Layout};
+
+/// What a transaction does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// Reads registers or bits.
+    Read,
+    /// Writes them.
+    Write,
+    /// Does both.
+    ReadWrite,
+    /// Anything else.
+    Other,
+}
+
+impl Operation {
+    /// As the `operation` column spells it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Read => "read",
+            Self::Write => "write",
+            Self::ReadWrite => "read_write",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// Where the columns of a transaction stand in the bodies; worked out once.
+#[derive(Clone, Debug, Default)]
+pub struct Roles {
+    /// Request: first register or bit.
+    pub address: Option<usize>,
+    /// Request: how many.
+    pub quantity: Option<usize>,
+    /// Request of a read-and-write: first register written.
+    pub write_address: Option<usize>,
+    /// Request of a read-and-write: how many are written.
+    pub write_quantity: Option<usize>,
+    /// Request: the value of a single write.
+    pub value: Option<usize>,
+    /// Request: the block written (offset, bits).
+    pub request_block: Option<(usize, bool)>,
+    /// Response: the block read (offset, bits).
+    pub response_block: Option<(usize, bool)>,
+}
+
+/// What the specification permits for one number of a body.
+#[derive(Clone, Debug)]
+pub struct Permit {
+    /// The field.
+    pub name: String,
+    /// Where it stands in the body.
+    pub offset: usize,
+    /// Its bytes.
+    pub width: usize,
+    /// Inclusive ranges; a permitted value is a range of one.
+    pub ranges: Vec<(u32, u32)>,
+}
+
+impl Permit {
+    /// The value, if it is in the body and outside of what is permitted.
+    pub fn violated_by(&self, body: &[u8]) -> Option<u32> {
+        let value = number(body, self.offset, self.width)? as u32;
+        (!self.ranges.iter().any(|&(low, high)| (low..=high).contains(&value))).then_some(value)
+    }
+}
+
+/// One row of the table.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Function code.
+    pub code: u8,
+    /// Name in the specification.
+    pub name: String,
+    /// Value of the leading field that this row is for.
+    pub when: Option<u16>,
+    /// Layout of the request.
+    pub request: Layout,
+    /// Layout of the response.
+    pub response: Layout,
+    /// What it does.
+    pub operation: Operation,
+    /// To what: `coil`, `discrete_input`, `holding_register`, `input_register`.
+    pub register_type: Option<String>,
+    /// Fields that the response repeats.
+    pub echo: Vec<String>,
+    /// What the specification permits, of the request and of the response.
+    pub permits: [Vec<Permit>; 2],
+    /// The row as the file has it, and the vendor it comes from.
+    pub source: Json,
+    /// Where the columns stand.
+    pub roles: Roles,
+}
+
+impl Row {
+    /// The layout of one direction; an unknown direction has none.
+    pub fn layout(&self, direction: Direction) -> &Layout {
+        match direction {
+            Direction::Request => &self.request,
+            Direction::Response => &self.response,
+            Direction::Unknown => &Layout::Unknown,
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! A frame as pairing sees it, and a transaction while it is open.
+
+use crate::direction::Direction;
+use crate::finding::Finding;
+use crate::framer::{Mode, Verdict};
+use crate::functions::EXCEPTION_BIT;
+use crate::records::Status;
+use crate::Ns;
+
+/// A frame, as pairing sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// Its number.
+    pub frame: u64,
+    /// Bytes on the wire.
+    pub wire: &'a [u8],
+    /// Unit and PDU in binary.
+    pub adu: &'a [u8],
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// Who sent it.
+    pub direction: Direction,
+    /// Framing.
+    pub mode: Mode,
+    /// Start of the first character.
+    pub start: Option<Ns>,
+    /// End of the last character.
+    pub end: Option<Ns>,
+    /// Whether its start is as exact as the clock: it begins a read.
+    pub clean_start: bool,
+    /// Silence before it.
+    pub gap: Option<Ns>,
+    /// MBAP transaction identifier.
+    pub mbap_id: Option<u16>,
+    /// Line or packet number, or the stream offset.
+    pub origin: u64,
+    /// Isolated in noise: no proof that its unit exists.
+    pub tentative: bool,
+    /// What was found on the frame itself.
+    pub codes: &'a [Finding],
+}
+
+impl Seen<'_> {
+    pub(super) fn unit(&self) -> u8 {
+        self.adu.first().copied().unwrap_or(0)
+    }
+
+    pub(super) fn pdu(&self) -> &[u8] {
+        self.adu.get(1..).unwrap_or(&[])
+    }
+
+    pub(super) fn function(&self) -> u8 {
+        self.pdu().first().copied().unwrap_or(0) & !EXCEPTION_BIT
+    }
+}
+
+/// One frame kept until its transaction is complete.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    /// Its number; 0 where there is none.
+    pub frame: u64,
+    /// Bytes on the wire.
+    pub wire: Vec<u8>,
+    /// Its PDU in binary.
+    pub pdu: Vec<u8>,
+    /// Start of the first character.
+    pub start: Option<Ns>,
+    /// End of the last character.
+    pub end: Option<Ns>,
+}
+
+impl Kept {
+    pub(super) fn reset(&mut self) {
+        self.frame = 0;
+        self.wire.clear();
+        self.pdu.clear();
+        (self.start, self.end) = (None, None);
+    }
+
+    pub(super) fn fill(&mut self, seen: &Seen<'_>) {
+        self.frame = seen.frame;
+        self.wire.clear();
+        self.wire.extend_from_slice(seen.wire);
+        self.pdu.clear();
+        self.pdu.extend_from_slice(seen.pdu());
+        self.start = seen.start;
+        self.end = seen.end;
+    }
+}
+
+/// A transaction while it is open, and what leaves when it is done.
+#[derive(Clone, Debug)]
+pub struct Exchange {
+    /// Running number.
+    pub txn: u64,
+    /// Unit.
+    pub unit: u8,
+    /// Function code without the exception bit.
+    pub function: u8,
+    /// Framing.
+    pub mode: Mode,
+    /// How it ended.
+    pub status: Status,
+    /// Exception code.
+    pub exception: Option<u8>,
+    /// The request.
+    pub request: Kept,
+    /// The response.
+    pub response: Kept,
+    /// End of request to start of response.
+    pub response_time: Option<Ns>,
+    /// End of an unanswered request to the next request.
+    pub waited: Option<Ns>,
+    /// End of the request to the start of a late answer.
+    pub late_response: Option<Ns>,
+    /// The transaction that this request repeats.
+    pub retry_of: Option<u64>,
+    /// The transaction that this late answer belongs to.
+    pub late_for: Option<u64>,
+    /// Silence before the request.
+    pub gap: Option<Ns>,
+    /// MBAP transaction identifier.
+    pub mbap_id: Option<u16>,
+    /// What was found.
+    pub findings: Vec<Finding>,
+    /// Line or packet number, or the stream offset.
+    pub origin: u64,
+    /// The time-out has passed; an answer now is late.
+    pub(super) given_up: bool,
+    /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
+    pub(super) silent: bool,
+    /// The request was heard twice.
+    pub(super) echoed: bool,
+    /// A response that is not tentative answers it: the unit is there.
+    pub sure: bool,
+}
+
+impl Exchange {
+    pub(super) fn new(mode: Mode) -> Self {
+        Self {
+            txn: 0,
+            unit: 0,
+            function: 0,
+            mode,
+            status: Status::NoResponse,
+            exception: None,
+            request: Kept::default(),
+            response: Kept::default(),
+            response_time: None,
+            waited: None,
+            late_response: None,
+            retry_of: None,
+            late_for: None,
+            gap: None,
+            mbap_id: None,
+            findings: Vec::new(),
+            origin: 0,
+            given_up: false,
+            silent: false,
+            echoed: false,
+            sure: false,
+        }
+    }
+
+    /// As new, but with the buffers of the old one.
+    pub(super) fn reset(&mut self, mode: Mode) {
+        let (mut request, mut response) = (std::mem::take(&mut self.request), std::mem::take(&mut self.response));
+        let mut findings = std::mem::take(&mut self.findings);
+        request.reset();
+        response.reset();
+        findings.clear();
+        *self = Self { request, response, findings, ..Self::new(mode) };
+    }
+}

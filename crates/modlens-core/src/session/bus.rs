@@ -1,0 +1,152 @@
+//! The state of one bus: its lines, its framers, what it has shown.
+
+use crate::chunk::Side;
+use crate::direction::Direction;
+use crate::framer::auto::{make, Auto};
+use crate::framer::{Context, Cut, Framer, Mode};
+use crate::functions::Functions;
+use crate::input::Input;
+use crate::line::Line;
+use crate::pairing::{Pairing, Seen};
+use crate::records::{Bus, Clock, Place};
+use crate::text::Reader;
+use crate::Ns;
+
+/// The clock of reads of several bytes: schedulers and adapters make them late by about so much.
+const READ_RESOLUTION: Ns = 1_000_000;
+
+/// The clock of single bytes.
+const BYTE_RESOLUTION: Ns = 1_000;
+/// What a bus is told about itself.
+#[derive(Clone, Debug)]
+pub struct BusOptions {
+    /// Name, source, clock.
+    pub bus: Bus,
+    /// Framing; found out where `None`.
+    pub mode: Option<Mode>,
+    /// Line settings.
+    pub line: Option<Line>,
+    /// What the clock can tell apart; judged from the reads where `None`.
+    pub resolution: Option<Ns>,
+}
+
+pub(super) struct LineState {
+    /// Requests less responses seen on it.
+    pub(super) votes: i32,
+    pub(super) input: Input,
+    pub(super) framer: Box<dyn Framer>,
+    pub(super) last_end: Option<Ns>,
+}
+
+pub(super) struct BusState {
+    pub(super) options: BusOptions,
+    pub(super) lines: Vec<(u8, LineState)>,
+    pub(super) pairing: Pairing,
+    pub(super) known_units: Box<[bool; 256]>,
+    pub(super) paired_units: Box<[bool; 256]>,
+    /// For what the log calls sent and received: requests less responses seen so far.
+    pub(super) sides: [i32; 2],
+    pub(super) newest: Option<Ns>,
+    pub(super) jumped: bool,
+    pub(super) reader: Option<Reader>,
+}
+impl BusOptions {
+    /// A bus without clock or settings.
+    pub fn named(name: &str) -> Self {
+        let bus = Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None };
+        Self { bus, mode: None, line: None, resolution: None }
+    }
+}
+impl BusState {
+    pub(super) fn line(&mut self, id: u8) -> &mut LineState {
+        if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {
+            return &mut self.lines[at].1;
+        }
+        let settings = self.options.line;
+        let framer: Box<dyn Framer> = match self.options.mode {
+            Some(mode) => make(mode, settings.as_ref()),
+            None => Box::new(Auto::new(settings)),
+        };
+        let mut input = Input::new(settings.map(|line| line.char_ns()));
+        input.break_ns = framer.break_ns(settings.as_ref());
+        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None }));
+        &mut self.lines.last_mut().expect("just pushed").1
+    }
+
+    pub(super) fn resolution(&self, at: usize) -> Ns {
+        let coarse = self.lines[at].1.input.coarse;
+        self.options.resolution.unwrap_or(if coarse { READ_RESOLUTION } else { BYTE_RESOLUTION })
+    }
+
+    /// Ends the frames of lines that have been silent for long.
+    pub(super) fn close_silent_lines(&mut self, now: Ns) {
+        for (_, line) in &mut self.lines {
+            line.input.closed |= line.input.newest().is_some_and(|newest| now - newest >= line.input.break_ns);
+        }
+    }
+
+    /// The next frame: of the line whose first unframed byte is the oldest, so that two lines are told in time order.
+    pub(super) fn next_cut(&mut self, functions: &Functions, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+        let settings = self.options.line;
+        let waiting = self.lines.iter().enumerate().filter(|(_, (_, line))| !line.input.bytes().is_empty());
+        let at = match self.lines.len() {
+            1 => waiting.map(|(at, _)| at).next()?,
+            _ => waiting.min_by_key(|(_, (_, line))| line.input.byte_time(0)).map(|(at, _)| at)?,
+        };
+        // On a two-line tap the silence on one line says nothing of the other's.
+        let one_line = self.lines.len() == 1;
+        let tempo = self.pairing.tempo;
+        let sides = self.sides;
+        let context = Context {
+            functions,
+            asked: self.pairing.asked(),
+            shared: !one_line,
+            speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
+            known_units: &self.known_units,
+            paired_units: &self.paired_units,
+            pause: &move |gap| tempo.judge(gap.filter(|_| one_line)),
+            said: &move |side| said(sides, side),
+        };
+        let state = &mut self.lines[at].1;
+        let cut = state.framer.next(&state.input, &context, adu);
+        state.input.break_ns = state.framer.break_ns(settings.as_ref());
+        Some((at, cut?))
+    }
+}
+
+/// Who has a line of a two-line tap for himself, once he has shown it twice.
+fn speaker(votes: i32) -> Option<Direction> {
+    match votes {
+        2.. => Some(Direction::Request),
+        ..=-2 => Some(Direction::Response),
+        _ => None,
+    }
+}
+
+/// Remembers who speaks on this bus, and what its log's words mean.
+pub(super) fn learn(known_units: &mut [bool; 256], sides: &mut [i32; 2], seen: &Seen<'_>, side: Option<Side>) {
+    if !seen.verdict.good() || seen.adu.len() < 2 {
+        return;
+    }
+    known_units[seen.adu[0] as usize] = true;
+    if let Some(side) = side {
+        let vote = match seen.direction {
+            Direction::Request => 1,
+            Direction::Response => -1,
+            Direction::Unknown => 0,
+        };
+        let slot = &mut sides[usize::from(side == Side::Received)];
+        *slot = (*slot + vote).clamp(-100, 100);
+    }
+}
+
+/// What a log's word means: what its frames have shown, or else that the logging process is the master.
+fn said(sides: [i32; 2], side: Side) -> Direction {
+    let lead = sides[0] - sides[1];
+    let master_logs = lead >= 0;
+    if (side == Side::Sent) == master_logs {
+        Direction::Request
+    } else {
+        Direction::Response
+    }
+}

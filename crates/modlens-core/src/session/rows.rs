@@ -1,0 +1,54 @@
+//! Words and bytes of rows.
+
+use crate::finding::Finding;
+use crate::framer::Mode;
+use crate::functions::EXCEPTION_BIT;
+use crate::pairing::{Kept, Placed, Seen};
+use crate::records::{Batch, Half, Span};
+use crate::Ns;
+
+pub(super) fn elapsed(origin: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
+    Some(start? - origin?)
+}
+
+pub(super) fn framing_detail(finding: Finding, wire: &[u8]) -> String {
+    match finding {
+        Finding::MbapLength => format!("{} bytes on the wire do not fit the layout of the function", wire.len()),
+        _ => format!("{} characters", wire.len()),
+    }
+}
+
+pub(super) fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) -> String {
+    let unit = seen.adu.first().copied().unwrap_or(0);
+    let other = placed.other.map_or(String::new(), |txn| format!(" {txn}"));
+    match finding {
+        Finding::Retry => format!("repeats transaction{other}"),
+        Finding::LateResponse => format!("answers transaction{other}"),
+        Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
+        Finding::TwoMasters => String::from("answered after a later request"),
+        Finding::WrongUnit => format!("unit {unit} answered; transaction{other} asked another"),
+        Finding::WrongFunction => {
+            format!("function {}; transaction{other} asked for another", seen.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT))
+        }
+        _ => format!("unit {unit}"),
+    }
+}
+
+pub(super) fn keep_half(batch: &mut Batch, kept: &Kept, mode: Mode) -> Half {
+    if kept.frame == 0 {
+        return Half::default();
+    }
+    let wire = batch.keep(&kept.wire);
+    // In RTU and TCP the PDU stands in the wire bytes; in ASCII it has to be kept in binary.
+    let inside = match mode {
+        Mode::Rtu => Some(1),
+        Mode::Tcp => Some(7),
+        Mode::Ascii => None,
+    };
+    let length = kept.pdu.len() as u32;
+    let pdu = match inside {
+        Some(at) if at + length <= wire.length => Span { start: wire.start + at, length },
+        _ => batch.keep(&kept.pdu),
+    };
+    Half { frame: kept.frame, wire, pdu, start: kept.start }
+}
