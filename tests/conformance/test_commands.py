@@ -45,6 +45,4 @@ def test_no_command_is_forgotten() -> None:
 def test_a_command_is_in_the_readme(name: str) -> None:
     """In the table of commands."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    if len(text) < 100:
-        return  # not written yet
     assert re.search(rf"^\| `modlens {name}", text, re.MULTILINE)
