@@ -200,6 +200,16 @@ fn unanswered_broadcast_and_late() {
 }
 
 #[test]
+fn a_request_again_after_a_damaged_answer_is_a_retry() {
+    let mut damaged = answer(1, &[7, 8]);
+    damaged[4] ^= 1;
+    let bytes = [warm_up(), read(1, 0, 2), damaged, read(1, 0, 2), answer(1, &[7, 8])].concat();
+    let batch = untimed(&bytes);
+    assert_eq!(statuses(&batch)[6..], [Status::BadResponse, Status::Ok]);
+    assert_eq!(batch.transactions[7].retry_of, Some(7));
+}
+
+#[test]
 fn exceptions_of_every_function_and_strange_codes() {
     for code in [1u8, 6, 16, 23, 43, 65, 100] {
         for exception in [1u8, 2, 7, 12, 0x80, 0xFF] {

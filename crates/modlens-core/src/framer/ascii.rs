@@ -126,7 +126,7 @@ fn decode_hex(text: &[u8], out: &mut Vec<u8>) -> bool {
         let (Some(high), Some(low)) = digits else { return false };
         out.push((high << 4 | low) as u8);
     }
-    text.len() % 2 == 0
+    text.len().is_multiple_of(2)
 }
 
 impl Framer for Ascii {

@@ -55,6 +55,8 @@ struct Unanswered {
 pub struct Pairing {
     open: VecDeque<Box<Exchange>>,
     unanswered: VecDeque<Unanswered>,
+    /// The last request without a good answer: transaction, unit, PDU.
+    failed: Option<(u64, u8, Vec<u8>)>,
     spare: Vec<Box<Exchange>>,
     /// What was learned of the bus's tempo.
     pub tempo: Tempo,
@@ -87,6 +89,7 @@ impl Pairing {
         Self {
             open: VecDeque::new(),
             unanswered: VecDeque::new(),
+            failed: None,
             spare: Vec::new(),
             tempo: Tempo::default(),
             timeout,
@@ -188,12 +191,12 @@ impl Pairing {
         exchange.gap = seen.gap;
         let txn = exchange.txn;
         let mut placed = Placed { txn: Some(txn), ..Placed::default() };
-        if let Some(last) = self.unanswered.back().filter(|last| last.txn + 1 == txn || seen.mode != Mode::Tcp) {
-            if last.unit == exchange.unit && last.pdu == exchange.request.pdu && last.txn + 1 == txn {
-                exchange.retry_of = Some(last.txn);
+        if let Some((last, unit, pdu)) = &self.failed {
+            if *last + 1 == txn && *unit == exchange.unit && *pdu == exchange.request.pdu {
+                exchange.retry_of = Some(*last);
                 exchange.findings.push(Finding::Retry);
                 placed.finding = Some(Finding::Retry);
-                placed.other = Some(last.txn);
+                placed.other = Some(*last);
             }
         }
         if exchange.unit == BROADCAST && seen.mode != Mode::Tcp {
@@ -367,6 +370,9 @@ impl Pairing {
     fn close(&mut self, mut exchange: Box<Exchange>, silence: Status, done: &mut Vec<Box<Exchange>>) {
         if exchange.status != Status::BadRequest {
             exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
+        }
+        if matches!(exchange.status, Status::NoResponse | Status::BadResponse) && !exchange.silent {
+            self.failed = Some((exchange.txn, exchange.unit, exchange.request.pdu.clone()));
         }
         if exchange.status == Status::NoResponse && !exchange.silent {
             exchange.findings.push(Finding::NoResponse);
