@@ -261,11 +261,8 @@ impl Pairing {
             let asked = Asked { unit: exchange.unit, pdu: &exchange.request.pdu };
             !exchange.given_up && answers(functions, asked, seen.unit(), seen.pdu()) != Match::No
         };
-        let same_id = |exchange: &Exchange| exchange.mbap_id == seen.mbap_id;
-        self.open
-            .iter()
-            .position(|exchange| same_id(exchange) && fits(exchange))
-            .or_else(|| self.open.iter().position(|exchange| seen.mbap_id.is_none() && fits(exchange)))
+        // Serial frames have no identifier: all are the same.
+        self.open.iter().position(|exchange| exchange.mbap_id == seen.mbap_id && fits(exchange))
     }
 
     fn since(&self, end: Option<Ns>, seen: &Seen<'_>) -> Option<Ns> {

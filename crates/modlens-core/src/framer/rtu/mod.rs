@@ -103,9 +103,9 @@ impl Rtu {
             // An echoed answer and a retry look the same; where neither the clock nor what follows tells, they are weighed.
             if echo && (context.pause)(input.pause_before(0)) > SURELY_AN_ANSWER {
                 match third_copy(bytes, asked.pdu.len() + 3) {
-                    _ if input.timed => return None,
-                    Some(true) => return None,
-                    Some(false) => {}
+                    Some(false) if !input.timed => {}
+                    Some(_) => return None,
+                    None if input.timed => return None,
                     None => return Some((bytes.len() + 1, RESPONSE)),
                 }
             }
