@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel bench accuracy captures vectors clean
+.PHONY: demo test lint recipes wheel bench accuracy captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -45,6 +45,10 @@ captures: $(VENV)/.tested
 # Frames of other projects' tests, which are not part of this one: make vectors CORPUS=folder
 vectors: $(VENV)/.tested
 	CORPUS=$(CORPUS) $(BIN)/python -m pytest tests/corpus
+
+# Recordings of other people, which are not part of this one either: make corpus CORPUS=folder
+corpus: $(VENV)/.tested
+	$(BIN)/python -m tests.corpus.score $(CORPUS)
 
 # A venv that was begun only (Debian without python3-venv) is taken away, so that the next try begins anew.
 $(BIN)/python:
