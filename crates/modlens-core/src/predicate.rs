@@ -172,6 +172,7 @@ fn cell(cell: Cell<'_>) -> Val<'_> {
         Cell::Null => Val::Null,
         Cell::Int(n) | Cell::Time(n) => Val::Int(n),
         Cell::Us(ns) => Val::Float(ns as f64 / 1000.0),
+        Cell::Float(value) => Val::Float(value),
         Cell::Bool(yes) => Val::Int(i64::from(yes)),
         Cell::Word(text) | Cell::Text(text) => Val::Text(Cow::Borrowed(text)),
         Cell::Ints(items) => Val::Ints(items),

@@ -8,6 +8,7 @@ use crate::direction::Direction;
 use crate::finding::Finding;
 use crate::framer::{CutBy, Mode, Verdict};
 use crate::functions::Functions;
+use crate::points::Bound;
 use crate::Ns;
 
 /// Bytes in the arena of a batch.
@@ -213,6 +214,8 @@ pub struct Transaction {
     pub response: Half,
     /// In `Batch::codes`.
     pub findings: Span,
+    /// The profile of its unit, as it was then.
+    pub points: Option<Arc<Bound>>,
     /// Line or packet number in the file, or the stream offset.
     pub origin: u64,
 }

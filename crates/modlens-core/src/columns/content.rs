@@ -7,6 +7,7 @@ use serde_json::Value as Json;
 use crate::columns::{functions, Cell, Items};
 use crate::functions::{Layout, Operation, Row};
 use crate::pdu::{self, u16_at};
+use crate::points::Value;
 use crate::records::{Batch, Status, Transaction};
 
 fn request<'a>(batch: &'a Batch, t: &Transaction) -> &'a [u8] {
@@ -129,6 +130,17 @@ fn raw_fields<'a>(batch: &'a Batch, t: &Transaction) -> Cell<'a> {
         Cell::Map(Json::Object(map))
     }
 }
+
+/// The name of an exception, with the device's own words where its profile has some.
+pub(super) fn refusal<'a>(_: &'a Batch, t: &'a Transaction) -> Cell<'a> {
+    let Some(code) = t.exception else { return Cell::Null };
+    match (exception_name(code), t.points.as_ref().and_then(|bound| bound.exception(code))) {
+        (Some(name), Some(words)) => Cell::Value(Value::Text(format!("{name} ({words})"))),
+        (None, Some(words)) => Cell::Text(words),
+        (name, None) => name.map_or(Cell::Null, Cell::Word),
+    }
+}
+
 /// Names of exception codes (application protocol, 7), from the embedded vocabulary.
 pub fn exception_name(code: u8) -> Option<&'static str> {
     static NAMES: OnceLock<Vec<(u8, String)>> = OnceLock::new();

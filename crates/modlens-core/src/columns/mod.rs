@@ -7,15 +7,18 @@ use std::sync::{Arc, OnceLock};
 use serde_json::Value as Json;
 
 mod content;
+mod readings;
 mod tables;
 
 pub use content::{read_data, read_range, row_of, write_data, write_range};
 
 use crate::finding::Finding;
 use crate::functions::Functions;
+use crate::points::Value;
 use crate::records::{Batch, Place, Transaction};
 use crate::Ns;
-use tables::{readings, FINDINGS, FRAMES, READINGS, TRANSACTIONS};
+use readings::{readings, Reading, READINGS};
+use tables::{FINDINGS, FRAMES, TRANSACTIONS};
 
 /// The embedded columns.
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
@@ -67,6 +70,10 @@ pub enum Cell<'a> {
     Null,
     /// A number.
     Int(i64),
+    /// A number with a fraction.
+    Float(f64),
+    /// A value of a point, in letters.
+    Value(Value<'a>),
     /// A duration; columns show microseconds.
     Us(Ns),
     /// A time: ns since 1970.
@@ -196,8 +203,7 @@ pub struct Table {
 enum Rows {
     All(usize),
     Some(Arc<Vec<u32>>),
-    /// Transaction, item, whether it was written.
-    Readings(Arc<Vec<(u32, u16, bool)>>),
+    Readings(Arc<Vec<Reading>>),
 }
 
 impl Table {

@@ -1,29 +1,30 @@
 //! How each column is read: one line a column.
 
-use crate::columns::content::{exception_name, fields, read_data, read_range, row_of, write_data, write_range};
-use crate::columns::{functions, Cell, Items};
+use crate::columns::content::{fields, read_data, read_range, refusal, row_of, write_data, write_range};
+use crate::columns::readings::named;
+use crate::columns::{functions, Cell};
 use crate::functions::EXCEPTION_BIT;
 use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Transaction};
 use crate::Ns;
 
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
 
-fn bus(batch: &Batch, index: u32) -> &Bus {
+pub(super) fn bus(batch: &Batch, index: u32) -> &Bus {
     &batch.buses[index as usize]
 }
 
-fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
+pub(super) fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
     match start {
         Some(ns) if bus(batch, index).clock == Clock::Utc => Cell::Time(ns),
         _ => Cell::Null,
     }
 }
 
-fn us<'a>(ns: Option<Ns>) -> Cell<'a> {
+pub(super) fn us<'a>(ns: Option<Ns>) -> Cell<'a> {
     ns.map_or(Cell::Null, Cell::Us)
 }
 
-fn int<'a, T: Into<i64>>(value: Option<T>) -> Cell<'a> {
+pub(super) fn int<'a, T: Into<i64>>(value: Option<T>) -> Cell<'a> {
     value.map_or(Cell::Null, |value| Cell::Int(value.into()))
 }
 
@@ -94,10 +95,10 @@ pub(super) const TRANSACTIONS: &[(&str, Read<Transaction>)] = &[
     ("write_quantity", |b, t| int(write_range(b, t).map(|range| range.1))),
     ("write_data", |b, t| write_data(b, t).map_or(Cell::Null, Cell::Ints)),
     ("fields", fields),
-    ("readings", |_, _| Cell::Null),
+    ("readings", named),
     ("status", |_, t| Cell::Word(t.status.text())),
     ("exception", |_, t| int(t.exception)),
-    ("exception_name", |_, t| t.exception.and_then(exception_name).map_or(Cell::Null, Cell::Word)),
+    ("exception_name", refusal),
     ("response_time_us", |_, t| us(t.response_time)),
     ("waited_us", |_, t| us(t.waited)),
     ("late_response_us", |_, t| us(t.late_response)),
@@ -111,34 +112,6 @@ pub(super) const TRANSACTIONS: &[(&str, Read<Transaction>)] = &[
     ("response_frame", |_, t| number(Some(t.response.frame).filter(|&n| n > 0))),
     ("findings", |b, t| Cell::Codes(t.findings.of(&b.codes))),
     ("source", |b, t| source(b, t.bus, t.origin)),
-];
-
-pub(super) type ReadItem = for<'a> fn(&'a Batch, (u32, u16, bool)) -> Cell<'a>;
-
-pub(super) const READINGS: &[(&str, ReadItem)] = &[
-    ("txn", |b, r| Cell::Int(txn(b, r).number as i64)),
-    ("frame", |b, r| Cell::Int(half(b, r).frame as i64)),
-    ("time", |b, r| time(b, txn(b, r).bus, half(b, r).start)),
-    ("elapsed_us", |b, r| {
-        let shift = txn(b, r).start.zip(txn(b, r).elapsed).map(|(start, elapsed)| start - elapsed);
-        us(half(b, r).start.zip(shift).map(|(start, shift)| start - shift))
-    }),
-    ("bus", |b, r| Cell::Text(&bus(b, txn(b, r).bus).name)),
-    ("client", |_, _| Cell::Null),
-    ("unit", |b, r| Cell::Int(i64::from(txn(b, r).unit))),
-    ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
-    ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
-    ("address", |b, r| {
-        let range = if r.2 { write_range(b, txn(b, r)) } else { read_range(b, txn(b, r)) };
-        int(range.map(|range| (i64::from(range.0) + i64::from(r.1)) & 0xFFFF))
-    }),
-    ("operation", |_, r| Cell::Word(if r.2 { "write" } else { "read" })),
-    ("status", |b, r| Cell::Word(txn(b, r).status.text())),
-    ("raw", |b, r| item(b, r).map_or(Cell::Null, |value| Cell::Ints(Items::One(value)))),
-    ("name", |_, _| Cell::Null),
-    ("value", |b, r| int(item(b, r))),
-    ("value_text", |b, r| int(item(b, r))),
-    ("unit_of_measure", |_, _| Cell::Null),
 ];
 
 pub(super) const FINDINGS: &[(&str, Read<FindingRow>)] = &[
@@ -162,34 +135,4 @@ fn half_hex<'a>(batch: &'a Batch, half: &Half) -> Cell<'a> {
     } else {
         Cell::Hex(half.wire.of(&batch.arena))
     }
-}
-pub(super) fn readings(batch: &Batch) -> Vec<(u32, u16, bool)> {
-    let mut rows = Vec::new();
-    for (i, t) in batch.transactions.iter().enumerate() {
-        // Refused and unanswered writes are listed too, with their status.
-        let blocks = [(write_data(batch, t), true), (read_data(batch, t).filter(|_| read_range(batch, t).is_some()), false)];
-        for (items, write) in blocks {
-            rows.extend((0..items.map_or(0, |items| items.len())).map(|n| (i as u32, n as u16, write)));
-        }
-    }
-    rows
-}
-
-fn txn(batch: &Batch, reading: (u32, u16, bool)) -> &Transaction {
-    &batch.transactions[reading.0 as usize]
-}
-
-fn half(batch: &Batch, reading: (u32, u16, bool)) -> &Half {
-    let t = txn(batch, reading);
-    if reading.2 {
-        &t.request
-    } else {
-        &t.response
-    }
-}
-
-fn item(batch: &Batch, reading: (u32, u16, bool)) -> Option<i32> {
-    let t = txn(batch, reading);
-    let items = if reading.2 { write_data(batch, t) } else { read_data(batch, t) };
-    items.filter(|items| usize::from(reading.1) < items.len()).map(|items| items.get(usize::from(reading.1)))
 }

@@ -9,6 +9,7 @@ use crate::input::Input;
 use crate::line::Line;
 use crate::pairing::{Pairing, Seen};
 use crate::records::{Bus, Clock, Place};
+use crate::session::profiles::Profiles;
 use crate::text::Reader;
 use crate::Ns;
 
@@ -49,6 +50,7 @@ pub(super) struct BusState {
     pub(super) newest: Option<Ns>,
     pub(super) jumped: bool,
     pub(super) reader: Option<Reader>,
+    pub(super) profiles: Profiles,
 }
 impl BusOptions {
     /// A bus without clock or settings.

@@ -4,6 +4,7 @@
 #![allow(clippy::vec_box)]
 
 mod bus;
+mod profiles;
 mod rows;
 
 use std::collections::VecDeque;
@@ -24,6 +25,7 @@ use crate::Ns;
 pub use bus::BusOptions;
 
 use bus::{learn, BusState};
+use profiles::Assignment;
 use rows::{elapsed, framing_detail, keep_half, placed_detail};
 
 /// A request is given up after so long at the latest (records.md).
@@ -64,6 +66,7 @@ pub struct Session {
     next_txn: u64,
     origin: Option<Ns>,
     stats: Stats,
+    assignments: Vec<Assignment>,
     /// Scratch.
     adu: Vec<u8>,
     done: Vec<Box<Exchange>>,
@@ -92,6 +95,7 @@ impl Session {
             next_txn: 1,
             origin: None,
             stats: Stats::default(),
+            assignments: Vec::new(),
             adu: Vec::new(),
             done: Vec::new(),
             found: Vec::new(),
@@ -112,6 +116,7 @@ impl Session {
             newest: None,
             jumped: false,
             reader: None,
+            profiles: self.profiles_of(&options.bus.name),
             options,
         });
         self.buses.len() - 1
@@ -471,6 +476,7 @@ impl Session {
                     request: keep_half(&mut self.batch, &exchange.request, exchange.mode),
                     response: keep_half(&mut self.batch, &exchange.response, exchange.mode),
                     findings: self.batch.keep_codes(&exchange.findings),
+                    points: self.buses[bus].profiles.on(&self.functions, &exchange),
                     origin: exchange.origin,
                 };
                 self.held.push_back(row);

@@ -48,6 +48,7 @@ fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
             cells.for_each(|cell| {
                 out.append_option(match cell {
                     Cell::Us(ns) => Some(ns as f64 / 1000.0),
+                    Cell::Float(value) => Some(value),
                     other => whole(&other).map(|n| n as f64),
                 });
             });

@@ -32,7 +32,8 @@ pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
 #[inline]
 fn push_cell(cell: &Cell<'_>, out: &mut Vec<u8>) {
     match cell {
-        Cell::Text(_) | Cell::Map(_) | Cell::Source(..) => {
+        Cell::Value(value) if value.is_number() => value.push(out),
+        Cell::Text(_) | Cell::Map(_) | Cell::Source(..) | Cell::Value(_) => {
             let start = out.len();
             push_plain(cell, out);
             quote(start, out);

@@ -28,7 +28,7 @@ pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
 #[inline]
 fn push_cell(cell: &Cell<'_>, out: &mut Vec<u8>) {
     match cell {
-        Cell::Int(_) | Cell::Us(_) | Cell::Bool(_) | Cell::Map(_) => push_plain(cell, out),
+        Cell::Int(_) | Cell::Float(_) | Cell::Us(_) | Cell::Bool(_) | Cell::Map(_) => push_plain(cell, out),
         Cell::Word(_) | Cell::Hex(_) | Cell::Time(_) => {
             out.push(b'"');
             push_plain(cell, out);

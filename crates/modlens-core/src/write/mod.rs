@@ -9,6 +9,7 @@ use std::sync::OnceLock;
 
 use crate::columns::{Cell, Items};
 use crate::pdu::push_hex;
+use crate::points::push_float;
 use crate::records::Place;
 use crate::Ns;
 
@@ -123,6 +124,8 @@ fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
     match cell {
         Cell::Null => {}
         Cell::Int(n) => push_int(*n, out),
+        Cell::Float(value) => push_float(*value, value, out),
+        Cell::Value(value) => value.push(out),
         Cell::Us(ns) => push_us(*ns, out),
         Cell::Time(ns) => push_time(*ns, out),
         Cell::Bool(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),

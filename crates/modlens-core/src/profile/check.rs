@@ -1,0 +1,331 @@
+//! From a tree to a profile: every key is looked at, whatever was wrong before.
+
+use crate::profile::keys::{near, Key, DEVICE, FILE, POINT};
+use crate::profile::kinds::{Access, Decimal, Order, Type};
+use crate::profile::node::{Entry, Node, Value};
+use crate::profile::place::{self, Place};
+use crate::profile::{Base, Device, Mistake, Point, Profile, Sentinel};
+
+/// The profile of a tree, as far as it can be understood.
+pub fn profile(tree: &Node, mistakes: &mut Vec<Mistake>) -> Profile {
+    let mut check = Checker { mistakes };
+    if !matches!(tree.value, Value::Map(_)) {
+        check.say(tree.line, "", format!("a profile is a table, not {}", tree.kind()));
+        return Profile::default();
+    }
+    check.known(tree, "", FILE.iter().copied());
+    match tree.get("profile").map(|node| (&node.value, node)) {
+        Some((Value::Integer(1), _)) => {}
+        Some((_, node)) => check.say(node.line, "profile", format!("is 1, the version of this format, not {}", node.shown())),
+        None => check.say(1, "profile", "is missing; the file begins with profile = 1".into()),
+    }
+    let device = tree.get("device").map_or_else(Device::default, |node| check.device(node));
+    let mut points = Vec::new();
+    match tree.get("registers").map(|node| (&node.value, node)) {
+        Some((Value::List(items), _)) => {
+            points.extend(items.iter().enumerate().filter_map(|(i, node)| check.point(node, i, &device)));
+        }
+        Some((_, node)) => check.say(node.line, "registers", format!("takes a list of points, not {}", node.kind())),
+        None => {}
+    }
+    Profile { device, points }
+}
+
+struct Checker<'m> {
+    mistakes: &'m mut Vec<Mistake>,
+}
+
+/// One table with the way to it.
+struct Table<'t> {
+    node: &'t Node,
+    path: String,
+}
+
+impl Table<'_> {
+    fn path(&self, key: &str) -> String {
+        format!("{}.{key}", self.path)
+    }
+}
+
+impl Checker<'_> {
+    fn say(&mut self, line: u32, key: &str, message: String) {
+        self.mistakes.push(Mistake::new(line, key, message));
+    }
+
+    fn known<'a>(&mut self, node: &Node, path: &str, known: impl Iterator<Item = &'a str> + Clone) {
+        let mut seen: Vec<&str> = Vec::new();
+        for entry in node.entries() {
+            let key = if path.is_empty() { entry.key.clone() } else { format!("{path}.{}", entry.key) };
+            if !known.clone().any(|name| name == entry.key) {
+                let hint = near(&entry.key, known.clone()).map(str::to_owned);
+                let all = if hint.is_none() { format!("; there are {}", known.clone().collect::<Vec<_>>().join(", ")) } else { String::new() };
+                self.mistakes.push(Mistake { line: entry.line, key, message: format!("no such key{all}"), hint });
+            } else if seen.contains(&entry.key.as_str()) {
+                self.say(entry.line, &key, "stands twice".into());
+            }
+            seen.push(&entry.key);
+        }
+    }
+
+    /// The table, its keys compared with those that are known.
+    fn table<'t>(&mut self, node: &'t Node, path: String, keys: &'static [Key]) -> Option<Table<'t>> {
+        if !matches!(node.value, Value::Map(_)) {
+            self.say(node.line, &path, format!("takes a table, not {}", node.kind()));
+            return None;
+        }
+        self.known(node, &path, keys.iter().map(|key| key.key));
+        Some(Table { node, path })
+    }
+
+    /// The value of a key, read by `read`, whose error is what the key takes.
+    fn read<T>(&mut self, table: &Table<'_>, key: &str, read: impl FnOnce(&Node) -> Result<T, String>) -> Option<T> {
+        let node = table.node.get(key)?;
+        match read(node) {
+            Ok(value) => Some(value),
+            Err(message) => {
+                self.say(node.line, &table.path(key), message);
+                None
+            }
+        }
+    }
+
+    fn text(&mut self, table: &Table<'_>, key: &str) -> Option<String> {
+        self.read(table, key, |node| match &node.value {
+            Value::Text(text) => Ok(text.clone()),
+            Value::Integer(_) | Value::Float(_) => Ok(node.shown()),
+            _ => Err(format!("takes a text, not {}", node.kind())),
+        })
+    }
+
+    fn word<T: Copy>(&mut self, table: &Table<'_>, key: &str, known: &[(&'static str, T)]) -> Option<T> {
+        let node = table.node.get(key)?;
+        let text = if let Value::Text(text) = &node.value { text.trim() } else { "" };
+        let found = known.iter().find(|(word, _)| word.eq_ignore_ascii_case(text)).map(|(_, value)| *value);
+        if found.is_none() {
+            let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
+            let hint = near(text, words.iter().copied()).filter(|_| words.len() > 4).map(str::to_owned);
+            let message = format!("{} is none of {}", node.shown(), words.join(", "));
+            self.mistakes.push(Mistake { line: node.line, key: table.path(key), message, hint });
+        }
+        found
+    }
+
+    fn order(&mut self, table: &Table<'_>) -> Option<Order> {
+        self.word(table, "order", &Order::ALL.map(|(order, word)| (word, order)))
+    }
+
+    fn device(&mut self, node: &Node) -> Device {
+        let Some(table) = self.table(node, "device".into(), DEVICE) else { return Device::default() };
+        let codes = |node: &Node| {
+            list(node, |item| match item.value {
+                Value::Integer(code @ 1..=127) => Ok(code as u8),
+                _ => Err(format!("takes function codes from 1 to 127, not {}", item.shown())),
+            })
+        };
+        let names = |node: &Node| {
+            list(node, |item| match &item.value {
+                Value::Text(text) => Ok(text.clone()),
+                _ => Err(format!("takes a list of names, not {}", item.shown())),
+            })
+        };
+        let exceptions = self.labels(&table, "exceptions", 1, 255);
+        Device {
+            id: self.text(&table, "id"),
+            vendor: self.text(&table, "vendor"),
+            model: self.text(&table, "model"),
+            source: self.text(&table, "source"),
+            note: self.text(&table, "note"),
+            address_base: self.read(&table, "address_base", base).unwrap_or_default(),
+            order: self.order(&table).unwrap_or_default(),
+            functions: self.read(&table, "functions", codes).unwrap_or_default(),
+            exceptions: exceptions.into_iter().map(|(code, text)| (code as u8, text)).collect(),
+            vendor_functions: self.read(&table, "vendor_functions", names).unwrap_or_default(),
+            sunspec: self.read(&table, "sunspec", whole).map(|model| model as u16),
+        }
+    }
+
+    fn point(&mut self, node: &Node, index: usize, device: &Device) -> Option<Point> {
+        let table = self.table(node, format!("registers[{index}]"), POINT)?;
+        for key in ["at", "name"] {
+            if node.get(key).is_none() {
+                self.say(node.line, &table.path(key), "is missing; every point has at and name".into());
+            }
+        }
+        let at = self.read(&table, "at", |node| match &node.value {
+            Value::Text(text) => place::parse(text, device.address_base),
+            _ => Err(format!("takes a text such as \"hr:0x00CD\", not {}", node.shown())),
+        });
+        let name = self.text(&table, "name").filter(|name| {
+            let good = !name.trim().is_empty();
+            if !good {
+                self.say(node.line, &table.path("name"), "is empty".into());
+            }
+            good
+        });
+        let kind = self.word(&table, "type", &Type::ALL.map(|row| (row.1, row.0)));
+        let wrong_kind = kind.is_none() && node.get("type").is_some();
+        let count = self.read(&table, "count", whole);
+        let order = self.order(&table).unwrap_or(device.order);
+        let scale = self.read(&table, "scale", decimal).filter(|scale| {
+            if scale.digits == 0 {
+                self.say(line_of(node, "scale"), &table.path("scale"), "is 0: every value would be the same".into());
+            }
+            scale.digits != 0
+        });
+        let offset = self.read(&table, "offset", decimal);
+        let access = self.word(&table, "access", &Access::ALL.map(|(access, word)| (word, access)));
+        let labels = self.labels(&table, "enum", i64::MIN, i64::MAX);
+        let bit_labels = self.labels(&table, "bits", 0, 63);
+        let nan = self.read(&table, "nan", |node| list(node, sentinel)).unwrap_or_default();
+        let (sf, unit) = (self.text(&table, "sf"), self.text(&table, "unit"));
+        let (group, note) = (self.text(&table, "group"), self.text(&table, "note"));
+        let Place { space, address, bits } = at?;
+        let single = space.bits() || bits.is_some_and(|(first, last)| first == last);
+        let kind = kind.unwrap_or(if single { Type::Bool } else { Type::U16 });
+        let own = kind.registers();
+        let point = Point {
+            space,
+            address,
+            bits,
+            name: name?,
+            kind,
+            count: count.unwrap_or(own.max(1)),
+            order,
+            scale,
+            offset,
+            sf,
+            unit,
+            access: access.unwrap_or_default(),
+            labels,
+            bit_labels: bit_labels.into_iter().map(|(bit, text)| (bit as u8, text)).collect(),
+            nan,
+            group,
+            note,
+            line: node.line,
+        };
+        if !wrong_kind {
+            self.fit(&table, &point, count);
+        }
+        Some(point)
+    }
+
+    /// Keys that do not go together with the type.
+    fn fit(&mut self, table: &Table<'_>, point: &Point, count: Option<u16>) {
+        let (kind, word, own) = (point.kind, point.kind.word(), point.kind.registers());
+        let mut wrong = |key: &str, message: String| self.say(line_of(table.node, key), &table.path(key), message);
+        match count {
+            None if own == 0 => wrong("type", format!("{word} needs count, the number of its registers")),
+            Some(count) if own > 1 && !count.is_multiple_of(own) => {
+                wrong("count", format!("{count} registers, but each {word} takes {own}"));
+            }
+            Some(count) if count > 1 && point.bits.is_some() => wrong("count", "a part of a register has no count".into()),
+            _ => {}
+        }
+        if u32::from(point.address) + u32::from(point.count) > 0x1_0000 {
+            wrong("at", format!("{} from wire address {} on reach beyond 65535", point.count, point.address));
+        }
+        if point.space.bits() && kind != Type::Bool {
+            wrong("type", format!("{word}, but a {} is a bool", point.space.long().replace('_', " ")));
+        } else if kind == Type::Bool && !point.space.bits() && point.bits.is_none_or(|(first, last)| first != last) {
+            wrong("type", "bool takes one bit: at = \"hr:10.3\"".into());
+        } else if point.bits.is_some() && !matches!(kind, Type::Bool | Type::U16 | Type::S16) {
+            wrong("type", format!("{word}, but a part of a register is bool, u16 or s16"));
+        }
+        for key in ["scale", "offset", "sf"] {
+            if table.node.get(key).is_some() && !kind.number() {
+                wrong(key, format!("a {word} is no number to be scaled"));
+            }
+        }
+        let labelled = kind.whole() || kind == Type::Bool;
+        if !point.labels.is_empty() && !labelled {
+            wrong("enum", format!("a {word} is no whole number to be labelled"));
+        }
+        if let Some((bit, _)) = point.bit_labels.iter().find(|(bit, _)| u32::from(*bit) >= kind.width().max(1)) {
+            wrong("bits", format!("bit {bit}, but a {word} has bits 0 to {}", kind.width().max(1) - 1));
+        }
+        if point.nan.iter().any(|nan| matches!(nan, Sentinel::Float(_))) && kind.whole() {
+            wrong("nan", format!("a {word} is a whole number; raw values that mean no value are, too"));
+        }
+        if !point.nan.is_empty() && !kind.number() {
+            wrong("nan", format!("a {word} is no number"));
+        }
+    }
+
+    fn labels(&mut self, table: &Table<'_>, key: &str, low: i64, high: i64) -> Vec<(i64, String)> {
+        let Some(node) = table.node.get(key) else { return Vec::new() };
+        let Value::Map(entries) = &node.value else {
+            self.say(node.line, &table.path(key), format!("takes a table of number = \"label\", not {}", node.kind()));
+            return Vec::new();
+        };
+        let mut found = Vec::new();
+        for entry in entries {
+            match label(entry, low, high) {
+                Ok(pair) => found.push(pair),
+                Err(message) => self.say(entry.line, &format!("{}.{}", table.path(key), entry.key), message),
+            }
+        }
+        found.sort_by_key(|(number, _)| *number);
+        found
+    }
+}
+
+fn line_of(node: &Node, key: &str) -> u32 {
+    node.get(key).map_or(node.line, |node| node.line)
+}
+
+fn label(entry: &Entry, low: i64, high: i64) -> Result<(i64, String), String> {
+    let text = entry.key.trim();
+    let number = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => i64::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    };
+    let number = number.ok_or_else(|| format!("{text:?} is no number"))?;
+    if !(low..=high).contains(&number) {
+        return Err(format!("{number} is not from {low} to {high}"));
+    }
+    match &entry.node.value {
+        Value::Text(label) => Ok((number, label.clone())),
+        Value::Integer(_) | Value::Float(_) | Value::Bool(_) => Ok((number, entry.node.shown())),
+        _ => Err(format!("takes a text, not {}", entry.node.kind())),
+    }
+}
+
+fn list<T>(node: &Node, read: impl Fn(&Node) -> Result<T, String>) -> Result<Vec<T>, String> {
+    match &node.value {
+        Value::List(items) => items.iter().map(read).collect(),
+        _ => Ok(vec![read(node)?]),
+    }
+}
+
+fn whole(node: &Node) -> Result<u16, String> {
+    match node.value {
+        Value::Integer(number @ 1..=0xFFFF) => Ok(number as u16),
+        _ => Err(format!("takes a whole number from 1 on, not {}", node.shown())),
+    }
+}
+
+fn decimal(node: &Node) -> Result<Decimal, String> {
+    let text = match &node.value {
+        Value::Integer(_) | Value::Float(_) => node.shown(),
+        _ => return Err(format!("takes a number, not {}", node.shown())),
+    };
+    Decimal::parse(&text).ok_or_else(|| format!("takes a number of at most 18 digits, not {text}"))
+}
+
+fn sentinel(node: &Node) -> Result<Sentinel, String> {
+    match &node.value {
+        Value::Integer(number) => Ok(Sentinel::Whole(*number)),
+        Value::Float(text) => text.parse().map(Sentinel::Float).map_err(|_| format!("{text} is no number")),
+        _ => Err(format!("takes a raw value or a list of them, not {}", node.shown())),
+    }
+}
+
+fn base(node: &Node) -> Result<Base, String> {
+    match &node.value {
+        Value::Integer(0) => Ok(Base::Zero),
+        Value::Integer(1) => Ok(Base::One),
+        Value::Text(text) if text.eq_ignore_ascii_case("modicon") => Ok(Base::Modicon),
+        _ => Err(format!("is 0, 1 or \"modicon\", not {}", node.shown())),
+    }
+}
+
