@@ -34,6 +34,19 @@ def detect(sample: bytes, name: str) -> list[tuple[str, float, str]]:
     counts as evidence.
     """
 
+def profile_schema() -> str:
+    """The JSON Schema of profiles, as `dissectors/profiles/profile-1.json` has it."""
+
+def shipped_profiles() -> list[tuple[str, str]]:
+    """The profiles that are shipped: (name, TOML text)."""
+
+def convert(type: str, order: str, data: bytes) -> tuple[float | None, str | None]:
+    """Registers (two bytes each, as on the wire) as one value of a type in an order.
+
+    The number, where a float holds it exactly, and the exact text; None where there is none.
+    `ValueError` for an unknown word or a wrong number of bytes.
+    """
+
 @final
 class Functions:
     """The table of functions: the embedded rows and further ones."""
@@ -72,6 +85,18 @@ class Predicate:
 
     def __new__(cls, table: str, tree: str) -> Predicate:
         """`tree` is the JSON syntax tree of analyzer/filters.py."""
+
+@final
+class Profile:
+    """A device profile without mistakes, compiled."""
+
+    def __new__(cls, text: str, form: str) -> Profile:
+        """`form` is toml, csv, json, or tree (JSON with lines: every value is `[line, value]`).
+
+        `ValueError` with all mistakes as a JSON list of {line, key, message, hint}.
+        """
+    def model(self) -> str:
+        """The profile as JSON in the words of the file, with wire addresses."""
 
 @final
 class Row:
@@ -147,6 +172,11 @@ class Session:
 
         - `live`: rows in order of completion, no hold-back
         - `tables`: those worth building (readings need transactions); all by default
+        """
+    def bind(self, profile: Profile, units: Sequence[int], *, bus: str | None = None) -> None:
+        """A profile for these units of one bus (by name) or of all; the last one wins.
+
+        Before `add_bus`.
         """
     def add_bus(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
 
@@ -11,6 +12,7 @@ import _modlens
 from analyzer.columns import columns
 from analyzer.filters import Filter, parse
 from analyzer.line import Line, parse_line
+from analyzer.profiles import Binding, binding, with_vendors
 from analyzer.session import FileRun, LiveRun, Settings
 from dissectors.errors import UsageError
 
@@ -118,13 +120,7 @@ class Decoding:
         return run.stats()
 
     def _run(self, tables: Iterable[str]) -> FileRun:
-        settings = Settings(
-            self._settings.line,
-            self._settings.mode,
-            self._settings.timeout_ns,
-            self._settings.functions,
-            tuple(tables),
-        )
+        settings = replace(self._settings, tables=tuple(tables))
         return FileRun(self._names, settings, read_as=self._read_as)
 
 
@@ -136,6 +132,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     read_as: str | None = None,
     timeout: float | None = None,
     functions: _modlens.Functions | None = None,
+    profiles: Iterable[str | Binding] = (),
 ) -> Decoding:
     """Decode one recording, or several one after the other.
 
@@ -144,6 +141,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `read_as`: the format of the files, detected by default (`modlens formats` lists them)
     - `timeout`: seconds after which a request is given up; learned by default
     - `functions`: a table of functions with further rows
+    - `profiles`: device profiles, each as `--profile` takes it (`1=mightyzap`, `2-7=pump.yaml`)
 
     `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
     looks.
@@ -151,7 +149,7 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     names = (recordings,) if isinstance(recordings, str | os.PathLike) else tuple(recordings)
     if not names:
         raise UsageError("no recording to decode")
-    settings = _settings(line, mode, timeout, functions)
+    settings = _settings(line, mode, timeout, functions, profiles)
     return Decoding(tuple(os.fspath(name) for name in names), settings, read_as)
 
 
@@ -201,6 +199,7 @@ def tap(
     mode: str = "auto",
     timeout: float | None = None,
     functions: _modlens.Functions | None = None,
+    profiles: Iterable[str | Binding] = (),
 ) -> Tap:
     """Listen to a serial line; nothing is ever sent.
 
@@ -214,7 +213,7 @@ def tap(
     """
     if not ports:
         raise UsageError("no port to listen to")
-    return Tap(LiveRun(ports, _settings(line, mode, timeout, functions)))
+    return Tap(LiveRun(ports, _settings(line, mode, timeout, functions, profiles)))
 
 
 def _settings(
@@ -222,10 +221,13 @@ def _settings(
     mode: str,
     timeout: float | None,
     functions: _modlens.Functions | None,
+    profiles: Iterable[str | Binding],
 ) -> Settings:
+    bound = tuple(one if isinstance(one, Binding) else binding(one) for one in profiles)
     return Settings(
         line=parse_line(line) if isinstance(line, str) else line,
         mode=mode,
         timeout_ns=None if timeout is None else round(timeout * 1e9),
-        functions=functions or _modlens.Functions(),
+        functions=with_vendors(functions or _modlens.Functions(), bound),
+        profiles=bound,
     )

@@ -22,6 +22,7 @@ from typing import Any, Protocol
 
 import _modlens
 from analyzer.line import Line
+from analyzer.profiles import Binding
 from analyzer.sources import FORMATS
 from analyzer.sources.files import Recording, check
 from analyzer.sources.live import arrivals
@@ -50,6 +51,7 @@ class Settings:
     - `timeout_ns`: after which a request is given up; None lets the core learn it
     - `functions`: the table of functions, vendors' rows included
     - `tables`: the tables worth building
+    - `profiles`: which units have which device profile
     """
 
     line: Line | None = None
@@ -57,6 +59,7 @@ class Settings:
     timeout_ns: int | None = None
     functions: _modlens.Functions = field(default_factory=_modlens.Functions)
     tables: Sequence[str] = EVERYTHING
+    profiles: Sequence[Binding] = ()
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -69,9 +72,12 @@ class Settings:
         tables = self.tables
         if "readings" in tables and "transactions" not in tables:
             tables = (*tables, "transactions")
-        return _modlens.Session(
+        core = _modlens.Session(
             self.functions, live=live, timeout_ns=self.timeout_ns, tables=tuple(tables)
         )
+        for one in self.profiles:
+            core.bind(one.profile.core, one.units, bus=one.bus)
+        return core
 
     def add_bus(self, core: _modlens.Session, name: str, *, clock: str) -> int:
         """A bus of that name in the core; gives its number."""

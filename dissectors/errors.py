@@ -15,6 +15,7 @@ unknown column 'untis' (column 1 of 'untis == 3'); did you mean 'units'?
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import ClassVar
 
 __all__ = [
@@ -97,9 +98,20 @@ class ProfileError(ModlensError):
         self.line = line
         self.key = key
         self.hint = hint
+        self.mistakes: tuple[ProfileError, ...] = (self,)
         place = self.path if line is None else f"{self.path}:{line}"
         what = message if key is None else f"{key}: {message}"
         super().__init__(f"{place}: {what}{_question(hint)}")
+
+    @classmethod
+    def joined(cls, mistakes: Sequence[ProfileError]) -> ProfileError:
+        """One error for all mistakes of a file, a line each; it has the first one's place."""
+        first = mistakes[0]
+        whole = cls("", path=first.path, line=first.line, key=first.key, hint=first.hint)
+        whole.mistakes = tuple(mistakes)
+        whole.message = "\n".join(one.message for one in mistakes)
+        whole.args = (whole.message,)
+        return whole
 
 
 class FilterError(ModlensError):

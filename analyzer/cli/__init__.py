@@ -65,7 +65,8 @@ def _run(command: str, words: list[str]) -> int:
         status: int = module.run(parser.parse_intermixed_args(words))
         _flush(told=status != 0)
     except ModlensError as error:
-        sys.stderr.write(f"modlens: {_plain(error.message)}\n")
+        for line in error.message.split("\n"):
+            sys.stderr.write(f"modlens: {_plain(line)}\n")
         _flush(told=True)
         return error.exit_status
     return status

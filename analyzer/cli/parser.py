@@ -13,6 +13,8 @@ import _modlens
 from analyzer.addresses import BASES
 from analyzer.columns import TABLES
 from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
+from analyzer.plant import choose_bus
+from analyzer.profiles import binding, with_vendors
 from analyzer.session import MODES, Settings
 from dissectors.errors import ProfileError, SourceError, UsageError
 
@@ -69,6 +71,19 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         "--timeout",
         metavar="TIME",
         help="give a request up after this time, as 500ms or 1.5s (learned, at most 1 s)",
+    )
+    group.add_argument(
+        "--profile",
+        dest="profiles",
+        action="append",
+        default=[],
+        metavar="[UNITS=]NAME|FILE",
+        help="what the registers of these units mean, as 1=mightyzap or 2-7=pump.yaml; repeatable",
+    )
+    group.add_argument(
+        "--bus",
+        metavar="FILE[:NAME]",
+        help="a bus file: port, line settings, and the profiles of its units",
     )
     add_functions(group)
 
@@ -130,11 +145,16 @@ def settings(options: argparse.Namespace) -> Settings:
 
     `UsageError` or `ProfileError` for what cannot be.
     """
+    plant = None if options.bus is None else choose_bus(options.bus)
+    profiles = tuple(binding(text) for text in options.profiles)
+    if plant is not None:
+        profiles = (*plant.profiles, *profiles)
     return Settings(
-        line=_line(options),
-        mode=options.mode,
+        line=_line(options) or (None if plant is None else plant.line),
+        mode=plant.mode if plant is not None and options.mode == "auto" else options.mode,
         timeout_ns=None if options.timeout is None else _duration(options.timeout),
-        functions=load_functions(options.functions),
+        functions=with_vendors(load_functions(options.functions), profiles),
+        profiles=profiles,
     )
 
 

@@ -146,7 +146,13 @@ def function(row: Any, *, long: bool) -> str:
 
 
 def values(row: Any, base: str) -> Items:
-    """What a transaction carried: values read, values written, decoded fields."""
+    """What a transaction carried: values read, values written, decoded fields.
+
+    Where a profile names values, their names and values stand in place of the registers.
+    """
+    named = row.readings
+    if named:
+        return Items([visible(f"{name}={_reading(value)}") for name, value in named.items()])
     if row.operation == "read" and row.data is not None and row.register_type not in _BITS:
         return Items(list(map(str, row.data)))  # nearly every row
     items: list[str] = []
@@ -178,6 +184,10 @@ def _block(row: Any, data: Sequence[int]) -> tuple[list[str], list[int]]:
     """Registers one by one, bits in groups; and how many values each text is."""
     groups = bits(data) if row.register_type in _BITS else list(map(str, data))
     return groups, [len(group) if row.register_type in _BITS else 1 for group in groups]
+
+
+def _reading(value: Any) -> str:
+    return "-" if value is None else text_of(value)
 
 
 def bits(data: Sequence[int]) -> list[str]:

@@ -1,6 +1,7 @@
 //! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
 
 mod functions;
+mod profile;
 mod session;
 mod stream;
 mod table;
@@ -99,7 +100,11 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(lrc, module)?)?;
     module.add_function(wrap_pyfunction!(line_timing, module)?)?;
     module.add_function(wrap_pyfunction!(detect_format, module)?)?;
+    module.add_function(wrap_pyfunction!(profile::profile_schema, module)?)?;
+    module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
+    module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
     module.add_class::<functions::Functions>()?;
+    module.add_class::<profile::Profile>()?;
     module.add_class::<table::Predicate>()?;
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;

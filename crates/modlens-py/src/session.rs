@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use serde_json::json;
 
 use crate::functions::Functions;
+use crate::profile::Profile;
 use crate::table::{table, Table};
 use crate::wrong;
 
@@ -66,6 +67,11 @@ impl Session {
             }
         }
         Ok(Self { core: Core::new(Arc::clone(&functions.core), wanted, live, timeout_ns), buses: 0 })
+    }
+
+    #[pyo3(signature = (profile, units, *, bus=None))]
+    fn bind(&mut self, profile: &Profile, units: Vec<u8>, bus: Option<&str>) {
+        self.core.bind(bus, &units, &profile.plan);
     }
 
     #[allow(clippy::too_many_arguments)] // The keywords of one Python call.

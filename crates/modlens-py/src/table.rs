@@ -201,6 +201,8 @@ impl Row {
             Cell::Int(n) if float => (n as f64).into_pyobject(py)?.into_any(),
             Cell::Int(n) if self.table.kind.columns()[column].kind == Kind::Text => n.to_string().into_pyobject(py)?.into_any(),
             Cell::Int(n) => n.into_pyobject(py)?.into_any(),
+            Cell::Float(value) => value.into_pyobject(py)?.into_any(),
+            Cell::Value(value) => value.text().into_pyobject(py)?.into_any(),
             Cell::Us(ns) => (ns as f64 / 1000.0).into_pyobject(py)?.into_any(),
             Cell::Time(ns) => datetime(py, ns)?,
             Cell::Bool(yes) => yes.into_pyobject(py)?.to_owned().into_any(),

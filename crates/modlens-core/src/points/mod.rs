@@ -253,7 +253,8 @@ mod tests {
 
     #[test]
     fn a_scale_factor_has_to_be_seen() {
-        let plan = plan("[[registers]]\nat='hr:1'\nname='w'\nsf='w_sf'\n[[registers]]\nat='hr:2'\nname='w_sf'\ntype='s16'\nnan=0x8000");
+        let plan =
+            plan("[[registers]]\nat='hr:1'\nname='w'\nsf='w_sf'\n[[registers]]\nat='hr:2'\nname='w_sf'\ntype='s16'\nnan=0x8000");
         let bound = Bound::new(Arc::clone(&plan));
         let w = &plan.all()[0];
         assert_eq!(bound.value(w, &[0, 214]), Value::Missing);

@@ -4,7 +4,7 @@ use crate::profile::keys::{near, Key, DEVICE, FILE, POINT};
 use crate::profile::kinds::{Access, Decimal, Order, Type};
 use crate::profile::node::{Entry, Node, Value};
 use crate::profile::place::{self, Place};
-use crate::profile::{Base, Device, Mistake, Point, Profile, Sentinel};
+use crate::profile::{Base, Device, Lines, Mistake, Point, Profile, Sentinel};
 
 /// The profile of a tree, as far as it can be understood.
 pub fn profile(tree: &Node, mistakes: &mut Vec<Mistake>) -> Profile {
@@ -58,7 +58,11 @@ impl Checker<'_> {
             let key = if path.is_empty() { entry.key.clone() } else { format!("{path}.{}", entry.key) };
             if !known.clone().any(|name| name == entry.key) {
                 let hint = near(&entry.key, known.clone()).map(str::to_owned);
-                let all = if hint.is_none() { format!("; there are {}", known.clone().collect::<Vec<_>>().join(", ")) } else { String::new() };
+                let all = if hint.is_none() {
+                    format!("; there are {}", known.clone().collect::<Vec<_>>().join(", "))
+                } else {
+                    String::new()
+                };
                 self.mistakes.push(Mistake { line: entry.line, key, message: format!("no such key{all}"), hint });
             } else if seen.contains(&entry.key.as_str()) {
                 self.say(entry.line, &key, "stands twice".into());
@@ -140,7 +144,7 @@ impl Checker<'_> {
             functions: self.read(&table, "functions", codes).unwrap_or_default(),
             exceptions: exceptions.into_iter().map(|(code, text)| (code as u8, text)).collect(),
             vendor_functions: self.read(&table, "vendor_functions", names).unwrap_or_default(),
-            sunspec: self.read(&table, "sunspec", whole).map(|model| model as u16),
+            sunspec: self.read(&table, "sunspec", whole),
         }
     }
 
@@ -178,7 +182,7 @@ impl Checker<'_> {
         let bit_labels = self.labels(&table, "bits", 0, 63);
         let nan = self.read(&table, "nan", |node| list(node, sentinel)).unwrap_or_default();
         let (sf, unit) = (self.text(&table, "sf"), self.text(&table, "unit"));
-        let (group, note) = (self.text(&table, "group"), self.text(&table, "note"));
+        let words = [self.text(&table, "group"), self.text(&table, "note")];
         let Place { space, address, bits } = at?;
         let single = space.bits() || bits.is_some_and(|(first, last)| first == last);
         let kind = kind.unwrap_or(if single { Type::Bool } else { Type::U16 });
@@ -199,9 +203,9 @@ impl Checker<'_> {
             labels,
             bit_labels: bit_labels.into_iter().map(|(bit, text)| (bit as u8, text)).collect(),
             nan,
-            group,
-            note,
-            line: node.line,
+            group: words[0].clone(),
+            note: words[1].clone(),
+            lines: Lines { index, at: line_of(node, "at"), name: line_of(node, "name"), sf: line_of(node, "sf") },
         };
         if !wrong_kind {
             self.fit(&table, &point, count);
@@ -328,4 +332,3 @@ fn base(node: &Node) -> Result<Base, String> {
         _ => Err(format!("is 0, 1 or \"modicon\", not {}", node.shown())),
     }
 }
-

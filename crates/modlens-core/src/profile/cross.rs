@@ -10,27 +10,27 @@ pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
     let mut names: HashMap<&str, usize> = HashMap::new();
     for (i, point) in profile.points.iter().enumerate() {
         if let Some(first) = names.insert(&point.name, i) {
-            let line = profile.points[first].line;
+            let line = profile.points[first].lines.name;
             let message = if line > 0 {
                 format!("{:?} is the name of the point in line {line}, too", point.name)
             } else {
                 format!("{:?} is the name of two points", point.name)
             };
-            mistakes.push(Mistake::new(point.line, &format!("registers[{i}].name"), message));
+            mistakes.push(Mistake::new(point.lines.name, &format!("registers[{}].name", point.lines.index), message));
         }
     }
-    for (i, point) in profile.points.iter().enumerate() {
+    for point in &profile.points {
         let Some(sf) = &point.sf else { continue };
-        let key = format!("registers[{i}].sf");
+        let key = format!("registers[{}].sf", point.lines.index);
         match names.get(sf.as_str()).map(|&at| &profile.points[at]) {
             None => {
                 let hint = crate::profile::keys::near(sf, names.keys().copied()).map(str::to_owned);
                 let message = format!("no point {sf:?} holds the scale factor");
-                mistakes.push(Mistake { line: point.line, key, message, hint });
+                mistakes.push(Mistake { line: point.lines.sf, key, message, hint });
             }
             Some(holder) if !holder.kind.whole() || holder.length() != 1 || holder.sf.is_some() => {
                 let message = format!("{sf:?} is no single whole number, which a scale factor is");
-                mistakes.push(Mistake::new(point.line, &key, message));
+                mistakes.push(Mistake::new(point.lines.sf, &key, message));
             }
             Some(_) => {}
         }
@@ -53,7 +53,7 @@ fn overlaps(points: &[Point], mistakes: &mut Vec<Mistake>) {
             if let Some((until, other)) = reach.filter(|(until, _)| *until > start) {
                 let (point, other) = (&points[i], &points[other]);
                 let message = format!("takes wire address {start} of {}, which belongs to {:?}", space.short(), other.name);
-                mistakes.push(Mistake::new(point.line, &format!("registers[{i}].at"), message));
+                mistakes.push(Mistake::new(point.lines.at, &format!("registers[{}].at", point.lines.index), message));
                 reach = Some((until.max(end), i));
                 continue;
             }

@@ -66,7 +66,11 @@ pub const DEVICE: &[Key] = &[
 
 /// Keys of a point in `[[registers]]`.
 pub const POINT: &[Key] = &[
-    key("at", Shape::At, "where it stands: hr, ir, co or di, a colon, the address, and .bit or .bit-bit for a part of a register"),
+    key(
+        "at",
+        Shape::At,
+        "where it stands: hr, ir, co or di, a colon, the address, and .bit or .bit-bit for a part of a register",
+    ),
     key("name", Shape::Text, "what it is called"),
     key("type", Shape::Type, "how its registers are read; u16 if nothing is said, bool for single bits"),
     key("count", Shape::Whole, "registers or bits that it takes; needed for texts and raw; several values make an array"),

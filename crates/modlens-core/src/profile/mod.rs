@@ -81,7 +81,7 @@ pub struct Device {
     pub exceptions: Vec<(u8, String)>,
     /// Function rows that it needs.
     pub vendor_functions: Vec<String>,
-    /// The SunSpec model that the addresses are relative to.
+    /// The `SunSpec` model that the addresses are relative to.
     pub sunspec: Option<u16>,
 }
 
@@ -131,8 +131,21 @@ pub struct Point {
     pub group: Option<String>,
     /// Free text.
     pub note: Option<String>,
-    /// Where it stands in the file.
-    pub line: u32,
+    /// Where its keys stand in the file.
+    pub lines: Lines,
+}
+
+/// Where a point's keys stand, for what is found out later; lines are 0 where the file has none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lines {
+    /// Of `at`.
+    pub at: u32,
+    /// Of `name`.
+    pub name: u32,
+    /// Of `sf`.
+    pub sf: u32,
+    /// The point's number in the file, from 0.
+    pub index: usize,
 }
 
 impl Point {

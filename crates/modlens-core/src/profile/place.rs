@@ -40,7 +40,8 @@ fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
         return Err(format!("a {} has no bits of its own", space.long().replace('_', " ")));
     }
     let (first, last) = text.split_once('-').unwrap_or((text, text));
-    let bit = |text: &str| text.trim().parse::<u8>().map_err(|_| format!("{:?} is no bit; bits are 0 (lowest) to 15", text.trim()));
+    let bit =
+        |text: &str| text.trim().parse::<u8>().map_err(|_| format!("{:?} is no bit; bits are 0 (lowest) to 15", text.trim()));
     let (first, last) = (bit(first)?, bit(last)?);
     if first.max(last) > 15 {
         return Err(format!("bit {}; a register has bits 0 (lowest) to 15", first.max(last)));

@@ -32,11 +32,7 @@ impl Lines {
 fn map(table: &DeTable<'_>, lines: &Lines) -> Value {
     let mut entries: Vec<Entry> = table
         .iter()
-        .map(|(key, value)| Entry {
-            key: key.get_ref().to_string(),
-            line: lines.at(key.span().start),
-            node: node(value, lines),
-        })
+        .map(|(key, value)| Entry { key: key.get_ref().to_string(), line: lines.at(key.span().start), node: node(value, lines) })
         .collect();
     // The crate sorts by name; people expect the order of the file.
     entries.sort_by_key(|entry| entry.line);

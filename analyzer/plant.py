@@ -1,0 +1,141 @@
+"""Bus files: what is on a line, said once. Port, line settings, and the profile of each unit.
+
+```toml
+plant = 1
+
+[[bus]]
+name = "pumps"
+port = "/dev/ttyUSB0"
+line = "19200-8E1"
+
+[bus.units]
+1 = "mightyzap"
+"2-7" = "profiles/pump.yaml"
+```
+
+A profile's file is looked for beside the bus file first.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analyzer.line import Line, parse_line
+from analyzer.profiles import Binding, load, parse_units, read
+from dissectors.errors import ProfileError, UsageError
+from dissectors.words import near
+
+__all__ = ["Bus", "choose_bus", "load_plant"]
+
+_FILE = ("plant", "bus")
+_BUS = ("name", "port", "line", "mode", "units", "note")
+_MODES = ("auto", "rtu", "ascii", "tcp")
+
+
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """One bus of a file; what the file does not say is None."""
+
+    name: str
+    port: str | None
+    line: Line | None
+    mode: str
+    profiles: tuple[Binding, ...]
+
+
+def choose_bus(text: str) -> Bus:
+    """The bus that `--bus FILE` or `FILE:NAME` means; a file of one bus needs no name.
+
+    `SourceError`, `ProfileError` or `UsageError` if that cannot be.
+    """
+    path, colon, name = text.rpartition(":")
+    if not colon or Path(text).exists():
+        path, name = text, ""
+    buses = load_plant(path)
+    if not name and len(buses) == 1:
+        return buses[0]
+    names = [bus.name for bus in buses]
+    for bus in buses:
+        if bus.name == name:
+            return bus
+    if not name:
+        raise UsageError(f"--bus {path}: which one? --bus {path}:NAME; it has {', '.join(names)}")
+    hint = near(name, names)
+    question = f"did you mean {hint!r}?" if hint else f"it has {', '.join(names)}"
+    raise UsageError(f"--bus {path}: no bus {name!r}; {question}")
+
+
+def load_plant(path: str) -> list[Bus]:
+    """The buses of a file; `ProfileError` with every mistake that can be told at once."""
+    try:
+        data = tomllib.loads(read(path))
+    except tomllib.TOMLDecodeError as error:
+        raise ProfileError(f"no TOML: {error}", path=path) from None
+    mistakes: list[ProfileError] = []
+    _unknown(data, _FILE, "", path, mistakes)
+    if data.get("plant") != 1:
+        message = "is 1, the version of this format; the file begins with plant = 1"
+        mistakes.append(ProfileError(message, path=path, key="plant"))
+    rows = data.get("bus")
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        mistakes.append(ProfileError("a [[bus]] is missing", path=path, key="bus"))
+        rows = []
+    buses = [_bus(row, f"bus[{number}]", path, mistakes) for number, row in enumerate(rows)]
+    if mistakes:
+        raise ProfileError.joined(mistakes)
+    return buses
+
+
+def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError]) -> Bus:
+    _unknown(row, _BUS, f"{key}.", path, mistakes)
+
+    def wrong(name: str, message: str) -> None:
+        mistakes.append(ProfileError(message, path=path, key=f"{key}.{name}"))
+
+    for name in ("name", "port", "line", "mode"):
+        if not isinstance(row.get(name, ""), str):
+            wrong(name, f"takes a text, not {row[name]!r}")
+    line = None
+    if isinstance(row.get("line"), str):
+        try:
+            line = parse_line(row["line"])
+        except UsageError as error:
+            wrong("line", error.message)
+    mode = row.get("mode", "auto")
+    if mode not in _MODES:
+        wrong("mode", f"{mode!r} is none of {', '.join(_MODES)}")
+    port = row.get("port")
+    units = row.get("units", {})
+    if not isinstance(units, dict):
+        wrong("units", 'takes a table such as 1 = "mightyzap"')
+        units = {}
+    bindings: list[Binding] = []
+    for text, word in units.items():
+        try:
+            bindings.append(Binding(load(_beside(path, str(word))), parse_units(text)))
+        except (UsageError, ProfileError) as error:
+            wrong(f"units.{text}", error.message)
+    name = str(row.get("name", port or key))
+    return Bus(name, port, line, str(mode), tuple(bindings))
+
+
+def _beside(path: str, word: str) -> str:
+    near_by = Path(path).parent / word
+    return str(near_by) if near_by.is_file() else word
+
+
+def _unknown(
+    table: dict[str, Any],
+    known: Iterable[str],
+    prefix: str,
+    path: str,
+    mistakes: list[ProfileError],
+) -> None:
+    for key in table:
+        if key not in known:
+            hint = near(key, known)
+            mistakes.append(ProfileError("no such key", path=path, key=f"{prefix}{key}", hint=hint))

@@ -1,0 +1,165 @@
+"""Where device profiles come from, and which units they are for.
+
+A word is a file if it has a suffix or a folder in it. Else it is a name, looked up in the folders
+of `MODLENS_PROFILES`, in the user's folder (`~/.config/modlens/profiles`), among the shipped ones,
+and in the entry points `modlens.profiles` of installed packages (each a text, or a function without
+arguments that gives one: the TOML).
+
+>>> bound = binding("1,4-6=mightyzap")
+>>> bound.units, bound.profile.title
+((1, 4, 5, 6), 'IR Robot mightyZAP 12Lf')
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import _modlens
+from dissectors.errors import ProfileError, SourceError, UsageError
+from dissectors.profile import FORMS, Profile, parse, shipped, shipped_names
+from dissectors.words import near
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint as _EntryPoint
+
+__all__ = ["Binding", "Known", "binding", "known", "load", "parse_units", "with_vendors"]
+
+ENTRY_POINTS = "modlens.profiles"
+
+HIGHEST_UNIT = 255
+
+_UNITS = re.compile(r"[\d\s,\-*]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """A profile for some units, of one bus (by its name) or of all."""
+
+    profile: Profile
+    units: tuple[int, ...]
+    bus: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A profile that can be named: its name, and where it comes from."""
+
+    name: str
+    origin: str
+
+
+def binding(text: str) -> Binding:
+    """What `--profile` says: `UNITS=WORD`, or a bare word for all units.
+
+    `UsageError` or `ProfileError` if that cannot be.
+    """
+    head, equals, word = text.partition("=")
+    if not equals or not _UNITS.fullmatch(head):
+        head, word = "*", text
+    if not word:
+        raise UsageError(f"--profile {text}: write units and a profile, such as 1=mightyzap")
+    return Binding(load(word), parse_units(head))
+
+
+def parse_units(text: str) -> tuple[int, ...]:
+    """The units that `1`, `2-7`, `1,4-6` or `*` means; `UsageError` otherwise.
+
+    >>> parse_units("2-4, 9")
+    (2, 3, 4, 9)
+    """
+    units: dict[int, None] = {}
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(?:\*|(\d+)\s*(?:-\s*(\d+))?)\s*", part)
+        if match is None:
+            raise UsageError(f"units {text!r}; write them as 1 or 2-7 or 1,4-6 or *")
+        first = int(match[1] or 0)
+        last = int(match[2] or match[1] or HIGHEST_UNIT)
+        if not first <= last <= HIGHEST_UNIT:
+            raise UsageError(f"units {text!r}; a unit is 0 to {HIGHEST_UNIT}, the lower one first")
+        units |= dict.fromkeys(range(first, last + 1))
+    return tuple(units)
+
+
+def load(word: str) -> Profile:
+    """The profile of a file or a name.
+
+    `SourceError` if a file cannot be read, `ProfileError` with all mistakes in it, `UsageError` for
+    a name that nobody knows.
+    """
+    if Path(word).suffix.lower() in FORMS or os.sep in word:
+        return parse(read(word), word)
+    for folder in _folders():
+        for suffix in FORMS:
+            path = folder / f"{word}{suffix}"
+            if path.is_file():
+                return parse(read(str(path)), str(path))
+    if word in shipped_names():
+        return shipped(word)
+    for point in _entry_points():
+        if point.name == word:
+            return _from_entry_point(point)
+    names = [one.name for one in known()]
+    hint = near(word, names)
+    question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(names)}"
+    raise UsageError(f"no profile {word!r}; {question}")
+
+
+def known() -> tuple[Known, ...]:
+    """All profiles that have a name, the ones that are found first in front."""
+    found: dict[str, Known] = {}
+    for folder in _folders():
+        if folder.is_dir():
+            for path in sorted(folder.iterdir()):
+                if path.suffix.lower() in FORMS:
+                    found.setdefault(path.stem, Known(path.stem, str(path)))
+    for name in shipped_names():
+        found.setdefault(name, Known(name, "shipped"))
+    for point in _entry_points():
+        found.setdefault(point.name, Known(point.name, f"entry point {point.value}"))
+    return tuple(found.values())
+
+
+def read(path: str) -> str:
+    """The text of a file; `SourceError` if it cannot be read."""
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise SourceError(f"{path}: cannot be read: {reason}") from error
+
+
+def with_vendors(functions: _modlens.Functions, bindings: Iterable[Binding]) -> _modlens.Functions:
+    """The table of functions with the rows of the vendors that the profiles name."""
+    for one in bindings:
+        for vendor in one.profile.device.get("vendor_functions", ()):
+            try:
+                functions.load_vendor(vendor)
+            except ValueError as error:
+                key = "device.vendor_functions"
+                raise ProfileError(str(error), path=one.profile.name, key=key) from None
+    return functions
+
+
+def _folders() -> Iterator[Path]:
+    for folder in os.environ.get("MODLENS_PROFILES", "").split(os.pathsep):
+        if folder:
+            yield Path(folder)
+    config = os.environ.get("XDG_CONFIG_HOME")
+    yield (Path(config) if config else Path.home() / ".config") / "modlens" / "profiles"
+
+
+def _entry_points() -> Iterable[_EntryPoint]:
+    from importlib.metadata import entry_points  # noqa: PLC0415 - slow to import
+
+    return tuple(entry_points(group=ENTRY_POINTS))
+
+
+def _from_entry_point(point: _EntryPoint) -> Profile:
+    found = point.load()
+    text = found() if callable(found) else found
+    return parse(str(text), f"entry point {point.value}", "toml")

@@ -1,0 +1,60 @@
+//! Profiles.
+
+use std::sync::Arc;
+
+use modlens_core::points::{Convert, Plan};
+use modlens_core::profile::{self, Form, Mistake, Order, Profile as Core, Type, SHIPPED};
+use pyo3::prelude::*;
+use serde_json::{json, Value as Json};
+
+use crate::wrong;
+
+/// A device profile that has no mistakes.
+#[pyclass(frozen, module = "_modlens")]
+pub struct Profile {
+    pub(crate) plan: Arc<Plan>,
+}
+
+#[pymethods]
+impl Profile {
+    #[new]
+    fn new(text: &str, form: &str) -> PyResult<Self> {
+        let form = Form::from_word(form).ok_or_else(|| wrong(format!("form {form:?} is none of toml, csv, tree, json")))?;
+        let core = Core::parse(text, form).map_err(|mistakes| wrong(list(&mistakes)))?;
+        Ok(Self { plan: Arc::new(Plan::new(core)) })
+    }
+
+    fn model(&self) -> String {
+        profile::to_json(&self.plan.profile).to_string()
+    }
+}
+
+fn list(mistakes: &[Mistake]) -> String {
+    let row = |mistake: &Mistake| json!({"line": Some(mistake.line).filter(|&line| line > 0), "key": mistake.key, "message": mistake.message, "hint": mistake.hint});
+    mistakes.iter().map(row).collect::<Json>().to_string()
+}
+
+/// The JSON Schema of profiles.
+#[pyfunction]
+pub fn profile_schema() -> String {
+    format!("{:#}\n", profile::schema())
+}
+
+/// The shipped profiles: name, TOML text.
+#[pyfunction]
+pub fn shipped_profiles() -> Vec<(&'static str, &'static str)> {
+    SHIPPED.to_vec()
+}
+
+/// Registers as one value of a type: the number, where a float holds it, and its exact text.
+#[pyfunction]
+pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>, Option<String>)> {
+    let kind = Type::from_word(r#type).ok_or_else(|| wrong(format!("no type {type:?}")))?;
+    let order = Order::from_word(order).ok_or_else(|| wrong(format!("no order {order:?}")))?;
+    let needed = usize::from(kind.registers()) * 2;
+    if data.is_empty() || !data.len().is_multiple_of(2) || (needed > 0 && data.len() != needed) {
+        return Err(wrong(format!("{} bytes are no {}", data.len(), kind.word())));
+    }
+    let value = Convert::of_type(kind, order).value(data, None);
+    Ok((value.number(), value.text()))
+}

@@ -1,0 +1,68 @@
+"""YAML 1.2 with line numbers, as the tree that the core's profiles take.
+
+ruamel.yaml is an extra (`pip install 'modlens[yaml]'`). PyYAML is not used: it reads YAML 1.1,
+where `0107` is 71, `12:30` is 750 and `NO` is false.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dissectors.errors import ProfileError, UsageError
+
+__all__ = ["load", "scalar", "tree"]
+
+_RADIX = ("0x", "0o", "0b")
+
+
+def load(text: str, path: str) -> Any:
+    """The composed document of a text, nodes with marks; None where it is empty.
+
+    `ProfileError` with the line where it is no YAML, `UsageError` without ruamel.yaml.
+    """
+    try:
+        from ruamel.yaml import YAML  # noqa: PLC0415 - an extra
+        from ruamel.yaml.error import MarkedYAMLError  # noqa: PLC0415
+    except ImportError:
+        raise UsageError(f"{path}: YAML needs ruamel.yaml; pip install 'modlens[yaml]'") from None
+    try:
+        return YAML(typ="rt").compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = None if mark is None else mark.line + 1
+        raise ProfileError(f"no YAML: {error.problem}", path=path, line=line) from None
+
+
+def tree(text: str, path: str) -> list[Any]:
+    """`[line, value]` for every value, `[line of the key, [line, value]]` in tables."""
+    root = load(text, path)
+    return [1, {}] if root is None else _node(root, path)
+
+
+def _node(node: Any, path: str) -> list[Any]:
+    line = node.start_mark.line + 1
+    if node.id == "mapping":
+        table = {}
+        for key, value in node.value:
+            if str(key.value) in table:
+                raise ProfileError(
+                    "stands twice", path=path, line=key.start_mark.line + 1, key=str(key.value)
+                )
+            table[str(key.value)] = [key.start_mark.line + 1, _node(value, path)]
+        return [line, table]
+    if node.id == "sequence":
+        return [line, [_node(item, path) for item in node.value]]
+    return [line, scalar(node)]
+
+
+def scalar(node: Any) -> Any:
+    """The value of a scalar node, by its resolved tag; what YAML 1.2 calls text is text."""
+    tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "").rsplit(":", 1)[-1]
+    text = str(node.value)
+    if tag == "int":
+        return int(text.replace("_", ""), 0 if text.lstrip("+-")[:2].lower() in _RADIX else 10)
+    if tag == "float":
+        return float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+    if tag == "bool":
+        return text.lower() == "true"
+    return None if tag == "null" else text
