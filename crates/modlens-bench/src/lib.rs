@@ -23,4 +23,5 @@ pub mod reported;
 pub mod rng;
 pub mod score;
 pub mod sim;
+pub mod speed;
 pub mod tables;

@@ -14,6 +14,7 @@ use modlens_bench::sim::bulk::{Bulk, Mixed};
 use modlens_bench::sim::case::Traffic;
 use modlens_bench::sim::output::{write_chunk_log, write_truth};
 use modlens_bench::sim::scenario::Scenario;
+use modlens_bench::speed::{self, Layer, Load};
 use modlens_bench::{baselines, tables};
 
 /// Bulk traffic is written in blocks of this size.
@@ -40,6 +41,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
         "accuracy" => accuracy(&options),
         "noise" => noise(&options),
         "differences" => show_differences(&options),
+        "speed" => show_speed(&options),
         "write" => write(&options).map_err(|why| why.to_string())?,
         "bulk" => bulk(&options).map_err(|why| why.to_string())?,
         "scenarios" => Scenario::all().for_each(|scenario| say(&format!("{}\n", scenario.name))),
@@ -104,6 +106,25 @@ fn show_differences(options: &Options) {
                     }
                 }
             }
+        }
+    }
+}
+
+/// MB a CPU second of every load and layer, then the memory that a long noise takes.
+fn show_speed(options: &Options) {
+    let seed = options.plan.seeds[0];
+    say("MB a CPU second, one thread; * where four times the bytes took more than six times as long\n");
+    say(&format!("{:<18}{:>12}{:>14}{:>12}\n", "", "framing", "transactions", "everything"));
+    for (name, load) in Load::ALL.into_iter().filter(|(name, _)| options.only.as_ref().is_none_or(|only| name.contains(only))) {
+        let bytes = load.bytes(options.bytes, seed);
+        let cells = Layer::ALL.map(|layer| speed::rate(layer, &bytes));
+        let [a, b, c] = cells.map(|(rate, linear)| format!("{rate:.0}{}", if linear { " " } else { "*" }));
+        say(&format!("{name:<18}{a:>12}{b:>14}{c:>12}\n"));
+    }
+    if options.noise.bytes > 0 {
+        let bytes = options.noise.bytes as u64;
+        if let Some((early, late)) = speed::memory(bytes, seed) {
+            say(&format!("peak memory {early:.1} MB after {} MB of noise, {late:.1} MB after {}\n", bytes / 16_000_000, bytes / 1_000_000));
         }
     }
 }

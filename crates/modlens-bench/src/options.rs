@@ -10,6 +10,7 @@ pub const HELP: &str = "\
 modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for modlens
 modlens-bench noise [options]      false frames per MB of noise only
 modlens-bench differences [options]  the bytes around every missed, false or mislabelled frame
+modlens-bench speed [options]      MB a CPU second, and memory over noise
 modlens-bench write [options]      one case as chunk log and truth (JSON lines)
 modlens-bench bulk [options]       clean mixed traffic as raw bytes
 modlens-bench scenarios            names of the scenarios
@@ -25,7 +26,8 @@ modlens-bench scenarios            names of the scenarios
   --patterns a,b               uniform 00_ff bus13 single_bit wrong_baud inverted; default: all
   --threads N                  default 1
   --out PATH                   write: PATH.jsonl and PATH.truth.jsonl; bulk: the file
-  --bytes N                    bulk: default 64000000
+  --bytes N                    bulk: default 64000000; speed: of each load
+  --only TEXT                  speed: loads whose names have this in them
   --dirty                      bulk: with flipped bits and stray bytes
 ";
 
@@ -40,6 +42,8 @@ pub struct Options {
     pub out: Option<String>,
     /// Bytes of bulk traffic.
     pub bytes: usize,
+    /// Which loads to measure; all where `None`.
+    pub only: Option<String>,
     /// Bulk traffic with damage.
     pub dirty: bool,
 }
@@ -68,6 +72,7 @@ impl Options {
                 "--patterns" => this.noise.patterns = list(value, "pattern", Pattern::named)?,
                 "--threads" => this.plan.threads = number(key, value)?,
                 "--out" => this.out = Some(value.clone()),
+                "--only" => this.only = Some(value.clone()),
                 "--bytes" => this.bytes = number(key, value)?,
                 other => return Err(format!("{other} is no option; see --help")),
             }
@@ -94,6 +99,7 @@ impl Default for Options {
             noise: NoisePlan { patterns: Pattern::ALL.to_vec(), bytes: 1_000_000, seeds: vec![1, 2, 3], mode: TapMode::None },
             out: None,
             bytes: 64_000_000,
+            only: None,
             dirty: false,
         }
     }

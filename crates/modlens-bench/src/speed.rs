@@ -1,0 +1,225 @@
+//! How fast bytes become frames and rows, through the public API of the core; CPU seconds of one thread.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use modlens_core::chunk::Chunk;
+use modlens_core::framer::auto::make;
+use modlens_core::framer::{Context, Mode};
+use modlens_core::functions::Functions;
+use modlens_core::input::Input;
+use modlens_core::session::{BusOptions, Session, Wanted};
+
+use crate::checksum::rtu;
+use crate::sim::bulk::{Bulk, Mixed};
+use crate::sim::case::Traffic;
+use crate::sim::noise::Pattern;
+use crate::sim::scenario::Scenario;
+
+/// Blocks as `analyzer.sources` gives them.
+const BLOCK: usize = 1 << 18;
+
+/// Bytes of a frame of `field` traffic, about.
+const FIELD_FRAME: usize = 16;
+
+/// How far the core is asked to go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Where frames begin and end, and who sent them.
+    Framing,
+    /// Frames, checks, pairing, statistics, and the rows of transactions.
+    Transactions,
+    /// The rows of frames, transactions and findings.
+    Everything,
+}
+
+impl Layer {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Framing, Self::Transactions, Self::Everything];
+
+    /// Decodes all of it and counts what came out.
+    pub fn run(self, bytes: &[u8]) -> u64 {
+        match self {
+            Self::Framing => framing(bytes),
+            Self::Transactions => rows(bytes, false),
+            Self::Everything => rows(bytes, true),
+        }
+    }
+}
+
+/// What bytes to decode.
+#[derive(Clone, Copy, Debug)]
+pub enum Load {
+    /// The traffic of `sim::bulk`.
+    Mixed,
+    /// One exchange, over and over.
+    Poll(u16),
+    /// The scenario of this name.
+    Scenario(&'static str),
+    /// Noise.
+    Noise(Pattern),
+    /// These bytes, over and over: what breaks searches.
+    Pattern(&'static [u8]),
+    /// Requests of a hundred registers to write, whose byte counts lie.
+    Lies,
+}
+
+impl Load {
+    /// All of them, with their names.
+    pub const ALL: [(&'static str, Self); 17] = [
+        ("clean mixed", Self::Mixed),
+        ("clean 8+7", Self::Poll(1)),
+        ("clean 8+255", Self::Poll(125)),
+        ("field", Self::Scenario("field")),
+        ("hostile", Self::Scenario("hostile")),
+        ("noise uniform", Self::Noise(Pattern::Uniform)),
+        ("noise 00_ff", Self::Noise(Pattern::ZerosOnes)),
+        ("noise bus13", Self::Noise(Pattern::Bus)),
+        ("noise single_bit", Self::Noise(Pattern::SingleBit)),
+        ("noise wrong_baud", Self::Noise(Pattern::WrongBaud)),
+        ("noise inverted", Self::Noise(Pattern::Inverted)),
+        ("00", Self::Pattern(&[0])),
+        ("ff", Self::Pattern(&[0xFF])),
+        ("ff ff 00 00 00", Self::Pattern(&[0xFF, 0xFF, 0, 0, 0])),
+        ("01 03", Self::Pattern(&[1, 3])),
+        ("a8 ea", Self::Pattern(&[0xA8, 0xEA])),
+        ("lying writes", Self::Lies),
+    ];
+
+    /// About so many bytes of it.
+    pub fn bytes(self, size: usize, seed: u64) -> Vec<u8> {
+        match self {
+            Self::Mixed => {
+                let mut bulk = Bulk::default();
+                Mixed::new(seed, false).more(size, &mut bulk);
+                bulk.bytes
+            }
+            Self::Poll(quantity) => {
+                let [high, low] = quantity.to_be_bytes();
+                let data = (0..2 * quantity).map(|i| i as u8);
+                let answer: Vec<u8> = [3, 2 * low].into_iter().chain(data).collect();
+                repeated(&[rtu(1, &[3, 0, 10, high, low]), rtu(1, &answer)].concat(), size)
+            }
+            Self::Scenario(name) => {
+                let scenario = Scenario::named(name).expect("a name of the table");
+                let mut traffic = Traffic::new(scenario, seed, size / FIELD_FRAME);
+                let mut bytes = std::mem::take(&mut traffic.lines[0].bytes);
+                bytes.truncate(size);
+                bytes
+            }
+            Self::Noise(pattern) => pattern.bytes(seed, size),
+            Self::Pattern(part) => repeated(part, size),
+            Self::Lies => repeated(&[0x10, 0x10, 0, 0, 0, 100, 0xFF], size),
+        }
+    }
+}
+
+fn repeated(part: &[u8], size: usize) -> Vec<u8> {
+    part.iter().copied().cycle().take(size / part.len() * part.len()).collect()
+}
+
+/// Frames and noise rows that the RTU framer finds, without anything behind it.
+fn framing(bytes: &[u8]) -> u64 {
+    let functions = Functions::embedded();
+    let mut framer = make(Mode::Rtu, None);
+    let mut input = Input::new(None);
+    input.break_ns = framer.break_ns(None);
+    let mut known_units = [false; 256];
+    let mut adu = Vec::new();
+    let mut count = 0;
+    let mut drain = |input: &mut Input| loop {
+        let context = Context {
+            functions,
+            asked: None,
+            shared: false,
+            speaker: None,
+            known_units: &known_units,
+            paired_units: &known_units,
+            pause: &|_| 0.0,
+            said: &|_| modlens_core::direction::Direction::Unknown,
+        };
+        let Some(cut) = framer.next(input, &context, &mut adu) else { break };
+        if cut.verdict.good() {
+            known_units[adu[0] as usize] = true;
+        }
+        input.consume(cut.length);
+        count += 1;
+    };
+    for block in bytes.chunks(BLOCK) {
+        input.push(&Chunk { bytes: block, ..Chunk::default() });
+        drain(&mut input);
+    }
+    (input.closed, input.ended) = (true, true);
+    drain(&mut input);
+    count
+}
+
+fn session(everything: bool) -> (Session, usize) {
+    let wanted = Wanted { frames: everything, transactions: true, findings: everything };
+    let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
+    let mut options = BusOptions::named("bus");
+    options.mode = Some(Mode::Rtu);
+    let bus = session.add_bus(options);
+    (session, bus)
+}
+
+fn rows(bytes: &[u8], everything: bool) -> u64 {
+    let (mut session, bus) = session(everything);
+    let mut count = 0;
+    let mut take = |session: &mut Session| {
+        let batch = session.take();
+        count += (batch.frames.len() + batch.transactions.len() + batch.findings.len()) as u64;
+    };
+    for block in bytes.chunks(BLOCK) {
+        session.feed(bus, &Chunk { bytes: block, ..Chunk::default() });
+        take(&mut session);
+    }
+    session.flush();
+    take(&mut session);
+    count
+}
+
+/// MB a CPU second of this thread: the best of three runs, and whether four times the bytes took at most six times as long.
+pub fn rate(layer: Layer, bytes: &[u8]) -> (f64, bool) {
+    let best = |bytes: &[u8]| {
+        let seconds = (0..3).map(|_| timed(|| layer.run(bytes)));
+        seconds.fold(f64::MAX, f64::min)
+    };
+    let (whole, quarter) = (best(bytes), best(&bytes[..bytes.len() / 4]));
+    (bytes.len() as f64 / whole / 1e6, whole < 6.0 * quarter)
+}
+
+fn timed(work: impl FnOnce() -> u64) -> f64 {
+    let (start, wall) = (cpu(), Instant::now());
+    std::hint::black_box(work());
+    start.zip(cpu()).map_or(wall.elapsed(), |(start, end)| end - start).as_secs_f64()
+}
+
+/// CPU time of this thread, where the kernel says it; else nothing.
+fn cpu() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    text.split(' ').next()?.parse().ok().map(Duration::from_nanos)
+}
+
+/// Peak memory in MB before and after so many bytes of uniform noise, made and decoded block by block.
+pub fn memory(bytes: u64, seed: u64) -> Option<(f64, f64)> {
+    let (mut session, bus) = session(true);
+    let mut before = None;
+    let mut done = 0;
+    while done < bytes {
+        let block = Pattern::Uniform.bytes(seed + done, BLOCK);
+        session.feed(bus, &Chunk { bytes: &block, ..Chunk::default() });
+        session.take();
+        done += BLOCK as u64;
+        if before.is_none() && done >= bytes / 16 {
+            before = Some(peak()?);
+        }
+    }
+    Some((before?, peak()?))
+}
+
+fn peak() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1000.0)
+}
