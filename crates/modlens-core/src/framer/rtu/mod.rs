@@ -43,6 +43,8 @@ pub struct Rtu {
     search: Search,
     /// What the search decided and is not given out yet.
     told: Option<Told>,
+    /// Where a frame begins that was not certain.
+    doubted: Option<u64>,
     /// Shortest pause between frames.
     silence: Ns,
 }
@@ -57,7 +59,7 @@ enum Certain {
 impl Rtu {
     /// A framer for a line with these settings.
     pub fn new(line: Option<&Line>) -> Self {
-        Self { search: Search::default(), told: None, silence: line.map_or(COARSE_SILENCE, Line::t35_ns) }
+        Self { search: Search::default(), told: None, doubted: None, silence: line.map_or(COARSE_SILENCE, Line::t35_ns) }
     }
 
     fn silence(&self, input: &Input) -> Ns {
@@ -243,24 +245,25 @@ impl Framer for Rtu {
                 }
                 _ => self.told = None,
             }
-            if self.search.idle() {
-                if context.shared {
-                    let asked = context.asked.map(|asked| Request {
-                        unit: asked.unit,
-                        pdu: asked.pdu.to_vec(),
-                        damaged: false,
-                        copied: false,
-                        tentative: false,
-                    });
-                    self.search.set_asked(asked.map(std::sync::Arc::new));
-                }
+            if context.shared && self.search.idle() {
+                let asked = context.asked.map(|asked| Request {
+                    unit: asked.unit,
+                    pdu: asked.pdu.to_vec(),
+                    damaged: false,
+                    copied: false,
+                    tentative: false,
+                });
+                self.search.set_asked(asked.map(std::sync::Arc::new));
+            }
+            // Once for each place: what the search has seen since must not depend on how the bytes came.
+            if self.doubted != Some(input.offset()) && (!context.shared || self.search.idle()) {
                 match self.certain(input, context) {
-                    Certain::Frame(length, direction) => {
+                    Certain::Frame(length, direction) if self.search.admits(length, direction) => {
                         self.search.skip(context, &input.bytes()[..length], direction);
                         return Some(self.cut(input, context, length, gain::direction(direction), 60, adu));
                     }
                     Certain::Wait => return None,
-                    Certain::No => {}
+                    _ => self.doubted = Some(input.offset()),
                 }
             }
             self.told = Some(self.search.advance(input, context, self.silence(input))?);

@@ -40,6 +40,12 @@ const CROWD: usize = 96;
 /// Readings that are so many bits behind are dropped.
 const HOPELESS: f32 = 60.0;
 
+/// Paths stand still so many bytes behind their last frame: only what is found then changes anything.
+const STILL: u64 = 8;
+
+/// The shortest frame with a length of its own is a request of eight bytes, or its answer of five.
+const SHORTEST_DAMAGED: u64 = 5;
+
 /// Bytes without any frame are given out in such pieces.
 const NOISE: u64 = 4096;
 
@@ -52,6 +58,10 @@ struct Node {
     /// Of this frame alone.
     gain: f32,
     parent: usize,
+    /// The frame behind the root on the way to this one.
+    first: usize,
+    /// Where damaged frames behind this one are to be looked for next.
+    wake: u64,
     /// Whether it answers the request that waited.
     answers: bool,
     /// Whether its checksum is right.
@@ -96,6 +106,12 @@ pub struct Search {
     next: u64,
     /// The join has begun behind the root.
     running: bool,
+    /// Before this place no damaged frame can end.
+    wake: u64,
+    /// Before this place nothing can be decided, unless frames are found.
+    calm: u64,
+    /// The frame that was last seen to be possible still: the node behind which it begins, and where.
+    threat: Option<(usize, u64)>,
     /// What was learned.
     pub model: Model,
 }
@@ -109,11 +125,23 @@ impl Default for Search {
             score: 0.0,
             gain: 0.0,
             parent: 0,
+            first: 0,
+            wake: 0,
             answers: false,
             whole: true,
             asked: None,
         };
-        Self { nodes: vec![root], join: Join::default(), found: Vec::new(), next: 0, running: false, model: Model::default() }
+        Self {
+            nodes: vec![root],
+            join: Join::default(),
+            found: Vec::new(),
+            next: 0,
+            running: false,
+            wake: 0,
+            calm: 0,
+            threat: None,
+            model: Model::default(),
+        }
     }
 }
 
@@ -126,6 +154,13 @@ impl Search {
     /// Whether nothing behind what was told was looked at.
     pub fn idle(&self) -> bool {
         self.nodes.len() == 1 && (!self.running || self.next == self.told())
+    }
+
+    /// Whether nothing behind what was told speaks against a frame that begins there.
+    pub fn admits(&self, length: usize, direction: usize) -> bool {
+        let first = self.nodes[self.best().0].first;
+        let frame = &self.nodes[first];
+        first == 0 || (frame.start, frame.end, frame.direction) == (self.told(), self.told() + length as u64, direction)
     }
 
     /// The request that waits.
@@ -141,13 +176,14 @@ impl Search {
     /// A frame was found without search, right behind what was told.
     pub fn skip(&mut self, context: &Context<'_>, frame: &[u8], direction: usize) {
         let copy = copy(context, frame, false);
+        self.nodes.truncate(1);
         let root = &mut self.nodes[0];
         (root.start, root.end) = (root.end, root.end + frame.len() as u64);
         root.direction = direction;
         root.asked = after(frame, direction, root.asked.take(), direction == RESPONSE, true);
-        self.model.learn(frame, direction, false, copy);
         self.next = root.end;
         self.running = false;
+        self.model.learn(frame, direction, false, copy);
     }
 
     /// Bytes up to here belong to no frame, as somebody else decided.
@@ -163,6 +199,8 @@ impl Search {
         if !self.running {
             self.join.restart(self.told());
             self.next = self.told();
+            self.nodes[0].wake = self.told() + SHORTEST_DAMAGED;
+            (self.wake, self.calm, self.threat) = (self.nodes[0].wake, 0, None);
             self.running = true;
         }
         let base = input.offset();
@@ -178,15 +216,18 @@ impl Search {
             let mut found = std::mem::take(&mut self.found);
             self.join.push(self.next, input.bytes()[index], &mut found);
             self.next += 1;
+            let before = self.nodes.len();
             for &start in &found {
                 self.consider(input, context, start, silence);
             }
-            let whole = !found.is_empty();
-            self.found = found;
-            if !whole {
-                self.suppose(input, context);
+            if self.next >= self.wake {
+                self.suppose(input, context, found.is_empty());
             }
-            if self.nodes.len() > 1 || self.next - self.told() > NOISE + REACH {
+            self.found = found;
+            if self.nodes.len() > before {
+                self.calm = 0;
+            }
+            if self.next >= self.calm {
                 if let Some(told) = self.decide(input, context, false) {
                     return Some(told);
                 }
@@ -232,34 +273,82 @@ impl Search {
                 let Some((score, parent, gain)) = found else { continue };
                 let answers = answered == 1;
                 let asked = after(frame, direction, self.nodes[parent].asked.clone(), answers, true);
-                self.nodes.push(Node { start, end: self.next, direction, score, gain, parent, answers, whole: true, asked });
+                self.push(Node { direction, score, gain, parent, answers, asked, ..self.node(start) });
             }
         }
     }
 
+    /// A frame from there to here, of which nothing else is known yet.
+    fn node(&self, start: u64) -> Node {
+        Node {
+            start,
+            end: self.next,
+            direction: REQUEST,
+            score: 0.0,
+            gain: 0.0,
+            parent: 0,
+            first: 0,
+            wake: self.next + SHORTEST_DAMAGED,
+            answers: false,
+            whole: true,
+            asked: None,
+        }
+    }
+
+    fn push(&mut self, node: Node) {
+        let first = if node.parent == 0 { self.nodes.len() } else { self.nodes[node.parent].first };
+        self.wake = self.wake.min(node.wake);
+        self.nodes.push(Node { first, ..node });
+    }
+
     /// Adds frames with a wrong checksum that begin right behind another one and have just the length they announce.
-    fn suppose(&mut self, input: &Input, context: &Context<'_>) {
+    ///
+    /// Nothing is added where a frame with a right checksum ends (`alone` is false).
+    fn suppose(&mut self, input: &Input, context: &Context<'_>, alone: bool) {
+        self.wake = u64::MAX;
         for parent in 0..self.nodes.len() {
-            let (start, asked) = (self.nodes[parent].end, self.nodes[parent].asked.clone());
-            let length = (self.next - start) as usize;
-            // The shortest frame with a length of its own is a request of eight bytes, or its answer of five.
-            if !(5..=REACH as usize).contains(&length) || start < input.offset() {
-                continue;
+            if self.nodes[parent].wake <= self.next {
+                self.nodes[parent].wake = self.suppose_behind(input, context, parent, alone);
             }
-            let from = (start - input.offset()) as usize;
-            let frame = &input.bytes()[from..from + length];
-            for (way, extent) in announced(context, frame).into_iter().flatten() {
-                let direction = if way == Direction::Response { RESPONSE } else { REQUEST };
-                if extent != Extent::Exactly(length) || frame[1] & EXCEPTION_BIT != 0 {
-                    continue;
+            self.wake = self.wake.min(self.nodes[parent].wake);
+        }
+    }
+
+    /// The same behind one frame; says where it is to be looked for next.
+    fn suppose_behind(&mut self, input: &Input, context: &Context<'_>, parent: usize, alone: bool) -> u64 {
+        let start = self.nodes[parent].end;
+        let length = self.next - start;
+        if start < input.offset() || length > REACH {
+            return u64::MAX;
+        }
+        if length < SHORTEST_DAMAGED {
+            return start + SHORTEST_DAMAGED;
+        }
+        let from = (start - input.offset()) as usize;
+        let frame = &input.bytes()[from..from + length as usize];
+        let mut wake = u64::MAX;
+        for (way, extent) in announced(context, frame).into_iter().flatten() {
+            let direction = if way == Direction::Response { RESPONSE } else { REQUEST };
+            match extent {
+                Extent::Exactly(announced) if announced == frame.len() => {
+                    let damaged = alone && frame[1] & EXCEPTION_BIT == 0;
+                    let asked = self.nodes[parent].asked.as_ref().filter(|_| damaged);
+                    let gain = if damaged { gain::damaged(&self.model, context, asked, frame, direction) } else { None };
+                    if let Some(gain) = gain {
+                        let score = self.nodes[parent].score + gain;
+                        let answers = direction == RESPONSE;
+                        let asked = after(frame, direction, self.nodes[parent].asked.clone(), answers, false);
+                        self.push(Node { direction, score, gain, parent, answers, whole: false, asked, ..self.node(start) });
+                    }
                 }
-                let Some(gain) = gain::damaged(&self.model, context, asked.as_ref(), frame, direction) else { continue };
-                let score = self.nodes[parent].score + gain;
-                let answers = direction == RESPONSE;
-                let asked = after(frame, direction, asked.clone(), answers, false);
-                self.nodes.push(Node { start, end: self.next, direction, score, gain, parent, answers, whole: false, asked });
+                Extent::Exactly(announced) | Extent::AtLeast(announced) if announced > frame.len() => {
+                    wake = wake.min(start + announced as u64);
+                }
+                Extent::AtLeast(_) => wake = wake.min(self.next + 1),
+                Extent::Exactly(_) | Extent::Open(_) => {}
             }
         }
+        wake
     }
 
     /// The score of a path that ends with this node, at the next byte.
@@ -272,23 +361,17 @@ impl Search {
         standings.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
     }
 
-    /// The first frame behind the root on the way to this node.
-    fn first(&self, mut node: usize) -> usize {
-        while node != 0 && self.nodes[node].parent != 0 {
-            node = self.nodes[node].parent;
-        }
-        node
-    }
-
     fn decide(&mut self, input: &Input, context: &Context<'_>, closed: bool) -> Option<Told> {
         let (best, standing) = self.best();
-        let first = self.first(best);
+        let first = self.nodes[best].first;
         if first == 0 {
-            let waiting = self.next - self.told();
-            let to = if closed { self.next } else { self.told() + NOISE };
-            if !closed && waiting <= NOISE + REACH {
+            let limit = self.told() + NOISE;
+            if !closed && self.next <= limit + REACH {
+                let newest = self.nodes[self.nodes.len() - 1].end + STILL;
+                self.calm = if self.next < newest { 0 } else { limit + REACH + 1 };
                 return None;
             }
+            let to = if closed { self.next } else { limit };
             let junk = (self.told() - input.offset()) as usize..(to - input.offset()) as usize;
             self.model.learn_noise(&input.bytes()[junk]);
             return Some(self.junk(to));
@@ -297,7 +380,7 @@ impl Search {
         let patient = !closed && self.next < frame.end + PATIENCE && self.nodes.len() < CROWD;
         if patient {
             let bar = standing - THETA;
-            let rival = (0..self.nodes.len()).any(|i| self.first(i) != first && self.standing(&self.nodes[i]) > bar);
+            let rival = (0..self.nodes.len()).any(|i| self.nodes[i].first != first && self.standing(&self.nodes[i]) > bar);
             let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
             let look_alike = clockless
                 && context.speaker.is_none()
@@ -324,21 +407,45 @@ impl Search {
         if self.next <= to {
             self.running = false;
         }
+        self.renumber();
         Told::Junk(to)
     }
 
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more.
-    fn threatened(&self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> bool {
+    fn threatened(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> bool {
         let frame = &self.nodes[first];
         if frame.start == self.told() && frame.gain >= SURE {
             return false;
         }
-        let from = self.told().max(self.next.saturating_sub(REACH));
-        let inside = (from..frame.end).any(|start| self.nodes.iter().any(|node| self.promises(input, context, node, start, bar)));
-        // The rival path may be in the middle of its next frame.
-        inside
-            || (1..self.nodes.len())
-                .any(|i| self.first(i) != first && self.promises(input, context, &self.nodes[i], self.nodes[i].end, bar))
+        let within = self.told().max(self.next.saturating_sub(REACH))..frame.end;
+        // What was possible a byte ago mostly still is.
+        let known = self.threat.take().filter(|&(node, start)| {
+            let behind = &self.nodes[node];
+            let counts = within.contains(&start) || (start == behind.end && node != 0 && behind.first != first);
+            counts && self.promises(input, context, behind, start, bar)
+        });
+        self.threat = known.or_else(|| self.find_threat(input, context, first, within, bar));
+        self.threat.is_some()
+    }
+
+    fn find_threat(
+        &self,
+        input: &Input,
+        context: &Context<'_>,
+        first: usize,
+        within: std::ops::Range<u64>,
+        bar: f32,
+    ) -> Option<(usize, u64)> {
+        let behind = |start: u64| {
+            let node = self.nodes.iter().position(|node| self.promises(input, context, node, start, bar))?;
+            Some((node, start))
+        };
+        within.into_iter().find_map(behind).or_else(|| {
+            // The rival path may be in the middle of its next frame.
+            let rivals = (1..self.nodes.len()).filter(|&i| self.nodes[i].first != first);
+            let mut rivals = rivals.map(|i| (i, self.nodes[i].end));
+            rivals.find(|&(i, end)| self.promises(input, context, &self.nodes[i], end, bar))
+        })
     }
 
     /// Whether a frame that has begun at `start`, behind this node, may come out above the bar.
@@ -349,15 +456,17 @@ impl Search {
         // A frame that begins where one is due may well contain another one: its end is waited for.
         let due = if start == node.end { DUE } else { 0.0 };
         let way = node.score - self.model.between(start - node.end) + due;
+        if way <= bar - MOST_HEADER {
+            return false;
+        }
         let base = input.offset();
         let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
-        way > bar - MOST_HEADER
-            && gain::header(&self.model, context, node.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
+        gain::header(&self.model, context, node.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
     }
 
     /// Tells a frame: it becomes the root of all that is left.
     fn tell(&mut self, input: &Input, context: &Context<'_>, first: usize, standing: f32) -> Told {
-        let rival = (0..self.nodes.len()).filter(|&i| self.first(i) != first).map(|i| self.standing(&self.nodes[i]));
+        let rival = (0..self.nodes.len()).filter(|&i| self.nodes[i].first != first).map(|i| self.standing(&self.nodes[i]));
         let lead = standing - rival.fold(f32::MIN, f32::max);
         let frame = &self.nodes[first];
         if !frame.whole {
@@ -429,6 +538,21 @@ impl Search {
             i += 1;
             stays
         });
+        self.renumber();
+    }
+
+    /// The root is another one: what was worked out from the old one is worked out again.
+    fn renumber(&mut self) {
+        (self.calm, self.threat) = (0, None);
+        let root = self.told();
+        self.nodes[0].wake = root + SHORTEST_DAMAGED;
+        self.wake = u64::MAX;
+        for i in 0..self.nodes.len() {
+            let parent = self.nodes[i].parent;
+            self.nodes[i].first = if i == 0 || parent != 0 { self.nodes[parent].first } else { i };
+            self.wake = self.wake.min(self.nodes[i].wake);
+        }
+        self.nodes[0].first = 0;
     }
 }
 
