@@ -4,6 +4,7 @@
 //! noise and payload alike, so that a field that agrees is worth exactly the bits of the bytes it predicts, and runs of
 //! zeros cannot fake evidence.
 
+use crate::framer::rtu::bits::log2;
 use crate::functions::{Functions, EXCEPTION_BIT};
 
 /// Learned counts are halved here: units and functions may change after hours.
@@ -191,21 +192,21 @@ impl Model {
         for (byte, bits) in self.bits.iter_mut().enumerate() {
             let usual = (-usual_bits(byte as u8)).exp2();
             let share = self.noise[byte] / self.noise_total;
-            *bits = -((1.0 - weight) * usual + weight * share.max(usual)).log2();
+            *bits = -log2((1.0 - weight) * usual + weight * share.max(usual));
         }
     }
 
     /// Cost of a unit number.
     pub fn unit(&self, unit: u8) -> f32 {
         let seen = self.units[unit as usize] + PRIOR_WEIGHT * unit_prior(unit);
-        -(seen / (self.unit_total + PRIOR_WEIGHT)).log2()
+        -log2(seen / (self.unit_total + PRIOR_WEIGHT))
     }
 
     /// Cost of a function code in a direction (0 request, 1 response).
     pub fn function(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
         let function = code & !EXCEPTION_BIT;
         let seen = self.functions[direction][function as usize] + PRIOR_WEIGHT * function_prior(functions, function);
-        -(seen / (self.function_totals[direction] + PRIOR_WEIGHT)).log2()
+        -log2(seen / (self.function_totals[direction] + PRIOR_WEIGHT))
     }
 
     /// Times that unit and function were seen in committed frames.
@@ -230,10 +231,10 @@ impl Model {
         let share = (self.junk + PRIOR_WEIGHT * FIRST_JUNK) / (self.frames + PRIOR_WEIGHT);
         let share = share.clamp(0.002, 0.9);
         if length == 0 {
-            return -(1.0 - share).log2();
+            return -log2(1.0 - share);
         }
         let strays = BEFORE_STRAYS + STRAY * (length - 1) as f32 + AFTER_STRAYS;
-        -share.log2() + strays.min(INTO_NOISE + OUT_OF_NOISE)
+        -log2(share) + strays.min(INTO_NOISE + OUT_OF_NOISE)
     }
 
     /// Cost of being among bytes that are no frame, so many behind the last one, without a way out yet.
@@ -249,7 +250,7 @@ impl Model {
     pub fn copied(&self) -> (f32, f32) {
         let share = (self.copies + PRIOR_WEIGHT * FIRST_COPIES) / (self.requests + PRIOR_WEIGHT);
         let share = share.clamp(0.001, 0.99);
-        (-share.log2(), -(1.0 - share).log2())
+        (-log2(share), -log2(1.0 - share))
     }
 
     /// Learns from a frame that is certain; `strays` says that there was junk before it.

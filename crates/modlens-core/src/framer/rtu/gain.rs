@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::direction::{answers, consistent, expected_block, Asked, Direction, Match, Pause};
 use crate::framer::rtu::announced;
+use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs::{self, Model};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
@@ -117,7 +118,7 @@ fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
         return -costs::BROKEN_RULE;
     }
     let choices: u64 = permit.ranges.iter().map(|(low, high)| u64::from(high - low) + 1).sum();
-    (model.bits_of(field) - (choices as f32).log2()).max(0.0)
+    (model.bits_of(field) - log2(choices as f32)).max(0.0)
 }
 
 /// What the request that waits makes of a frame: bits, and whether it is answered.

@@ -2,7 +2,14 @@
 //!
 //! With P the CRC register over all bytes so far (start value 0) and T its step on a zero byte, `[i, j)` is valid if
 //! and only if T^-i(FFFF xor P[i]) = T^-j(P[j]). So each position has a key as a start and a key as an end, and starts
-//! wait in a table until an end with their key comes. T^-k P[k] grows by T^-k(byte): no multiplication is needed.
+//! wait in a table until an end with their key comes. T^-k P[k] grows by T^-k(byte).
+//!
+//! The step is linear. One bit of it, backwards, on 0001 gives 0002, 0004 and so on; so the effects T^-k of the eight
+//! bits of a byte are neighbours in the sequence that these single steps run through, and the sequence comes round
+//! after 32,767 of them (the order of x modulo the polynomial). It stands in a table, and a byte takes eight
+//! neighbours from it, masks and sums them.
+
+use std::sync::OnceLock;
 
 /// The longest frame that is looked for.
 pub const REACH: u64 = 272;
@@ -13,55 +20,69 @@ const CHAIN: usize = 32;
 /// The ring of waiting starts; more than `REACH`, a power of two.
 const RING: usize = 512;
 
+/// Lists of waiting starts. Few enough for the nearest cache, many enough to be nearly always empty.
+const LISTS: usize = 4096;
+
+/// The order of x modulo the polynomial: after so many single steps everything comes round.
+const ORDER: usize = 32_767;
+
+/// Effects of single bits and of the start value FFFF, so many positions on.
+struct Powers {
+    /// Single steps backwards from 0001 on; the first eight come again at the end.
+    bits: Vec<u16>,
+    /// T^-k(FFFF).
+    ones: Vec<u16>,
+    /// For every byte, FFFF where its bits are set, the lowest first.
+    masks: Vec<[u16; 8]>,
+}
+
+/// One bit of the register's step, backwards.
+fn back(state: u16) -> u16 {
+    // The polynomial's highest bit is set by a step if and only if a one was shifted out.
+    if state & 0x8000 == 0 {
+        state << 1
+    } else {
+        (state ^ 0xA001) << 1 | 1
+    }
+}
+
+fn powers() -> &'static Powers {
+    static POWERS: OnceLock<Powers> = OnceLock::new();
+    POWERS.get_or_init(|| {
+        let steps = |from: u16| std::iter::successors(Some(from), |&state| Some(back(state)));
+        let mask = |byte: usize| std::array::from_fn(|i| 0u16.wrapping_sub((byte >> i & 1) as u16));
+        Powers {
+            bits: steps(1).take(ORDER + 8).collect(),
+            ones: steps(0xFFFF).step_by(8).take(ORDER).collect(),
+            masks: (0..256).map(mask).collect(),
+        }
+    })
+}
+
 /// The state of the join over one stretch of bytes.
 pub struct Join {
-    /// Latest start by key, as position + 1.
-    heads: Box<[u64]>,
-    /// The start before with the same key.
-    links: Box<[u64; RING]>,
-    /// Starts before this are over.
+    powers: &'static Powers,
+    /// Latest start in each list, as position + 1, with its low 32 bits.
+    heads: Box<[u32; LISTS]>,
+    /// By position: its key, and the start before in the same list.
+    ring: Box<[(u16, u32); RING]>,
+    /// The stretch began here.
     floor: u64,
     /// T^-k P[k].
     prefix: u16,
-    /// T^-k of the eight bits of a byte.
-    bits: [u16; 8],
-    /// T^-k(FFFF).
-    ones: u16,
-}
-
-/// One step of the register backwards on a zero byte.
-fn back(state: u16) -> u16 {
-    const fn table() -> [u16; 256] {
-        // The step maps `low` to TABLE[low], whose high bytes are all different.
-        let mut inverse = [0u16; 256];
-        let mut low = 0;
-        while low < 256 {
-            let mut state = low as u16;
-            let mut bit = 0;
-            while bit < 8 {
-                state = if state & 1 == 1 { (state >> 1) ^ 0xA001 } else { state >> 1 };
-                bit += 1;
-            }
-            inverse[(state >> 8) as usize] = ((state & 0xFF) << 8) | low as u16;
-            low += 1;
-        }
-        inverse
-    }
-    static TABLE: [u16; 256] = table();
-    let entry = TABLE[(state >> 8) as usize];
-    // The low byte of the step's table entry was added to the high byte of the state.
-    ((state & 0xFF) << 8) ^ (entry & 0xFF00) | (entry & 0xFF)
+    /// Positions since the beginning, modulo the order.
+    turn: usize,
 }
 
 impl Default for Join {
     fn default() -> Self {
         Self {
-            heads: vec![0; 1 << 16].into_boxed_slice(),
-            links: Box::new([0; RING]),
+            powers: powers(),
+            heads: Box::new([0; LISTS]),
+            ring: Box::new([(0, 0); RING]),
             floor: 0,
             prefix: 0,
-            bits: [0; 8],
-            ones: 0,
+            turn: 0,
         }
     }
 }
@@ -71,39 +92,53 @@ impl Join {
     pub fn restart(&mut self, position: u64) {
         self.floor = position;
         self.prefix = 0;
-        self.ones = 0xFFFF;
-        for (bit, state) in self.bits.iter_mut().enumerate() {
-            *state = 1 << bit;
-        }
+        self.turn = 0;
     }
 
     /// Takes the byte at `position`; `found` gets the starts of all valid substrings that end behind it, the latest first.
+    #[inline]
     pub fn push(&mut self, position: u64, byte: u8, found: &mut Vec<u64>) {
         found.clear();
-        let key = usize::from(self.prefix ^ self.ones);
-        self.links[position as usize % RING] = self.heads[key];
-        self.heads[key] = position + 1;
-        for (bit, state) in self.bits.iter_mut().enumerate() {
-            let mask = 0u16.wrapping_sub(u16::from(byte >> bit & 1));
-            self.prefix ^= *state & mask;
-            *state = back(*state);
+        let key = self.prefix ^ self.powers.ones[self.turn];
+        let head = &mut self.heads[usize::from(key) % LISTS];
+        self.ring[position as usize % RING] = (key, *head);
+        *head = (position as u32).wrapping_add(1);
+        let at = 8 * self.turn % ORDER;
+        let effects = &self.powers.bits[at..at + 8];
+        let masks = &self.powers.masks[usize::from(byte)];
+        self.prefix ^= effects.iter().zip(masks).fold(0, |sum, (effect, mask)| sum ^ (effect & mask));
+        self.turn = if self.turn + 1 == ORDER { 0 } else { self.turn + 1 };
+        let (first, end) = (self.heads[usize::from(self.prefix) % LISTS], position + 1);
+        if Self::behind(first, end) <= REACH {
+            self.follow(first, end, found);
         }
-        self.ones = back(self.ones);
-        let end = position + 1;
-        let mut start = self.heads[usize::from(self.prefix)];
-        for _ in 0..CHAIN {
-            // Older entries of the table belong to positions that are over.
-            if start <= self.floor || start + REACH < end + 1 {
+    }
+
+    /// How far before `end` a start is.
+    fn behind(start: u32, end: u64) -> u64 {
+        u64::from((end as u32).wrapping_add(1).wrapping_sub(start))
+    }
+
+    /// Goes through a list, from its latest start on.
+    fn follow(&self, mut start: u32, end: u64, found: &mut Vec<u64>) {
+        let mut length = 0;
+        let mut equal = 0;
+        while equal < CHAIN {
+            // Older entries of the table belong to positions that are over; their numbers may have come round.
+            let behind = Self::behind(start, end);
+            if behind <= length || behind > REACH || end - self.floor < behind {
                 break;
             }
-            let at = start - 1;
-            if end - at >= 4 {
-                found.push(at);
+            length = behind;
+            let at = end - behind;
+            let (key, before) = self.ring[at as usize % RING];
+            if key == self.prefix {
+                equal += 1;
+                if behind >= 4 {
+                    found.push(at);
+                }
             }
-            start = self.links[at as usize % RING];
-            if start > at {
-                break;
-            }
+            start = before;
         }
     }
 }
@@ -115,10 +150,19 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn back_undoes_a_step() {
+    fn eight_times_back_undoes_a_step() {
         for state in 0..=u16::MAX {
-            assert_eq!(back(step(state, 0)), state);
+            assert_eq!((0..8).fold(step(state, 0), |state, _| back(state)), state);
         }
+    }
+
+    #[test]
+    fn the_tables_come_round() {
+        let powers = powers();
+        assert_eq!(powers.bits[ORDER..], powers.bits[..8]);
+        assert_eq!(powers.ones.len(), ORDER);
+        // T^-1 of the last of them is the first one again.
+        assert_eq!((0..8).fold(powers.ones[ORDER - 1], |state, _| back(state)), 0xFFFF);
     }
 
     fn naive(data: &[u8]) -> Vec<(u64, u64)> {
@@ -142,6 +186,24 @@ mod tests {
             all.extend(found.iter().map(|&start| (start, i as u64 + 1)));
         }
         all
+    }
+
+    #[test]
+    fn positions_beyond_four_gigabytes_and_more_bytes_than_the_order() {
+        let body = [1u8, 3, 0, 10, 0, 2];
+        let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
+        let from = (1u64 << 32) - 100_000;
+        let (mut join, mut found) = (Join::default(), Vec::new());
+        join.restart(from);
+        let mut ends = 0;
+        for (i, &byte) in frame.iter().cycle().take(200_000).enumerate() {
+            join.push(from + i as u64, byte, &mut found);
+            if i % 8 == 7 {
+                assert!(found.contains(&(from + i as u64 - 7)), "{i}");
+                ends += 1;
+            }
+        }
+        assert_eq!(ends, 25_000);
     }
 
     proptest! {

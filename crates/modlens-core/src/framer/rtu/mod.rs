@@ -4,6 +4,7 @@
 //! response, `search` finds the best way through all of them. Traffic that leaves no doubt goes past the search.
 //! Bytes between frames are named here: a damaged frame where header or silences say so, noise elsewhere.
 
+mod bits;
 mod costs;
 mod gain;
 mod join;

@@ -37,6 +37,9 @@ const SURE: f32 = 34.0;
 /// More readings than this at once are no traffic; the best one is taken.
 const CROWD: usize = 96;
 
+/// So many readings are kept when they are thinned out.
+const KEPT: usize = 48;
+
 /// Readings that are so many bits behind are dropped.
 const HOPELESS: f32 = 60.0;
 
@@ -351,6 +354,37 @@ impl Search {
         wake
     }
 
+    /// Crafted bytes and some noise make readings without end: the worst of them go.
+    fn thin(&mut self) {
+        let mut standings: Vec<f32> = self.nodes.iter().map(|node| self.standing(node)).collect();
+        standings.sort_by(|a, b| b.total_cmp(a));
+        let floor = standings[KEPT].max(standings[0] - HOPELESS);
+        let mut keep: Vec<bool> = self.nodes.iter().map(|node| self.standing(node) >= floor).collect();
+        keep[0] = true;
+        for i in (1..self.nodes.len()).rev() {
+            let parent = self.nodes[i].parent;
+            keep[parent] |= keep[i];
+        }
+        self.retain(&keep);
+        self.renumber();
+    }
+
+    /// Keeps some of the nodes, and with a node those that it stands on.
+    fn retain(&mut self, keep: &[bool]) {
+        let mut places = vec![0; self.nodes.len()];
+        let mut kept = 0;
+        for (place, &keep) in places.iter_mut().zip(keep) {
+            *place = kept;
+            kept += usize::from(keep);
+        }
+        let mut i = 0;
+        self.nodes.retain_mut(|node| {
+            node.parent = places[node.parent];
+            i += 1;
+            keep[i - 1]
+        });
+    }
+
     /// The score of a path that ends with this node, at the next byte.
     fn standing(&self, node: &Node) -> f32 {
         node.score - self.model.astray(self.next - node.end)
@@ -367,6 +401,9 @@ impl Search {
         if first == 0 {
             let limit = self.told() + NOISE;
             if !closed && self.next <= limit + REACH {
+                if self.nodes.len() >= CROWD {
+                    self.thin();
+                }
                 let newest = self.nodes[self.nodes.len() - 1].end + STILL;
                 self.calm = if self.next < newest { 0 } else { limit + REACH + 1 };
                 return None;
@@ -519,25 +556,16 @@ impl Search {
 
     fn reroot(&mut self, first: usize) {
         let score = self.nodes[first].score;
-        let mut places = vec![usize::MAX; self.nodes.len()];
-        places[first] = 0;
-        let mut kept = 1;
+        let mut keep = vec![false; self.nodes.len()];
+        keep[first] = true;
         for i in first + 1..self.nodes.len() {
-            if places[self.nodes[i].parent] != usize::MAX && self.nodes[i].parent >= first {
-                places[i] = kept;
-                kept += 1;
-            }
+            keep[i] = keep[self.nodes[i].parent];
         }
-        let mut i = 0;
-        self.nodes.retain_mut(|node| {
-            let stays = places[i] != usize::MAX;
-            if stays {
-                node.score -= score;
-                node.parent = if places[i] == 0 { 0 } else { places[node.parent] };
-            }
-            i += 1;
-            stays
-        });
+        self.nodes[first].parent = first;
+        self.retain(&keep);
+        for node in &mut self.nodes {
+            node.score -= score;
+        }
         self.renumber();
     }
 
