@@ -38,7 +38,7 @@ const SURE: f32 = 34.0;
 const CROWD: usize = 96;
 
 /// So many readings are kept when they are thinned out.
-const KEPT: usize = 48;
+const KEPT: usize = 16;
 
 /// Readings that are so many bits behind are dropped.
 const HOPELESS: f32 = 60.0;
@@ -208,13 +208,17 @@ impl Search {
         }
         let base = input.offset();
         let end = base + input.bytes().len() as u64;
+        let mut read_end = self.next;
         while self.next < end {
             let index = (self.next - base) as usize;
-            if self.next > self.told() && input.hard_edge(index) {
-                if let Some(told) = self.decide(input, context, true) {
-                    return Some(told);
+            if self.next == read_end {
+                if self.next > self.told() && input.hard_edge(index) {
+                    if let Some(told) = self.decide(input, context, true) {
+                        return Some(told);
+                    }
+                    self.join.restart(self.next);
                 }
-                self.join.restart(self.next);
+                read_end = input.read(index).map_or(end, |read| read.end);
             }
             let mut found = std::mem::take(&mut self.found);
             self.join.push(self.next, input.bytes()[index], &mut found);
@@ -356,10 +360,14 @@ impl Search {
 
     /// Crafted bytes and some noise make readings without end: the worst of them go.
     fn thin(&mut self) {
-        let mut standings: Vec<f32> = self.nodes.iter().map(|node| self.standing(node)).collect();
-        standings.sort_by(|a, b| b.total_cmp(a));
-        let floor = standings[KEPT].max(standings[0] - HOPELESS);
-        let mut keep: Vec<bool> = self.nodes.iter().map(|node| self.standing(node) >= floor).collect();
+        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
+        let standings: Vec<f32> = self.nodes.iter().map(|node| self.standing(node)).collect();
+        order.sort_by(|&a, &b| standings[b].total_cmp(&standings[a]).then(b.cmp(&a)));
+        let floor = standings[order[0]] - HOPELESS;
+        let mut keep = vec![false; self.nodes.len()];
+        for &i in order.iter().take(KEPT) {
+            keep[i] = standings[i] >= floor;
+        }
         keep[0] = true;
         for i in (1..self.nodes.len()).rev() {
             let parent = self.nodes[i].parent;
@@ -401,7 +409,7 @@ impl Search {
         if first == 0 {
             let limit = self.told() + NOISE;
             if !closed && self.next <= limit + REACH {
-                if self.nodes.len() >= CROWD {
+                if self.nodes.len() >= 2 * KEPT {
                     self.thin();
                 }
                 let newest = self.nodes[self.nodes.len() - 1].end + STILL;
