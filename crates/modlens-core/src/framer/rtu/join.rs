@@ -33,7 +33,7 @@ struct Powers {
     /// T^-k(FFFF).
     ones: Vec<u16>,
     /// For every byte, FFFF where its bits are set, the lowest first.
-    masks: Vec<[u16; 8]>,
+    masks: Box<[[u16; 8]; 256]>,
 }
 
 /// One bit of the register's step, backwards.
@@ -54,7 +54,7 @@ fn powers() -> &'static Powers {
         Powers {
             bits: steps(1).take(ORDER + 8).collect(),
             ones: steps(0xFFFF).step_by(8).take(ORDER).collect(),
-            masks: (0..256).map(mask).collect(),
+            masks: Box::new(std::array::from_fn(mask)),
         }
     })
 }
@@ -95,51 +95,60 @@ impl Join {
         self.turn = 0;
     }
 
-    /// Takes the byte at `position`; `found` gets the starts of all valid substrings that end behind it, the latest first.
-    #[inline]
-    pub fn push(&mut self, position: u64, byte: u8, found: &mut Vec<u64>) {
+    /// Takes bytes, the first of them at `position`, until valid substrings end behind one; says how many it took.
+    ///
+    /// `found` gets their starts, the latest first; nothing, if all bytes were taken and no substring ends with the last.
+    pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
         found.clear();
-        let key = self.prefix ^ self.powers.ones[self.turn];
-        let head = &mut self.heads[usize::from(key) % LISTS];
-        self.ring[position as usize % RING] = (key, *head);
-        *head = (position as u32).wrapping_add(1);
-        let at = 8 * self.turn % ORDER;
-        let effects = &self.powers.bits[at..at + 8];
-        let masks = &self.powers.masks[usize::from(byte)];
-        self.prefix ^= effects.iter().zip(masks).fold(0, |sum, (effect, mask)| sum ^ (effect & mask));
-        self.turn = if self.turn + 1 == ORDER { 0 } else { self.turn + 1 };
-        let (first, end) = (self.heads[usize::from(self.prefix) % LISTS], position + 1);
-        if Self::behind(first, end) <= REACH {
-            self.follow(first, end, found);
-        }
-    }
-
-    /// How far before `end` a start is.
-    fn behind(start: u32, end: u64) -> u64 {
-        u64::from((end as u32).wrapping_add(1).wrapping_sub(start))
-    }
-
-    /// Goes through a list, from its latest start on.
-    fn follow(&self, mut start: u32, end: u64, found: &mut Vec<u64>) {
-        let mut length = 0;
-        let mut equal = 0;
-        while equal < CHAIN {
-            // Older entries of the table belong to positions that are over; their numbers may have come round.
-            let behind = Self::behind(start, end);
-            if behind <= length || behind > REACH || end - self.floor < behind {
-                break;
-            }
-            length = behind;
-            let at = end - behind;
-            let (key, before) = self.ring[at as usize % RING];
-            if key == self.prefix {
-                equal += 1;
-                if behind >= 4 {
-                    found.push(at);
+        let Powers { bits, ones, masks } = self.powers;
+        let (heads, ring) = (&mut *self.heads, &mut *self.ring);
+        let (mut prefix, mut turn, mut effect, mut start) = (self.prefix, self.turn, 8 * self.turn % ORDER, position as u32);
+        let mut taken = bytes.len();
+        for (i, &byte) in bytes.iter().enumerate() {
+            let key = prefix ^ ones[turn];
+            let head = &mut heads[usize::from(key) % LISTS];
+            ring[start as usize % RING] = (key, *head);
+            start = start.wrapping_add(1);
+            *head = start;
+            let effects: &[u16; 8] = bits[effect..effect + 8].try_into().expect("eight of them");
+            let mask = &masks[usize::from(byte)];
+            prefix ^= (0..8).fold(0, |sum, bit| sum ^ (effects[bit] & mask[bit]));
+            turn = if turn + 1 == ORDER { 0 } else { turn + 1 };
+            effect = if effect + 8 >= ORDER { effect + 8 - ORDER } else { effect + 8 };
+            let first = heads[usize::from(prefix) % LISTS];
+            if u64::from(start.wrapping_add(1).wrapping_sub(first)) <= REACH {
+                follow(ring, first, prefix, position + i as u64 + 1, self.floor, found);
+                if !found.is_empty() {
+                    taken = i + 1;
+                    break;
                 }
             }
-            start = before;
         }
+        (self.prefix, self.turn) = (prefix, turn);
+        taken
+    }
+}
+
+/// Goes through a list of starts, from its latest one on: those with this key are the starts of valid substrings.
+fn follow(ring: &[(u16, u32); RING], mut start: u32, key: u16, end: u64, floor: u64, found: &mut Vec<u64>) {
+    let mut length = 0;
+    let mut equal = 0;
+    while equal < CHAIN {
+        // Older entries of the table belong to positions that are over; their numbers may have come round.
+        let behind = u64::from((end as u32).wrapping_add(1).wrapping_sub(start));
+        if behind <= length || behind > REACH || end - floor < behind {
+            break;
+        }
+        length = behind;
+        let at = end - behind;
+        let (other, before) = ring[at as usize % RING];
+        if other == key {
+            equal += 1;
+            if behind >= 4 {
+                found.push(at);
+            }
+        }
+        start = before;
     }
 }
 
@@ -181,9 +190,10 @@ mod tests {
         let mut join = Join::default();
         join.restart(0);
         let (mut all, mut found) = (Vec::new(), Vec::new());
-        for (i, &byte) in data.iter().enumerate() {
-            join.push(i as u64, byte, &mut found);
-            all.extend(found.iter().map(|&start| (start, i as u64 + 1)));
+        let mut at = 0;
+        while at < data.len() {
+            at += join.scan(at as u64, &data[at..], &mut found);
+            all.extend(found.iter().map(|&start| (start, at as u64)));
         }
         all
     }
@@ -195,15 +205,13 @@ mod tests {
         let from = (1u64 << 32) - 100_000;
         let (mut join, mut found) = (Join::default(), Vec::new());
         join.restart(from);
-        let mut ends = 0;
-        for (i, &byte) in frame.iter().cycle().take(200_000).enumerate() {
-            join.push(from + i as u64, byte, &mut found);
-            if i % 8 == 7 {
-                assert!(found.contains(&(from + i as u64 - 7)), "{i}");
-                ends += 1;
-            }
+        let bytes: Vec<u8> = frame.iter().copied().cycle().take(200_000).collect();
+        let (mut at, mut whole) = (0, 0);
+        while at < bytes.len() {
+            at += join.scan(from + at as u64, &bytes[at..], &mut found);
+            whole += usize::from(at % 8 == 0 && found.contains(&(from + at as u64 - 8)));
         }
-        assert_eq!(ends, 25_000);
+        assert_eq!(whole, 25_000);
     }
 
     proptest! {

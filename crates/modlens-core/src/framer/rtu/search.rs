@@ -220,9 +220,11 @@ impl Search {
                 }
                 read_end = input.read(index).map_or(end, |read| read.end);
             }
+            // Up to here nothing happens, unless a valid substring ends.
+            let quiet = end.min(read_end).min(self.wake.min(self.calm).max(self.next + 1));
             let mut found = std::mem::take(&mut self.found);
-            self.join.push(self.next, input.bytes()[index], &mut found);
-            self.next += 1;
+            let bytes = &input.bytes()[index..(quiet - base) as usize];
+            self.next += self.join.scan(self.next, bytes, &mut found) as u64;
             let before = self.nodes.len();
             for &start in &found {
                 self.consider(input, context, start, silence);
