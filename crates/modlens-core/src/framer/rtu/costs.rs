@@ -83,6 +83,9 @@ pub struct Model {
     junk: f32,
     requests: f32,
     copies: f32,
+    /// Costs of frames that follow each other at once, and of those that do not.
+    glued: f32,
+    strays: f32,
     bits: [f32; 256],
     noise: Box<[f32; 256]>,
     noise_total: f32,
@@ -110,7 +113,7 @@ pub enum Copy {
 
 impl Default for Model {
     fn default() -> Self {
-        Self {
+        let mut this = Self {
             units: [0.0; 256],
             unit_total: 0.0,
             functions: [[0.0; 128]; 2],
@@ -120,11 +123,15 @@ impl Default for Model {
             junk: 0.0,
             requests: 0.0,
             copies: 0.0,
+            glued: 0.0,
+            strays: 0.0,
             bits: std::array::from_fn(|byte| usual_bits(byte as u8)),
             noise: Box::new([0.0; 256]),
             noise_total: 0.0,
             noise_due: NOISE_STEP,
-        }
+        };
+        this.settle();
+        this
     }
 }
 
@@ -226,15 +233,20 @@ impl Model {
         (body - 3.0).clamp(0.0, REPEATED_AT_MOST)
     }
 
-    /// Cost of so many bytes between two frames that are neither.
-    pub fn between(&self, length: u64) -> f32 {
+    /// Works out anew what depends on all that was learned. The search calls it whenever it has learned.
+    pub fn settle(&mut self) {
         let share = (self.junk + PRIOR_WEIGHT * FIRST_JUNK) / (self.frames + PRIOR_WEIGHT);
         let share = share.clamp(0.002, 0.9);
+        (self.glued, self.strays) = (-log2(1.0 - share), -log2(share));
+    }
+
+    /// Cost of so many bytes between two frames that are neither.
+    pub fn between(&self, length: u64) -> f32 {
         if length == 0 {
-            return -log2(1.0 - share);
+            return self.glued;
         }
         let strays = BEFORE_STRAYS + STRAY * (length - 1) as f32 + AFTER_STRAYS;
-        -log2(share) + strays.min(INTO_NOISE + OUT_OF_NOISE)
+        self.strays + strays.min(INTO_NOISE + OUT_OF_NOISE)
     }
 
     /// Cost of being among bytes that are no frame, so many behind the last one, without a way out yet.
@@ -242,7 +254,7 @@ impl Model {
         if length == 0 {
             0.0
         } else {
-            self.between(1) - BEFORE_STRAYS - AFTER_STRAYS + (BEFORE_STRAYS + STRAY * (length - 1) as f32).min(INTO_NOISE)
+            self.strays + (BEFORE_STRAYS + STRAY * (length - 1) as f32).min(INTO_NOISE)
         }
     }
 

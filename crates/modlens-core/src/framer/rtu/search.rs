@@ -203,6 +203,7 @@ impl Search {
             self.join.restart(self.told());
             self.next = self.told();
             self.nodes[0].wake = self.told() + SHORTEST_DAMAGED;
+            self.model.settle();
             (self.wake, self.calm, self.threat) = (self.nodes[0].wake, 0, None);
             self.running = true;
         }
@@ -226,8 +227,9 @@ impl Search {
             let bytes = &input.bytes()[index..(quiet - base) as usize];
             self.next += self.join.scan(self.next, bytes, &mut found) as u64;
             let before = self.nodes.len();
+            let floor = if found.is_empty() { 0.0 } else { self.best().1 - HOPELESS };
             for &start in &found {
-                self.consider(input, context, start, silence);
+                self.consider(input, context, start, silence, floor);
             }
             if self.next >= self.wake {
                 self.suppose(input, context, found.is_empty());
@@ -249,7 +251,7 @@ impl Search {
     }
 
     /// Adds the readings of a substring with a right CRC that ends here.
-    fn consider(&mut self, input: &Input, context: &Context<'_>, start: u64, silence: Ns) {
+    fn consider(&mut self, input: &Input, context: &Context<'_>, start: u64, silence: Ns, floor: f32) {
         if start < self.told() {
             return;
         }
@@ -258,7 +260,6 @@ impl Search {
         let timing = timing(input, from, to, silence);
         let said = context.said_at(input, from);
         let pause = (context.pause)(input.pause_before(from));
-        let floor = self.best().1 - HOPELESS;
         for direction in [REQUEST, RESPONSE] {
             let Some(own) = gain::frame(&self.model, context, frame, direction) else { continue };
             let told = match said {
@@ -269,8 +270,14 @@ impl Search {
             };
             // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
             let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
+            // Most readings have the same request waiting.
+            let mut known: Option<(Option<&Arc<Request>>, (f32, bool))> = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
-                let (around, answered) = gain::context(&self.model, context, node.asked.as_ref(), frame, direction, pause);
+                let asked = node.asked.as_ref();
+                let same = known.filter(|(before, _)| before.map(Arc::as_ptr) == asked.map(Arc::as_ptr)).map(|(_, found)| found);
+                let (around, answered) =
+                    same.unwrap_or_else(|| gain::context(&self.model, context, asked, frame, direction, pause));
+                known = Some((asked, (around, answered)));
                 let gain = own + timing - told + around;
                 let score = node.score - self.model.between(start - node.end) + gain;
                 let slot = &mut best[usize::from(answered)];
@@ -529,6 +536,7 @@ impl Search {
         if !tentative {
             let again = frame.asked.as_ref().is_some_and(|asked| asked.copied);
             self.model.learn(bytes, frame.direction, strays, copy(context, bytes, again && frame.direction == REQUEST));
+            self.model.settle();
         }
         let told = Told::Frame {
             start: frame.start,
