@@ -124,7 +124,11 @@ fn show_speed(options: &Options) {
     if options.noise.bytes > 0 {
         let bytes = options.noise.bytes as u64;
         if let Some((early, late)) = speed::memory(bytes, seed) {
-            say(&format!("peak memory {early:.1} MB after {} MB of noise, {late:.1} MB after {}\n", bytes / 16_000_000, bytes / 1_000_000));
+            say(&format!(
+                "peak memory {early:.1} MB after {} MB of noise, {late:.1} MB after {}\n",
+                bytes / 16_000_000,
+                bytes / 1_000_000
+            ));
         }
     }
 }

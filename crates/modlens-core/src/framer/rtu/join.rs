@@ -76,14 +76,7 @@ pub struct Join {
 
 impl Default for Join {
     fn default() -> Self {
-        Self {
-            powers: powers(),
-            heads: Box::new([0; LISTS]),
-            ring: Box::new([(0, 0); RING]),
-            floor: 0,
-            prefix: 0,
-            turn: 0,
-        }
+        Self { powers: powers(), heads: Box::new([0; LISTS]), ring: Box::new([(0, 0); RING]), floor: 0, prefix: 0, turn: 0 }
     }
 }
 
