@@ -192,7 +192,7 @@ pub fn rate(layer: Layer, bytes: &[u8]) -> (f64, bool) {
 fn timed(work: impl FnOnce() -> u64) -> f64 {
     let (start, wall) = (cpu(), Instant::now());
     std::hint::black_box(work());
-    start.zip(cpu()).map_or(wall.elapsed(), |(start, end)| end - start).as_secs_f64()
+    start.zip(cpu()).map_or(wall.elapsed(), |(start, end)| end.saturating_sub(start)).as_secs_f64()
 }
 
 /// CPU time of this thread, where the kernel says it; else nothing.

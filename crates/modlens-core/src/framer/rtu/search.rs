@@ -271,13 +271,15 @@ impl Search {
             // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
             let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
             // Most readings have the same request waiting.
-            let mut known: Option<(Option<&Arc<Request>>, (f32, bool))> = None;
+            let mut known = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
                 let asked = node.asked.as_ref();
-                let same = known.filter(|(before, _)| before.map(Arc::as_ptr) == asked.map(Arc::as_ptr)).map(|(_, found)| found);
-                let (around, answered) =
-                    same.unwrap_or_else(|| gain::context(&self.model, context, asked, frame, direction, pause));
-                known = Some((asked, (around, answered)));
+                let waiting = asked.map(Arc::as_ptr);
+                let (around, answered) = match known {
+                    Some((before, worth)) if before == waiting => worth,
+                    _ => gain::context(&self.model, context, asked, frame, direction, pause),
+                };
+                known = Some((waiting, (around, answered)));
                 let gain = own + timing - told + around;
                 let score = node.score - self.model.between(start - node.end) + gain;
                 let slot = &mut best[usize::from(answered)];
