@@ -187,6 +187,7 @@ class Session:
         line: tuple[int, int, str, float] | None = None,
         clock: str = "none",
         resolution_ns: int | None = None,
+        silence_ns: tuple[int, int] | None = None,
     ) -> int:
         """A bus; gives its number.
 
@@ -194,6 +195,7 @@ class Session:
         - `line`: baud, data bits, parity, stop bits
         - `clock`: utc, relative or none
         - `resolution_ns`: of that clock; None lets the core judge from the reads
+        - `silence_ns`: t3.5 and t1.5, if RTU frames end at silences only; None for all evidence
         """
     def feed(
         self, bus: int, data: bytes, time_ns: int | None = None, *, line: str | None = None

@@ -51,6 +51,7 @@ class Settings:
     - `timeout_ns`: after which a request is given up; None lets the core learn it
     - `functions`: the table of functions, vendors' rows included
     - `tables`: the tables worth building
+    - `silence_ns`: t3.5 and t1.5, if frames end at silences only; None goes by all evidence
     - `profiles`: which units have which device profile
     """
 
@@ -60,6 +61,7 @@ class Settings:
     functions: _modlens.Functions = field(default_factory=_modlens.Functions)
     tables: Sequence[str] = EVERYTHING
     profiles: Sequence[Binding] = ()
+    silence_ns: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -82,7 +84,14 @@ class Settings:
     def add_bus(self, core: _modlens.Session, name: str, *, clock: str) -> int:
         """A bus of that name in the core; gives its number."""
         line = None if self.line is None else self.line.settings
-        return core.add_bus(name, source=name, mode=self.mode, line=line, clock=clock)
+        return core.add_bus(
+            name,
+            source=name,
+            mode=self.mode,
+            line=line,
+            clock=clock,
+            silence_ns=self.silence_ns,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +141,7 @@ class Sink(Protocol):
 class FileRun:
     """Recordings one after the other, each a bus of its own; numbers go on.
 
+    `replay` decodes with no more knowledge of what follows than a live tap has, and gives its rows.
     `told`, if given, hears of every recording after its first block and at its end. `SourceError`
     for the first name that cannot be read, before anything is decoded; later while the files are
     read.
@@ -143,6 +153,7 @@ class FileRun:
         settings: Settings,
         *,
         read_as: str | None = None,
+        replay: bool = False,
         told: Callable[[Intake], None] | None = None,
     ) -> None:
         for name in names:
@@ -151,7 +162,7 @@ class FileRun:
         self._settings = settings
         self._read_as = read_as
         self._told = told
-        self._core = settings.core(live=False)
+        self._core = settings.core(live=replay)
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """What each block decided; the last one of a file also what was open at its end."""

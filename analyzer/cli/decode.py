@@ -27,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_rows(parser)
     add_decoding(parser)
     add_line(parser)
+    parser.add_argument(
+        "--replay",
+        action="store_true",
+        help="decode as a live tap would, without looking ahead: gives its rows",
+    )
     parser.epilog = EPILOG
 
 

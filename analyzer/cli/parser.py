@@ -11,6 +11,7 @@ from typing import NoReturn
 
 import _modlens
 from analyzer.addresses import BASES
+from analyzer.cli.segmentation import add_segmentation, silences
 from analyzer.columns import TABLES
 from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
 from analyzer.plant import choose_bus
@@ -85,6 +86,7 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         metavar="FILE[:NAME]",
         help="a bus file: port, line settings, and the profiles of its units",
     )
+    add_segmentation(group)
     add_functions(group)
 
 
@@ -149,12 +151,14 @@ def settings(options: argparse.Namespace) -> Settings:
     profiles = tuple(binding(text) for text in options.profiles)
     if plant is not None:
         profiles = (*plant.profiles, *profiles)
+    line = _line(options) or (None if plant is None else plant.line)
     return Settings(
-        line=_line(options) or (None if plant is None else plant.line),
+        line=line,
         mode=plant.mode if plant is not None and options.mode == "auto" else options.mode,
         timeout_ns=None if options.timeout is None else _duration(options.timeout),
         functions=with_vendors(load_functions(options.functions), profiles),
         profiles=profiles,
+        silence_ns=silences(options, line),
     )
 
 

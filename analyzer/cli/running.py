@@ -14,6 +14,7 @@ from dataclasses import replace
 from analyzer.cli import STDOUT, forget
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import settings
+from analyzer.cli.segmentation import announce
 from analyzer.cli.stopping import Stopping
 from analyzer.exports.sink import ExportSink, Target, target
 from analyzer.session import FileRun, Run, Settings, Sink, pump
@@ -41,7 +42,15 @@ def run_settings(options: argparse.Namespace) -> Settings:
 def run_files(options: argparse.Namespace, *, to: str | None, quiet: bool) -> int:
     """Decode the files of the options into all outputs; gives the exit status."""
     notes = Notes(quiet=quiet)
-    run = FileRun(options.files, run_settings(options), read_as=options.read_as, told=notes.intake)
+    chosen = run_settings(options)
+    announce(chosen, notes)
+    run = FileRun(
+        options.files,
+        chosen,
+        read_as=options.read_as,
+        replay=getattr(options, "replay", False),
+        told=notes.intake,
+    )
     with Stopping() as stopping, Outputs(options, notes, to=to, growing=False) as outputs:
         outputs.pump(run, stopping)
         outputs.close()

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
+from analyzer.cli.segmentation import announce
 from analyzer.cli.running import DAMAGED, SIGNALLED
 from analyzer.cli.stopping import Stopping
 from analyzer.session import FileRun
@@ -31,6 +32,7 @@ def run(options: argparse.Namespace) -> int:
     """Count everything, then print it; gives the exit status."""
     notes = Notes(quiet=False)
     chosen = replace(settings(options), tables=())
+    announce(chosen, notes)
     files = FileRun(options.files, chosen, read_as=options.read_as, told=notes.intake)
     with Stopping() as stopping:
         for _ in files.batches():

@@ -8,6 +8,7 @@ from contextlib import closing
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import add_decoding, add_line, add_rows
 from analyzer.cli.running import DAMAGED, TABLE, Outputs, run_settings
+from analyzer.cli.segmentation import announce
 from analyzer.cli.stopping import Stopping
 from analyzer.line import EXAMPLE
 from analyzer.session import LiveRun
@@ -46,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
             f" bits in one word, as --line {EXAMPLE}"
         )
     notes = Notes(quiet=False)
+    announce(settings, notes)
     with Stopping() as stopping, closing(LiveRun(options.ports, settings)) as live:
         with Outputs(options, notes, to=options.to or TABLE, growing=True) as outputs:
             ports = ", ".join(options.ports)

@@ -10,6 +10,10 @@ object:
             "duration_us": float | null,   first to last byte; null without a clock
             "busy_us": float | null,       bytes times the character time; null without settings
             "load": float | null,          busy share of the duration, 0 to 1
+            "silence": {"t35_us": float, "frames": int,
+                        "otherwise": int} | null,
+                                           frames that silences of t3.5 alone would have cut
+                                           otherwise; null without RTU, clock or line settings
             "units": [{"unit": int, "function": int,
                        "transactions": int, "statuses": {status: int},
                        "exceptions": {"2": int}, "retries": int,
@@ -46,6 +50,8 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     buses = stats["buses"]
     short = cells.labels([bus["bus"] for bus in buses])
     yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
+    for bus in buses:
+        yield from _silence(bus)
     rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
     if rows:
         yield []
@@ -58,6 +64,16 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield [("findings (modlens explain CODE)", "head")]
         for code, count in stats["findings"].items():
             yield [(f"{count:9,}  ", ""), (code, "odd")]
+
+
+def _silence(bus: Mapping[str, Any]) -> Iterator[list[Part]]:
+    """What the rule of the textbook would have made of it."""
+    counts = bus["silence"]
+    if counts and counts["frames"]:
+        share = counts["otherwise"] / counts["frames"]
+        yield []
+        text = f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {counts['otherwise']:,} of"
+        yield [(f"{text} {counts['frames']:,} frames ({share:.1%}) would be cut otherwise", "dim")]
 
 
 def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[list[Part]]:

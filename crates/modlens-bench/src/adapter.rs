@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::direction;
+use modlens_core::framer::silence::Rule;
 use modlens_core::framer::{Mode, Verdict};
 use modlens_core::functions::Functions;
 use modlens_core::line::{Line, Parity};
@@ -25,23 +26,32 @@ const PATIENCE_NS: i64 = 2_000_000_000;
 #[derive(Clone, Copy, Debug)]
 pub struct Modlens {
     live: bool,
+    /// By silences only, as the specification says.
+    textbook: bool,
 }
 
 impl Modlens {
     /// Over a recording.
     pub fn offline() -> Self {
-        Self { live: false }
+        Self { live: false, textbook: false }
     }
 
     /// Live, in the recording's own time.
     pub fn live() -> Self {
-        Self { live: true }
+        Self { live: true, textbook: false }
+    }
+
+    /// Over a recording, with `--segmentation silence`.
+    pub fn textbook() -> Self {
+        Self { live: false, textbook: true }
     }
 }
 
 impl Algorithm for Modlens {
     fn name(&self) -> &'static str {
-        if self.live {
+        if self.textbook {
+            "modlens-silence"
+        } else if self.live {
             "modlens-live"
         } else {
             "modlens"
@@ -49,7 +59,7 @@ impl Algorithm for Modlens {
     }
 
     fn run(&mut self, case: &Case) -> Vec<Reported> {
-        Run::new(case, self.live).all(case)
+        Run::new(case, *self).all(case)
     }
 
     fn labels(&self) -> bool {
@@ -71,7 +81,8 @@ struct Run {
 }
 
 impl Run {
-    fn new(case: &Case, live: bool) -> Self {
+    fn new(case: &Case, how: Modlens) -> Self {
+        let live = how.live;
         let wanted = Wanted { frames: true, transactions: true, findings: true };
         let mut session = Session::new(Arc::new(Functions::default()), wanted, live, None);
         let timed = case.feeds().next().is_some_and(|feed| feed.time.is_some());
@@ -80,6 +91,7 @@ impl Run {
         let bus = session.add_bus(BusOptions {
             bus: Bus { name: String::from(&*name), source: String::from(&*name), place: Place::Offset, clock },
             mode: Some(if case.framing == Framing::Rtu { Mode::Rtu } else { Mode::Ascii }),
+            rule: Some(rule(case.settings)).filter(|_| how.textbook),
             line: Some(line(case.settings)),
             resolution: None,
         });
@@ -195,6 +207,11 @@ fn label(code: &str) -> Option<Label> {
         "lost_bytes" => Label::LostBytes,
         _ => return None,
     })
+}
+
+fn rule(settings: Settings) -> Rule {
+    let line = line(settings);
+    Rule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }
 }
 
 fn line(settings: Settings) -> Line {

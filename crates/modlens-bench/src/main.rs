@@ -61,6 +61,7 @@ fn algorithms() -> Vec<Box<dyn Algorithm>> {
     let mut all = baselines::all();
     all.push(Box::new(Modlens::offline()));
     all.push(Box::new(Modlens::live()));
+    all.push(Box::new(Modlens::textbook()));
     all
 }
 

@@ -17,7 +17,7 @@ modlens-bench scenarios            names of the scenarios
 
   --scenarios a,b|all|further  default: the twenty of the headline
   --modes a,b                  exact ms1 ftdi1 ftdi16 ch340 fifo tcp none; default: all
-  --algorithms a,b             gap length scan colon modlens modlens-live; default: all
+  --algorithms a,b             gap length scan colon modlens modlens-live modlens-silence; default: all
   --seeds N                    seeds N0+1 .. N0+N; default 3
   --first-seed N0              default 0
   --frames N                   per case, default 3000

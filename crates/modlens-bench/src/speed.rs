@@ -121,7 +121,7 @@ fn repeated(part: &[u8], size: usize) -> Vec<u8> {
 /// Frames and noise rows that the RTU framer finds, without anything behind it.
 fn framing(bytes: &[u8]) -> u64 {
     let functions = Functions::embedded();
-    let mut framer = make(Mode::Rtu, None);
+    let mut framer = make(Mode::Rtu, None, None);
     let mut input = Input::new(None);
     input.break_ns = framer.break_ns(None);
     let mut known_units = [false; 256];

@@ -33,6 +33,16 @@ fn frames_and_directions_of_clean_and_bad_lines() {
 }
 
 #[test]
+fn the_rule_of_silence_on_clean_traffic_with_exact_times() {
+    let clean = Scenario::named("clean").unwrap();
+    for seed in 21..24 {
+        let case = Traffic::new(clean, seed, FRAMES).tap(TapMode::Exact);
+        let f1 = score(&case, &Modlens::textbook().run(&case)).fd().f1();
+        assert!(f1 >= 0.999, "{seed}: {f1:.4}");
+    }
+}
+
+#[test]
 fn two_lines_and_ascii() {
     for (scenario, mode, bar) in
         [("lines", TapMode::Exact, 0.995), ("ascii", TapMode::Exact, 0.999), ("ascii_field", TapMode::Ftdi16, 0.985)]

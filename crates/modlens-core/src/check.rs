@@ -3,10 +3,10 @@
 use crate::checksum::{crc16, mending_bit};
 use crate::direction::{block_length, consistent, echo_differences, expected_block, readings, Direction};
 use crate::finding::Finding;
+use crate::framer::silence::Rule;
 use crate::framer::{Mode, Verdict};
 use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::input::Input;
-use crate::line::Line;
 use crate::pairing::{Exchange, Seen};
 use crate::pdu::{hex, u16_at};
 use crate::records::Status;
@@ -101,18 +101,18 @@ fn sibling(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
     None
 }
 
-/// Checks a frame's times against the line's.
-pub fn timing(input: &Input, line: Option<&Line>, resolution: Ns, seen: &Seen<'_>, found: &mut Found) {
-    let Some(line) = line.filter(|_| seen.mode == Mode::Rtu && seen.verdict.good()) else { return };
-    if input.coarse || 4 * resolution > line.t15_ns() {
+/// Checks a frame's times against the silences of the specification, or those that were given.
+pub fn timing(input: &Input, rule: Option<Rule>, resolution: Ns, seen: &Seen<'_>, found: &mut Found) {
+    let Some(rule) = rule.filter(|_| seen.mode == Mode::Rtu && seen.verdict.good()) else { return };
+    if input.coarse || 4 * resolution > rule.t15_ns {
         return;
     }
     let us = |ns: Ns| format!("{} us", ns / 1000);
-    if let Some(gap) = input.pause_before(0).filter(|&gap| gap < line.t35_ns()) {
-        found.push((Finding::ShortSilence, format!("{} of silence, t3.5 is {}", us(gap.max(0)), us(line.t35_ns()))));
+    if let Some(gap) = input.pause_before(0).filter(|&gap| gap < rule.t35_ns) {
+        found.push((Finding::ShortSilence, format!("{} of silence, t3.5 is {}", us(gap.max(0)), us(rule.t35_ns))));
     }
-    if let Some(pause) = input.longest_pause(0, seen.wire.len()).filter(|&pause| pause > line.t15_ns()) {
-        found.push((Finding::GapInside, format!("{} of silence inside, t1.5 is {}", us(pause), us(line.t15_ns()))));
+    if let Some(pause) = input.longest_pause(0, seen.wire.len()).filter(|&pause| pause > rule.t15_ns) {
+        found.push((Finding::GapInside, format!("{} of silence inside, t1.5 is {}", us(pause), us(rule.t15_ns))));
     }
 }
 

@@ -76,9 +76,20 @@ struct BusCounts {
     frames: [u64; 5],
     bytes: [u64; 5],
     units: BTreeMap<(u8, u8), Row>,
+    silence: Option<Silence>,
     busy: Ns,
     first: Option<Ns>,
     last: Option<Ns>,
+}
+
+/// How often silences alone would have cut otherwise.
+#[derive(Clone, Copy, Debug, Default)]
+struct Silence {
+    t35_ns: Ns,
+    frames: u64,
+    otherwise: u64,
+    /// The last row was a frame that silences alone would have begun there, too.
+    open: bool,
 }
 
 /// Statistics of a session.
@@ -105,6 +116,17 @@ impl Stats {
             counts.first.get_or_insert(start);
             counts.last = Some(end);
         }
+    }
+
+    /// What a silence of `t35_ns` would have made of this frame: whether one is before it, and whether one is inside.
+    pub fn silence(&mut self, bus: usize, t35_ns: Ns, seen: &Seen<'_>, before: bool, inside: bool) {
+        let counts = self.buses[bus].silence.get_or_insert(Silence { t35_ns, ..Silence::default() });
+        // What is not cut here goes to the frame before, too.
+        counts.otherwise += u64::from(counts.open && !before);
+        let good = seen.verdict.good();
+        counts.open = good && before && !inside;
+        counts.frames += u64::from(good);
+        counts.otherwise += u64::from(good && !counts.open);
     }
 
     /// A transaction was decided.
@@ -162,6 +184,9 @@ impl BusCounts {
         json!({
             "bus": self.name, "mode": self.mode.map(Mode::text), "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
             "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy as f64 / 1000.0),
+            "silence": self.silence.map(|counts| json!({
+                "t35_us": counts.t35_ns as f64 / 1000.0, "frames": counts.frames, "otherwise": counts.otherwise,
+            })),
             "load": span.map(|span| self.busy as f64 / span as f64), "units": units,
         })
     }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::columns::TableKind;
+use modlens_core::framer::silence::Rule;
 use modlens_core::framer::Mode;
 use modlens_core::records::{Batch as CoreBatch, Bus, Clock, Place};
 use modlens_core::session::{BusOptions, Session as Core, Wanted};
@@ -75,7 +76,7 @@ impl Session {
     }
 
     #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
-    #[pyo3(signature = (name, *, source, mode="auto", line=None, clock="none", resolution_ns=None))]
+    #[pyo3(signature = (name, *, source, mode="auto", line=None, clock="none", resolution_ns=None, silence_ns=None))]
     fn add_bus(
         &mut self,
         name: String,
@@ -84,6 +85,7 @@ impl Session {
         line: Option<(u32, u8, String, f64)>,
         clock: &str,
         resolution_ns: Option<i64>,
+        silence_ns: Option<(i64, i64)>,
     ) -> PyResult<usize> {
         let mode = match mode {
             "auto" => None,
@@ -98,10 +100,11 @@ impl Session {
             "none" => Clock::None,
             other => return Err(wrong(format!("clock {other:?} is none of utc, relative, none"))),
         };
+        let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
         let bus = Bus { name, source, place: Place::Offset, clock };
         self.buses += 1;
         let line = line.map(crate::line).transpose()?;
-        Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns }))
+        Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule }))
     }
 
     #[pyo3(signature = (bus, data, time_ns=None, *, line=None))]

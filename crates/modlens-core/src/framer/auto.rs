@@ -5,6 +5,7 @@
 use crate::checksum::{crc_valid, lrc};
 use crate::framer::ascii::Ascii;
 use crate::framer::rtu::Rtu;
+use crate::framer::silence::{Rule, Silence};
 use crate::framer::tcp::{announced, layout_fits, Tcp};
 use crate::framer::{Context, Cut, Framer, Mode};
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
@@ -21,20 +22,21 @@ const FIRST_LOOK: usize = 8;
 /// Waits for evidence, then is the framer it points to.
 pub struct Auto {
     line: Option<Line>,
+    rule: Option<Rule>,
     next_look: usize,
     chosen: Option<Box<dyn Framer>>,
 }
 
 impl Auto {
-    /// A framer for a line with these settings.
-    pub fn new(line: Option<Line>) -> Self {
-        Self { line, next_look: FIRST_LOOK, chosen: None }
+    /// A framer for a line with these settings; RTU goes by the rule of silence where there is one.
+    pub fn new(line: Option<Line>, rule: Option<Rule>) -> Self {
+        Self { line, rule, next_look: FIRST_LOOK, chosen: None }
     }
 
     fn choose(&mut self, input: &Input, functions: &Functions) -> bool {
         let bytes = input.bytes();
         if input.read(0).is_some_and(|read| read.no_checksum) && bytes.first() != Some(&b':') {
-            self.chosen = Some(Box::new(Rtu::new(self.line.as_ref())));
+            self.chosen = Some(make(Mode::Rtu, self.line.as_ref(), self.rule));
             return true;
         }
         while self.next_look <= bytes.len().min(ENOUGH) {
@@ -52,17 +54,18 @@ impl Auto {
     }
 
     fn become_mode(&mut self, mode: Mode) -> bool {
-        self.chosen = Some(make(mode, self.line.as_ref()));
+        self.chosen = Some(make(mode, self.line.as_ref(), self.rule));
         true
     }
 }
 
-/// The framer of a framing.
-pub fn make(mode: Mode, line: Option<&Line>) -> Box<dyn Framer> {
-    match mode {
-        Mode::Rtu => Box::new(Rtu::new(line)),
-        Mode::Ascii => Box::new(Ascii::default()),
-        Mode::Tcp => Box::new(Tcp::default()),
+/// The framer of a framing; RTU goes by the rule of silence where there is one, else by evidence.
+pub fn make(mode: Mode, line: Option<&Line>, rule: Option<Rule>) -> Box<dyn Framer> {
+    match (mode, rule) {
+        (Mode::Rtu, Some(rule)) => Box::new(Silence::new(rule)),
+        (Mode::Rtu, None) => Box::new(Rtu::new(line)),
+        (Mode::Ascii, _) => Box::new(Ascii::default()),
+        (Mode::Tcp, _) => Box::new(Tcp::default()),
     }
 }
 
@@ -144,6 +147,6 @@ impl Framer for Auto {
     }
 
     fn break_ns(&self, line: Option<&Line>) -> Ns {
-        self.chosen.as_ref().map_or_else(|| Rtu::new(line).break_ns(line), |framer| framer.break_ns(line))
+        self.chosen.as_ref().map_or_else(|| make(Mode::Rtu, line, self.rule).break_ns(line), |framer| framer.break_ns(line))
     }
 }

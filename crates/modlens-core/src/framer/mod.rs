@@ -6,6 +6,7 @@
 pub mod ascii;
 pub mod auto;
 pub mod rtu;
+pub mod silence;
 pub mod tcp;
 
 use crate::direction::{Asked, Direction, Pause};

@@ -3,6 +3,7 @@
 use crate::chunk::Side;
 use crate::direction::Direction;
 use crate::framer::auto::{make, Auto};
+use crate::framer::silence::Rule;
 use crate::framer::{Context, Cut, Framer, Mode};
 use crate::functions::Functions;
 use crate::input::Input;
@@ -29,6 +30,8 @@ pub struct BusOptions {
     pub line: Option<Line>,
     /// What the clock can tell apart; judged from the reads where `None`.
     pub resolution: Option<Ns>,
+    /// RTU frames end at silences only, as the specification says; by evidence where `None`.
+    pub rule: Option<Rule>,
 }
 
 pub(super) struct LineState {
@@ -56,9 +59,16 @@ impl BusOptions {
     /// A bus without clock or settings.
     pub fn named(name: &str) -> Self {
         let bus = Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None };
-        Self { bus, mode: None, line: None, resolution: None }
+        Self { bus, mode: None, line: None, resolution: None, rule: None }
     }
 }
+impl BusOptions {
+    /// The silences that frames are checked against: those given, or the specification's for this line.
+    pub fn rule(&self) -> Option<Rule> {
+        self.rule.or_else(|| self.line.map(|line| Rule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }))
+    }
+}
+
 impl BusState {
     pub(super) fn line(&mut self, id: u8) -> &mut LineState {
         if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {
@@ -66,8 +76,8 @@ impl BusState {
         }
         let settings = self.options.line;
         let framer: Box<dyn Framer> = match self.options.mode {
-            Some(mode) => make(mode, settings.as_ref()),
-            None => Box::new(Auto::new(settings)),
+            Some(mode) => make(mode, settings.as_ref(), self.options.rule),
+            None => Box::new(Auto::new(settings, self.options.rule)),
         };
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());

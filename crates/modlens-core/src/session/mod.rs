@@ -136,12 +136,16 @@ impl Session {
 
     /// Bytes of one line of a bus.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        let state = &mut self.buses[bus];
         let time = match chunk.times {
             Times::None => None,
             Times::Read(time) => Some(time),
             Times::Bytes(times) => times.last().copied(),
         };
+        if let Some(time) = time.filter(|_| self.live) {
+            // Whether anybody has polled in the meantime must not matter: what time alone decides is decided now.
+            self.pass(bus, time - 1);
+        }
+        let state = &mut self.buses[bus];
         let line = state.line(chunk.line);
         line.input.push(chunk);
         if let Some(time) = time {
@@ -193,10 +197,14 @@ impl Session {
     /// Time goes on without bytes: ends silences and time-outs.
     pub fn poll(&mut self, now: Ns) {
         for bus in 0..self.buses.len() {
-            self.buses[bus].close_silent_lines(now);
-            self.frames_of(bus);
-            self.tick(bus, now);
+            self.pass(bus, now);
         }
+    }
+
+    fn pass(&mut self, bus: usize, now: Ns) {
+        self.buses[bus].close_silent_lines(now);
+        self.frames_of(bus);
+        self.tick(bus, now);
     }
 
     /// The recording is over: decides everything that is still open.
@@ -289,7 +297,7 @@ impl Session {
         let state = &mut self.buses[bus];
         let resolution = state.resolution(at);
         state.pairing.resolution = resolution;
-        let settings = state.options.line;
+        let rule = state.options.rule();
         let jumped = std::mem::take(&mut state.jumped);
         let place = state.options.bus.place;
         let clocked = state.options.bus.clock != Clock::None;
@@ -326,7 +334,12 @@ impl Session {
         };
         self.found.clear();
         check::frame(&self.functions, &seen, &mut self.found);
-        check::timing(input, settings.as_ref(), resolution, &seen, &mut self.found);
+        check::timing(input, rule, resolution, &seen, &mut self.found);
+        if let Some(rule) = rule.filter(|_| clocked && mode == Mode::Rtu) {
+            let before = input.hard_edge(0) || offset == 0 || input.pause_before(0).is_some_and(|gap| gap >= rule.t35_ns);
+            let inside = input.longest_pause(0, cut.length).is_some_and(|gap| gap >= rule.t35_ns);
+            self.stats.silence(bus, rule.t35_ns, &seen, before, inside);
+        }
         if input.line_error(0, cut.length) {
             self.found.push((Finding::LineError, String::from("marked by the receiver")));
         }
