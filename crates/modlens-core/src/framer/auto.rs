@@ -6,7 +6,7 @@ use crate::checksum::{crc_valid, lrc};
 use crate::framer::ascii::Ascii;
 use crate::framer::rtu::Rtu;
 use crate::framer::silence::{Rule, Silence};
-use crate::framer::tcp::{announced, layout_fits, Tcp};
+use crate::framer::tcp::{announced, layout_fits, natural, Tcp};
 use crate::framer::{Context, Cut, Framer, Mode};
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
 use crate::input::Input;
@@ -49,7 +49,7 @@ impl Auto {
             return false;
         }
         let there = &bytes[..bytes.len().min(ENOUGH)];
-        let mode = evidence(functions, there).unwrap_or(if looks_like_text(there) { Mode::Ascii } else { Mode::Rtu });
+        let mode = evidence(functions, there).unwrap_or_else(|| looks_like(functions, there));
         self.become_mode(mode)
     }
 
@@ -127,6 +127,18 @@ fn tcp_bytes(functions: &Functions, bytes: &[u8]) -> usize {
         }
     }
     at
+}
+
+/// The framing of bytes without any good frame.
+fn looks_like(functions: &Functions, bytes: &[u8]) -> Mode {
+    // A header of MBAP whose length lies, before a PDU that is whole by its layout.
+    let whole = |length: &usize| *length <= bytes.len();
+    let mbap = announced(bytes).is_some() && natural(functions, bytes).iter().flatten().any(whole);
+    match (looks_like_text(bytes), mbap) {
+        (true, _) => Mode::Ascii,
+        (false, true) => Mode::Tcp,
+        (false, false) => Mode::Rtu,
+    }
 }
 
 fn looks_like_text(bytes: &[u8]) -> bool {

@@ -3,7 +3,7 @@
 use crate::direction::{judge, readings};
 use crate::finding::Finding;
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT};
-use crate::functions::Functions;
+use crate::functions::{Extent, Functions, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
@@ -13,6 +13,9 @@ const HEADER: usize = 6;
 
 /// A silence in a stream over TCP says nothing before it is this long.
 const BREAK: Ns = 1_000_000_000;
+
+/// The longest that a length field can say.
+const LONGEST: usize = 254;
 
 /// The framer of one direction, or both, of a Modbus/TCP stream.
 #[derive(Debug, Default)]
@@ -25,7 +28,7 @@ pub struct Tcp {
 pub fn announced(bytes: &[u8]) -> Option<usize> {
     let length = usize::from(u16::from_be_bytes([*bytes.get(4)?, *bytes.get(5)?]));
     // Unit and function code at least; 253 bytes of PDU at most.
-    (bytes[2..4] == [0, 0] && (2..=254).contains(&length)).then_some(HEADER + length)
+    (bytes[2..4] == [0, 0] && (2..=LONGEST).contains(&length)).then_some(HEADER + length)
 }
 
 /// Whether a PDU of this length can be one in either direction.
@@ -34,7 +37,58 @@ pub fn layout_fits(functions: &Functions, pdu: &[u8]) -> bool {
     request || response
 }
 
+/// The whole lengths that a frame which begins like this has by its layout, read as a request and as a response.
+pub fn natural(functions: &Functions, bytes: &[u8]) -> [Option<usize>; 2] {
+    let Some((&code, body)) = bytes.get(HEADER + 1..).and_then(<[u8]>::split_first) else { return [None, None] };
+    if code & EXCEPTION_BIT != 0 {
+        return [None, Some(HEADER + 3)];
+    }
+    let Some(row) = functions.row(code, body) else { return [None, None] };
+    [&row.request, &row.response].map(|layout| match layout.extent(body) {
+        Extent::Exactly(length) => Some(HEADER + 2 + length),
+        _ => None,
+    })
+}
+
+/// Whether a whole frame stands at the start of these bytes whose header and layout agree; `None` if bytes are missing.
+fn stands(functions: &Functions, bytes: &[u8]) -> Option<bool> {
+    if bytes.len() < HEADER + 2 {
+        let like = bytes.iter().skip(2).take(2).all(|&byte| byte == 0);
+        return if like { None } else { Some(false) };
+    }
+    let Some(length) = announced(bytes).filter(|_| bytes[HEADER + 1] & !EXCEPTION_BIT != 0) else { return Some(false) };
+    bytes.get(HEADER + 1..length).map(|pdu| layout_fits(functions, pdu))
+}
+
 impl Tcp {
+    /// Where a frame ends whose header lies: where another one stands.
+    ///
+    /// `Some(None)` where nothing contradicts the header; `None` if more bytes are needed to tell.
+    fn lie(input: &Input, context: &Context<'_>, length: usize) -> Option<Option<usize>> {
+        let (bytes, functions) = (input.bytes(), context.functions);
+        let natural = natural(functions, bytes);
+        // Where the layout ends the frame earlier and the next one stands there, the header says too much.
+        let there = bytes.len().min(length - 1);
+        let inside = natural.into_iter().flatten().filter(|&end| end < there);
+        if let Some(end) = inside.into_iter().find(|&end| stands(functions, &bytes[end..there]) == Some(true)) {
+            return Some(Some(end));
+        }
+        if bytes.len() < length || layout_fits(functions, &bytes[HEADER + 1..length]) {
+            return Some(None);
+        }
+        let all = HEADER + 2..bytes.len().min(HEADER + LONGEST);
+        let candidates = std::iter::once(length).chain(natural.into_iter().flatten()).chain(all);
+        for end in candidates.filter(|&end| end <= bytes.len()) {
+            match stands(functions, &bytes[end..]) {
+                Some(true) if end == length => return Some(None),
+                Some(true) => return Some(Some(end)),
+                None if !input.closed => return None,
+                _ => {}
+            }
+        }
+        Some(None)
+    }
+
     /// Whether a frame begins at `at`; `None` if more bytes are needed.
     fn begins(input: &Input, context: &Context<'_>, at: usize) -> Option<bool> {
         let bytes = &input.bytes()[at..];
@@ -47,7 +101,7 @@ impl Tcp {
         }
         // Behind bytes that were no frame, a header alone is weak evidence.
         match bytes.get(HEADER + 1..length) {
-            Some(pdu) => Some(layout_fits(context.functions, pdu)),
+            Some(pdu) => Some(pdu[0] & !EXCEPTION_BIT != 0 && layout_fits(context.functions, pdu)),
             None => input.closed.then_some(false),
         }
     }
@@ -57,6 +111,11 @@ impl Tcp {
         let length = announced(bytes)?;
         adu.clear();
         let mbap_id = Some(u16::from_be_bytes([bytes[0], bytes[1]]));
+        if let Some(end) = Self::lie(input, context, length)? {
+            adu.extend_from_slice(&bytes[HEADER..end]);
+            let finding = Some(Finding::MbapLength);
+            return Some(Cut { verdict: Verdict::Incomplete, mbap_id, finding, ..Cut::noise(end, CutBy::Frame) });
+        }
         if bytes.len() < length {
             adu.extend_from_slice(&bytes[HEADER..]);
             let cut_by = if input.ended { CutBy::End } else { CutBy::Silence };

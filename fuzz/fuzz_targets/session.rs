@@ -1,0 +1,4 @@
+//! Bytes with times, in pieces.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| modlens_fuzz::session_holds(data));

@@ -1,0 +1,93 @@
+//! What must hold for any bytes in any pieces at any times; the fuzz targets only hand their bytes on.
+
+use modlens_core::chunk::{Chunk, Times};
+use modlens_core::framer::Mode;
+use modlens_core::records::{Batch, Clock};
+use modlens_core::session::{BusOptions, Session};
+use modlens_core::text::Format;
+
+/// Pauses between reads, in ns: none, in frames, between them, time-outs, and a clock that runs back.
+const PAUSES: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
+
+/// Reads with times, in a mode.
+struct Script<'a> {
+    mode: Option<Mode>,
+    live: bool,
+    reads: Vec<(i64, &'a [u8])>,
+}
+
+/// The first byte says how; then a byte of length and pause before each read.
+fn script(data: &[u8]) -> Script<'_> {
+    let (&how, mut rest) = data.split_first().unwrap_or((&0, &[]));
+    let mode = [None, Some(Mode::Rtu), Some(Mode::Ascii), Some(Mode::Tcp)][usize::from(how % 4)];
+    let mut reads = Vec::new();
+    while let Some((&head, after)) = rest.split_first() {
+        let (bytes, left) = after.split_at(usize::from(head >> 3).min(after.len()));
+        reads.push((PAUSES[usize::from(head % 8)], bytes));
+        rest = left;
+    }
+    Script { mode, live: how & 4 != 0, reads }
+}
+
+fn session(mode: Option<Mode>, clock: Clock, live: bool) -> (Session, usize) {
+    let functions = std::sync::Arc::new(modlens_core::functions::Functions::default());
+    let wanted = modlens_core::session::Wanted { frames: true, transactions: true, findings: true };
+    let mut session = Session::new(functions, wanted, live, None);
+    let mut options = BusOptions::named("bus");
+    options.mode = mode;
+    options.line = Some("19200-8E1".parse().expect("settings"));
+    options.bus.clock = clock;
+    let bus = session.add_bus(options);
+    (session, bus)
+}
+
+fn assert_tiles(batch: &Batch, data: &[u8]) {
+    let joined: Vec<u8> = batch.frames.iter().flat_map(|frame| frame.wire.of(&batch.arena)).copied().collect();
+    assert_eq!(joined, data, "frames are not the bytes");
+}
+
+fn untimed(script: &Script<'_>, bytes: &[u8], piece: usize) -> Vec<(u64, u32, Option<u64>, u8)> {
+    let (mut session, bus) = session(script.mode, Clock::None, script.live);
+    for bytes in bytes.chunks(piece) {
+        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    }
+    session.flush();
+    let batch = session.take();
+    assert_tiles(&batch, bytes);
+    batch.frames.iter().map(|frame| (frame.offset, frame.wire.length, frame.txn, frame.confidence)).collect()
+}
+
+/// Frames tile the bytes, with times and without; without, the pieces change nothing.
+pub fn session_holds(data: &[u8]) {
+    let script = script(data);
+    let bytes: Vec<u8> = script.reads.iter().flat_map(|(_, bytes)| *bytes).copied().collect();
+    let (mut session, bus) = session(script.mode, Clock::Utc, script.live);
+    let mut now = 1_700_000_000_000_000_000;
+    for (pause, bytes) in &script.reads {
+        now += pause;
+        session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+    }
+    session.flush();
+    assert_tiles(&session.take(), &bytes);
+    let whole = untimed(&script, &bytes, usize::MAX);
+    assert_eq!(untimed(&script, &bytes, 1), whole, "single bytes");
+    assert_eq!(untimed(&script, &bytes, 7), whole, "pieces of seven");
+}
+
+/// Text of any format, cut anywhere: nothing panics, and where it was cut changes nothing.
+pub fn text_holds(data: &[u8]) {
+    let (&how, text) = data.split_first().unwrap_or((&0, &[]));
+    let (format, ..) = Format::ALL[usize::from(how) % Format::ALL.len()];
+    let read = |piece: usize| {
+        let (mut session, bus) = session(None, Clock::None, false);
+        for piece in text.chunks(piece) {
+            session.feed_text(bus, format, piece, false);
+        }
+        session.feed_text(bus, format, b"", true);
+        session.flush();
+        let batch = session.take();
+        let frames = batch.frames.iter().map(|frame| (frame.offset, frame.origin, frame.wire.of(&batch.arena).to_vec()));
+        frames.collect::<Vec<_>>()
+    };
+    assert_eq!(read(3), read(usize::MAX));
+}
