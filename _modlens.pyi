@@ -47,6 +47,44 @@ def convert(type: str, order: str, data: bytes) -> tuple[float | None, str | Non
     `ValueError` for an unknown word or a wrong number of bytes.
     """
 
+def judge(rows: Sequence[Sequence[int]]) -> str:
+    """Which type in which order: claims on rows of two or four registers, best first, as JSON.
+
+    A list of {type, order, bits, sure, reason}.
+    """
+
+def sunspec_models() -> list[tuple[int, str]]:
+    """The SunSpec models that are shipped: (number, TOML text)."""
+
+@final
+class RegisterMap:
+    """The register map as last seen."""
+
+    def __new__(cls) -> RegisterMap: ...
+    def add(self, batch: Batch) -> None:
+        """What a batch read and wrote; it needs its transactions."""
+    def rows(self) -> str:
+        """A JSON list, by bus, unit, table and address.
+
+        {bus, unit, register_type, address, name, value, value_text, unit_of_measure, age_us, reads,
+        writes, count, min, max, changes}.
+        """
+
+@final
+class Survey:
+    """What traffic tells of the registers of each unit."""
+
+    def __new__(cls) -> Survey: ...
+    def add(self, batch: Batch) -> None:
+        """What a batch read and wrote; it needs its transactions."""
+    def tables(self) -> str:
+        """A JSON list, one item a unit and table.
+
+        {unit, register_type, space, blocks: [{first, count, reads, writes, exceptions}],
+        registers: [{address, samples, changes, distinct, min, max, looks, read, written, values}],
+        points: [{address, count, type, order, bits, sure, reason, rivals}], together: [[a, b]]}.
+        """
+
 @final
 class Functions:
     """The table of functions: the embedded rows and further ones."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
 
-__all__ = ["load", "scalar", "tree"]
+__all__ = ["load", "plain_data", "scalar", "tree"]
 
 _RADIX = ("0x", "0o", "0b")
 
@@ -66,3 +66,27 @@ def scalar(node: Any) -> Any:
     if tag == "bool":
         return text.lower() == "true"
     return None if tag == "null" else text
+
+
+def plain_data(text: str, path: str) -> tuple[Any, list[tuple[int, str]]]:
+    """A document as plain data, and the places of tags that only its own program knows.
+
+    What stands behind `!include`, `!secret` or `!lambda` is None.
+    """
+    root = load(text, path)
+    tags: list[tuple[int, str]] = []
+    return (None if root is None else _plain(root, tags)), tags
+
+
+def _plain(node: Any, tags: list[tuple[int, str]]) -> Any:
+    tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "")
+    if tag.startswith("!"):
+        tags.append(
+            (node.start_mark.line + 1, f"{tag} {node.value}" if node.id == "scalar" else tag)
+        )
+        return None
+    if node.id == "mapping":
+        return {_plain(key, tags): _plain(value, tags) for key, value in node.value}
+    if node.id == "sequence":
+        return [_plain(item, tags) for item in node.value]
+    return scalar(node)

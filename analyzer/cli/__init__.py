@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from typing import TextIO
 
-__all__ = ["COMMANDS", "STDERR", "STDOUT", "forget", "main"]
+__all__ = ["COMMANDS", "STDERR", "STDOUT", "forget", "main", "module_of"]
 
 COMMANDS = {
     "tap": "listen to a serial line and decode what happens on it",
@@ -26,8 +26,13 @@ COMMANDS = {
     "explain": "a function, an exception or a finding in words",
     "craft": "the bytes of a frame from keywords",
     "formats": "the formats that can be read, with a sample each",
+    "profiles": "device profiles: list, check, convert",
+    "import": "a register map of another program becomes a profile",
+    "map": "the register map as last seen: value, age, range, changes",
+    "learn": "a skeleton of a profile from traffic",
+    "match": "which known profile fits a unit",
 }
-"""Command -> what it does; its module is analyzer/cli/<command>.py."""
+"""Command -> what it does; its module is analyzer/cli/<command>.py (import_.py)."""
 
 INTERRUPTED = 130
 
@@ -59,7 +64,7 @@ def _run(command: str, words: list[str]) -> int:
             return _unknown(command)
         from analyzer.cli.parser import Parser  # noqa: PLC0415
 
-        module = importlib.import_module(f"analyzer.cli.{command}")
+        module = importlib.import_module(module_of(command))
         parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
         module.add_arguments(parser)
         status: int = module.run(parser.parse_intermixed_args(words))
@@ -70,6 +75,15 @@ def _run(command: str, words: list[str]) -> int:
         _flush(told=True)
         return error.exit_status
     return status
+
+
+def module_of(command: str) -> str:
+    """The module of a command; that of a word of Python's has a stroke behind it.
+
+    >>> module_of("tap"), module_of("import")
+    ('analyzer.cli.tap', 'analyzer.cli.import_')
+    """
+    return f"analyzer.cli.{command}{'_' if command == 'import' else ''}"
 
 
 def _flush(*, told: bool) -> None:

@@ -13,6 +13,7 @@ import _modlens
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import add_decoding, add_line, settings
 from analyzer.cli.showing import MBAP, Shown, lookup_frame, lookup_transaction, show
+from analyzer.cli.showing_registers import add_place, show_registers
 from analyzer.session import FileRun, Settings
 from analyzer.views.detail import show_frame
 from analyzer.views.screen import Screen, stdout
@@ -27,6 +28,7 @@ examples:
   modlens show :010300000001FB
   modlens show --pdu --direction response 03 06 022B 0000 0064
   modlens show bus.hex --txn 3
+  modlens show bus.hex --at 3:hr:107 --as all
 """
 
 _PREFIX = re.compile(r"0x|\\x", re.IGNORECASE)
@@ -38,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument("words", nargs="+", metavar="FILE|HEX", help="a recording, or hex text")
     parser.add_argument("--frame", type=int, metavar="N", help="this frame of the recording")
+    add_place(parser)
     parser.add_argument("--txn", type=int, metavar="N", help="this transaction of the recording")
     parser.add_argument("--from", dest="read_as", metavar="FORMAT", help="format of the recording")
     parser.add_argument("--pdu", action="store_true", help="the hex is a PDU: no unit, no checksum")
@@ -52,7 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Show it; gives the exit status."""
     screen = stdout()
-    if options.frame is None and options.txn is None:
+    if options.at is not None:
+        if len(options.words) != 1 or options.frame is not None or options.txn is not None:
+            raise UsageError("show: --at looks into one recording, without --frame and --txn")
+        show_registers(options, screen)
+    elif options.frame is None and options.txn is None:
         _show_hex(options, screen)
     else:
         _show_recording(options, screen)

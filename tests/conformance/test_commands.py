@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from analyzer.cli import COMMANDS
+from analyzer.cli import COMMANDS, module_of
 from tests.conftest import ROOT, Modlens
 
 
@@ -24,7 +24,7 @@ def test_a_command_has_help(name: str, modlens: Modlens) -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_is_a_module(name: str) -> None:
     """Of its name, with the two functions that every command has."""
-    module = importlib.import_module(f"analyzer.cli.{name}")
+    module = importlib.import_module(module_of(name))
     assert callable(module.add_arguments)
     assert callable(module.run)
     assert str(module.__doc__).startswith(f"`modlens {name}`")
@@ -38,7 +38,7 @@ def test_no_command_is_forgotten() -> None:
         for path in folder.glob("*.py")
         if re.search(r"^def add_arguments\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
-    assert commands == set(COMMANDS)
+    assert commands == {module_of(name).rpartition(".")[2] for name in COMMANDS}
 
 
 @pytest.mark.parametrize("name", COMMANDS)

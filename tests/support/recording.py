@@ -30,6 +30,7 @@ from tests.support.devices import ANY_ADDRESS, PROFILE_ADDRESS, Behaviour, demo_
 from tests.support.expected import DisagreementError, Frame, Mode, expected_frames
 from tests.support.players import Play, play
 from tests.support.ptybus import flip_bit
+from tests.support.typed import poll_types, typed_device
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 EXPECTED_SOURCE = (
@@ -92,6 +93,10 @@ def _timeouts() -> Play:
 
 def _two_units() -> Play:
     return Play(_two_devices(), scripts.two_units, trigger=8, hears=FOUR_WIRE)
+
+
+def _types() -> Play:
+    return Play({"unit5": typed_device(5)}, poll_types, baud=57600, trigger=14)
 
 
 def _two_devices() -> dict[str, SimDevice]:
@@ -174,6 +179,13 @@ RECIPES: Mapping[str, Recipe] = {
         "Polls of unit 1, which answers, and of unit 3, which is not on the bus: three requests "
         "each (time-out 0.3 s, two retries). The recording ends with unanswered requests.",
         _timeouts,
+    ),
+    "pymodbus_types": Recipe(
+        "Unit 5 has floats, doubles, counters, signed numbers and a text of known types and orders "
+        "(tests/support/typed.py), read 60 times as one block of 66 registers. The values are "
+        "random walks and waves of our own, not those of a plant. Reads of up to 14 bytes.",
+        _types,
+        line="57600-8E1",
     ),
     "pymodbus_two_units": Recipe(
         "A poll cycle of units 1 and 2, 63 transactions, reads of up to 125 registers. "

@@ -202,6 +202,11 @@ findings! {
         "Receivers that go by the header lose their place in the stream."
         "The sender's firmware, or a gateway that leaves the RTU checksum in."
         "messaging on TCP/IP 3.1.3";
+    OrderMismatch "order_mismatch" Warning
+        "the values make sense only in another order of bytes than the profile says"
+        "Floating point numbers and counters read in the wrong order are plausible-looking nonsense."
+        "order in the profile, of the device or of the point; modlens show FILE --at UNIT:hr:ADDRESS --as all shows all readings."
+        "4.2";
     LineError "line_error" Warning
         "the receiver marked a parity, framing or break error"
         "Bytes with such a mark are rarely right."

@@ -14,6 +14,8 @@ pub mod finding;
 pub mod framer;
 pub mod functions;
 pub mod input;
+pub mod latest;
+pub mod learn;
 pub mod line;
 pub mod pairing;
 pub mod pdu;

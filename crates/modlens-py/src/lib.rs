@@ -104,7 +104,11 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
     module.add_class::<functions::Functions>()?;
+    module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
+    module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;
     module.add_class::<profile::Profile>()?;
+    module.add_class::<profile::RegisterMap>()?;
+    module.add_class::<profile::Survey>()?;
     module.add_class::<table::Predicate>()?;
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;

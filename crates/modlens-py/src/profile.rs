@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
+use modlens_core::latest::Latest;
+use modlens_core::learn::{self, Survey as CoreSurvey};
 use modlens_core::points::{Convert, Plan};
-use modlens_core::profile::{self, Form, Mistake, Order, Profile as Core, Type, SHIPPED};
+use modlens_core::profile::{self, Form, Mistake, Order, Profile as Core, Type, SHIPPED, SUNSPEC};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
+use crate::session::Batch;
 use crate::wrong;
 
 /// A device profile that has no mistakes.
@@ -57,4 +60,64 @@ pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>,
     }
     let value = Convert::of_type(kind, order).value(data, None);
     Ok((value.number(), value.text()))
+}
+
+/// The register map as last seen.
+#[pyclass(module = "_modlens")]
+#[derive(Default)]
+pub struct RegisterMap {
+    core: Latest,
+}
+
+#[pymethods]
+impl RegisterMap {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn add(&mut self, py: Python<'_>, batch: &Batch) {
+        py.detach(|| self.core.add(&batch.core));
+    }
+
+    fn rows(&self) -> String {
+        self.core.json().to_string()
+    }
+}
+
+/// What traffic tells of the registers of each unit.
+#[pyclass(module = "_modlens")]
+#[derive(Default)]
+pub struct Survey {
+    core: CoreSurvey,
+}
+
+#[pymethods]
+impl Survey {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn add(&mut self, py: Python<'_>, batch: &Batch) {
+        py.detach(|| self.core.add(&batch.core));
+    }
+
+    fn tables(&self) -> String {
+        self.core.json().to_string()
+    }
+}
+
+/// Which type, in which order: claims on rows of two or four registers, best first, as JSON.
+#[pyfunction]
+pub fn judge(rows: Vec<Vec<u16>>) -> String {
+    let rows: Vec<&[u16]> = rows.iter().map(Vec::as_slice).collect();
+    let claim = |claim: &learn::Claim| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.sure, "reason": claim.reason});
+    learn::judge(&rows, 0.0).iter().map(claim).collect::<Json>().to_string()
+}
+
+/// The SunSpec models that are shipped: number, TOML text.
+#[pyfunction]
+pub fn sunspec_models() -> Vec<(u16, &'static str)> {
+    SUNSPEC.to_vec()
 }

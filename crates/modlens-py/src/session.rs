@@ -21,7 +21,7 @@ use crate::wrong;
 /// What was decided since the last `take`.
 #[pyclass(frozen, module = "_modlens")]
 pub struct Batch {
-    core: Arc<CoreBatch>,
+    pub(crate) core: Arc<CoreBatch>,
 }
 
 #[pymethods]

@@ -17,6 +17,7 @@ use crate::functions::Functions;
 use crate::points::Value;
 use crate::records::{Batch, Place, Transaction};
 use crate::Ns;
+pub use readings::{each_value, Part};
 use readings::{readings, Reading, READINGS};
 use tables::{FINDINGS, FRAMES, TRANSACTIONS};
 

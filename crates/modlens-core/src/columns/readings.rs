@@ -175,3 +175,53 @@ fn value(batch: &Batch, reading: Reading) -> Option<Value<'_>> {
         None => raw(batch, reading).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
     }
 }
+
+/// A value or a bare register or bit of a transaction, for those who go through all of them.
+pub struct Part<'a> {
+    /// The transaction.
+    pub transaction: &'a Transaction,
+    /// Which table.
+    pub space: Space,
+    /// Its first register or bit.
+    pub address: u16,
+    /// Whether it was written.
+    pub write: bool,
+    /// The value of the plan and its index, where it is one.
+    pub compiled: Option<(u32, &'a Compiled)>,
+    /// Its registers; one byte for a bit.
+    pub raw: Vec<u8>,
+}
+
+impl Part<'_> {
+    /// Converts it.
+    pub fn value(&self) -> Value<'_> {
+        let bound = self.transaction.points.as_deref();
+        match (self.compiled, bound, &self.raw[..]) {
+            (Some((_, compiled)), Some(bound), [bit]) => bound.bit(compiled, i32::from(*bit)),
+            (Some((_, compiled)), Some(bound), bytes) => bound.value(compiled, bytes),
+            (_, _, bytes) => Value::Decimal(bytes.iter().fold(0, |number, &byte| number << 8 | i128::from(byte)), 0),
+        }
+    }
+}
+
+/// Every value of a batch, by transaction; those written first.
+pub fn each_value(batch: &Batch, mut part: impl FnMut(Part<'_>)) {
+    for t in &batch.transactions {
+        let Some(space) = row_of(batch, t).and_then(|row| Space::from_word(row.register_type.as_deref()?)) else { continue };
+        for write in [true, false] {
+            let range = if write { write_range(batch, t) } else { read_range(batch, t) };
+            let Some((first, _)) = range else { continue };
+            block(batch, t, write, |item, at| {
+                let compiled = at.and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
+                let width = compiled.map_or(1, |(_, compiled)| compiled.width);
+                let Some(items) = self::part(batch, t, (item, write), width) else { return };
+                let raw = match items {
+                    Items::Words(bytes) => bytes.to_vec(),
+                    Items::One(number) if !space.bits() => (number as u16).to_be_bytes().to_vec(),
+                    bit => vec![bit.get(0) as u8],
+                };
+                part(Part { transaction: t, space, address: first.wrapping_add(item), write, compiled, raw });
+            });
+        }
+    }
+}

@@ -4,7 +4,9 @@
 //! registers: what is cut by the end of a read, or split over two, is not put together.
 
 mod convert;
+pub mod sunspec;
 mod value;
+pub mod watch;
 
 use std::sync::Arc;
 
@@ -48,6 +50,7 @@ pub struct Plan {
     spaces: [(u32, u32); 4],
     /// What holds the scale factors, in `compiled`.
     holders: Vec<u32>,
+    wide: usize,
 }
 
 /// A plan as it applies to a unit at one moment: the scale factors last seen.
@@ -61,18 +64,20 @@ pub struct Bound {
 impl Plan {
     /// Compiles a profile.
     pub fn new(profile: Profile) -> Self {
-        let mut plan = Self { compiled: Vec::new(), spaces: [(0, 0); 4], holders: Vec::new(), profile };
+        let mut plan = Self { compiled: Vec::new(), spaces: [(0, 0); 4], holders: Vec::new(), wide: 0, profile };
         plan.compile();
+        plan.wide = (0..plan.compiled.len() as u32).filter(|&index| plan.is_wide(index)).count();
         plan
     }
 
     fn compile(&mut self) {
-        let mut holders: Vec<&str> = self.profile.points.iter().filter_map(|point| point.sf.as_deref()).collect();
+        let scoped = |point: &Point| point.sf.clone().map(|sf| (point.scope, sf));
+        let mut holders: Vec<(u16, String)> = self.profile.points.iter().filter_map(scoped).collect();
         holders.sort_unstable();
         holders.dedup();
         let mut all: Vec<(Space, Compiled)> = Vec::new();
         for (i, point) in self.profile.points.iter().enumerate() {
-            let factor = point.sf.as_deref().and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
+            let factor = scoped(point).and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
             all.extend(values(point, i as u32, factor).map(|compiled| (point.space, compiled)));
         }
         all.sort_by_key(|(space, compiled)| (*space, compiled.address));
@@ -80,8 +85,14 @@ impl Plan {
             let at = |space: usize| all.partition_point(|(other, _)| (*other as usize) < space) as u32;
             *range = (at(space), at(space + 1));
         }
-        let named = |name: &str| all.iter().position(|(_, compiled)| self.profile.points[compiled.point as usize].name == name);
-        self.holders = holders.iter().filter_map(|name| named(name)).map(|at| at as u32).collect();
+        let named = |(scope, name): &(u16, String)| {
+            all.iter().position(|(_, compiled)| {
+                let point = &self.profile.points[compiled.point as usize];
+                point.scope == *scope && point.name == *name
+            })
+        };
+        // Checked when the profile was read: every scale factor has its holder.
+        self.holders = holders.iter().filter_map(named).map(|at| at as u32).collect();
         self.compiled = all.into_iter().map(|(_, compiled)| compiled).collect();
     }
 
@@ -89,6 +100,17 @@ impl Plan {
     #[inline]
     pub fn compiled(&self, index: u32) -> &Compiled {
         &self.compiled[index as usize]
+    }
+
+    /// Whether a value is a number of several registers, whose order matters.
+    pub fn is_wide(&self, index: u32) -> bool {
+        let compiled = self.compiled(index);
+        compiled.width > 1 && self.point(compiled).kind.number()
+    }
+
+    /// How many of them there are.
+    pub fn wide(&self) -> usize {
+        self.wide
     }
 
     /// All values, by table and address.
@@ -144,6 +166,18 @@ impl Bound {
     pub fn new(plan: Arc<Plan>) -> Self {
         let factors = vec![None; plan.holders.len()];
         Self { plan, factors }
+    }
+
+    /// A larger plan of the same unit, with the scale factors that this one has seen.
+    #[must_use]
+    pub fn extended(&self, plan: Arc<Plan>) -> Self {
+        let mut larger = Self::new(plan);
+        for (slot, &holder) in larger.plan.holders.iter().enumerate() {
+            let address = larger.plan.compiled(holder).address;
+            let known = self.plan.holders.iter().position(|&other| self.plan.compiled(other).address == address);
+            larger.factors[slot] = known.and_then(|slot| self.factors[slot]);
+        }
+        larger
     }
 
     /// The value of a step that has one, from the registers that it takes.

@@ -205,6 +205,7 @@ impl Checker<'_> {
             nan,
             group: words[0].clone(),
             note: words[1].clone(),
+            scope: 0,
             lines: Lines { index, at: line_of(node, "at"), name: line_of(node, "name"), sf: line_of(node, "sf") },
         };
         if !wrong_kind {

@@ -26,6 +26,21 @@ pub const SHIPPED: &[(&str, &str)] = &[
     ("grundfos", include_str!("../../../../dissectors/profiles/grundfos.toml")),
 ];
 
+/// SunSpec models by number; their addresses count from the model's ID register. In `dissectors/profiles/sunspec/`.
+pub const SUNSPEC: &[(u16, &str)] = &[
+    (1, include_str!("../../../../dissectors/profiles/sunspec/model_1.toml")),
+    (101, include_str!("../../../../dissectors/profiles/sunspec/model_101.toml")),
+    (102, include_str!("../../../../dissectors/profiles/sunspec/model_102.toml")),
+    (103, include_str!("../../../../dissectors/profiles/sunspec/model_103.toml")),
+    (111, include_str!("../../../../dissectors/profiles/sunspec/model_111.toml")),
+    (112, include_str!("../../../../dissectors/profiles/sunspec/model_112.toml")),
+    (113, include_str!("../../../../dissectors/profiles/sunspec/model_113.toml")),
+    (120, include_str!("../../../../dissectors/profiles/sunspec/model_120.toml")),
+    (121, include_str!("../../../../dissectors/profiles/sunspec/model_121.toml")),
+    (122, include_str!("../../../../dissectors/profiles/sunspec/model_122.toml")),
+    (123, include_str!("../../../../dissectors/profiles/sunspec/model_123.toml")),
+];
+
 /// Something that is wrong with a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
@@ -131,6 +146,8 @@ pub struct Point {
     pub group: Option<String>,
     /// Free text.
     pub note: Option<String>,
+    /// Which of several profiles on one unit it comes from: names are unique in it.
+    pub scope: u16,
     /// Where its keys stand in the file.
     pub lines: Lines,
 }
@@ -235,6 +252,9 @@ mod tests {
 
     #[test]
     fn shipped_profiles_have_no_mistakes() {
+        for (number, text) in SUNSPEC {
+            assert_eq!(Profile::parse(text, Form::Toml).unwrap().device.sunspec, Some(*number));
+        }
         for (name, text) in SHIPPED {
             if let Err(mistakes) = Profile::parse(text, Form::Toml) {
                 panic!("{name}: {mistakes:?}");

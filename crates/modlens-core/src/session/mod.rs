@@ -442,6 +442,7 @@ impl Session {
             if let Some(code) = exchange.exception.filter(|_| exchange.findings.contains(&Finding::Exception)) {
                 self.found.push((Finding::Exception, format!("exception {code}")));
             }
+            let points = self.buses[bus].profiles.on(&self.functions, &exchange, &mut self.found);
             let elapsed = elapsed(self.origin, exchange.request.start.or(exchange.response.start));
             let start = exchange.request.start.or(exchange.response.start);
             for (finding, detail) in self.found.drain(..) {
@@ -489,7 +490,7 @@ impl Session {
                     request: keep_half(&mut self.batch, &exchange.request, exchange.mode),
                     response: keep_half(&mut self.batch, &exchange.response, exchange.mode),
                     findings: self.batch.keep_codes(&exchange.findings),
-                    points: self.buses[bus].profiles.on(&self.functions, &exchange),
+                    points,
                     origin: exchange.origin,
                 };
                 self.held.push_back(row);

@@ -1,10 +1,15 @@
 //! Which unit of which bus has which profile.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
+use crate::check::Found;
+use crate::finding::Finding;
 use crate::functions::{Functions, Operation};
 use crate::pairing::Exchange;
 use crate::pdu::u16_at;
+use crate::points::sunspec::Chain;
+use crate::points::watch::Watch;
 use crate::points::{Bound, Plan};
 use crate::profile::Space;
 use crate::records::Status;
@@ -21,6 +26,9 @@ pub(super) struct Assignment {
 #[derive(Default)]
 pub(super) struct Profiles {
     by_unit: Vec<Option<Arc<Bound>>>,
+    /// `SunSpec` models of units that no profile was given for.
+    chains: HashMap<u8, Chain>,
+    watches: HashMap<u8, Watch>,
 }
 
 impl Session {
@@ -44,17 +52,52 @@ impl Session {
 }
 
 impl Profiles {
-    /// The profile of the exchange's unit, with the scale factors that this exchange itself may have told.
-    pub(super) fn on(&mut self, functions: &Functions, exchange: &Exchange) -> Option<Arc<Bound>> {
-        let bound = self.by_unit.get_mut(usize::from(exchange.unit))?.as_mut()?;
-        if bound.has_factors() && exchange.status == Status::Ok {
-            if let Some((space, first, bytes)) = registers_read(functions, exchange) {
+    /// The profile of the exchange's unit, with what this exchange itself told: scale factors, `SunSpec` models. What
+    /// the values say against the profile goes to `found`.
+    pub(super) fn on(&mut self, functions: &Functions, exchange: &Exchange, found: &mut Found) -> Option<Arc<Bound>> {
+        let unit = exchange.unit;
+        let read = || registers_read(functions, exchange).filter(|_| exchange.status == Status::Ok);
+        if self.by_unit.get(usize::from(unit)).is_none_or(Option::is_none) {
+            let (_, first, bytes) = read().filter(|(space, ..)| *space == Space::Holding)?;
+            self.discover(unit, first, bytes)?;
+        } else if self.chains.contains_key(&unit) {
+            if let Some((Space::Holding, first, bytes)) = read() {
+                self.discover(unit, first, bytes);
+            }
+        }
+        let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
+        let watch = self.watches.entry(unit).or_default();
+        if bound.has_factors() || !watch.done(&bound.plan) {
+            if let Some((space, first, bytes)) = read() {
+                for one in watch.see(&bound.plan, space, first, bytes) {
+                    let compiled = bound.plan.compiled(one.compiled);
+                    let said = bound.plan.point(compiled).order.word();
+                    let text = format!("{}: {}, not {said}: {}", compiled.name, one.order.word(), one.reason);
+                    found.push((Finding::OrderMismatch, text));
+                }
                 if let Some(changed) = bound.learn(space, first, bytes) {
                     *bound = Arc::new(changed);
                 }
             }
         }
         Some(Arc::clone(bound))
+    }
+
+    /// Looks for `SunSpec` models in a block; `None` if none is known of this unit.
+    fn discover(&mut self, unit: u8, first: u16, bytes: &[u8]) -> Option<()> {
+        let marked = bytes.windows(4).step_by(2).any(|words| words == b"SunS");
+        if !marked && !self.chains.contains_key(&unit) {
+            return None;
+        }
+        if self.chains.entry(unit).or_default().see(first, bytes) {
+            let plan = Arc::new(Plan::new(self.chains[&unit].profile()));
+            self.by_unit.resize(256, None);
+            let slot = &mut self.by_unit[usize::from(unit)];
+            let bound = slot.as_ref().map_or_else(|| Bound::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
+            *slot = Some(Arc::new(bound));
+            self.watches.remove(&unit);
+        }
+        self.by_unit.get(usize::from(unit))?.as_ref().map(|_| ())
     }
 }
 

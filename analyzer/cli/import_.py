@@ -1,0 +1,102 @@
+"""`modlens import`: register maps of other programs become profiles."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TextIO
+
+from analyzer.exports.output import StandardOutput, WholeFile
+from analyzer.views.screen import Screen, visible
+from dissectors import importers
+from dissectors.errors import SourceError, UsageError
+from dissectors.profile import from_model
+
+__all__ = ["add_arguments", "decoded", "run", "show_notes", "write_text"]
+
+EPILOG = """\
+examples:
+  modlens import telegraf telegraf.conf -o meter.toml
+  modlens import csv tags.csv --base modicon --order CDAB
+  modlens import homeassistant configuration.yaml --unit 3
+
+What is assumed and what cannot be carried over is said on standard error.
+"""
+
+MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+"""Byte order marks and the encodings that they say."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    read = [name for name, form in importers.FORMATS.items() if form.reads]
+    written = [name for name, form in importers.FORMATS.items() if form.writes]
+    parser.add_argument("format", metavar="FORMAT", help=f"one of {', '.join(read)}")
+    parser.add_argument("file", metavar="FILE", help="the map; - is standard input")
+    parser.add_argument("--base", choices=("0", "1", "modicon"), help="how its addresses count")
+    parser.add_argument("--order", metavar="ORDER", help="of several registers: ABCD, CDAB, ...")
+    parser.add_argument("--unit", type=int, metavar="N", help="this unit of several")
+    parser.add_argument("--encoding", metavar="NAME", help="of its text (UTF-8, or as marked)")
+    parser.add_argument("--to", metavar="FORMAT", default="toml", help=f"{', '.join(written)}")
+    parser.add_argument("-o", dest="output", metavar="OUT", help="a file (standard output)")
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Import; gives the exit status."""
+    text, odd = decoded(_bytes(options.file), options.encoding, options.file)
+    base = int(options.base) if options.base in ("0", "1") else options.base
+    order = importers.order_of(options.order, "--order")
+    chosen = importers.Options(base, order, options.unit)
+    found = importers.read(options.format, text, options.file, chosen)
+    profile = from_model(found.model, options.file)
+    written = importers.write(options.to, profile)
+    notes = [f"{len(profile.points)} points", *odd, *found.notes, *written.notes]
+    show_notes(notes, sys.stderr)
+    write_text(written.text, options.output)
+    return 0
+
+
+def show_notes(notes: Iterable[str], stream: TextIO) -> None:
+    """A line each, below the output's own channel."""
+    screen = Screen(stream)
+    for note in notes:
+        screen.line(visible(note), "dim")
+
+
+def write_text(text: str, path: str | None) -> None:
+    """To a file that appears when it is whole, or to standard output."""
+    output = StandardOutput() if path is None else WholeFile(path)
+    try:
+        output.append(text.encode("utf-8"))
+        output.close()
+    except SourceError:
+        output.abandon()
+        raise
+
+
+def decoded(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str]]:
+    """The text of a file, and a note where its encoding was guessed.
+
+    >>> decoded("Größe".encode("utf-16"), None, "x")
+    ('Größe', [])
+    """
+    marked = next((code for mark, code in MARKS.items() if data.startswith(mark)), None)
+    try:
+        return data.decode(encoding or marked or "utf-8"), []
+    except LookupError as error:
+        raise UsageError(f"--encoding {encoding}: there is no such encoding") from error
+    except UnicodeDecodeError as error:
+        if encoding or marked:
+            raise SourceError(f"{name}: no {encoding or marked} at byte {error.start}") from error
+    note = "no UTF-8: read as Windows-1252 (assumed; --encoding says it, as cp1251 or cp936)"
+    return data.decode("cp1252", "replace"), [note]
+
+
+def _bytes(path: str) -> bytes:
+    try:
+        return sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read: {error.strerror or error}") from error

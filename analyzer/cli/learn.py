@@ -1,0 +1,58 @@
+"""`modlens learn`: what traffic tells of a device, as a skeleton of a profile."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from analyzer.cli.import_ import show_notes, write_text
+from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.surveying import survey
+from dissectors.errors import UsageError
+from dissectors.importers.toml import dumps
+from dissectors.learned import evidence, skeleton
+from dissectors.profile import from_model
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens learn bus.bin --unit 3 -o device.toml
+  modlens learn bus.bin
+
+The profile goes to standard output, the evidence to standard error. Types that
+nothing speaks for stay single registers.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    add_input(parser)
+    parser.add_argument("--unit", type=int, metavar="N", help="this unit (the only one)")
+    parser.add_argument("-o", dest="output", metavar="OUT", help="a TOML file (standard output)")
+    add_decoding(parser)
+    add_line(parser)
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Learn; gives the exit status."""
+    tables = survey(options)
+    mine = tables_of(tables, options.unit, "learn")
+    model = skeleton(mine, options.files[0])
+    from_model(model, options.files[0])
+    show_notes(evidence(mine), sys.stderr)
+    write_text(dumps(model), options.output)
+    return 0
+
+
+def tables_of(tables: list[dict[str, Any]], unit: int | None, command: str) -> list[dict[str, Any]]:
+    """The tables of one unit; `UsageError` where it is not said which of several."""
+    units = sorted({table["unit"] for table in tables})
+    if unit is None and len(units) == 1:
+        unit = units[0]
+    if unit not in units:
+        there = f"there are {', '.join(map(str, units))}" if units else "no unit answered"
+        raise UsageError(f"{command}: which unit? --unit N; {there}")
+    return [table for table in tables if table["unit"] == unit]

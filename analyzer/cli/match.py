@@ -1,0 +1,55 @@
+"""`modlens match`: which known profile fits a unit."""
+
+from __future__ import annotations
+
+import argparse
+
+from analyzer.cli.learn import tables_of
+from analyzer.cli.parser import add_decoding, add_input, add_line
+from analyzer.cli.surveying import survey
+from analyzer.profiles import known, load
+from analyzer.views.screen import stdout, visible
+from dissectors.learned import score
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens match bus.hex
+  modlens match bus.bin --unit 3 --with meter.toml --with pump.yaml
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    add_input(parser)
+    parser.add_argument("--unit", type=int, metavar="N", help="this unit (all)")
+    parser.add_argument(
+        "--with",
+        dest="names",
+        action="append",
+        default=[],
+        metavar="NAME|FILE",
+        help="these profiles instead of all that are known; repeatable",
+    )
+    add_decoding(parser)
+    add_line(parser)
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """Score every profile for every unit; gives the exit status."""
+    tables = survey(options)
+    if options.unit is not None:
+        tables = tables_of(tables, options.unit, "match")
+    profiles = [load(name) for name in options.names or [one.name for one in known()]]
+    screen = stdout()
+    for unit in sorted({table["unit"] for table in tables}):
+        screen.line(f"unit {unit}", "head")
+        mine = [table for table in tables if table["unit"] == unit]
+        scored = [(score(mine, profile), profile) for profile in profiles]
+        for found, profile in sorted(scored, key=lambda pair: (-pair[0].points, pair[1].name)):
+            style = "good" if found.fits else "dim"
+            head = f"  {found.points:3d} %  {profile.name}: "
+            screen.lines([[(head, style), (visible("; ".join(found.reasons)), "")]])
+    return 0

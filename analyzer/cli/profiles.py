@@ -1,0 +1,80 @@
+"""`modlens profiles`: the device profiles that can be named, checked, converted."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from analyzer.cli.import_ import show_notes, write_text
+from analyzer.profiles import known, load
+from analyzer.views.screen import stdout, visible
+from dissectors import importers
+from dissectors.errors import UsageError
+
+__all__ = ["add_arguments", "run"]
+
+EPILOG = """\
+examples:
+  modlens profiles
+  modlens profiles check meter.toml pump.yaml
+  modlens profiles convert meter.toml --to csv
+  modlens profiles convert meter.csv -o meter.toml
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument(
+        "does", nargs="?", choices=("list", "check", "convert"), default="list", help="what (list)"
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME|FILE", help="profiles")
+    parser.add_argument("--to", metavar="FORMAT", help=f"one of {', '.join(_written())}")
+    parser.add_argument("-o", dest="output", metavar="OUT", help="a file, format by its suffix")
+    parser.epilog = EPILOG
+
+
+def run(options: argparse.Namespace) -> int:
+    """List, check or convert; gives the exit status."""
+    if options.does == "list":
+        _list()
+    elif not options.names:
+        raise UsageError(f"profiles {options.does}: which? name a profile or a file")
+    elif options.does == "check":
+        for name in options.names:
+            profile = load(name)
+            stdout().line(f"{visible(name)}: {len(profile.points)} points, no mistakes", "good")
+    else:
+        _convert(options)
+    return 0
+
+
+def _list() -> None:
+    screen = stdout()
+    for one in known():
+        profile = load(one.name)
+        title = f"{profile.title}, {len(profile.points)} points"
+        screen.lines([[(f"{one.name:<12} ", "note"), (visible(f"{title} ({one.origin})"), "")]])
+
+
+def _convert(options: argparse.Namespace) -> None:
+    if len(options.names) != 1:
+        raise UsageError("profiles convert: one profile at a time")
+    written = importers.write(format_of(options.to, options.output), load(options.names[0]))
+    show_notes(written.notes, sys.stderr)
+    write_text(written.text, options.output)
+
+
+def format_of(name: str | None, output: str | None) -> str:
+    """The format that `--to` names, or that the suffix of the output says; TOML otherwise."""
+    if name is not None or output is None:
+        return name or "toml"
+    suffix = Path(output).suffix.lower()
+    found = [form for form in _written() if importers.FORMATS[form].suffix == suffix]
+    if not found:
+        raise UsageError(f"-o {output}: --to says the format; one of {', '.join(_written())}")
+    return found[0]
+
+
+def _written() -> list[str]:
+    return [name for name, form in importers.FORMATS.items() if form.writes]

@@ -1,0 +1,145 @@
+"""`modlens show FILE --at 3:hr:107 --as all`: the same registers as every type, over time."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import _modlens
+from analyzer.addresses import SHORT
+from analyzer.cli.notes import Notes
+from analyzer.cli.parser import settings
+from analyzer.filters import parse
+from analyzer.session import FileRun
+from analyzer.views.grid import Field, Head
+from analyzer.views.registers import show_grid
+from analyzer.views.screen import Screen
+from dissectors.errors import UsageError
+from dissectors.words import number
+
+__all__ = ["add_place", "show_registers"]
+
+ORDERS = ("ABCD", "CDAB", "BADC", "DCBA")
+
+KINDS = {1: ("u16", "s16"), 2: ("u32", "s32", "f32"), 4: ("u64", "s64", "f64")}
+"""Types by the registers they take."""
+
+ROWS = 20
+"""Samples that are printed: those where something changed."""
+
+_PLACE = re.compile(r"(\d+):(hr|ir):(0x[0-9A-Fa-f]+|\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What stood in the registers: when, in which transaction."""
+
+    txn: int
+    elapsed_us: float | None
+    words: tuple[int, ...]
+
+
+def add_place(parser: argparse.ArgumentParser) -> None:
+    """`--at`, `--count`, `--as`."""
+    parser.add_argument(
+        "--at", metavar="UNIT:hr:ADDR", help="these registers over time (wire address; hr or ir)"
+    )
+    parser.add_argument("--count", type=int, default=2, metavar="N", help="1, 2 or 4 of them (2)")
+    parser.add_argument(
+        "--as", dest="kind", default="all", metavar="TYPE", help="all, or one type such as f32"
+    )
+
+
+def show_registers(options: argparse.Namespace, screen: Screen) -> None:
+    """Draw the samples, and say which reading is plausible; `UsageError` where nothing is there."""
+    match = _PLACE.fullmatch(options.at)
+    if match is None:
+        raise UsageError(f"show: --at {options.at}; write unit, hr or ir, address: 3:hr:107")
+    if options.count not in KINDS:
+        raise UsageError("show: --count is 1, 2 or 4")
+    kinds = KINDS[options.count]
+    if options.kind != "all":
+        if options.kind not in kinds:
+            raise UsageError(
+                f"show: --as {options.kind}; of {options.count} registers {_list(kinds)}"
+            )
+        kinds = (options.kind,)
+    first = number(match[3]) or 0
+    samples = _samples(options, int(match[1]), match[2], first)
+    if not samples:
+        raise UsageError(f"show: no transaction read or wrote all of {options.at}")
+    columns = [
+        (kind, order) for kind in kinds for order in ORDERS[: 1 if options.count == 1 else 4]
+    ]
+    best = _best(samples, columns)
+    changed = [
+        sample
+        for before, sample in zip([None, *samples], samples, strict=False)
+        if before is None or before.words != sample.words
+    ]
+    screen.line(f"{len(samples)} samples, {len(changed) - 1} changes", "dim")
+    show_grid(_fields(columns, best), changed[:ROWS], screen)
+    if len(changed) > ROWS:
+        screen.line(f"... {len(changed) - ROWS} more changes", "dim")
+    screen.line(_verdict(best), "good" if best and best["sure"] else "odd")
+
+
+def _list(words: Sequence[str]) -> str:
+    return f"there are {', '.join(words)}"
+
+
+def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> list[Sample]:
+    notes = Notes(quiet=True)
+    chosen = replace(settings(options), tables=("transactions",))
+    run = FileRun(options.words, chosen, read_as=options.read_as, told=notes.intake)
+    kind = next(long for long, short in SHORT.items() if short == space)
+    text = f"unit == {unit} and register_type == {kind!r} and touches({space}, {first})"
+    wanted = parse(text, "transactions").predicate()
+    found = []
+    for batch in run.batches():
+        for row in batch.transactions.where(wanted):
+            for at, data in ((row.write_address, row.write_data), (row.address, row.data)):
+                if at is None or data is None or row.status != "ok":
+                    continue
+                words = tuple(data[first - at : first - at + options.count]) if first >= at else ()
+                if len(words) == options.count:
+                    found.append(Sample(row.txn, row.elapsed_us, words))
+    return found
+
+
+def _best(samples: Sequence[Sample], columns: Sequence[tuple[str, str]]) -> dict[str, Any] | None:
+    claims: list[dict[str, Any]] = json.loads(_modlens.judge([one.words for one in samples[:512]]))
+    shown = [claim for claim in claims if (claim["type"], claim["order"]) in columns]
+    return shown[0] if shown else None
+
+
+def _fields(columns: Sequence[tuple[str, str]], best: dict[str, Any] | None) -> list[Field]:
+    def field(kind: str, order: str) -> Field:
+        mine = best is not None and (best["type"], best["order"]) == (kind, order)
+
+        def value(sample: Sample) -> str:
+            data = b"".join(word.to_bytes(2, "big") for word in sample.words)
+            found, text = _modlens.convert(kind, order, data)
+            is_float = kind.startswith("f") and found is not None
+            return f"{found:.5g}" if is_float else text or "-"
+
+        title = kind if len(columns) <= len(KINDS[1]) else f"{kind} {order}"
+        head = Head(f"*{title}" if mine else title, 5, right=True)
+        return Field(head, value, lambda _: "good" if mine else "")
+
+    return [
+        Field(Head("txn", 4, right=True), lambda sample: str(sample.txn)),
+        Field(Head("raw", 4), lambda sample: " ".join(f"{word:04x}" for word in sample.words)),
+        *(field(kind, order) for kind, order in columns),
+    ]
+
+
+def _verdict(best: dict[str, Any] | None) -> str:
+    if best is None:
+        return "nothing speaks for values of several registers here"
+    sure = "plausible" if best["sure"] else "perhaps"
+    return f"{sure}: {best['type']} {best['order']}: {best['reason']}"

@@ -1,0 +1,92 @@
+//! Letters in registers that never change.
+
+use std::collections::BTreeMap;
+
+/// Registers that hold a text.
+pub struct Run {
+    /// The first.
+    pub address: u16,
+    /// How many.
+    pub count: u16,
+    /// The text.
+    pub text: String,
+    /// Whether the low byte comes first.
+    pub swapped: bool,
+}
+
+/// Letters that make a text; fewer may be numbers.
+const LETTERS: usize = 4;
+
+/// The runs of registers that hold a text, from the constant ones.
+pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<Run> {
+    let mut found = Vec::new();
+    let mut run: Vec<(u16, u16)> = Vec::new();
+    for (&address, &word) in constant {
+        let next = run.last().is_none_or(|(last, _)| u32::from(*last) + 1 == u32::from(address));
+        let ended = run.last().is_some_and(|(_, last)| last.to_be_bytes().contains(&0));
+        if !(next && !ended && holds_letters(word)) {
+            found.extend(finish(&run));
+            run.clear();
+        }
+        if holds_letters(word) {
+            run.push((address, word));
+        }
+    }
+    found.extend(finish(&run));
+    found
+}
+
+/// Two printable bytes, or one and the zero that ends a text.
+fn holds_letters(word: u16) -> bool {
+    let [high, low] = word.to_be_bytes();
+    let printable = |byte: u8| (0x20..0x7F).contains(&byte);
+    (printable(high) && (printable(low) || low == 0)) || (high == 0 && printable(low) && low.is_ascii_alphanumeric())
+}
+
+fn finish(run: &[(u16, u16)]) -> Option<Run> {
+    let run = &run[run.iter().position(|(_, word)| !word.to_be_bytes().contains(&0))?..];
+    let straight: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_be_bytes()).collect();
+    let swapped: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_le_bytes()).collect();
+    let turned = disorder(&swapped) < disorder(&straight);
+    let bytes = if turned { &swapped } else { &straight };
+    let letters = bytes.iter().filter(|byte| byte.is_ascii_alphabetic()).count();
+    let usual = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric() || b" -_./\0".contains(byte)).count();
+    if letters < LETTERS || usual * 10 < bytes.len() * 9 {
+        return None;
+    }
+    let text = String::from_utf8_lossy(bytes).trim_end_matches(['\0', ' ']).to_owned();
+    Some(Run { address: run[0].0, count: run.len() as u16, text, swapped: turned })
+}
+
+/// Zeros before the end, and changes between capitals, small letters, figures and the rest.
+fn disorder(bytes: &[u8]) -> usize {
+    let class = |byte: u8| match byte {
+        b'A'..=b'Z' => 1,
+        b'a'..=b'z' => 2,
+        b'0'..=b'9' => 3,
+        0 => 4,
+        b' ' => 5,
+        _ => 6,
+    };
+    let changes = bytes.windows(2).filter(|pair| class(pair[0]) != class(pair[1]) && (class(pair[0]), class(pair[1])) != (1, 2));
+    let early_zeros = bytes.windows(2).filter(|pair| pair[0] == 0 && pair[1] != 0).count();
+    changes.count() + 8 * early_zeros
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(text: &[u8]) -> Option<(String, bool)> {
+        let words = text.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]]));
+        let constant = words.enumerate().map(|(i, word)| (10 + i as u16, word)).collect();
+        runs(&constant).pop().map(|run| (run.text, run.swapped))
+    }
+
+    #[test]
+    fn texts_in_either_order() {
+        assert_eq!(run(b"Pump-4711A\0"), None.or(Some(("Pump-4711A".into(), false))));
+        assert_eq!(run(b"uPpm4-17A1\0B"), Some(("Pump-4711AB".into(), true)));
+        assert_eq!(run(&[0, 200, 3, 232, 0x30, 0x39]), None);
+    }
+}

@@ -1,0 +1,84 @@
+"""Register maps of other programs: read into profiles, written from profiles. One registry.
+
+A format is a module with `read(text, name, options) -> Imported` or `write(profile)` or both. What
+cannot be carried over is a note, never silence; what the file does not say (how addresses count, in
+which order bytes stand) is said by an option, or assumed with a note.
+
+>>> found = read("telegraf", '''
+... [[inputs.modbus]]
+... holding_registers = [
+...   {name = "flow", byte_order = "CDAB", data_type = "FLOAT32-IEEE", address = [7, 8]},
+... ]
+... ''', "telegraf.conf")
+>>> found.model["registers"]
+[{'at': 'hr:7', 'name': 'flow', 'type': 'f32', 'order': 'CDAB'}]
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any
+
+from dissectors.errors import UsageError
+from dissectors.importers.draft import Imported, Options, order_of
+from dissectors.profile import Profile
+from dissectors.words import near
+
+__all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "order_of", "read", "write"]
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format: what it is, its module, which ways it goes, and the suffix of its files."""
+
+    title: str
+    module: str
+    reads: bool
+    writes: bool
+    suffix: str
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """The text of a file, and what of the profile it does not carry."""
+
+    text: str
+    notes: tuple[str, ...]
+
+
+FORMATS = {
+    "toml": Format("the profile's own TOML", "toml", reads=False, writes=True, suffix=".toml"),
+    "csv": Format("tables of any header, Kepware's among them", "csv", True, True, ".csv"),
+    "telegraf": Format("Telegraf inputs.modbus", "telegraf", True, True, ".conf"),
+    "homeassistant": Format("Home Assistant modbus:", "homeassistant", True, True, ".yaml"),
+    "esphome": Format("ESPHome modbus_controller", "esphome", True, False, ".yaml"),
+    "sunspec": Format("SunSpec model JSON", "sunspec", True, False, ".json"),
+}
+"""Name -> format; the module is dissectors/importers/<module>.py."""
+
+
+def read(form: str, text: str, name: str, options: Options | None = None) -> Imported:
+    """The model of a file of another program; `name` names it in errors.
+
+    `UsageError` for an unknown format, `ProfileError` where the text is none of it.
+    """
+    module = _module(form, "reads")
+    found: Imported = module.read(text, name, options or Options())
+    return found
+
+
+def write(form: str, profile: Profile) -> Written:
+    """The text of a profile for another program; `UsageError` for an unknown format."""
+    module = _module(form, "writes")
+    text, notes = module.write(profile)
+    return Written(text, tuple(notes))
+
+
+def _module(form: str, way: str) -> Any:
+    known = [name for name, row in FORMATS.items() if getattr(row, way)]
+    if form not in known:
+        hint = near(form, known)
+        question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(known)}"
+        raise UsageError(f"no format {form!r} that it {way}; {question}")
+    return importlib.import_module(f"dissectors.importers.{FORMATS[form].module}")

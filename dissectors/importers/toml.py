@@ -1,0 +1,70 @@
+"""The canonical spelling of a profile.
+
+>>> from dissectors.profile import shipped
+>>> print(write(shipped("mightyzap"))[0].split("[[")[2].strip())
+registers]]
+at = "hr:208"
+name = "goal_speed"
+access = "rw"
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from dissectors.profile import Profile
+
+__all__ = ["dumps", "write"]
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def write(profile: Profile) -> tuple[str, list[str]]:
+    """The TOML of a profile; nothing is lost."""
+    return dumps(profile.model), []
+
+
+def dumps(model: Mapping[str, Any]) -> str:
+    """A model as TOML: the device, then a table a point; what is the default is left out."""
+    lines = ["profile = 1", "", "[device]"]
+    tables = {}
+    for key, value in model["device"].items():
+        if isinstance(value, Mapping):
+            tables[key] = value
+        else:
+            lines.append(f"{key} = {_value(value)}")
+    for key, table in tables.items():
+        lines += ["", f"[device.{key}]"]
+        lines += [f"{_key(name)} = {_value(text)}" for name, text in table.items()]
+    for point in model["registers"]:
+        lines += ["", "[[registers]]"]
+        default = "bool" if point["at"].startswith(("co", "di")) else "u16"
+        for key, value in point.items():
+            if (key, value) != ("type", default):
+                lines.append(f"{key} = {_value(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case float():
+            return repr(value)
+        case int():
+            return str(value)
+        case list() | tuple():
+            return f"[{', '.join(_value(item) for item in value)}]"
+        case Mapping():
+            inner = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items())
+            return f"{{ {inner} }}"
+        case _:
+            # TOML's basic strings escape as JSON does, but for DEL.
+            return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+def _key(text: str) -> str:
+    return text if _BARE.fullmatch(text) else json.dumps(text, ensure_ascii=False)

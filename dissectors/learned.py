@@ -1,0 +1,201 @@
+"""What a survey of traffic says: a skeleton of a profile, and how well a known profile fits.
+
+The survey is that of `_modlens.Survey`; here it is put into words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dissectors.importers.draft import WIDTHS
+from dissectors.profile import Profile
+
+__all__ = ["Score", "evidence", "score", "skeleton"]
+
+Tables = Sequence[Mapping[str, Any]]
+
+FITS = 60
+"""Per cent from which on a profile is said to fit."""
+
+
+def skeleton(tables: Tables, source: str) -> dict[str, Any]:
+    """A model with a point for every register or group of them that was seen.
+
+    What is sure has its type and order; the rest are single registers, the guess in the note.
+    """
+    registers = []
+    for table in tables:
+        sure = {point["address"]: point for point in table["points"] if point["sure"]}
+        guesses = {point["address"]: point for point in table["points"] if not point["sure"]}
+        taken = {
+            address + offset for address, point in sure.items() for offset in range(point["count"])
+        }
+        for register in table["registers"]:
+            address = register["address"]
+            if address in sure:
+                registers.append(_claimed(table, sure[address], register))
+            elif address not in taken:
+                registers.append(_single(table, register, guesses.get(address)))
+    device = {"source": f"learnt from {source}", "address_base": 0}
+    return {"profile": 1, "device": device, "registers": registers}
+
+
+def evidence(tables: Tables) -> Iterator[str]:
+    """The evidence in lines: blocks, what belongs together and how sure, what moves together."""
+    for table in tables:
+        head = f"unit {table['unit']} {table['space']}"
+        blocks = ", ".join(_block(block) for block in table["blocks"])
+        yield f"{head}: {len(table['registers'])} addresses in {blocks}"
+        for point in table["points"]:
+            sure = "" if point["sure"] else "undecided, perhaps "
+            yield (
+                f"{head} {point['address']}: {sure}{point['type']} {point['order']}, "
+                f"{point['bits']:.0f} bits: {point['reason']}"
+            )
+        for first, second in table["together"]:
+            yield f"{head}: {first} and {second} change together"
+
+
+def _block(block: Mapping[str, Any]) -> str:
+    last = block["first"] + block["count"] - 1
+    words = [f"{block['reads']} reads"] if block["reads"] else []
+    words += [f"{block['writes']} writes"] if block["writes"] else []
+    words += [f"exception {code} {n} times" for code, n in block["exceptions"].items()]
+    return f"{block['first']}-{last} ({', '.join(words)})"
+
+
+def _claimed(
+    table: Mapping[str, Any], point: Mapping[str, Any], register: Mapping[str, Any]
+) -> dict[str, Any]:
+    found = {**_place(table, register), "type": point["type"]}
+    if point["type"] == "str":
+        found["count"] = point["count"]
+    if point["order"] != "ABCD":
+        found["order"] = point["order"]
+    return {**found, "note": point["reason"]}
+
+
+def _single(
+    table: Mapping[str, Any], register: Mapping[str, Any], guess: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    found = _place(table, register)
+    if register["looks"] == "signed":
+        found["type"] = "s16"
+    note = f"{register['looks']}, {register['min']} to {register['max']}"
+    if register["looks"] == "enum":
+        note = f"one of {', '.join(map(str, register['values']))}"
+    elif register["looks"] == "constant":
+        note = f"constant {register['min']}"
+    if guess is not None:
+        note += f"; perhaps {guess['type']} {guess['order']}: {guess['reason']}"
+    return {**found, "note": note}
+
+
+def _place(table: Mapping[str, Any], register: Mapping[str, Any]) -> dict[str, Any]:
+    space, address = table["space"], register["address"]
+    found = {"at": f"{space}:{address}", "name": f"{space}_{address}"}
+    if register["written"]:
+        found["access"] = "rw" if register["read"] else "w"
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """How well a profile fits, in per cent, and why."""
+
+    points: int
+    reasons: tuple[str, ...]
+
+    @property
+    def fits(self) -> bool:
+        """Whether one should try it."""
+        return self.points >= FITS
+
+
+def score(tables: Tables, profile: Profile) -> Score:
+    """Coverage of what the master asked for, refusals, blocks that cut a value, odd values."""
+    points = [_Point.of(point) for point in profile.points]
+    known = {place for point in points for place in point.places}
+    asked = {
+        (table["space"], address)
+        for table in tables
+        for block in table["blocks"]
+        for address in range(block["first"], block["first"] + block["count"])
+    }
+    if not asked or not known:
+        return Score(0, ("nothing to compare",))
+    hit = asked & known
+    coverage = len(hit) / len(asked)
+    refused = sum(
+        count for table in tables for block in table["blocks"]
+        if _places(table, block) & known for count in block["exceptions"].values()
+    )  # fmt: skip
+    answered = sum(
+        block["reads"] + block["writes"] for table in tables for block in table["blocks"]
+        if _places(table, block) & known
+    )  # fmt: skip
+    cut = [point.name for point in points if _is_cut(point, tables)]
+    odd = [point.name for point in points if point.is_odd(tables)]
+    reasons = [f"{len(hit)} of {len(asked)} addresses asked for are in it"]
+    total = coverage
+    if answered and refused:
+        total *= 1 - refused / answered
+        reasons.append(f"{refused} of {answered} requests for them were refused")
+    for names, words in ((cut, "cut by requests"), (odd, "with values that it does not know")):
+        if names:
+            total *= 0.5 ** min(len(names), 3)
+            reasons.append(f"{', '.join(names[:3])} {words}")
+    return Score(round(100 * total), tuple(reasons))
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """A point with what matters for the score."""
+
+    name: str
+    space: str
+    address: int
+    width: int
+    labels: frozenset[int]
+
+    @classmethod
+    def of(cls, point: Mapping[str, Any]) -> _Point:
+        space, _, place = point["at"].partition(":")
+        address, _, bits = place.partition(".")
+        width = point.get("count") or WIDTHS[point["type"]]
+        one = not bits and WIDTHS.get(point["type"]) == 1 and "scale" not in point
+        labels = frozenset(map(int, point.get("enum", ()))) if one else frozenset()
+        return cls(point["name"], space, int(address), width, labels)
+
+    @property
+    def places(self) -> Iterable[tuple[str, int]]:
+        return [(self.space, self.address + offset) for offset in range(self.width)]
+
+    def is_odd(self, tables: Tables) -> bool:
+        """Whether a register with labels had a value without one."""
+        registers = [
+            register for table in tables if table["space"] == self.space
+            for register in table["registers"] if register["address"] == self.address
+        ]  # fmt: skip
+        return bool(self.labels) and any(
+            register["min"] not in self.labels or register["max"] not in self.labels
+            for register in registers
+        )
+
+
+def _places(table: Mapping[str, Any], block: Mapping[str, Any]) -> set[tuple[str, int]]:
+    return {(table["space"], block["first"] + offset) for offset in range(block["count"])}
+
+
+def _is_cut(point: _Point, tables: Tables) -> bool:
+    """Whether requests took a part of it, and none ever the whole."""
+    mine = set(point.places)
+    parts = [
+        len(mine & _places(table, block))
+        for table in tables
+        if table["space"] == point.space
+        for block in table["blocks"]
+    ]
+    return any(parts) and max(parts) < point.width and point.width <= WIDTHS["f64"]

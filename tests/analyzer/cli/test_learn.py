@@ -1,0 +1,182 @@
+"""`learn`, `match`, `map`, `show --at`: what traffic tells of a device."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import _modlens
+from analyzer import decode
+from analyzer.cli.surveying import survey
+from dissectors.learned import score
+from dissectors.profile import parse, shipped
+from tests.conftest import CAPTURES, Modlens
+from tests.support.typed import SINGLES, TRUTH
+
+TYPES = str(CAPTURES / "pymodbus_types" / "recording.jsonl")
+
+
+def learnt(modlens: Modlens) -> dict[int, tuple[str, str]]:
+    """Address -> type and order that were claimed for several registers."""
+    done = modlens("learn", TYPES, "--line", "57600-8E1")
+    model = tomllib.loads(done.out)
+    claims = {}
+    for point in model["registers"]:
+        kind = point.get("type", "u16")
+        if kind not in ("u16", "s16"):
+            claims[int(point["at"].removeprefix("hr:"))] = (kind, point.get("order", "ABCD"))
+    return claims
+
+
+def test_learn_finds_types_and_orders(modlens: Modlens) -> None:
+    """Nine of ten values of several registers, and at most one claim of twenty is wrong."""
+    claims = learnt(modlens)
+    right = {
+        address for address, wide in TRUTH.items()
+        if claims.get(address) == (wide.kind, wide.order)
+    }  # fmt: skip
+    wrong = {address: claim for address, claim in claims.items() if address not in right}
+    assert len(right) >= 0.9 * len(TRUTH), sorted(set(TRUTH) - right)
+    assert len(wrong) <= 0.05 * len(claims), wrong
+
+
+def test_learn_says_why(modlens: Modlens) -> None:
+    """The evidence of claims and blocks; single registers by what they look like."""
+    done = modlens("learn", TYPES, "--line", "57600-8E1")
+    assert "unit 5 hr 10: u32 ABCD" in done.err
+    assert "the upper part steps as the lower register wraps" in done.err
+    assert "0-65 (60 reads)" in done.err
+    profile = parse(done.out, "learnt.toml")
+    notes = {point["at"]: point["note"] for point in profile.points}
+    assert notes["hr:1"] == "one of 0, 1, 3"
+    assert notes["hr:36"] == "constant 4711"
+    assert notes["hr:57"].startswith("signed")
+    assert set(SINGLES) - {1, 36, 57} <= {int(at[3:]) for at in notes}
+
+
+def test_a_learnt_profile_reads_the_recording(modlens: Modlens, tmp_path: Path) -> None:
+    """What was learnt decodes to the values that the device had."""
+    path = tmp_path / "device.toml"
+    assert modlens("learn", TYPES, "--line", "57600-8E1", "-o", str(path)).status == 0
+    rows = decode(TYPES, line="57600-8E1", profiles=[f"5={path}"]).readings
+    found = {row.name: row.value_text for row in rows.where("txn == 1")}
+    assert found["hr_26"] == "modlens typed device"
+    assert float(str(found["hr_2"])) == TRUTH[2].value(1)
+    assert found["hr_12"] == str(TRUTH[12].value(1))
+
+
+def frames(tmp_path: Path, *lines: str) -> str:
+    """A file of hex lines, checksums added."""
+    path = tmp_path / "bus.hex"
+    texts = []
+    for line in lines:
+        data = bytes.fromhex(line)
+        texts.append((data + _modlens.crc16(data).to_bytes(2, "little")).hex(" "))
+    path.write_text("\n".join(texts) + "\n")
+    return str(path)
+
+
+MIGHTYZAP = (
+    "01 03 00D2 0001", "01 03 02 03E8", "01 03 00D3 0001", "01 03 02 01AA",
+    "01 06 00CD 03E8", "01 06 00CD 03E8",
+)  # fmt: skip
+
+
+def test_match_finds_the_profile(tmp_path: Path, modlens: Modlens) -> None:
+    """The servo's frames fit the servo's profile, and no other."""
+    done = modlens("match", frames(tmp_path, *MIGHTYZAP))
+    assert done.status == 0
+    lines = done.out.splitlines()
+    assert lines[0] == "unit 1"
+    assert lines[1].startswith("  100 %  mightyzap: 3 of 3 addresses asked for are in it")
+    assert lines[2].startswith("    0 %  grundfos")
+
+
+def test_refusals_and_cut_values_lower_the_score(tmp_path: Path, modlens: Modlens) -> None:
+    """A profile whose registers the device refuses does not fit."""
+    refused = frames(tmp_path, "01 03 00D2 0001", "01 83 02", "01 03 00D3 0001", "01 03 02 01AA")
+    done = modlens("match", refused, "--with", "mightyzap")
+    assert " 50 %  mightyzap" in done.out
+    assert "1 of 2 requests for them were refused" in done.out
+    wide = tmp_path / "wide.toml"
+    wide.write_text('profile = 1\n[[registers]]\nat = "hr:210"\nname = "w"\ntype = "u32"\n')
+    done = modlens("match", frames(tmp_path, *MIGHTYZAP), "--with", str(wide))
+    assert "w cut by requests" in done.out
+
+
+def test_labels_that_do_not_fit() -> None:
+    """A value without a label speaks against a profile that has labels."""
+    assert callable(survey)
+    table = {
+        "unit": 1, "space": "hr", "points": [], "together": [],
+        "blocks": [{"first": 0, "count": 1, "reads": 9, "writes": 0, "exceptions": {}}],
+        "registers": [{"address": 0, "min": 0, "max": 77}],
+    }  # fmt: skip
+    text = 'profile = 1\n[[registers]]\nat = "hr:0"\nname = "m"\nenum = {0 = "off", 1 = "on"}\n'
+    found = score([table], parse(text, "m.toml"))
+    assert found.points == 50
+    assert "m with values that it does not know" in found.reasons
+    assert score([table], shipped("grundfos")).points == 0
+
+
+def test_map(tmp_path: Path, modlens: Modlens) -> None:
+    """Last value, range, changes; writes count, refused ones do not."""
+    path = frames(
+        tmp_path, "01 03 00D2 0001", "01 03 02 03E8", "01 03 00D2 0001", "01 03 02 0010",
+        "01 06 00CD 0320", "01 06 00CD 0320", "01 06 00CD 0001", "01 86 03",
+    )  # fmt: skip
+    done = modlens("map", path, "--profile", "1=mightyzap", "--json")
+    rows = {row["name"]: row for row in map(json.loads, done.out.splitlines())}
+    position = rows["present_position"]
+    assert (position["value"], position["min"], position["max"]) == (16, 16, 1000)
+    assert (position["count"], position["changes"], position["reads"]) == (2, 1, 2)
+    assert (rows["goal_position"]["value"], rows["goal_position"]["writes"]) == (800, 1)
+    done = modlens("map", path, "--profile", "1=mightyzap", "--named", "--address", "6digit")
+    assert "400211" in done.out
+    assert "present_position" in done.out
+
+
+def test_show_at_marks_the_plausible_reading(modlens: Modlens) -> None:
+    """A float in swapped words: the raw words, every reading, and the reason."""
+    done = modlens("show", TYPES, "--line", "57600-8E1", "--at", "5:hr:6", "--count", "2")
+    assert "*f32 CDAB" in done.out
+    assert "plausible: f32 CDAB: " in done.out.splitlines()[-1]
+    done = modlens("show", TYPES, "--line", "57600-8E1", "--at", "5:hr:10", "--as", "u32")
+    assert "*u32 ABCD" in done.out
+    assert "f32" not in done.out.splitlines()[1]
+    done = modlens("show", TYPES, "--line", "57600-8E1", "--at", "5:hr:0", "--count", "1")
+    assert done.status == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (("--at", "5:xx:6"), "3:hr:107"),
+        (("--at", "5:hr:6", "--count", "3"), "1, 2 or 4"),
+        (("--at", "5:hr:6", "--as", "f64"), "there are u32, s32, f32"),
+        (("--at", "6:hr:6"), "no transaction"),
+        (("--at", "5:hr:6", "--txn", "1"), "without --frame"),
+    ],
+)
+def test_show_at_wrong_use(words: tuple[str, ...], part: str, modlens: Modlens) -> None:
+    """Said with what is right."""
+    done = modlens("show", TYPES, *words)
+    assert done.status == 2
+    assert part in done.err
+
+
+def test_order_mismatch_is_found(tmp_path: Path, modlens: Modlens) -> None:
+    """A profile that reads swapped floats unswapped is told so, once, with the right order."""
+    path = tmp_path / "wrong.toml"
+    path.write_text(
+        'profile = 1\n[[registers]]\nat = "hr:6"\nname = "power"\ntype = "f32"\n'
+        '[[registers]]\nat = "hr:2"\nname = "voltage"\ntype = "f32"\n'
+    )
+    recording = decode(TYPES, line="57600-8E1", profiles=[f"5={path}"])
+    rows = list(recording.findings.where("code == 'order_mismatch'"))
+    assert [row.detail.split(":")[0] for row in rows] == ["power"]
+    assert "CDAB, not ABCD" in rows[0].detail
+    assert modlens("explain", "order_mismatch").status == 0
