@@ -77,9 +77,8 @@ fn label_errors(case: &Case, frame: &Reported, truth: Option<usize>) -> Vec<Stri
     let truth = truth.or_else(|| case.truth.iter().find(|t| !t.valid && t.line == frame.line && t.start == frame.start));
     // Lost bytes are judged by place: the table counts them.
     let judged = frame.labels.iter().filter(|&label| label != Label::LostBytes);
-    let fits = |truth: &TruthFrame, label| {
-        truth.labels.contains(label) || truth.maybe.contains(label) || group(truth, label).is_some()
-    };
+    let fits =
+        |truth: &TruthFrame, label| truth.labels.contains(label) || truth.maybe.contains(label) || group(truth, label).is_some();
     let wrong = judged.filter(|&label| !truth.is_some_and(|truth| fits(truth, label)));
     wrong.map(|label| format!("{} said: {}", label.text(), truth.map_or(String::from("nothing there"), describe))).collect()
 }

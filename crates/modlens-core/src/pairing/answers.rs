@@ -117,8 +117,11 @@ impl Pairing {
             let asked = Asked { unit: old.unit, pdu: &old.request.pdu };
             old.given_up && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully
         };
+        // A request that arrived damaged may be what this answers.
+        let damaged = self.open.back().is_some_and(|open| open.status == Status::BadRequest);
         let late = match self.open.iter().find(given_up) {
             Some(old) => Some((old.txn, old.request.end)),
+            None if damaged => None,
             None => match self.past.again(functions, seen, exchange.txn, self.open.is_empty()) {
                 Again::Duplicate => {
                     placed.finding = Some(Finding::Duplicate);

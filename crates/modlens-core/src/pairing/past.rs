@@ -19,6 +19,9 @@ const FIRST_DUPLICATES: f32 = 0.001;
 const FIRST_LATES: f32 = 0.3;
 const SAME_AGAIN: f32 = 0.3;
 
+/// Each byte of a late answer may have changed by the time of the next one.
+const SAME_BYTE: f32 = 0.97;
+
 /// Observations that a prior is worth.
 const PRIOR_WEIGHT: f32 = 4.0;
 
@@ -124,9 +127,8 @@ impl Past {
         let last = self.last.as_ref().filter(|(unit, pdu, _)| idle && *unit == seen.unit() && pdu == seen.pdu());
         let fits = |old: &Request| old.txn + LATE_BY >= txn && old.answered_by(functions, seen);
         let late = self.unanswered.iter().rposition(fits);
-        let likely = |this: &Self| {
-            this.duplicates.rate(FIRST_DUPLICATES) > SAME_AGAIN * this.lates.rate(FIRST_LATES)
-        };
+        let same = SAME_AGAIN * SAME_BYTE.powi(seen.pdu().len() as i32);
+        let likely = |this: &Self| this.duplicates.rate(FIRST_DUPLICATES) > same * this.lates.rate(FIRST_LATES);
         match (last, late) {
             (Some((_, _, false)), _) | (Some(_), None) => {
                 self.duplicates.times += 1.0;

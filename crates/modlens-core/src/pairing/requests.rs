@@ -57,6 +57,7 @@ impl Pairing {
         exchange.gap = seen.gap;
         let txn = exchange.txn;
         if let (Some(clear), Some(first)) = (inside, self.open.back_mut()) {
+            first.waited = first.waited.or(seen.start.zip(first.request.end).map(|(next, end)| next - end));
             first.inside = Some(Inside { txn, clear, answered: false });
         }
         let mut placed = Placed { txn: Some(txn), ..Placed::default() };
@@ -188,14 +189,14 @@ impl Pairing {
     /// Closes the oldest open request: another one came.
     fn give_up_oldest(&mut self, functions: &Functions, next: &Seen<'_>, done: &mut Vec<Box<Exchange>>) {
         let Some(mut exchange) = self.open.pop_front() else { return };
-        let waited = next.start.zip(exchange.request.end).map(|(next, end)| next - end);
-        exchange.waited = exchange.waited.or(waited).filter(|&ns| ns >= 2 * self.resolution);
+        let waited = exchange.waited.or(next.start.zip(exchange.request.end).map(|(next, end)| next - end));
+        exchange.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
         let again = exchange.unit == next.unit() && exchange.request.pdu == next.pdu();
         let quiet = exchange.response.frame == 0 && !exchange.silent && exchange.status != Status::BadRequest;
         // Functions whose answers look like requests must not teach the time-out that tells them apart.
         if quiet && next.verdict.good() && !echoes_whole(functions, &exchange.request.pdu) {
             self.masters.unanswered(again);
-            if let Some(waited) = exchange.waited {
+            if let Some(waited) = exchange.waited.filter(|_| exchange.inside.is_none()) {
                 self.tempo.unanswered(waited, again);
             }
         }

@@ -14,11 +14,18 @@ const LEAST_SPREAD: f64 = 0.12;
 /// The same before it was seen.
 const FIRST_SPREAD: f64 = 0.5;
 
-/// How fast times are learned.
+/// The logarithm of eight.
+const EIGHTH: f64 = 2.079;
+
+/// How fast times to answer are learned.
 const RATE: f64 = 0.1;
 
-/// Time-outs that were seen, before they decide anything.
-const ENOUGH: u32 = 2;
+/// Time-outs kept.
+const KEPT: usize = 9;
+
+/// Time-outs that were seen, and how much they may differ, before they decide anything.
+const ENOUGH: usize = 2;
+const STEADY: f64 = 0.3;
 
 /// A request is given up after so many of the master's own time-outs, or of the longest answers.
 const PATIENCE: (f64, f64) = (1.5, 2.0);
@@ -29,22 +36,48 @@ const FORGET: f64 = 0.999;
 /// A typical time and its scatter, in natural logarithms.
 #[derive(Clone, Copy, Debug)]
 struct Typical {
-    ns: f64,
-    spread: f64,
+    log: f64,
     seen: u32,
 }
 
 impl Typical {
     fn learn(slot: &mut Option<Self>, ns: Ns) {
-        let value = ns.max(1) as f64;
-        let Some(known) = slot else {
-            *slot = Some(Self { ns: value, spread: FIRST_SPREAD, seen: 1 });
-            return;
+        let log = (ns.max(1) as f64).ln();
+        match slot {
+            Some(known) => {
+                known.log += (log - known.log) * RATE;
+                known.seen = known.seen.saturating_add(1);
+            }
+            None => *slot = Some(Self { log, seen: 1 }),
+        }
+    }
+}
+
+/// A time that somebody keeps to: the median of the last few, so that accidents among them do not matter.
+#[derive(Clone, Copy, Debug, Default)]
+struct Constant {
+    last: [f64; KEPT],
+    seen: usize,
+}
+
+impl Constant {
+    fn learn(&mut self, ns: Ns) {
+        self.last[self.seen % KEPT] = (ns.max(1) as f64).ln();
+        self.seen += 1;
+    }
+
+    /// Median and typical distance from it, once enough was seen.
+    fn known(&self, enough: usize) -> Option<(f64, f64)> {
+        let kept = self.seen.min(KEPT);
+        if kept < enough {
+            return None;
+        }
+        let median = |mut values: [f64; KEPT]| {
+            values[..kept].sort_by(f64::total_cmp);
+            values[kept / 2]
         };
-        let off = (value / known.ns).ln();
-        known.spread += (off.abs().min(1.0) - known.spread) * RATE;
-        known.ns *= (off * RATE).exp();
-        known.seen = known.seen.saturating_add(1);
+        let middle = median(self.last);
+        Some((middle, median(self.last.map(|log| (log - middle).abs()))))
     }
 }
 
@@ -54,9 +87,9 @@ pub struct Tempo {
     answer: Option<Typical>,
     longest: f64,
     /// From the end of a request to the same request again.
-    retry: Option<Typical>,
+    retry: Constant,
     /// From the end of an unanswered request to another one.
-    moved_on: Option<Typical>,
+    moved_on: Constant,
 }
 
 impl Tempo {
@@ -68,17 +101,12 @@ impl Tempo {
 
     /// A request was not answered, and the next one came after so long; it was the same one, or another.
     pub(super) fn unanswered(&mut self, ns: Ns, again: bool) {
-        Typical::learn(if again { &mut self.retry } else { &mut self.moved_on }, ns);
-    }
-
-    fn timeout(&self) -> Option<Typical> {
-        let enough = |slot: Option<Typical>| slot.filter(|typical| typical.seen >= ENOUGH);
-        enough(self.retry).or(enough(self.moved_on)).or(self.retry)
+        if again { &mut self.retry } else { &mut self.moved_on }.learn(ns);
     }
 
     /// How long this master waits for an answer, once its retries have shown it.
     pub(super) fn master_waits(&self) -> Option<Ns> {
-        self.retry.filter(|typical| typical.seen >= ENOUGH).map(|typical| typical.ns as Ns)
+        self.retry.known(ENOUGH).filter(|(_, spread)| *spread < STEADY).map(|(log, _)| log.exp() as Ns)
     }
 
     /// When a request is given up; `None` until the master has shown how long it waits.
@@ -88,21 +116,23 @@ impl Tempo {
 
     /// By how many bits a silence is more like a time-out than like an answer.
     pub fn judge(&self, gap: Option<Ns>) -> Pause {
-        let (Some(gap), Some(answer)) = (gap.map(|ns| ns.max(1) as f64), self.answer) else { return 0.0 };
-        if gap < answer.ns / 8.0 {
+        let (Some(gap), Some(answer)) = (gap.map(|ns| (ns.max(1) as f64).ln()), self.answer.map(|answer| answer.log)) else {
+            return 0.0;
+        };
+        if gap < answer - EIGHTH {
             // Too soon for either: an echo, or a silence that the clock has lost.
             return 0.0;
         }
         let likely = |typical: f64, spread: f64| {
-            let off = (gap / typical).ln() / spread;
-            -off * off / 2.0 * std::f64::consts::LOG2_E
+            let off = (gap - typical) / spread;
+            -(off * off / 2.0 + spread.ln()) * std::f64::consts::LOG2_E
         };
-        let timeout = match self.timeout() {
-            Some(timeout) => likely(timeout.ns, timeout.spread.max(LEAST_SPREAD)),
+        let timeout = match self.retry.known(ENOUGH).or(self.moved_on.known(ENOUGH)).or(self.retry.known(1)) {
+            Some((log, spread)) => likely(log, spread.clamp(LEAST_SPREAD, FIRST_SPREAD)),
             // Until a time-out was seen, one is expected at 30 answers or more.
-            None => likely((30.0 * answer.ns).max(gap.min(1e9)), FIRST_SPREAD),
+            None => likely((30f64.ln() + answer).max(gap.min(1e9f64.ln())), FIRST_SPREAD),
         };
-        (timeout - likely(answer.ns, ANSWERS)).clamp(-MOST_TEMPO, MOST_TEMPO) as f32
+        (timeout - likely(answer, ANSWERS)).clamp(-MOST_TEMPO, MOST_TEMPO) as f32
     }
 }
 
@@ -120,10 +150,14 @@ mod tests {
             tempo.answered(10 * MS);
             tempo.unanswered(250 * MS, true);
         }
-        assert_eq!((tempo.master_waits(), tempo.patience()), (Some(250 * MS), Some(375 * MS)));
+        let about = |time: Option<Ns>, ms: Ns| time.is_some_and(|time| (time - ms * MS).abs() < MS);
+        assert!(about(tempo.master_waits(), 250) && about(tempo.patience(), 375));
         // A unit that takes longer than the master's patience is given more time, not called late for ever.
         tempo.answered(240 * MS);
-        assert_eq!(tempo.patience(), Some(480 * MS));
+        assert!(about(tempo.patience(), 480));
+        // An accident among the time-outs changes nothing.
+        tempo.unanswered(3 * MS, true);
+        assert!(about(tempo.master_waits(), 250));
     }
 
     #[test]
