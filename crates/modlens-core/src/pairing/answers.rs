@@ -113,13 +113,13 @@ impl Pairing {
         exchange.exception = exception(seen);
         exchange.gap = seen.gap;
         let mut placed = Placed { txn: Some(exchange.txn), finding: Some(Finding::Unrequested), other: None };
-        let given_up = |old: &&Box<Exchange>| {
+        let given_up = |old: &Exchange| {
             let asked = Asked { unit: old.unit, pdu: &old.request.pdu };
             old.given_up && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully
         };
         // A request that arrived damaged may be what this answers.
         let damaged = self.open.back().is_some_and(|open| open.status == Status::BadRequest);
-        let late = match self.open.iter().find(given_up) {
+        let late = match self.open.iter().find(|old| given_up(old)) {
             Some(old) => Some((old.txn, old.request.end)),
             None if damaged => None,
             None => match self.past.again(functions, seen, exchange.txn, self.open.is_empty()) {

@@ -58,26 +58,26 @@ impl Typical {
 struct Constant {
     last: [f64; KEPT],
     seen: usize,
+    /// Median and typical distance from it.
+    typical: (f64, f64),
 }
 
 impl Constant {
     fn learn(&mut self, ns: Ns) {
         self.last[self.seen % KEPT] = (ns.max(1) as f64).ln();
         self.seen += 1;
-    }
-
-    /// Median and typical distance from it, once enough was seen.
-    fn known(&self, enough: usize) -> Option<(f64, f64)> {
         let kept = self.seen.min(KEPT);
-        if kept < enough {
-            return None;
-        }
         let median = |mut values: [f64; KEPT]| {
             values[..kept].sort_by(f64::total_cmp);
             values[kept / 2]
         };
         let middle = median(self.last);
-        Some((middle, median(self.last.map(|log| (log - middle).abs()))))
+        self.typical = (middle, median(self.last.map(|log| (log - middle).abs())));
+    }
+
+    /// Median and typical distance from it, once enough was seen.
+    fn known(&self, enough: usize) -> Option<(f64, f64)> {
+        (self.seen >= enough).then_some(self.typical)
     }
 }
 
