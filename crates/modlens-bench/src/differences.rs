@@ -1,9 +1,11 @@
 //! Where an algorithm and the truth differ, for people: the bytes around every missed, false or mislabelled frame.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 
 use crate::model::{Direction, Label};
 use crate::reported::Reported;
+use crate::score::labels::{meeting, retried};
 use crate::score::matching::Matching;
 use crate::sim::case::Case;
 use crate::sim::truth::TruthFrame;
@@ -31,12 +33,16 @@ pub fn differences(case: &Case, reported: &[Reported]) -> String {
         let label = label_errors(case, frame, matching.truth_of[at]);
         rows.extend(label.into_iter().map(|what| (frame.start, what)));
     }
+    let in_group = groups_said(case, reported, &found);
     for (truth, found) in case.truth.iter().zip(&found) {
         if truth.valid && found.is_none() {
             rows.push((truth.start, format!("missed: {}", describe(truth))));
         }
         let said = found.map(|at: usize| reported[at].labels).unwrap_or_default();
         for label in truth.labels.iter().filter(|&label| truth.valid && !said.contains(label)) {
+            if group(truth, label).is_some_and(|group| in_group.contains(&(label, group))) {
+                continue;
+            }
             rows.push((truth.start, format!("{} not said: {}", label.text(), describe(truth))));
         }
     }
@@ -51,12 +57,29 @@ pub fn differences(case: &Case, reported: &[Reported]) -> String {
     text
 }
 
+/// Some labels stand at any frame of a group: see the scorer.
+fn group(truth: &TruthFrame, label: Label) -> Option<u32> {
+    match label {
+        Label::TwoMasters => meeting(truth),
+        Label::Late => retried(truth),
+        _ => None,
+    }
+}
+
+fn groups_said(case: &Case, reported: &[Reported], found: &[Option<usize>]) -> HashSet<(Label, u32)> {
+    let frames = case.truth.iter().zip(found);
+    let said = frames.filter_map(|(truth, found)| found.map(|at| (truth, reported[at].labels)));
+    said.flat_map(|(truth, labels)| labels.iter().filter_map(|label| group(truth, label).map(|group| (label, group)))).collect()
+}
+
 fn label_errors(case: &Case, frame: &Reported, truth: Option<usize>) -> Vec<String> {
     let truth = truth.map(|at| &case.truth[at]);
     let truth = truth.or_else(|| case.truth.iter().find(|t| !t.valid && t.line == frame.line && t.start == frame.start));
-    // Lost bytes are judged by place, two masters by meeting: the table counts them.
-    let judged = frame.labels.iter().filter(|label| !matches!(label, Label::LostBytes | Label::TwoMasters));
-    let wrong = judged.filter(|&label| !truth.is_some_and(|truth| truth.labels.contains(label) || truth.maybe.contains(label)));
+    // Lost bytes are judged by place: the table counts them.
+    let judged = frame.labels.iter().filter(|&label| label != Label::LostBytes);
+    let fits =
+        |truth: &TruthFrame, label| truth.labels.contains(label) || truth.maybe.contains(label) || group(truth, label).is_some();
+    let wrong = judged.filter(|&label| !truth.is_some_and(|truth| fits(truth, label)));
     wrong.map(|label| format!("{} said: {}", label.text(), truth.map_or(String::from("nothing there"), describe))).collect()
 }
 

@@ -21,7 +21,7 @@ pub enum Framing {
 }
 
 /// What people act on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Label {
     /// A request that nobody answered; stands at the request.
     NoResponse,

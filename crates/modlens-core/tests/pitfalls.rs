@@ -340,19 +340,80 @@ fn capture_starts_and_ends_in_the_middle() {
     assert_eq!(*statuses(&batch).last().unwrap(), Status::BadResponse);
 }
 
+/// What one request's exchange looks like, 20 ms from frame to frame.
+fn polls(rounds: u16) -> Vec<(i64, Vec<u8>)> {
+    let round = |i| [read(1, i, 1), answer(1, &[i]), read(2, i, 2), answer(2, &[i, i])].map(|frame| (20 * MS, frame));
+    (0..rounds).flat_map(round).collect()
+}
+
+fn frames_with(batch: &Batch, finding: Finding) -> Vec<u64> {
+    let rows = batch.findings.iter().filter(|row| row.finding == finding);
+    let mut frames: Vec<u64> = rows.filter_map(|row| row.frame).collect();
+    frames.sort_unstable();
+    frames
+}
+
 #[test]
-fn two_masters_are_told_when_both_are_answered() {
-    let mut bursts = vec![];
-    for i in 0..4 {
+fn two_masters_are_told_with_hindsight_and_not_after_one_meeting() {
+    let meeting = [(20 * MS, read(1, 0, 1)), (8 * MS, read(2, 0, 2)), (8 * MS, answer(1, &[1])), (12 * MS, answer(2, &[1, 2]))];
+    let once = timed(&[polls(4), meeting.to_vec()].concat());
+    assert_eq!(statuses(&once), [Status::Ok; 10]);
+    assert!(frames_with(&once, Finding::TwoMasters).is_empty());
+    // The second time the younger request is answered first.
+    let other = [(20 * MS, read(2, 7, 1)), (8 * MS, read(1, 7, 2)), (8 * MS, answer(1, &[1, 2])), (12 * MS, answer(2, &[9]))];
+    let twice = timed(&[polls(4), meeting.to_vec(), polls(2), other.to_vec()].concat());
+    assert_eq!(statuses(&twice), [Status::Ok; 16]);
+    assert_eq!(frames_with(&twice, Finding::TwoMasters), [19, 32]);
+}
+
+#[test]
+fn an_answer_after_the_time_out_is_late_and_no_second_master() {
+    let mut bursts = polls(4);
+    for i in 0..5 {
         bursts.extend([
             (20 * MS, read(1, i, 1)),
+            (250 * MS, read(1, i, 1)),
             (20 * MS, answer(1, &[i])),
-            (20 * MS, read(2, i, 2)),
-            (20 * MS, answer(2, &[i, i])),
+            (20 * MS, answer(1, &[i + 9])),
         ]);
     }
-    bursts.extend([(20 * MS, read(1, 0, 1)), (8 * MS, read(2, 0, 2)), (8 * MS, answer(1, &[1])), (12 * MS, answer(2, &[1, 2]))]);
     let batch = timed(&bursts);
-    assert_eq!(statuses(&batch), [Status::Ok; 10]);
-    assert!(batch.findings.iter().any(|row| row.finding == Finding::TwoMasters));
+    assert!(frames_with(&batch, Finding::TwoMasters).is_empty());
+    assert_eq!((frames_with(&batch, Finding::Retry).len(), frames_with(&batch, Finding::LateResponse).len()), (5, 5));
+    assert_eq!(frames_with(&batch, Finding::NoResponse).len(), 5);
+}
+
+#[test]
+fn another_unit_answers_and_the_master_asks_again() {
+    let wrong =
+        [(20 * MS, read(1, 5, 2)), (10 * MS, answer(2, &[4, 4])), (250 * MS, read(1, 5, 2)), (10 * MS, answer(1, &[4, 4]))];
+    let batch = timed(&[polls(4), wrong.to_vec()].concat());
+    assert_eq!(frames_with(&batch, Finding::WrongUnit), [18]);
+    assert_eq!(frames_with(&batch, Finding::Retry), [19]);
+    // Where the master goes on at once, it had its answer: the tap lost that, and the request of the other unit.
+    let lost = [(20 * MS, read(1, 5, 2)), (10 * MS, answer(2, &[4, 4])), (20 * MS, read(2, 9, 1)), (10 * MS, answer(2, &[4]))];
+    let batch = timed(&[polls(4), lost.to_vec()].concat());
+    assert!(frames_with(&batch, Finding::WrongUnit).is_empty() && frames_with(&batch, Finding::NoResponse).is_empty());
+    assert!(statuses(&batch).contains(&Status::NotSeen));
+}
+
+#[test]
+fn the_time_out_is_learned_and_a_unit_that_is_not_there_is_named_at_once() {
+    // Nobody answers as unit 9, and the master goes on after 30 ms: too soon for most, but nobody is there.
+    let absent = [(20 * MS, read(9, 5, 2)), (30 * MS, read(1, 1, 1)), (10 * MS, answer(1, &[4]))];
+    let batch = timed(&[polls(4), absent.to_vec(), polls(1)].concat());
+    assert_eq!(frames_with(&batch, Finding::NoResponse).len(), 1);
+}
+
+#[test]
+fn a_broadcast_is_heard_twice_where_everything_is() {
+    let write = frame(0, &[6, 0, 1, 0, 3]);
+    let mut bursts = Vec::new();
+    for i in 0..4 {
+        bursts.extend([(20 * MS, read(1, i, 1)), (MS / 10, read(1, i, 1)), (10 * MS, answer(1, &[i]))]);
+    }
+    bursts.extend([(20 * MS, write.clone()), (MS / 10, write), (50 * MS, read(1, 0, 1)), (MS / 10, read(1, 0, 1))]);
+    let batch = timed(&bursts);
+    assert_eq!(frames_with(&batch, Finding::LocalEcho), [2, 5, 8, 11, 14, 16]);
+    assert_eq!(statuses(&batch)[4], Status::Broadcast);
 }

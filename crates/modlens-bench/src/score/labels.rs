@@ -79,11 +79,13 @@ fn in_groups(case: &Case, reported: &[Reported], matching: &Matching, label: Lab
 /// The group that a frame is in.
 type Group = fn(&TruthFrame) -> Option<u32>;
 
-fn meeting(frame: &TruthFrame) -> Option<u32> {
+/// The meeting of two masters that a frame is part of.
+pub(crate) fn meeting(frame: &TruthFrame) -> Option<u32> {
     (frame.episode > 0).then_some(frame.episode)
 }
 
-fn retried(frame: &TruthFrame) -> Option<u32> {
+/// The retry that this frame or another one answers.
+pub(crate) fn retried(frame: &TruthFrame) -> Option<u32> {
     frame.alt_txn.map(|_| frame.txn)
 }
 

@@ -3,7 +3,7 @@
 //! With V the valid frames of the truth, O the reported ones that claim to be whole, M those of O that match V in start
 //! and end: recall is M/V, precision M/O. The headline (`fd`) counts a match only with the right direction.
 
-mod labels;
+pub(crate) mod labels;
 mod latency;
 pub(crate) mod matching;
 mod pairs;

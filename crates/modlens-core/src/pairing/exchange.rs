@@ -88,6 +88,17 @@ impl Kept {
     }
 }
 
+/// A request that came while another one waited for its answer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Inside {
+    /// Its transaction.
+    pub txn: u64,
+    /// It came sooner than any master gives up, by the clock.
+    pub clear: bool,
+    /// It has its answer.
+    pub answered: bool,
+}
+
 /// A transaction while it is open, and what leaves when it is done.
 #[derive(Clone, Debug)]
 pub struct Exchange {
@@ -131,6 +142,8 @@ pub struct Exchange {
     pub(super) silent: bool,
     /// The request was heard twice.
     pub(super) echoed: bool,
+    /// The request that came before this one's answer.
+    pub(super) inside: Option<Inside>,
     /// A response that is not tentative answers it: the unit is there.
     pub sure: bool,
 }
@@ -158,6 +171,7 @@ impl Exchange {
             given_up: false,
             silent: false,
             echoed: false,
+            inside: None,
             sure: false,
         }
     }

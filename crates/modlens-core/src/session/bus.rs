@@ -107,7 +107,7 @@ impl BusState {
         };
         // On a two-line tap the silence on one line says nothing of the other's.
         let one_line = self.lines.len() == 1;
-        let tempo = self.pairing.tempo;
+        let tempo = &self.pairing.tempo;
         let sides = self.sides;
         let context = Context {
             functions,
@@ -116,7 +116,7 @@ impl BusState {
             speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
             known_units: &self.known_units,
             paired_units: &self.paired_units,
-            pause: &move |gap| tempo.judge(gap.filter(|_| one_line)),
+            pause: &|gap| tempo.judge(gap.filter(|_| one_line)),
             said: &move |side| said(sides, side),
         };
         let state = &mut self.lines[at].1;

@@ -26,10 +26,7 @@ pub use bus::BusOptions;
 
 use bus::{learn, BusState};
 use profiles::Assignment;
-use rows::{elapsed, framing_detail, keep_half, placed_detail};
-
-/// A request is given up after so long at the latest (records.md).
-pub const DEFAULT_TIMEOUT: Ns = 1_000_000_000;
+use rows::{elapsed, framing_detail, keep_half, note_detail, placed_detail};
 
 /// Transactions that may wait for an older one before they are written all the same.
 const HOLD_BACK: usize = 65_536;
@@ -61,7 +58,7 @@ pub struct Session {
     held: VecDeque<Transaction>,
     wanted: Wanted,
     live: bool,
-    timeout: Ns,
+    timeout: Option<Ns>,
     next_frame: u64,
     next_txn: u64,
     origin: Option<Ns>,
@@ -90,7 +87,7 @@ impl Session {
             held: VecDeque::new(),
             wanted,
             live,
-            timeout: timeout.unwrap_or(DEFAULT_TIMEOUT),
+            timeout,
             next_frame: 1,
             next_txn: 1,
             origin: None,
@@ -364,6 +361,7 @@ impl Session {
         }
         let placed = state.pairing.take(&self.functions, &seen, &mut self.next_txn, &mut done);
         self.done = done;
+        let noted = !state.pairing.notes.is_empty();
         if let Some(finding) = placed.finding {
             self.found.push((finding, placed_detail(finding, &placed, &seen)));
         }
@@ -424,12 +422,34 @@ impl Session {
         }
         input.input.consume(cut.length);
         input.last_end = end.or(input.last_end);
-        if !self.done.is_empty() {
+        if noted || !self.done.is_empty() {
             self.write_done(bus);
         }
     }
 
+    /// What showed only now of frames whose rows are written.
+    fn write_notes(&mut self, bus: usize) {
+        for note in self.buses[bus].pairing.notes.drain(..) {
+            self.stats.finding(note.finding);
+            if self.wanted.findings {
+                let seen = note.meeting;
+                self.batch.findings.push(FindingRow {
+                    frame: Some(seen.frame),
+                    txn: Some(seen.txn),
+                    bus: bus as u32,
+                    start: seen.start,
+                    elapsed: elapsed(self.origin, seen.start),
+                    unit: Some(seen.unit),
+                    finding: note.finding,
+                    detail: note_detail(&note),
+                    origin: seen.origin,
+                });
+            }
+        }
+    }
+
     fn write_done(&mut self, bus: usize) {
+        self.write_notes(bus);
         let mut done = std::mem::take(&mut self.done);
         for mut exchange in done.drain(..) {
             self.found.clear();

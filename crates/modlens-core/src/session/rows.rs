@@ -3,7 +3,7 @@
 use crate::finding::Finding;
 use crate::framer::Mode;
 use crate::functions::EXCEPTION_BIT;
-use crate::pairing::{Kept, Placed, Seen};
+use crate::pairing::{Kept, Note, Placed, Seen};
 use crate::records::{Batch, Half, Span};
 use crate::Ns;
 
@@ -31,6 +31,15 @@ pub(super) fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) 
             format!("function {}; transaction{other} asked for another", seen.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT))
         }
         _ => format!("unit {unit}"),
+    }
+}
+
+pub(super) fn note_detail(note: &Note) -> String {
+    let seen = note.meeting;
+    match note.finding {
+        Finding::TwoMasters => format!("answered after the request of transaction {}", seen.other),
+        Finding::WrongUnit => format!("unit {} answered; transaction {} asked another", seen.unit, seen.other),
+        _ => format!("answered after the request of transaction {}; one master that gave up, or two", seen.other),
     }
 }
 

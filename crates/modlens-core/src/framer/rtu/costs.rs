@@ -30,6 +30,12 @@ pub const OPEN_LENGTH: f32 = 7.5;
 /// A response that nobody asked for: one in sixty.
 pub const ORPHAN: f32 = 5.9;
 
+/// The answer to the request before the one that waits: one in ten of those without an answer.
+pub const LATE: f32 = 3.3;
+
+/// The same answer again: one in a hundred.
+pub const AGAIN: f32 = 6.6;
+
 /// A frame whose checksum is wrong, where everything else fits: one in two hundred, and no checksum to vouch for it.
 pub const DAMAGED: f32 = 9.0;
 

@@ -25,6 +25,47 @@ pub struct Request {
     pub tentative: bool,
 }
 
+/// The requests that a frame may answer.
+#[derive(Clone, Debug, Default)]
+pub struct Pending {
+    /// The one that waits.
+    pub asked: Option<Arc<Request>>,
+    /// The one before it, if it was not answered: its answer may come late.
+    pub late: Option<Arc<Request>>,
+    /// The one that was answered last, and what tells its answer from others (length and checksum): it may come again.
+    pub last: Option<(Arc<Request>, [u8; 4])>,
+}
+
+/// What tells a frame from others: length and checksum.
+fn print(frame: &[u8]) -> [u8; 4] {
+    let [length, more] = (frame.len() as u16).to_le_bytes();
+    [length, more, frame[frame.len() - 2], frame[frame.len() - 1]]
+}
+
+impl Pending {
+    /// Equal for those that hold the same requests.
+    pub fn identity(&self) -> [Option<*const Request>; 3] {
+        let last = self.last.as_ref().map(|(request, _)| Arc::as_ptr(request));
+        [self.asked.as_ref().map(Arc::as_ptr), self.late.as_ref().map(Arc::as_ptr), last]
+    }
+
+    /// The requests that may be answered behind this frame.
+    pub fn after(self, frame: &[u8], direction: usize, answered: bool, whole: bool) -> Self {
+        if direction == RESPONSE {
+            return match self.asked {
+                Some(asked) if answered => Self { asked: None, late: self.late, last: Some((asked, print(frame))) },
+                asked => Self { asked, ..self },
+            };
+        }
+        let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+        let copied = self.asked.as_ref().is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
+        // A broadcast is never answered.
+        let asked =
+            (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied, tentative: false }));
+        Self { asked, late: self.asked, last: None }
+    }
+}
+
 impl Request {
     /// The same as the rest of the core knows it.
     pub fn asked(&self) -> Asked<'_> {
@@ -125,12 +166,13 @@ fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
 pub fn context(
     model: &Model,
     context: &Context<'_>,
-    asked: Option<&Arc<Request>>,
+    pending: &Pending,
     frame: &[u8],
     direction: usize,
     pause: Pause,
 ) -> (f32, bool) {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    let asked = pending.asked.as_ref();
     if direction == REQUEST {
         let repeated = model.repeated(frame);
         let Some(asked) = asked else { return (repeated, false) };
@@ -140,10 +182,15 @@ pub fn context(
             let again = if asked.copied { retry } else { retry.min(model.copied().0) };
             return (repeated.max(model.bits_of(&pdu[1..]) - 1.0) - again, false);
         }
-        return (repeated - costs::UNANSWERED, false);
+        // The request before the one that waits, again: another frame was taken for the one between.
+        let late = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
+        let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
+        return (repeated.max(known) - costs::UNANSWERED, false);
     }
     let matched = asked.map_or(Match::No, |asked| answers(context.functions, asked.asked(), unit, pdu));
-    let Some(asked) = asked.filter(|_| matched != Match::No) else { return (-costs::ORPHAN, false) };
+    let Some(asked) = asked.filter(|_| matched != Match::No) else {
+        return (again(model, context, pending, frame, pause).max(-costs::ORPHAN), false);
+    };
     // Unit and function are known beforehand.
     let mut gain = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - costs::ANSWERED;
     if let Some(row) = context.functions.row(asked.pdu[0], &asked.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
@@ -163,6 +210,35 @@ pub fn context(
         gain -= pause.max(0.0) + if asked.copied { 0.0 } else { model.copied().1 };
     }
     (gain, true)
+}
+
+/// Bits of an answer that nobody waits for any more: the late one, or the last one once more.
+fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], pause: Pause) -> f32 {
+    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    let fits = |request: &&Arc<Request>| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
+    let late = pending.late.as_ref().filter(fits).map(|request| {
+        let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
+        (request, costs::LATE + retry)
+    });
+    // An echo once more is rather the same request again.
+    let last = pending.last.as_ref().filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
+    let again = last.map(|(request, _)| request).filter(fits).map(|request| (request, costs::AGAIN));
+    let bits = late.into_iter().chain(again).map(|(request, cost)| {
+        let row = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0);
+        let body = row.map_or(0.0, |row| {
+            if expected_block(row, &request.pdu).is_some() {
+                model.bits(pdu[1])
+            } else if request.pdu == pdu {
+                model.bits_of(&pdu[1..])
+            } else if row.echo.is_empty() {
+                0.0
+            } else {
+                model.bits_of(&pdu[1..pdu.len().min(5)])
+            }
+        });
+        model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) + body - cost
+    });
+    bits.fold(f32::MIN, f32::max)
 }
 
 /// Bits that a frame with a wrong checksum saves, where its header announces just its length and is no stranger here.

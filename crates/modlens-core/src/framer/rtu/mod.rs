@@ -10,6 +10,8 @@ mod gain;
 mod join;
 mod search;
 
+use std::sync::Arc;
+
 use crate::checksum::crc_valid;
 use crate::direction::{expected_block, judge, Direction};
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT, RTU_LIMIT};
@@ -123,6 +125,14 @@ impl Rtu {
         }
         let row = context.functions.row(code, body)?;
         let length = announced_length(row.request.extent(body))?;
+        // The answer before once more, or a late one, may look like a request.
+        let pending = self.search.pending();
+        let same = |request: &Arc<Request>| request.unit == unit && request.pdu.first() == Some(&code);
+        let again = pending.late.as_ref().is_some_and(same)
+            || (row.request != row.response && pending.last.as_ref().is_some_and(|(request, _)| same(request)));
+        if again && announced_length(row.response.extent(body)) == Some(length) {
+            return None;
+        }
         Some((length + AROUND, REQUEST)).filter(|&(length, _)| length <= RTU_LIMIT)
     }
 
@@ -254,7 +264,7 @@ impl Framer for Rtu {
                     copied: false,
                     tentative: false,
                 });
-                self.search.set_asked(asked.map(std::sync::Arc::new));
+                self.search.set_asked(asked.map(Arc::new));
             }
             // Once for each place: what the search has seen since must not depend on how the bytes came.
             if self.doubted != Some(input.offset()) && (!context.shared || self.search.idle()) {

@@ -8,12 +8,11 @@ use std::sync::Arc;
 use crate::direction::Direction;
 use crate::framer::rtu::announced;
 use crate::framer::rtu::costs::{self, Copy, Model};
-use crate::framer::rtu::gain::{self, Request, REQUEST, RESPONSE};
+use crate::framer::rtu::gain::{self, Pending, Request, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
 use crate::framer::Context;
 use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
-use crate::pairing::BROADCAST;
 use crate::Ns;
 
 /// The chance of telling a frame too early is about 2 to the minus this.
@@ -69,7 +68,7 @@ struct Node {
     answers: bool,
     /// Whether its checksum is right.
     whole: bool,
-    asked: Option<Arc<Request>>,
+    pending: Pending,
 }
 
 /// What was decided.
@@ -132,7 +131,7 @@ impl Default for Search {
             wake: 0,
             answers: false,
             whole: true,
-            asked: None,
+            pending: Pending::default(),
         };
         Self {
             nodes: vec![root],
@@ -168,12 +167,17 @@ impl Search {
 
     /// The request that waits.
     pub fn asked(&self) -> Option<&Arc<Request>> {
-        self.nodes[0].asked.as_ref()
+        self.nodes[0].pending.asked.as_ref()
+    }
+
+    /// All that may be answered.
+    pub fn pending(&self) -> &Pending {
+        &self.nodes[0].pending
     }
 
     /// The request that waits is known from elsewhere: the other line of a two-line tap.
     pub fn set_asked(&mut self, asked: Option<Arc<Request>>) {
-        self.nodes[0].asked = asked;
+        self.nodes[0].pending.asked = asked;
     }
 
     /// A frame was found without search, right behind what was told.
@@ -183,7 +187,7 @@ impl Search {
         let root = &mut self.nodes[0];
         (root.start, root.end) = (root.end, root.end + frame.len() as u64);
         root.direction = direction;
-        root.asked = after(frame, direction, root.asked.take(), direction == RESPONSE, true);
+        root.pending = std::mem::take(&mut root.pending).after(frame, direction, direction == RESPONSE, true);
         self.next = root.end;
         self.running = false;
         self.model.learn(frame, direction, false, copy);
@@ -273,11 +277,10 @@ impl Search {
             // Most readings have the same request waiting.
             let mut known = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
-                let asked = node.asked.as_ref();
-                let waiting = asked.map(Arc::as_ptr);
+                let waiting = node.pending.identity();
                 let (around, answered) = match known {
                     Some((before, worth)) if before == waiting => worth,
-                    _ => gain::context(&self.model, context, asked, frame, direction, pause),
+                    _ => gain::context(&self.model, context, &node.pending, frame, direction, pause),
                 };
                 known = Some((waiting, (around, answered)));
                 let gain = own + timing - told + around;
@@ -290,8 +293,8 @@ impl Search {
             for (answered, found) in best.into_iter().enumerate() {
                 let Some((score, parent, gain)) = found else { continue };
                 let answers = answered == 1;
-                let asked = after(frame, direction, self.nodes[parent].asked.clone(), answers, true);
-                self.push(Node { direction, score, gain, parent, answers, asked, ..self.node(start) });
+                let pending = self.nodes[parent].pending.clone().after(frame, direction, answers, true);
+                self.push(Node { direction, score, gain, parent, answers, pending, ..self.node(start) });
             }
         }
     }
@@ -309,7 +312,7 @@ impl Search {
             wake: self.next + SHORTEST_DAMAGED,
             answers: false,
             whole: true,
-            asked: None,
+            pending: Pending::default(),
         }
     }
 
@@ -350,13 +353,13 @@ impl Search {
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
                     let damaged = alone && frame[1] & EXCEPTION_BIT == 0;
-                    let asked = self.nodes[parent].asked.as_ref().filter(|_| damaged);
+                    let asked = self.nodes[parent].pending.asked.as_ref().filter(|_| damaged);
                     let gain = if damaged { gain::damaged(&self.model, context, asked, frame, direction) } else { None };
                     if let Some(gain) = gain {
                         let score = self.nodes[parent].score + gain;
                         let answers = direction == RESPONSE;
-                        let asked = after(frame, direction, self.nodes[parent].asked.clone(), answers, false);
-                        self.push(Node { direction, score, gain, parent, answers, whole: false, asked, ..self.node(start) });
+                        let pending = self.nodes[parent].pending.clone().after(frame, direction, answers, false);
+                        self.push(Node { direction, score, gain, parent, answers, whole: false, pending, ..self.node(start) });
                     }
                 }
                 Extent::Exactly(announced) | Extent::AtLeast(announced) if announced > frame.len() => {
@@ -517,7 +520,7 @@ impl Search {
         }
         let base = input.offset();
         let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
-        gain::header(&self.model, context, node.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
+        gain::header(&self.model, context, node.pending.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
     }
 
     /// Tells a frame: it becomes the root of all that is left.
@@ -532,11 +535,11 @@ impl Search {
         }
         let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
         let strays = frame.start > self.told();
-        let asked_for = frame.answers && self.nodes[0].asked.as_ref().is_some_and(|asked| !asked.tentative);
+        let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
         let tentative = strays && !asked_for && !context.paired_units[bytes[0] as usize];
         // Noise must not teach units.
         if !tentative {
-            let again = frame.asked.as_ref().is_some_and(|asked| asked.copied);
+            let again = frame.pending.asked.as_ref().is_some_and(|asked| asked.copied);
             self.model.learn(bytes, frame.direction, strays, copy(context, bytes, again && frame.direction == REQUEST));
             self.model.settle();
         }
@@ -552,7 +555,7 @@ impl Search {
             self.model.learn_noise(junk);
         }
         self.reroot(first);
-        if let Some(asked) = self.nodes[0].asked.as_mut().filter(|_| tentative) {
+        if let Some(asked) = self.nodes[0].pending.asked.as_mut().filter(|_| tentative) {
             Arc::make_mut(asked).tentative = true;
         }
         told
@@ -629,15 +632,4 @@ fn copy(context: &Context<'_>, frame: &[u8], again: bool) -> Copy {
         }
         _ => Copy::Unclear,
     }
-}
-
-/// The request that waits behind this frame.
-fn after(frame: &[u8], direction: usize, before: Option<Arc<Request>>, answered: bool, whole: bool) -> Option<Arc<Request>> {
-    if direction == RESPONSE {
-        return before.filter(|_| !answered);
-    }
-    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let copied = before.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
-    // A broadcast is never answered.
-    (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied, tentative: false }))
 }

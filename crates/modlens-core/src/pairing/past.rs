@@ -1,0 +1,145 @@
+//! What pairing remembers of transactions that are closed.
+
+use std::collections::VecDeque;
+
+use crate::direction::{answers, Asked, Match};
+use crate::functions::Functions;
+use crate::pairing::{Exchange, Seen};
+use crate::Ns;
+
+/// Unanswered requests that a late answer may still belong to.
+const REMEMBERED: usize = 16;
+
+/// An answer later than so many transactions belongs to none of them.
+const LATE_BY: u64 = 4;
+
+/// Shares before anything was seen: answers sent twice, retries behind which the old answer comes, and late answers
+/// that say the same as the retry's own.
+const FIRST_DUPLICATES: f32 = 0.001;
+const FIRST_LATES: f32 = 0.3;
+const SAME_AGAIN: f32 = 0.3;
+
+/// Each byte of a late answer may have changed by the time of the next one.
+const SAME_BYTE: f32 = 0.97;
+
+/// Observations that a prior is worth.
+const PRIOR_WEIGHT: f32 = 4.0;
+
+/// A request, in short.
+#[derive(Clone, Debug)]
+pub(super) struct Request {
+    pub txn: u64,
+    pub unit: u8,
+    pub pdu: Vec<u8>,
+    pub end: Option<Ns>,
+}
+
+impl Request {
+    pub(super) fn of(exchange: &Exchange) -> Self {
+        let (txn, unit, end) = (exchange.txn, exchange.unit, exchange.request.end);
+        Self { txn, unit, end, pdu: exchange.request.pdu.clone() }
+    }
+
+    pub(super) fn is(&self, seen: &Seen<'_>) -> bool {
+        self.unit == seen.unit() && self.pdu == seen.pdu()
+    }
+
+    fn answered_by(&self, functions: &Functions, seen: &Seen<'_>) -> bool {
+        answers(functions, Asked { unit: self.unit, pdu: &self.pdu }, seen.unit(), seen.pdu()) == Match::Fully
+    }
+}
+
+/// How often something happened where it could.
+#[derive(Clone, Copy, Debug, Default)]
+struct Share {
+    times: f32,
+    of: f32,
+}
+
+impl Share {
+    fn rate(self, first: f32) -> f32 {
+        (self.times + PRIOR_WEIGHT * first) / (self.of + PRIOR_WEIGHT)
+    }
+}
+
+/// What is remembered.
+#[derive(Debug, Default)]
+pub(super) struct Past {
+    /// Requests without an answer.
+    unanswered: VecDeque<Request>,
+    /// Those that the next request may repeat.
+    failed: Vec<Request>,
+    /// The last request that was answered, its answer, and whether it was a retry.
+    last: Option<(u8, Vec<u8>, bool)>,
+    /// The last request, if it was a broadcast that was heard once.
+    pub broadcast: Option<Request>,
+    duplicates: Share,
+    lates: Share,
+}
+
+/// What an answer is that nobody waits for.
+pub(super) enum Again {
+    /// The answer before, once more.
+    Duplicate,
+    /// The answer to this request, too late.
+    Late(Request),
+    /// Neither.
+    No,
+}
+
+impl Past {
+    /// A request had no good answer; `silence`: none at all.
+    pub(super) fn unanswered(&mut self, exchange: &Exchange, silence: bool) {
+        let request = Request::of(exchange);
+        if silence {
+            if self.unanswered.len() == REMEMBERED {
+                self.unanswered.pop_front();
+            }
+            self.unanswered.push_back(request.clone());
+        }
+        self.failed.push(request);
+    }
+
+    /// The unanswered request that this one repeats. Only the next request is asked for.
+    pub(super) fn repeated(&mut self, seen: &Seen<'_>) -> Option<Request> {
+        let at = self.failed.iter().position(|request| request.is(seen));
+        let found = at.map(|at| self.failed.swap_remove(at));
+        self.failed.clear();
+        found
+    }
+
+    pub(super) fn answered(&mut self, exchange: &Exchange, seen: &Seen<'_>) {
+        let retry = exchange.retry_of.is_some();
+        self.duplicates.of += 1.0;
+        self.lates.of += f32::from(u8::from(retry));
+        match &mut self.last {
+            Some((unit, pdu, again)) => {
+                (*unit, *again) = (seen.unit(), retry);
+                pdu.clear();
+                pdu.extend_from_slice(seen.pdu());
+            }
+            None => self.last = Some((seen.unit(), seen.pdu().to_vec(), retry)),
+        }
+    }
+
+    /// What an answer is that nobody waits for. `idle`: no request came since the last answer.
+    pub(super) fn again(&mut self, functions: &Functions, seen: &Seen<'_>, txn: u64, idle: bool) -> Again {
+        let last = self.last.as_ref().filter(|(unit, pdu, _)| idle && *unit == seen.unit() && pdu == seen.pdu());
+        let fits = |old: &Request| old.txn + LATE_BY >= txn && old.answered_by(functions, seen);
+        let late = self.unanswered.iter().rposition(fits);
+        let same = SAME_AGAIN * SAME_BYTE.powi(seen.pdu().len() as i32);
+        let likely = |this: &Self| this.duplicates.rate(FIRST_DUPLICATES) > same * this.lates.rate(FIRST_LATES);
+        match (last, late) {
+            (Some((_, _, false)), _) | (Some(_), None) => {
+                self.duplicates.times += 1.0;
+                Again::Duplicate
+            }
+            (Some(_), Some(_)) if likely(self) => Again::Duplicate,
+            (last, Some(at)) => {
+                self.lates.times += f32::from(u8::from(last.is_none()));
+                self.unanswered.remove(at).map_or(Again::No, Again::Late)
+            }
+            (None, None) => Again::No,
+        }
+    }
+}

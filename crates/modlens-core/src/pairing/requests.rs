@@ -1,0 +1,216 @@
+//! Requests: new ones, repeated ones, heard ones, and those that come inside another one's exchange.
+
+use crate::direction::Direction;
+use crate::finding::Finding;
+use crate::framer::{Mode, Verdict};
+use crate::functions::{Functions, Layout, Operation};
+use crate::pairing::exchange::Inside;
+use crate::pairing::past::Request;
+use crate::pairing::{Exchange, Pairing, Placed, Seen, BROADCAST};
+use crate::records::Status;
+use crate::Ns;
+
+/// No master gives up so soon, as long as it has not shown otherwise (serial line specification, 2.4.1: one second is
+/// typical).
+const NO_TIMEOUT: Ns = 50_000_000;
+
+/// A master that is known does not give up before this share of its time-out: clocks are late by so much at most.
+const SOONEST: f64 = 0.4;
+
+/// The echo of an adapter that hears itself comes within this time: it is the adapter's own delay.
+const MOST_ECHO: Ns = 3_000_000;
+
+/// Without a clock, a line is one with echo if more than this share of requests is heard twice.
+const ECHO_SHARE: f32 = 0.7;
+
+/// How fast that share is learned.
+const COPY_RATE: f32 = 0.1;
+
+/// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
+const OPEN_LIMIT: usize = 1024;
+
+/// Whether this line's requests are heard twice.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Copies {
+    /// Share of requests heard twice.
+    share: f32,
+    /// Whether the request before was.
+    twice: bool,
+}
+
+impl Pairing {
+    pub(super) fn request(
+        &mut self,
+        functions: &Functions,
+        seen: &Seen<'_>,
+        next_txn: &mut u64,
+        done: &mut Vec<Box<Exchange>>,
+    ) -> Placed {
+        if let Some(txn) = self.local_echo(functions, seen) {
+            return Placed { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
+        }
+        self.settle_stray(Some(seen), done);
+        let inside = self.make_room(functions, seen, done);
+        let mut exchange = self.start(seen, next_txn);
+        exchange.request.fill(seen);
+        exchange.findings.extend_from_slice(seen.codes);
+        exchange.gap = seen.gap;
+        let txn = exchange.txn;
+        if let (Some(clear), Some(first)) = (inside, self.open.back_mut()) {
+            first.waited = first.waited.or(seen.start.zip(first.request.end).map(|(next, end)| next - end));
+            first.inside = Some(Inside { txn, clear, answered: false });
+        }
+        let mut placed = Placed { txn: Some(txn), ..Placed::default() };
+        if let Some(before) = self.past.repeated(seen) {
+            exchange.retry_of = Some(before.txn);
+            exchange.findings.push(Finding::Retry);
+            placed.finding = Some(Finding::Retry);
+            placed.other = Some(before.txn);
+        }
+        self.past.broadcast = None;
+        if exchange.unit == BROADCAST && seen.mode != Mode::Tcp {
+            exchange.status = Status::Broadcast;
+            self.past.broadcast = Some(Request::of(&exchange));
+            let row = functions.row(exchange.function, exchange.request.pdu.get(1..).unwrap_or(&[]));
+            if row.is_some_and(|row| row.operation == Operation::Read) {
+                exchange.findings.push(Finding::BroadcastRead);
+                placed.finding = Some(Finding::BroadcastRead);
+            }
+            done.push(exchange);
+        } else {
+            exchange.silent = silent(functions, &exchange);
+            self.open.push_back(exchange);
+        }
+        placed
+    }
+
+    /// Gives up what this request shows to be given up. A request that waits on is inside another one's exchange:
+    /// whether the clock says so.
+    fn make_room(&mut self, functions: &Functions, seen: &Seen<'_>, done: &mut Vec<Box<Exchange>>) -> Option<bool> {
+        if seen.mode == Mode::Tcp {
+            if self.open.len() >= OPEN_LIMIT {
+                self.give_up_oldest(functions, seen, done);
+            }
+            return None;
+        }
+        while self.open.len() > 1 {
+            self.give_up_oldest(functions, seen, done);
+        }
+        let inside = self.open.back().and_then(|open| self.meets(open, seen));
+        if inside.is_none() && !self.open.is_empty() {
+            self.give_up_oldest(functions, seen, done);
+        }
+        inside
+    }
+
+    /// Whether this request does not end the wait of the open one: it may come from another master. `Some(true)` if the
+    /// clock says so.
+    fn meets(&self, open: &Exchange, seen: &Seen<'_>) -> Option<bool> {
+        let waits = open.status != Status::BadRequest && !open.silent && !open.given_up && open.response.frame == 0;
+        if open.unit == seen.unit() || !waits || seen.unit() == BROADCAST {
+            return None;
+        }
+        match seen.start.zip(open.request.end) {
+            Some((start, end)) => self.too_soon(start - end).then_some(true),
+            None => open.inside.is_none().then_some(false),
+        }
+    }
+
+    /// Whether a master that waited so long for an answer cannot have given up.
+    pub(super) fn too_soon(&self, waited: Ns) -> bool {
+        let limit = self.tempo.master_waits().map_or(NO_TIMEOUT, |waits| (waits as f64 * SOONEST) as Ns);
+        waited < limit
+    }
+
+    /// Whether a request is the echo of the one before: the same again, much sooner than any master asks again.
+    fn local_echo(&mut self, functions: &Functions, seen: &Seen<'_>) -> Option<u64> {
+        if seen.mode == Mode::Tcp {
+            return None;
+        }
+        if seen.unit() == BROADCAST {
+            let before = self.past.broadcast.take().filter(|before| before.is(seen) && self.at_once(seen, before.end))?;
+            return Some(before.txn);
+        }
+        let same =
+            self.open.back().is_some_and(|open| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed);
+        if !echoes_whole(functions, seen.pdu()) {
+            // Of each request in turn: was it heard twice? On a line with time-outs some are, on one with echo all.
+            if same {
+                self.copies.twice = true;
+            } else {
+                self.copies.share += (f32::from(u8::from(self.copies.twice)) - self.copies.share) * COPY_RATE;
+                self.copies.twice = false;
+            }
+        }
+        let end = self.open.back()?.request.end;
+        let soon = self.at_once(seen, end);
+        let open = self.open.back_mut().filter(|_| same && soon)?;
+        open.echoed = true;
+        open.findings.push(Finding::LocalEcho);
+        // The answer's time counts from the last byte of the request, whoever sent it.
+        open.request.end = seen.end.or(open.request.end);
+        Some(open.txn)
+    }
+
+    /// Whether a frame follows at once; without a clock, whether that is the way of this line.
+    fn at_once(&self, seen: &Seen<'_>, end: Option<Ns>) -> bool {
+        match seen.start.zip(end) {
+            Some((start, end)) => start - end < MOST_ECHO,
+            None => self.copies.share > ECHO_SHARE,
+        }
+    }
+
+    /// A request with a wrong checksum: it ends the wait of others, and an answer to it shows that the unit could read it.
+    pub(super) fn bad_request(
+        &mut self,
+        functions: &Functions,
+        seen: &Seen<'_>,
+        next_txn: &mut u64,
+        done: &mut Vec<Box<Exchange>>,
+    ) -> Placed {
+        let request_like = seen.direction == Direction::Request && functions.name(seen.function()).is_some();
+        if seen.mode == Mode::Tcp || !request_like || seen.verdict != Verdict::BadChecksum {
+            return Placed::default();
+        }
+        self.settle_stray(None, done);
+        while !self.open.is_empty() {
+            self.give_up_oldest(functions, seen, done);
+        }
+        let mut exchange = self.start(seen, next_txn);
+        exchange.request.fill(seen);
+        exchange.gap = seen.gap;
+        exchange.status = Status::BadRequest;
+        exchange.findings.extend_from_slice(seen.codes);
+        let txn = exchange.txn;
+        self.open.push_back(exchange);
+        Placed { txn: Some(txn), ..Placed::default() }
+    }
+
+    /// Closes the oldest open request: another one came.
+    fn give_up_oldest(&mut self, functions: &Functions, next: &Seen<'_>, done: &mut Vec<Box<Exchange>>) {
+        let Some(mut exchange) = self.open.pop_front() else { return };
+        let waited = exchange.waited.or(next.start.zip(exchange.request.end).map(|(next, end)| next - end));
+        exchange.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
+        let again = exchange.unit == next.unit() && exchange.request.pdu == next.pdu();
+        let quiet = exchange.response.frame == 0 && !exchange.silent && exchange.status != Status::BadRequest;
+        // Functions whose answers look like requests must not teach the time-out that tells them apart.
+        if quiet && next.verdict.good() && !echoes_whole(functions, &exchange.request.pdu) {
+            self.masters.unanswered(again);
+            if let Some(waited) = exchange.waited.filter(|_| exchange.inside.is_none()) {
+                self.tempo.unanswered(waited, again);
+            }
+        }
+        // A master that asks the next one long before its time-out has had an answer: it is the tap that has not.
+        let had = waited.is_some_and(|waited| !again && self.too_soon(waited)) && self.present[exchange.unit as usize];
+        self.close(exchange, if had { Status::NotSeen } else { Status::NoResponse }, done);
+    }
+}
+
+fn silent(functions: &Functions, exchange: &Exchange) -> bool {
+    let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
+    functions.row(exchange.function, body).is_some_and(|row| row.response == Layout::Silent)
+}
+
+fn echoes_whole(functions: &Functions, pdu: &[u8]) -> bool {
+    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.request == row.response)
+}
