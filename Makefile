@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel bench speed accuracy captures vectors corpus clean
+.PHONY: demo test lint recipes wheel bench exportbench speed accuracy captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -38,6 +38,10 @@ bench: $(VENV)/.tested
 # Framer, pairing and rows through the Rust API, and their memory; minutes.
 speed:
 	cargo run --release --locked --package modlens-bench -- speed --noise-mb 1000 --bytes 16000000
+
+# What exports cost, beside tshark.
+exportbench: $(VENV)/.tested
+	$(BIN)/python -m bench.export_speed
 
 # The engine and its rivals against simulated buses, scenario by scenario; minutes.
 accuracy:

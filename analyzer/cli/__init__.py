@@ -26,8 +26,10 @@ COMMANDS = {
     "explain": "a function, an exception or a finding in words",
     "craft": "the bytes of a frame from keywords",
     "formats": "the formats that can be read, with a sample each",
+    "extcap": "serial lines in Wireshark's list of interfaces",
+    "wireshark-setup": "a Wireshark profile: columns and colours for Modbus",
 }
-"""Command -> what it does; its module is analyzer/cli/<command>.py."""
+"""Command -> what it does; its module is analyzer/cli/<command>.py, `_` where it has a `-`."""
 
 INTERRUPTED = 130
 
@@ -59,7 +61,7 @@ def _run(command: str, words: list[str]) -> int:
             return _unknown(command)
         from analyzer.cli.parser import Parser  # noqa: PLC0415
 
-        module = importlib.import_module(f"analyzer.cli.{command}")
+        module = importlib.import_module(f"analyzer.cli.{command.replace('-', '_')}")
         parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
         module.add_arguments(parser)
         status: int = module.run(parser.parse_intermixed_args(words))
@@ -94,7 +96,7 @@ def _run_help(words: list[str]) -> int:
     out.write("modlens: passive Modbus bus sniffer and protocol analyzer; it never sends\n\n")
     out.write("usage: modlens COMMAND ...       modlens COMMAND --help tells more\n\n")
     for name, summary in COMMANDS.items():
-        out.write(f"  {name:<9} {summary}\n")
+        out.write(f"  {name:<16} {summary}\n")
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")
     out.write("  modlens tap /dev/ttyUSB0 --line 19200-8E1    what happens on a line, live\n")
     out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")

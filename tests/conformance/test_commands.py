@@ -24,7 +24,7 @@ def test_a_command_has_help(name: str, modlens: Modlens) -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_is_a_module(name: str) -> None:
     """Of its name, with the two functions that every command has."""
-    module = importlib.import_module(f"analyzer.cli.{name}")
+    module = importlib.import_module(f"analyzer.cli.{name.replace('-', '_')}")
     assert callable(module.add_arguments)
     assert callable(module.run)
     assert str(module.__doc__).startswith(f"`modlens {name}`")
@@ -34,7 +34,7 @@ def test_no_command_is_forgotten() -> None:
     """Every module that is a command is in the registry."""
     folder = ROOT / "analyzer" / "cli"
     commands = {
-        path.stem
+        path.stem.replace("_", "-")
         for path in folder.glob("*.py")
         if re.search(r"^def add_arguments\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
