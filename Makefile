@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel bench bench-readings speed accuracy captures vectors corpus clean
+.PHONY: demo test lint recipes wheel bench bench-readings bench-exports speed accuracy captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -41,6 +41,10 @@ speed:
 
 bench-readings: $(VENV)/.tested
 	$(BIN)/python -m bench.readings_cost
+
+# What exports cost, beside tshark.
+bench-exports: $(VENV)/.tested
+	$(BIN)/python -m bench.export_speed
 
 # The engine and its rivals against simulated buses, scenario by scenario; minutes.
 accuracy:

@@ -85,6 +85,31 @@ class Survey:
         points: [{address, count, type, order, bits, sure, reason, rivals}], together: [[a, b]]}.
         """
 
+def recording_head(
+    session: str,
+    segment: int,
+    ports: Sequence[tuple[str, int, str, str | None, str | None]],
+) -> bytes:
+    """The beginning of a segment of a raw recording (see write/recording.rs of the core).
+
+    `ports`: name of the port, number of its bus, name of the bus, its line (A or B) on a two-line
+    tap, line settings as `19200-8E1`; all that is not known is None.
+    """
+
+def recording_read(
+    port: int,
+    time_ns: int,
+    data: bytes,
+    *,
+    errors: Sequence[int] | None = None,
+    hole: bool = False,
+) -> bytes:
+    """One read of the port of that place as a block of a raw recording.
+
+    `time_ns` is when the read returned; `errors` are the places of bytes that the receiver marked,
+    `hole` says that bytes were lost before these.
+    """
+
 @final
 class Functions:
     """The table of functions: the embedded rows and further ones."""
@@ -164,6 +189,18 @@ class Table:
         """RFC 4180 text; lists joined by single spaces; null is empty."""
     def jsonl(self, columns: Sequence[str]) -> bytes:
         """One JSON object a line; null omitted."""
+    def tuples(
+        self, columns: Sequence[str], start: int = 0, count: int = ...
+    ) -> list[tuple[int | float | str | None, ...]]:
+        """Rows as a database takes them: numbers, text, None; lists and maps as CSV spells them."""
+    def origins(self) -> list[tuple[str, int, int | None, int, int]]:
+        """Where frames stand: file, frame, transaction, line or packet of first and last byte."""
+    def influx(self) -> tuple[bytes, int]:
+        """InfluxDB line protocol of readings or transactions, and how many rows have no time."""
+    def zeek(self, log: str, *, json: bool, header: bool) -> bytes:
+        """Transactions as Zeek's log `modbus` or `modbus_detailed`, tab-separated or JSON lines."""
+    def partitions(self) -> list[tuple[str | None, str, Table]]:
+        """The rows by day (UTC, as `2026-11-21`; None without a clock) and bus."""
     def __arrow_c_schema__(self) -> object: ...
     def __arrow_c_array__(
         self, requested_schema: object | None = None
@@ -176,6 +213,25 @@ class ArrowStream:
 
     def __new__(cls, name: str, tables: Iterator[Table]) -> ArrowStream: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+@final
+class Capture:
+    """Frames as pcapng, or as classic pcap (`classic`), that Wireshark opens as it is.
+
+    `style` is udp, rtu or tcp. Without `live` a frame waits until its transaction is complete.
+    `context` frames are written before and behind those that a filter keeps.
+    """
+
+    def __new__(
+        cls, style: str = "udp", *, classic: bool = False, live: bool = False, context: int = 0
+    ) -> Capture: ...
+    def put(self, batch: Batch, kept: Table | None = None) -> bytes:
+        """The packets that are decided; `kept` are the transactions or frames of a filter."""
+    def end(self) -> bytes:
+        """The rest."""
+    @property
+    def written(self) -> int:
+        """Frames written so far."""
 
 @final
 class Batch:

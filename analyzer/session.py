@@ -26,7 +26,7 @@ from analyzer.profiles import Binding
 from analyzer.sources import FORMATS
 from analyzer.sources.files import Recording, check
 from analyzer.sources.live import arrivals
-from analyzer.sources.serial import Clock, Port
+from analyzer.sources.serial import Chunk, Clock, Port
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["MODES", "FileRun", "Intake", "LiveRun", "Run", "Settings", "Sink", "pump"]
@@ -227,14 +227,23 @@ class LiveRun:
 
     `A` and `B` are two buses, `A+B` is one bus of two lines.
 
-    The ports are open from the beginning; use it in `closing`. `PortError` if one cannot be opened
-    or is lost, `UsageError` without line settings.
+    The ports are open from the beginning; use it in `closing`. `heard` gets every read before
+    anything else is done with it: bus, line of a two-line tap, chunk. `PortError` if a port cannot
+    be opened or is lost, `UsageError` without line settings.
     """
 
-    def __init__(self, names: Sequence[str], settings: Settings) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        settings: Settings,
+        *,
+        heard: Callable[[str, str | None, Chunk], None] | None = None,
+    ) -> None:
         if settings.line is None:
             raise UsageError("line settings are needed to listen to a port, such as 19200-8E1")
         self._core = settings.core(live=True)
+        self._heard = heard
+        self._names: list[str] = []
         self._clock = Clock()
         self._ports: list[Port] = []
         self._places: list[tuple[int, str | None]] = []
@@ -247,6 +256,7 @@ class LiveRun:
                 for port, line in zip(pair, LINES, strict=False):
                     self._ports.append(opened.enter_context(Port(port, settings.line, self._clock)))
                     self._places.append((bus, line if len(pair) > 1 else None))
+                    self._names.append(name)
             self._opened = opened.pop_all()
 
     def batches(self) -> Iterator[_modlens.Batch]:
@@ -259,6 +269,8 @@ class LiveRun:
                 else:
                     number, chunk = arrival
                     bus, line = self._places[number]
+                    if self._heard is not None:
+                        self._heard(self._names[number], line, chunk)
                     core.feed(bus, chunk.data, chunk.time_ns, line=line)
                 yield core.take()
 

@@ -31,8 +31,10 @@ COMMANDS = {
     "map": "the register map as last seen: value, age, range, changes",
     "learn": "a skeleton of a profile from traffic",
     "match": "which known profile fits a unit",
+    "extcap": "serial lines in Wireshark's list of interfaces",
+    "wireshark-setup": "a Wireshark profile: columns and colours for Modbus",
 }
-"""Command -> what it does; its module is analyzer/cli/<command>.py (import_.py)."""
+"""Command -> what it does; `module_of` names its module."""
 
 INTERRUPTED = 130
 
@@ -80,10 +82,11 @@ def _run(command: str, words: list[str]) -> int:
 def module_of(command: str) -> str:
     """The module of a command; that of a word of Python's has a stroke behind it.
 
-    >>> module_of("tap"), module_of("import")
-    ('analyzer.cli.tap', 'analyzer.cli.import_')
+    >>> module_of("wireshark-setup"), module_of("import")
+    ('analyzer.cli.wireshark_setup', 'analyzer.cli.import_')
     """
-    return f"analyzer.cli.{command}{'_' if command == 'import' else ''}"
+    name = command.replace("-", "_")
+    return f"analyzer.cli.{name}{'_' if name == 'import' else ''}"
 
 
 def _flush(*, told: bool) -> None:
@@ -108,7 +111,7 @@ def _run_help(words: list[str]) -> int:
     out.write("modlens: passive Modbus bus sniffer and protocol analyzer; it never sends\n\n")
     out.write("usage: modlens COMMAND ...       modlens COMMAND --help tells more\n\n")
     for name, summary in COMMANDS.items():
-        out.write(f"  {name:<9} {summary}\n")
+        out.write(f"  {name:<16} {summary}\n")
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")
     out.write("  modlens tap /dev/ttyUSB0 --line 19200-8E1    what happens on a line, live\n")
     out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")

@@ -128,7 +128,7 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("output")
     group.add_argument("--address", choices=BASES, default="wire", help="in tables (wire)")
     group.add_argument("--times", choices=TIMES, default="local", help="in tables (local)")
-    group.add_argument("--to", metavar="FORMAT", help="what to standard output: table, csv, jsonl")
+    group.add_argument("--to", metavar="FORMAT", help="what to standard output: table, csv, jsonl…")
     group.add_argument(
         "-o",
         dest="outputs",
@@ -136,6 +136,18 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="OUT",
         help="a file, format by its suffix; frames:OUT.csv for another table; repeatable",
+    )
+    group.add_argument(
+        "--style",
+        metavar="WORD",
+        help="pcapng: udp, rtu, tcp, original; zeek, icsnpp: tsv, json",
+    )
+    group.add_argument(
+        "--context",
+        type=int,
+        default=0,
+        metavar="N",
+        help="captures: N more frames before and behind those that --where keeps",
     )
     group.add_argument(
         "--strict", action="store_true", help="exit status 1 if anything was damaged"

@@ -16,7 +16,8 @@ from analyzer.cli.notes import Notes
 from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import announce
 from analyzer.cli.stopping import Stopping
-from analyzer.exports.sink import ExportSink, Target, target
+from analyzer.exports import Wish
+from analyzer.exports.sink import ExportSink, Target, check_style, fitting, tables_of, target
 from analyzer.session import FileRun, Run, Settings, Sink, pump
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
@@ -35,7 +36,10 @@ TABLE = "table"
 
 def run_settings(options: argparse.Namespace) -> Settings:
     """The settings, with the tables that the outputs need."""
-    tables = {one.table for one in _targets(options)} | {options.table}
+    targets = _targets(options)
+    if options.to not in (None, TABLE):
+        targets.append(fitting(Target(options.table, options.to, None), named=False))
+    tables = tables_of(targets) | {options.table}
     return replace(settings(options), tables=tuple(sorted(tables)))
 
 
@@ -90,10 +94,22 @@ class Outputs:
                     raise UsageError("--columns is for exports; add --to csv or -o FILE")
                 self._sinks.append(TableSink(options.table, stdout(), look, where=options.where))
             elif to is not None:
-                targets.insert(0, Target(options.table, to, None))
+                targets.insert(0, fitting(Target(options.table, to, None), named=False))
+            check_style(options.style, targets)
+            if options.context < 0:
+                raise UsageError("--context: a number of frames, 0 or more")
+            wish = Wish(
+                "",
+                (),
+                style=options.style or "",
+                context=options.context,
+                address=options.address,
+                times=options.times,
+                buses=tuple(names),
+            )
             for one in targets:
                 sink = ExportSink(
-                    one, columns=options.columns, where=options.where, growing=growing
+                    one, columns=options.columns, where=options.where, growing=growing, wish=wish
                 )
                 opened.callback(sink.abandon)
                 self._sinks.append(sink)
@@ -113,10 +129,14 @@ class Outputs:
         for sink in self._sinks:
             try:
                 sink.close()
-            except SourceError as error:
+            except (SourceError, BrokenPipeError) as error:
                 self._failed(sink, error)
+                continue
             if isinstance(sink, ExportSink) or self._filtered:
                 self._notes.say(f"{sink.name}: {sink.rows:,} {sink.table}")
+            remark = sink.remark() if isinstance(sink, ExportSink) else ""
+            if remark:
+                self._notes.say(f"{sink.name}: {remark}")
 
     def __enter__(self) -> Outputs:
         return self

@@ -1,44 +1,125 @@
-"""Files that other programs read. One registry: suffix -> the module of its format.
+"""Files that other programs read. One registry: name -> the module of its format.
 
 A format is a file of its own with a class `Format`, which turns tables into bytes and knows nothing
 of files; where the bytes go is the business of output.py. To add a format: write its module, name
 it here.
 
->>> format_of("frames.csv")
-'csv'
+>>> format_of("frames.csv"), format_of("modbus_detailed.log")
+('csv', 'icsnpp')
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
-import _modlens
+from analyzer.columns import TABLES
+from analyzer.exports.output import Output, opened
 from dissectors.errors import UsageError
 from dissectors.words import near
 
-__all__ = ["FORMATS", "Format", "format_of", "load"]
+if TYPE_CHECKING:
+    import _modlens
+
+__all__ = ["FORMATS", "Batches", "Format", "Wish", "format_of", "load"]
 
 FORMATS = {
     "csv": "analyzer.exports.csv",
     "jsonl": "analyzer.exports.jsonl",
+    "sqlite": "analyzer.exports.sqlite",
+    "pcapng": "analyzer.exports.pcapng",
+    "pcap": "analyzer.exports.pcap",
+    "md": "analyzer.exports.md",
+    "txt": "analyzer.exports.txt",
+    "zeek": "analyzer.exports.zeek",
+    "icsnpp": "analyzer.exports.icsnpp",
+    "influx": "analyzer.exports.influx",
+    "simulator": "analyzer.exports.simulator",
 }
-"""Suffix without its dot -> module."""
+"""Name, and suffix without its dot -> module."""
+
+ENDINGS = {
+    "modbus_detailed.log": "icsnpp",
+    "modbus.log": "zeek",
+    ".simulator.json": "simulator",
+    ".lp": "influx",
+    ".db": "sqlite",
+}
+"""Other ends of file names that say a format."""
 
 
-class Format(Protocol):
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is asked of one export.
+
+    - `table`: of which table the rows are
+    - `columns`: the keys of its columns, in order
+    - `style`: a word of the format's `styles`, or "" for its usual one
+    - `live`: rows are written as they come, because the end may come at any moment
+    - `context`: captures only: further frames before and behind those that a filter keeps
+    - `address`, `times`, `buses`: tables for people only, see `analyzer.views.tables.Look`
+    """
+
+    table: str
+    columns: Sequence[str]
+    style: str = ""
+    live: bool = False
+    context: int = 0
+    address: str = "wire"
+    times: str = "utc"
+    buses: Sequence[str] = ()
+
+
+class Format:
     """Turns tables of one kind into the bytes of one file, in order."""
 
-    def __init__(self, columns: Sequence[str]) -> None:
-        """`columns` are the keys of the columns, in order."""
+    tables: ClassVar[Sequence[str]] = TABLES
+    """The tables whose rows it can hold."""
+
+    styles: ClassVar[Sequence[str]] = ()
+    """Words that `--style` may say, the usual one first."""
+
+    chosen: ClassVar[bool] = True
+    """Whether columns can be chosen."""
+
+    grows: ClassVar[bool] = True
+    """Whether what has been written so far can be read."""
+
+    def __init__(self, wish: Wish) -> None:
+        self.wish = wish
 
     def rows(self, table: _modlens.Table) -> bytes:
         """The bytes of some more rows.
 
         The first call, which may bring none, also gives what stands in front.
         """
+        raise NotImplementedError
+
+    def end(self) -> bytes:
+        """What stands behind the last row."""
+        return b""
+
+    def output(self, path: str | None, *, growing: bool) -> Output:
+        """Where the bytes go; None is standard output. `SourceError` if it cannot be written."""
+        return opened(path, growing=growing)
+
+    def remark(self) -> str:
+        """What a person should know of the file when it is complete; mostly nothing."""
+        return ""
+
+
+class Batches(Format):
+    """A format that is made of several tables at once; `wish.table` is the one that is filtered."""
+
+    needs: ClassVar[Sequence[str]] = TABLES
+    """The tables that it is made of."""
+
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> bytes:
+        """The bytes of some more rows; `kept` are those that a filter kept, None without one."""
+        raise NotImplementedError
 
 
 def load(name: str) -> type[Format]:
@@ -51,8 +132,14 @@ def load(name: str) -> type[Format]:
 
 
 def format_of(path: str) -> str:
-    """The format that a file's suffix says; `UsageError` if it says none."""
-    suffix = PurePath(path).suffix.lower().removeprefix(".")
+    """The format that a file's name says by its end; `UsageError` if it says none."""
+    name = PurePath(path).name.lower()
+    for ending, found in ENDINGS.items():
+        if name.endswith(ending) and name != ending.removeprefix("."):
+            return found
+        if name == ending and not ending.startswith("."):
+            return found
+    suffix = PurePath(name).suffix.removeprefix(".")
     if suffix not in FORMATS:
         known = ", ".join(f".{name}" for name in FORMATS)
         raise UsageError(f"-o {path}: the suffix says what to write; it is one of {known}")

@@ -1,27 +1,26 @@
 """CSV (RFC 4180): a line of column names, then a line a row.
 
-Lists joined by single spaces, null empty.
+Lists joined by single spaces, null empty. No cell from outside starts a spreadsheet's formula.
 
 The text is the core's, so that it costs nothing per row here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import _modlens
+from analyzer import exports
 
 __all__ = ["Format"]
 
 
-class Format:
+class Format(exports.Format):
     """CSV of some columns of one table."""
 
-    def __init__(self, columns: Sequence[str]) -> None:
-        self._columns = tuple(columns)
+    def __init__(self, wish: exports.Wish) -> None:
+        super().__init__(wish)
         self._begun = False
 
     def rows(self, table: _modlens.Table) -> bytes:
         """The rows, behind the line of names the first time."""
         header, self._begun = not self._begun, True
-        return table.csv(self._columns, header=header)
+        return table.csv(self.wish.columns, header=header)

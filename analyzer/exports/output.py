@@ -18,7 +18,7 @@ from typing import Protocol
 
 from dissectors.errors import SourceError
 
-__all__ = ["GrowingFile", "Output", "StandardOutput", "WholeFile"]
+__all__ = ["GrowingFile", "NewFile", "Output", "StandardOutput", "WholeFile", "opened"]
 
 
 class Output(Protocol):
@@ -119,6 +119,16 @@ class WholeFile(_File):
                 os.unlink(self._part)
 
 
+class NewFile(WholeFile):
+    """A whole file of a live tap: it appears at the end, and never in place of another."""
+
+    def __init__(self, path: str) -> None:
+        if not _is_special(path) and os.path.lexists(path):
+            error = FileExistsError(errno.EEXIST, "file exists")
+            raise _trouble(path, error) from error
+        super().__init__(path)
+
+
 class GrowingFile(_File):
     """A new file that grows in place, by whole rows; what is in it stays, whatever happens.
 
@@ -150,6 +160,13 @@ class StandardOutput:
 
     def abandon(self) -> None:
         """Nothing to do: what is out is out."""
+
+
+def opened(path: str | None, *, growing: bool) -> Output:
+    """The output of that path; None is standard output. `SourceError` if it cannot be written."""
+    if path is None:
+        return StandardOutput()
+    return GrowingFile(path) if growing else WholeFile(path)
 
 
 def _is_special(path: str) -> bool:

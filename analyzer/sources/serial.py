@@ -33,7 +33,7 @@ from analyzer.line import Line
 from analyzer.sources import SCHEMES
 from dissectors.errors import PortError, UsageError
 
-__all__ = ["Chunk", "Clock", "Port"]
+__all__ = ["Chunk", "Clock", "Port", "devices"]
 
 READ_SIZE = 4096
 
@@ -217,3 +217,10 @@ def _advice(error: Exception, line: Line | None) -> str:
     if "disconnected" in text:
         return _ADVICE[errno.EIO]
     return f"the port cannot be used: {text}"
+
+
+def devices() -> list[str]:
+    """The names of the serial ports that the system knows."""
+    from serial.tools.list_ports import comports  # noqa: PLC0415
+
+    return sorted(one.device for one in comports())

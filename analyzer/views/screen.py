@@ -81,12 +81,15 @@ class _Terminal(Console):
 class Screen:
     """One stream to print to.
 
-    Colour only on a terminal, and not under `NO_COLOR` (rich sees to both).
+    Colour only on a terminal, and not under `NO_COLOR` (rich sees to both). `width` is for what is
+    no terminal.
     """
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, *, width: int | None = None) -> None:
         self._stream = stream
-        self._console = _Terminal(file=stream, highlight=False, markup=False, emoji=False)
+        self._console = _Terminal(
+            file=stream, width=width, highlight=False, markup=False, emoji=False
+        )
         self._plain = not self._console.is_terminal or self._console.color_system is None
 
     @property

@@ -40,6 +40,10 @@ class TableSink:
         table: _modlens.Table = getattr(batch, self.table)
         if self._predicate is not None:
             table = table.where(self._predicate)
+        self.show(table)
+
+    def show(self, table: _modlens.Table) -> None:
+        """Print these rows."""
         if not len(table):
             return
         self.rows += len(table)

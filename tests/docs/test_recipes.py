@@ -90,11 +90,10 @@ def test_a_user_sees_them(words: list[str], expected: str, built: Path) -> None:
 
 def test_a_column_is_in_every_export(built: Path) -> None:
     """By its name, where a filter uses it, too."""
-    words = ["decode", "captures/seed_rtu/recording.hex", "--table", "frames", "--to", "md"]
+    words = ["decode", "captures/seed_rtu/recording.hex", "--table", "frames", "--to", "wiki"]
     words += ["--columns", "byte_offset,byte_length,byte_end", "--where", "byte_end == 8"]
     out = run([sys.executable, "-m", "analyzer", *words], built)
     assert out.splitlines() == [
-        "| byte_offset | byte_length | byte_end |",
-        "|---|---|---|",
+        "|| byte_offset || byte_length || byte_end ||",
         "| 0 | 8 | 8 |",
     ]

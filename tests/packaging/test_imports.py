@@ -19,7 +19,17 @@ BUDGET_S = 0.080
 RUNS = 11
 
 SCREEN, PORT, CAPTURE = "rich", "serial", "scapy"
-EXTRAS = ("hypothesis", "importlinter", "mypy", "polars", "pyarrow", "pymodbus", "pytest")
+EXTRAS = (
+    "duckdb",
+    "pandas",
+    "hypothesis",
+    "importlinter",
+    "mypy",
+    "polars",
+    "pyarrow",
+    "pymodbus",
+    "pytest",
+)
 
 LOADED = """
 import json, sys

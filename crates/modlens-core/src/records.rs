@@ -8,6 +8,7 @@ use crate::direction::Direction;
 use crate::finding::Finding;
 use crate::framer::{CutBy, Mode, Verdict};
 use crate::functions::Functions;
+use crate::line::Line;
 use crate::points::Bound;
 use crate::Ns;
 
@@ -62,6 +63,8 @@ pub struct Bus {
     pub place: Place,
     /// Its clock.
     pub clock: Clock,
+    /// Its line settings, where they are known.
+    pub line: Option<Line>,
 }
 
 /// One frame on the wire, or one run of noise.
@@ -109,6 +112,8 @@ pub struct Frame {
     pub findings: Span,
     /// Line or packet number in the file.
     pub origin: u64,
+    /// That of its last byte.
+    pub last_origin: u64,
 }
 
 /// How a transaction ended.

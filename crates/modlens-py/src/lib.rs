@@ -1,5 +1,6 @@
 //! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
 
+mod capture;
 mod functions;
 mod profile;
 mod session;
@@ -103,6 +104,9 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(profile::profile_schema, module)?)?;
     module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
+    module.add_function(wrap_pyfunction!(capture::recording_head, module)?)?;
+    module.add_function(wrap_pyfunction!(capture::recording_read, module)?)?;
+    module.add_class::<capture::Capture>()?;
     module.add_class::<functions::Functions>()?;
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;

@@ -101,7 +101,7 @@ impl Session {
             other => return Err(wrong(format!("clock {other:?} is none of utc, relative, none"))),
         };
         let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
-        let bus = Bus { name, source, place: Place::Offset, clock };
+        let bus = Bus { name, source, place: Place::Offset, clock, line: None };
         self.buses += 1;
         let line = line.map(crate::line).transpose()?;
         Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule }))

@@ -6,10 +6,12 @@ use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema};
 use arrow_array::{Array, RecordBatch, StructArray};
 use modlens_core::columns::{Cell, Kind, Table as Core, TableKind};
 use modlens_core::predicate::Predicate as CorePredicate;
+use modlens_core::records::Frame;
 use modlens_core::write;
 use pyo3::exceptions::{PyAttributeError, PyIndexError, PyRuntimeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList};
+use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList, PyTuple};
+use pyo3::IntoPyObjectExt;
 
 use crate::stream::{stream_capsule, Batches};
 use crate::wrong;
@@ -95,6 +97,51 @@ impl Table {
         Ok(PyBytes::new(py, &out))
     }
 
+    #[pyo3(signature = (columns, start=0, count=usize::MAX))]
+    fn tuples<'py>(
+        &self,
+        py: Python<'py>,
+        columns: Vec<String>,
+        start: usize,
+        count: usize,
+    ) -> PyResult<Vec<Bound<'py, PyTuple>>> {
+        let places = places(self.core.kind, &columns)?;
+        let end = self.core.len().min(start.saturating_add(count));
+        (start..end).map(|row| PyTuple::new(py, places.iter().map(|&column| self.plain(py, row, column)))).collect()
+    }
+
+    fn origins(&self) -> Vec<(String, u64, Option<u64>, u64, u64)> {
+        let frames = (0..self.core.len()).filter_map(|row| self.core.frame(row));
+        let source = |frame: &Frame| self.core.batch.buses[frame.bus as usize].source.clone();
+        frames.map(|frame| (source(frame), frame.number, frame.txn, frame.origin, frame.last_origin)).collect()
+    }
+
+    fn influx<'py>(&self, py: Python<'py>) -> (Bound<'py, PyBytes>, usize) {
+        let mut out = Vec::new();
+        let left_out = py.detach(|| write::influx::rows(&self.core, &mut out));
+        (PyBytes::new(py, &out), left_out)
+    }
+
+    #[pyo3(signature = (log, *, json, header))]
+    fn zeek<'py>(&self, py: Python<'py>, log: &str, json: bool, header: bool) -> PyResult<Bound<'py, PyBytes>> {
+        let log = match log {
+            "modbus" => write::zeek::Log::Modbus,
+            "modbus_detailed" => write::zeek::Log::Detailed,
+            other => return Err(wrong(format!("log {other:?} is neither modbus nor modbus_detailed"))),
+        };
+        let mut out = Vec::new();
+        if header && !json {
+            log.head(&mut out);
+        }
+        py.detach(|| log.rows(&self.core, json, &mut out));
+        Ok(PyBytes::new(py, &out))
+    }
+
+    fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
+        let parts = self.core.partitions();
+        parts.into_iter().map(|(date, bus, core)| (date, bus, Self { core })).collect()
+    }
+
     fn __arrow_c_schema__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyCapsule>> {
         schema_capsule(py, self.core.kind)
     }
@@ -123,6 +170,22 @@ impl Table {
 }
 
 impl Table {
+    /// A value as databases take it: lists and maps as text, as CSV spells them.
+    fn plain(&self, py: Python<'_>, row: usize, column: usize) -> Py<PyAny> {
+        let cell = self.core.cell(row, column);
+        let kind = self.core.kind.columns()[column].kind;
+        let number = match (&cell, kind) {
+            (Cell::Null, _) => return py.None(),
+            (Cell::Int(n), Kind::Float) => (*n as f64).into_py_any(py),
+            (Cell::Float(number), _) => number.into_py_any(py),
+            (Cell::Int(n), Kind::Int) => n.into_py_any(py),
+            (Cell::Us(ns), _) => (*ns as f64 / 1000.0).into_py_any(py),
+            (Cell::Bool(yes), _) => i64::from(*yes).into_py_any(py),
+            _ => write::cell_text(&cell).into_py_any(py),
+        };
+        number.unwrap_or_else(|_| py.None())
+    }
+
     fn arrow(&self, py: Python<'_>) -> RecordBatch {
         py.detach(|| write::arrow::batch(&self.core))
     }

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from analyzer import FilterError, UsageError, decode
-from analyzer.exports.sink import ExportSink, Target, target
+from analyzer.exports.sink import ExportSink, Target, check_style, target
 
 
 @pytest.mark.parametrize(
@@ -79,3 +79,13 @@ def test_a_wrong_filter_or_column_opens_no_file(tmp_path: Path, captures: Path) 
     with pytest.raises(UsageError, match="no column 'verdict'"):
         export(tmp_path / "out.csv", captures, columns="verdict", where=None)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_style_has_to_be_known() -> None:
+    """By one output at least."""
+    targets = [target("a.csv", "frames"), target("a.pcapng", "transactions")]
+    check_style("rtu", targets)
+    with pytest.raises(UsageError, match="--style rtu: no output here has styles"):
+        check_style("rtu", targets[:1])
+    with pytest.raises(UsageError, match="--style json: there are original, rtu, tcp, udp"):
+        check_style("json", targets)

@@ -10,12 +10,12 @@ mod content;
 mod readings;
 mod tables;
 
-pub use content::{read_data, read_range, row_of, write_data, write_range};
+pub use content::{exception_name, read_data, read_range, row_of, write_data, write_range};
 
 use crate::finding::Finding;
 use crate::functions::Functions;
 use crate::points::Value;
-use crate::records::{Batch, Place, Transaction};
+use crate::records::{Batch, Frame, Place, Transaction};
 use crate::Ns;
 pub use readings::{each_value, Part};
 use readings::{readings, Reading, READINGS};
@@ -26,6 +26,15 @@ pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
 
 /// Names of the tables, as options spell them.
 pub const TABLES: [&str; 4] = ["frames", "transactions", "readings", "findings"];
+
+/// The version of the columns, which travels in files that have a place for it.
+pub fn version() -> u64 {
+    static VERSION: OnceLock<u64> = OnceLock::new();
+    *VERSION.get_or_init(|| {
+        let file: Json = toml::from_str(COLUMNS).expect("the embedded columns are tested");
+        file["version"].as_u64().expect("a version")
+    })
+}
 
 /// A list of numbers that still stands on the wire.
 #[derive(Clone, Copy, Debug)]
@@ -230,6 +239,37 @@ impl Table {
         Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
     }
 
+    /// The rows by day (UTC, where the clock is) and bus, in the order in which these first come.
+    pub fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
+        let key = |name: &str| self.kind.column(name).expect("every table has it");
+        let (time, bus) = (key("time"), key("bus"));
+        let of = |table: &Self, row: usize| {
+            let day = match table.cell(row, time) {
+                Cell::Time(ns) => Some(ns.div_euclid(86_400_000_000_000)),
+                _ => None,
+            };
+            let bus = if let Cell::Text(name) = table.cell(row, bus) { name.to_owned() } else { String::new() };
+            (day, bus)
+        };
+        let mut keys: Vec<(Option<i64>, String)> = Vec::new();
+        for row in 0..self.len() {
+            let key = of(self, row);
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+        let date = |day: i64| {
+            let mut text = Vec::new();
+            crate::write::push_time(day * 86_400_000_000_000, &mut text);
+            String::from_utf8_lossy(&text[..10]).into_owned()
+        };
+        let part = |key: (Option<i64>, String)| {
+            let rows = self.filter(|table, row| of(table, row) == key);
+            (key.0.map(date), key.1, rows)
+        };
+        keys.into_iter().map(part).collect()
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         match &self.rows {
@@ -263,6 +303,19 @@ impl Table {
         }
     }
 
+    /// The number of a row's frame or transaction, where rows are frames or transactions.
+    pub fn number(&self, row: usize) -> Option<u64> {
+        match self.kind {
+            TableKind::Frames => self.frame(row).map(|row| row.number),
+            _ => self.transaction(row).map(|row| row.number),
+        }
+    }
+
+    /// The frame behind a row, where rows are frames.
+    pub fn frame(&self, row: usize) -> Option<&Frame> {
+        (self.kind == TableKind::Frames).then(|| &self.batch.frames[self.index(row)])
+    }
+
     /// The transaction behind a row, where rows are transactions.
     pub fn transaction(&self, row: usize) -> Option<&Transaction> {
         (self.kind == TableKind::Transactions).then(|| &self.batch.transactions[self.index(row)])
@@ -270,7 +323,7 @@ impl Table {
 }
 
 /// The table that decodes the rows of a batch.
-fn functions(batch: &Batch) -> &Functions {
+pub(crate) fn functions(batch: &Batch) -> &Functions {
     batch.functions.as_deref().unwrap_or_else(|| Functions::embedded())
 }
 

@@ -58,7 +58,7 @@ pub(super) struct BusState {
 impl BusOptions {
     /// A bus without clock or settings.
     pub fn named(name: &str) -> Self {
-        let bus = Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None };
+        let bus = Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None, line: None };
         Self { bus, mode: None, line: None, resolution: None, rule: None }
     }
 }

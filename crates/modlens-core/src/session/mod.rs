@@ -101,7 +101,8 @@ impl Session {
     }
 
     /// Adds a bus; they are numbered from 0.
-    pub fn add_bus(&mut self, options: BusOptions) -> usize {
+    pub fn add_bus(&mut self, mut options: BusOptions) -> usize {
+        options.bus.line = options.line;
         Arc::make_mut(&mut self.bus_rows).push(options.bus.clone());
         self.stats.add_bus(&options.bus.name);
         self.buses.push(BusState {
@@ -310,6 +311,7 @@ impl Session {
         let gap = input.pause_before(0).filter(|&gap| clocked && clean_start && gap >= 2 * resolution && gap > 0);
         let read_origin = input.read(0).map_or(0, |read| read.origin);
         let origin = if place == Place::Offset { input.offset() } else { read_origin };
+        let last_origin = if place == Place::Offset { origin } else { input.read(cut.length - 1).map_or(0, |read| read.origin) };
         let side = input.read(0).and_then(|read| read.side);
         let offset = input.offset();
         let wire = &input.bytes()[..cut.length];
@@ -411,6 +413,7 @@ impl Session {
                 mbap_id: cut.mbap_id,
                 findings,
                 origin,
+                last_origin,
             };
             self.batch.frames.push(frame);
         }

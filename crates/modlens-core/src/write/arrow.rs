@@ -13,7 +13,17 @@ use crate::write::push_plain;
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
-    Schema::new(kind.columns().iter().map(|column| Field::new(&column.key, data_type(column.kind), true)).collect::<Vec<_>>())
+    schema_of(kind, &all(kind))
+}
+
+/// The schema of some of its columns.
+pub fn schema_of(kind: TableKind, columns: &[usize]) -> Schema {
+    let columns = columns.iter().map(|&column| &kind.columns()[column]);
+    Schema::new(columns.map(|column| Field::new(&column.key, data_type(column.kind), true)).collect::<Vec<_>>())
+}
+
+fn all(kind: TableKind) -> Vec<usize> {
+    (0..kind.columns().len()).collect()
 }
 
 fn data_type(kind: Kind) -> DataType {
@@ -31,8 +41,13 @@ fn data_type(kind: Kind) -> DataType {
 
 /// The rows of a table as one record batch.
 pub fn batch(table: &Table) -> RecordBatch {
-    let columns = table.kind.columns().iter().enumerate().map(|(i, column)| array(table, i, column.kind)).collect();
-    RecordBatch::try_new(Arc::new(schema(table.kind)), columns).expect("columns are built by the schema")
+    batch_of(table, &all(table.kind))
+}
+
+/// Some columns of the rows as one record batch.
+pub fn batch_of(table: &Table, columns: &[usize]) -> RecordBatch {
+    let arrays = columns.iter().map(|&column| array(table, column, table.kind.columns()[column].kind)).collect();
+    RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }
 
 fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {

@@ -1,9 +1,13 @@
-//! Rows as text and Arrow, straight from the columns.
+//! Rows as text, Arrow and captures, straight from the columns.
 
 pub mod arrow;
+pub mod capture;
 pub mod csv;
+pub mod influx;
 pub mod jsonl;
+pub mod recording;
 mod time;
+pub mod zeek;
 
 use std::sync::OnceLock;
 

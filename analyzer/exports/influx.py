@@ -1,0 +1,32 @@
+"""InfluxDB line protocol in the names of Telegraf's Modbus plugin.
+
+The table `readings` becomes the measurement `modbus`, `transactions` becomes `modbus_transaction`.
+"""
+
+from __future__ import annotations
+
+import _modlens
+from analyzer import exports
+
+__all__ = ["Format"]
+
+
+class Format(exports.Format):
+    """Line protocol of one table."""
+
+    tables = ("transactions", "readings")
+    chosen = False
+
+    def __init__(self, wish: exports.Wish) -> None:
+        super().__init__(wish)
+        self._left_out = 0
+
+    def rows(self, table: _modlens.Table) -> bytes:
+        """The lines of the rows that have a time."""
+        data, left_out = table.influx()
+        self._left_out += left_out
+        return data
+
+    def remark(self) -> str:
+        """How many rows had no time."""
+        return f"{self._left_out:,} rows without date and time left out" if self._left_out else ""

@@ -1,0 +1,122 @@
+"""Evidence: packets cut out of a capture, byte for byte, as they were captured.
+
+The section header says of which file they are and what its SHA-256 is, so that everybody who has
+the whole capture can check the part. A pcapng keeps its blocks (interfaces, names, options of the
+packets); the packets of a classic pcap are put into pcapng blocks, their bytes unchanged.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Container, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import _modlens
+from dissectors.errors import SourceError
+
+__all__ = ["cut_out"]
+
+SECTION, INTERFACE = 0x0A0D0D0A, 1
+PACKETS = (2, 3, 6)
+"""Blocks that hold a packet: the obsolete one, the simple one, the enhanced one."""
+
+COMMENT, END = 1, 0
+BYTE_ORDER = b"\x1a\x2b\x3c\x4d"
+HEAD = 24
+"""Bytes of a section header before its options, and of a classic file's header."""
+
+CLASSIC = {
+    b"\xa1\xb2\xc3\xd4": (">", 6), b"\xd4\xc3\xb2\xa1": ("<", 6),
+    b"\xa1\xb2\x3c\x4d": (">", 9), b"\x4d\x3c\xb2\xa1": ("<", 9),
+}  # fmt: skip
+"""Magic number -> byte order, decimal digits of a second."""
+
+LONGEST = 1 << 26
+"""No block is longer; what says so is damaged."""
+
+
+def cut_out(name: str, wanted: Container[int]) -> Iterator[bytes]:
+    """The packets of these numbers (from 1) of a capture, as blocks of a pcapng section.
+
+    `SourceError` if the file cannot be read, or is no capture.
+    """
+    try:
+        with Path(name).open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            file.seek(0)
+            words = (
+                f"packets cut out of {name} by modlens {_modlens.__version__}, byte for byte;"
+                f" SHA-256 of the whole file: {digest}"
+            )
+            magic = file.read(4)
+            file.seek(0)
+            if magic in CLASSIC:
+                yield from _classic(file, wanted, words)
+            elif magic == SECTION.to_bytes(4):
+                yield from _blocks(file, wanted, words)
+            else:
+                raise SourceError(f"{name}: --style original cuts out of pcap and pcapng only")
+    except OSError as error:
+        raise SourceError(f"{name}: cannot be read: {error.strerror}") from error
+
+
+def _blocks(file: BinaryIO, wanted: Container[int], words: str) -> Iterator[bytes]:
+    """Of a pcapng: section headers with our words, wanted packets, all other blocks."""
+    order, number = "<", 0
+    while len(head := file.read(8)) == 8:  # noqa: PLR2004 - type and length
+        kind = int.from_bytes(head[:4], "little")
+        if kind == SECTION:
+            order = ">" if (magic := file.read(4)) == BYTE_ORDER else "<"
+            head += magic
+        kind, length = struct.unpack(order + "II", head[:8])
+        if not len(head) + 4 <= length <= LONGEST:
+            return
+        block = head + file.read(length - len(head))
+        if len(block) < length:
+            return
+        if kind == SECTION:
+            yield _with_comment(block, order, words)
+        elif kind in PACKETS:
+            number += 1
+            if number in wanted:
+                yield block
+        else:
+            yield block
+
+
+def _with_comment(block: bytes, order: str, words: str) -> bytes:
+    """A section header with one more comment; its length is no longer known."""
+    text = words.encode()
+    option = struct.pack(order + "HH", COMMENT, len(text)) + text + bytes(-len(text) % 4)
+    options = block[HEAD:-4] or bytes(4)
+    content = block[8:16] + b"\xff" * 8 + option + options
+    length = struct.pack(order + "I", len(content) + 12)
+    return block[:4] + length + content + length
+
+
+def _classic(file: BinaryIO, wanted: Container[int], words: str) -> Iterator[bytes]:
+    """Of a classic pcap: its packets in blocks of their own."""
+    head = file.read(HEAD)
+    order, digits = CLASSIC[head[:4]]
+    snap, link = struct.unpack(order + "II", head[16:24])
+    section = struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1)
+    yield _with_comment(_block(SECTION, section), "<", words)
+    resolution = struct.pack("<HHB3xI", 9, 1, digits, END)
+    yield _block(INTERFACE, struct.pack("<HHI", link & 0xFFFF, 0, snap) + resolution)
+    number = 0
+    while len(record := file.read(16)) == 16:  # noqa: PLR2004 - the header of a record
+        number += 1
+        seconds, rest, kept, length = struct.unpack(order + "IIII", record)
+        if kept > LONGEST or len(data := file.read(kept)) < kept:
+            return
+        if number in wanted:
+            moment = seconds * 10**digits + rest
+            packet = struct.pack("<IIIII", 0, moment >> 32, moment & 0xFFFFFFFF, kept, length)
+            yield _block(6, packet + data + bytes(-kept % 4))
+
+
+def _block(kind: int, content: bytes) -> bytes:
+    length = struct.pack("<I", len(content) + 12)
+    return struct.pack("<I", kind) + length + content + length

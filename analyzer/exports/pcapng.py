@@ -1,0 +1,108 @@
+"""pcapng that Wireshark opens without any configuration.
+
+Every frame of the recording is a packet, noise included; a filter keeps all frames of the
+transactions for which it holds. Names, line settings, times in nanoseconds, findings as comments,
+error flags; what Wireshark has no place for stands in a custom option of each packet.
+
+The styles: `udp` decodes every function, with direction and pairing (Wireshark calls the protocol
+Modbus/UDP); `rtu` calls it Modbus RTU, but guesses directions and leaves most functions undecoded;
+`tcp` dresses serial traffic as Modbus/TCP for programs that know no other; `original` cuts the
+packets out of the capture that was read, byte for byte.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from typing import ClassVar
+
+import _modlens
+from analyzer import exports
+from analyzer.exports.original import cut_out
+from analyzer.exports.output import Output
+from dissectors.errors import UsageError
+
+__all__ = ["Format"]
+
+ORIGINAL = "original"
+
+
+class Format(exports.Batches):
+    """A capture of frames."""
+
+    tables = ("transactions", "frames")
+    needs = ("frames", "transactions", "findings")
+    styles: ClassVar[Sequence[str]] = ("udp", "rtu", "tcp", ORIGINAL)
+    chosen = False
+    classic = False
+
+    def __init__(self, wish: exports.Wish) -> None:
+        super().__init__(wish)
+        self._original = _Original(wish) if wish.style == ORIGINAL else None
+        self._output: Output | None = None
+        style = self.styles[0] if self._original else wish.style or self.styles[0]
+        self._capture = _modlens.Capture(
+            style, classic=self.classic, live=wish.live, context=wish.context
+        )
+
+    def output(self, path: str | None, *, growing: bool) -> Output:
+        """The file, which gets the packets of the style `original` one by one."""
+        if self._original is not None and growing:
+            raise UsageError("--style original cuts out of captures; a tap makes none: --record")
+        self._output = super().output(path, growing=growing)
+        return self._output
+
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> bytes:
+        """The packets that are decided."""
+        if self._original is not None:
+            self._original.batch(batch, kept)
+            return b""
+        return self._capture.put(batch, kept)
+
+    def end(self) -> bytes:
+        """The rest."""
+        if self._original is None:
+            return self._capture.end()
+        if self._output is not None:
+            for name, packets in self._original.packets().items():
+                for block in cut_out(name, packets):
+                    self._output.append(block)
+        return b""
+
+
+class _Original:
+    """Where every frame stands, in arrays, because which are wanted is known at the end only."""
+
+    def __init__(self, wish: exports.Wish) -> None:
+        self._wish = wish
+        self._filtered = False
+        self._kept: set[int] = set()
+        self._files: list[str] = []
+        self._places = {key: array("q") for key in ("frame", "txn", "file", "first", "last")}
+
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
+        """Remember the frames, and what the filter keeps."""
+        for name, frame, txn, first, last in batch.frames.origins():
+            if not self._files or self._files[-1] != name:
+                self._files.append(name)
+            place = (frame, txn or 0, len(self._files) - 1, first, last)
+            for numbers, number in zip(self._places.values(), place, strict=True):
+                numbers.append(number)
+        if kept is not None:
+            self._filtered = True
+            key = "txn" if self._wish.table == "transactions" else "frame"
+            self._kept.update(int(number or 0) for (number,) in kept.tuples([key]))
+
+    def packets(self) -> dict[str, set[int]]:
+        """File -> numbers of the packets of its frames that are wanted."""
+        keys = self._places["txn" if self._wish.table == "transactions" else "frame"]
+        near = self._wish.context
+        found: dict[str, set[int]] = {name: set() for name in self._files}
+        for at, key in enumerate(keys):
+            if self._filtered and key not in self._kept:
+                continue
+            for other in range(max(at - near, 0), min(at + near + 1, len(keys))):
+                place = {name: numbers[other] for name, numbers in self._places.items()}
+                numbers = found[self._files[place["file"]]]
+                numbers.update((place["first"], place["last"]))
+        return found

@@ -1,0 +1,224 @@
+"""Raw recording: every read of a tap with its time, in pcapng, flushed block by block.
+
+The form is documented in the core (write/recording.rs). A file can be read up to its last whole
+block whatever ended it. With rotation, or where the file exists already, segments are named as
+dumpcap names them, `bus_00001_20261121101500.pcapng`: nothing is ever written over, and nothing is
+taken away but the oldest segments of the same name when `keep` says so.
+
+>>> rotation("10min"), rotation("64MB"), keeping("8"), keeping("2GB")
+(Rotation(seconds=600, bytes=None), Rotation(seconds=None, bytes=64000000), ...)
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import _modlens
+from analyzer.exports.output import GrowingFile
+from dissectors.errors import SourceError, UsageError
+
+__all__ = ["Keeping", "Recorded", "Recorder", "Rotation", "keeping", "rotation"]
+
+SIZES = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
+SPANS = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
+_AMOUNT = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """When a segment ends: after so many seconds, or bytes."""
+
+    seconds: int | None = None
+    bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """How many segments are kept, or how many bytes of them."""
+
+    segments: int | None = None
+    bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A port that is recorded: of which bus, which line of it (None: the only one), as what."""
+
+    bus: str
+    line: str | None
+    port: str
+    settings: str | None
+
+
+class Read(Protocol):
+    """What a port gave; `analyzer.sources.serial.Chunk` is one."""
+
+    @property
+    def data(self) -> bytes:
+        """The bytes."""
+
+    @property
+    def time_ns(self) -> int:
+        """When the read returned."""
+
+
+def rotation(text: str) -> Rotation:
+    """What `--rotate` says: a time such as 10min, 1h, 1d, or a size such as 64MB."""
+    value, unit = _amount("--rotate", text)
+    if unit in SPANS:
+        return Rotation(seconds=round(value * SPANS[unit]))
+    if unit in SIZES:
+        return Rotation(bytes=round(value * SIZES[unit]))
+    raise UsageError(f"--rotate {text}: write a time such as 10min or 1h, or a size such as 64MB")
+
+
+def keeping(text: str) -> Keeping:
+    """What `--keep` says: a number of segments, or a size such as 2GB."""
+    value, unit = _amount("--keep", text)
+    if unit in SIZES:
+        return Keeping(bytes=round(value * SIZES[unit]))
+    if not unit and value == int(value):
+        return Keeping(segments=int(value))
+    raise UsageError(f"--keep {text}: write a number of segments, or a size such as 2GB")
+
+
+def _amount(option: str, text: str) -> tuple[float, str]:
+    match = _AMOUNT.fullmatch(text.strip().lower())
+    if match is None or not float(match[1]):
+        raise UsageError(f"{option} {text}: write a number and a unit, as 10min, 64MB or 2GB")
+    return float(match[1]), match[2]
+
+
+class Recorder:
+    """Writes what ports give.
+
+    `told` hears in words of segments that begin. `SourceError` if the first one cannot be written;
+    later trouble is told once and ends the recording, not the tap.
+    """
+
+    def __init__(  # noqa: PLR0913 - what can be said of a recording
+        self,
+        path: str,
+        ports: Sequence[Recorded],
+        *,
+        rotate: Rotation | None = None,
+        keep: Keeping | None = None,
+        told: Callable[[str], None] = lambda _: None,
+        failed: Callable[[SourceError], None] | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        if keep is not None and rotate is None:
+            raise UsageError("--keep is for segments; add --rotate, as --rotate 1h")
+        self._path = path if path.endswith(".pcapng") else f"{path}.pcapng"
+        self._ports = ports
+        self._rotate, self._keep = rotate or Rotation(), keep or Keeping()
+        self._told, self._failed, self._clock = told, failed, clock
+        self._numbered = rotate is not None or os.path.lexists(self._path)
+        self._session = uuid.uuid4().hex[:16]
+        self._segment = 0
+        self._places = {(one.bus, one.line): at for at, one in enumerate(ports)}
+        self._file: GrowingFile | None = None
+        self._begin()
+
+    def heard(self, bus: str, line: str | None, read: Read) -> None:
+        """Write a read of a port."""
+        if self._file is None:
+            return
+        errors = list(getattr(read, "errors", ())) or None
+        block = _modlens.recording_read(
+            self._places[bus, line],
+            read.time_ns,
+            read.data,
+            errors=errors,
+            hole=getattr(read, "hole", False),
+        )
+        try:
+            if self._due(len(block)):
+                self._begin()
+            self._file.append(block)
+            self._size += len(block)
+        except SourceError as error:
+            self._file = None
+            if self._failed is None:
+                raise
+            self._failed(error)
+
+    def close(self) -> None:
+        """End the file; it was complete all the time."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _due(self, size: int) -> bool:
+        """Whether the next block begins a segment; each has one read at least."""
+        if self._rotate.bytes is not None:
+            return self._reads_there() and self._size + size > self._rotate.bytes
+        if self._rotate.seconds is not None:
+            return self._clock() - self._since >= self._rotate.seconds
+        return False
+
+    def _reads_there(self) -> bool:
+        return self._size > self._head
+
+    def _begin(self) -> None:
+        if self._file is not None:
+            self._file.close()
+        self._segment += 1
+        self._since = self._clock()
+        self.name = self._next_name() if self._numbered else self._path
+        self._file = GrowingFile(self.name)
+        buses = list(dict.fromkeys(one.bus for one in self._ports))
+        ports = [
+            (one.port, buses.index(one.bus), one.bus, one.line, one.settings) for one in self._ports
+        ]
+        head = _modlens.recording_head(self._session, self._segment, ports)
+        self._file.append(head)
+        self._head = self._size = len(head)
+        self._told(f"recording to {self.name}")
+        self._tidy()
+
+    def _next_name(self) -> str:
+        """The name behind those that are there, as dumpcap makes it: number and time (UTC)."""
+        base = self._path.removesuffix(".pcapng")
+        last = max((number for number, _ in self._segments()), default=0)
+        moment = time.strftime("%Y%m%d%H%M%S", time.gmtime(self._since))
+        return f"{base}_{last + 1:05}_{moment}.pcapng"
+
+    def _segments(self) -> list[tuple[int, str]]:
+        """Number and path of every segment of this name, the oldest first."""
+        folder, base = os.path.split(self._path.removesuffix(".pcapng"))
+        pattern = re.compile(re.escape(base) + r"_(\d{5,})_\d{14}\.pcapng")
+        try:
+            names = os.listdir(folder or ".")
+        except OSError:
+            return []
+        matches = ((pattern.fullmatch(name), name) for name in names)
+        return sorted(
+            (int(match[1]), os.path.join(folder, name)) for match, name in matches if match
+        )
+
+    def _tidy(self) -> None:
+        """Take the oldest segments away that are not to be kept; never the one being written."""
+        segments = [path for _, path in self._segments() if path != self.name]
+        if self._keep.segments is not None:
+            surplus = len(segments) + 1 - self._keep.segments
+        elif self._keep.bytes is not None:
+            surplus, room = len(segments), self._keep.bytes - (self._rotate.bytes or 0)
+            for path in reversed(segments):
+                with contextlib.suppress(OSError):
+                    room -= os.path.getsize(path)
+                if room < 0:
+                    break
+                surplus -= 1
+        else:
+            return
+        for path in segments[: max(surplus, 0)]:
+            with contextlib.suppress(OSError):
+                os.unlink(path)

@@ -1,0 +1,380 @@
+//! Frames as a capture that Wireshark opens without any configuration: pcapng, or classic pcap.
+//!
+//! What each frame becomes is told in `payload`, which ports and identifiers it gets in `ports`, what is said of it in
+//! `words`. Frames stay in their order. In a file a frame waits until its transaction is complete, so that what was found
+//! on the pair becomes a comment, and so that a filter on transactions can keep all their frames.
+
+pub mod blocks;
+mod payload;
+mod ports;
+mod tcp;
+mod words;
+
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::Arc;
+
+use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
+use payload::Route;
+use ports::Ports;
+use tcp::{Connections, Segment};
+use words::Note;
+
+use crate::columns::{Table, TableKind};
+use crate::direction::Direction;
+use crate::finding::Finding;
+use crate::framer::{Mode, Verdict};
+use crate::records::{Batch, Frame};
+
+pub use words::settings;
+
+/// How frames are dressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Style {
+    /// For the dissector `mbudp`: all functions, direction, pairing, checksum bytes.
+    #[default]
+    Udp,
+    /// For the dissector `mbrtu`, which guesses directions.
+    Rtu,
+    /// Ethernet, IP and TCP around each PDU: for programs that know no other.
+    Tcp,
+}
+
+impl Style {
+    /// All of them with their words, the default first.
+    pub const ALL: [(&'static str, Self); 3] = [("udp", Self::Udp), ("rtu", Self::Rtu), ("tcp", Self::Tcp)];
+
+    /// What readers are told of it.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Udp => ("RTU and ASCII frames are shown as Modbus/UDP with their checksum behind", ""),
+            Self::Rtu => ("shown by the dissector mbrtu", ""),
+            Self::Tcp => (
+                "SYNTHETIC Ethernet, IP and TCP around serial frames",
+                "SYNTHETIC: this is serial traffic dressed as Modbus/TCP. Addresses, ports, handshakes and sequence numbers are \
+                 invented; checksums of the line, damaged frames and noise are left out.",
+            ),
+        }
+    }
+}
+
+/// What a capture shall be.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// How frames are dressed.
+    pub style: Style,
+    /// Classic pcap: no names, comments or flags.
+    pub classic: bool,
+    /// Frames are written at once, not when their transaction is complete.
+    pub live: bool,
+    /// Frames before and behind each frame that a filter keeps.
+    pub context: usize,
+    /// The program that wrote it.
+    pub application: String,
+}
+
+/// Writes a capture, batch by batch.
+#[derive(Debug)]
+pub struct Capture {
+    options: Options,
+    begun: bool,
+    filtered: Option<TableKind>,
+    waiting: VecDeque<(Arc<Batch>, usize)>,
+    /// Findings of frames that are still to be written.
+    notes: HashMap<u64, Vec<Note>>,
+    /// Numbers of transactions or frames that the filter kept.
+    kept: HashSet<u64>,
+    /// Complete transactions: all up to this one, and further ones of a live tap.
+    done_to: u64,
+    done: HashSet<u64>,
+    /// Frames that the filter left out, for the context of the next one.
+    before: VecDeque<(Arc<Batch>, usize)>,
+    behind: usize,
+    interfaces: Vec<(u32, u8)>,
+    ports: Ports,
+    connections: Connections,
+    newest: u64,
+    /// Frames written, and left out because the style has no place for them.
+    pub written: u64,
+    left_out: u64,
+}
+
+/// Numbers that are remembered before those that no frame can need any more are let go of.
+const REMEMBERED: usize = 100_000;
+
+impl Capture {
+    /// A capture of these wishes.
+    pub fn new(options: Options) -> Self {
+        Self {
+            options,
+            begun: false,
+            filtered: None,
+            waiting: VecDeque::new(),
+            notes: HashMap::new(),
+            kept: HashSet::new(),
+            done_to: 0,
+            done: HashSet::new(),
+            before: VecDeque::new(),
+            behind: 0,
+            interfaces: Vec::new(),
+            ports: Ports::default(),
+            connections: Connections::default(),
+            newest: 0,
+            written: 0,
+            left_out: 0,
+        }
+    }
+
+    /// Appends what can be written now. `kept` are the rows of the batch that a filter kept: transactions or frames.
+    pub fn put(&mut self, batch: &Arc<Batch>, kept: Option<&Table>, out: &mut Vec<u8>) {
+        self.head(out);
+        if let Some(kept) = kept {
+            self.filtered = Some(kept.kind);
+            self.kept.extend((0..kept.len()).filter_map(|row| kept.number(row)));
+        }
+        for row in &batch.findings {
+            if let Some(frame) = row.frame {
+                self.notes.entry(frame).or_default().push((row.finding, row.detail.clone()));
+            }
+        }
+        for row in &batch.transactions {
+            if self.options.live && self.filtered.is_some() {
+                self.done.insert(row.number);
+            } else {
+                self.done_to = self.done_to.max(row.number);
+            }
+        }
+        if !batch.frames.is_empty() {
+            self.waiting.push_back((Arc::clone(batch), 0));
+        }
+        self.drain(false, out);
+    }
+
+    /// Appends the rest.
+    pub fn end(&mut self, out: &mut Vec<u8>) {
+        self.head(out);
+        self.drain(true, out);
+        if self.left_out > 0 && !self.options.classic {
+            let words = format!("{} frames are not in this file: damaged ones, noise, or of unknown direction", self.left_out);
+            blocks::statistics(0, self.newest, &words, out);
+        }
+    }
+
+    fn head(&mut self, out: &mut Vec<u8>) {
+        if std::mem::replace(&mut self.begun, true) {
+            return;
+        }
+        if self.options.classic {
+            blocks::classic_head(self.link(), out);
+        } else {
+            blocks::section(&self.options.application, self.options.style.words().1, out);
+        }
+    }
+
+    fn link(&self) -> u16 {
+        if self.options.style == Style::Tcp {
+            LINK_ETHERNET
+        } else {
+            LINK_UPPER_PDU
+        }
+    }
+
+    fn drain(&mut self, all: bool, out: &mut Vec<u8>) {
+        while let Some((batch, first)) = self.waiting.pop_front() {
+            for at in first..batch.frames.len() {
+                let frame = &batch.frames[at];
+                let Some(keep) = self.wanted(frame, all) else {
+                    self.waiting.push_front((batch, at));
+                    self.forget();
+                    return;
+                };
+                self.frame(&batch, at, keep, out);
+            }
+        }
+        self.forget();
+    }
+
+    /// Whether a frame is to be written; `None` while its transaction is not complete.
+    fn wanted(&self, frame: &Frame, all: bool) -> Option<bool> {
+        let complete = all || frame.txn.is_none_or(|txn| txn <= self.done_to || self.done.contains(&txn));
+        match self.filtered {
+            None if self.options.live || complete => Some(true),
+            Some(TableKind::Frames) => Some(self.kept.contains(&frame.number)),
+            Some(_) if complete => Some(frame.txn.is_some_and(|txn| self.kept.contains(&txn))),
+            _ => None,
+        }
+    }
+
+    /// Lets go of numbers that belong to frames already written.
+    fn forget(&mut self) {
+        if self.waiting.is_empty() {
+            self.notes.clear();
+        }
+        if self.kept.len() + self.done.len() < REMEMBERED {
+            return;
+        }
+        let waiting = self.waiting.iter().flat_map(|(batch, first)| &batch.frames[*first..]);
+        let oldest = match self.filtered {
+            Some(TableKind::Frames) => waiting.map(|frame| frame.number).min(),
+            _ => waiting.filter_map(|frame| frame.txn).min(),
+        };
+        let oldest = oldest.unwrap_or(u64::MAX);
+        self.kept.retain(|&number| number >= oldest);
+        self.done.retain(|&number| number >= oldest);
+    }
+
+    /// Writes a frame, or keeps it as the context of the next one.
+    fn frame(&mut self, batch: &Arc<Batch>, at: usize, keep: bool, out: &mut Vec<u8>) {
+        if keep {
+            for (batch, at) in std::mem::take(&mut self.before) {
+                self.write(&batch, at, out);
+            }
+            self.behind = self.options.context;
+            self.write(batch, at, out);
+        } else if self.behind > 0 {
+            self.behind -= 1;
+            self.write(batch, at, out);
+        } else if self.options.context > 0 {
+            self.before.push_back((Arc::clone(batch), at));
+            if self.before.len() > self.options.context {
+                self.before.pop_front();
+            }
+        }
+    }
+
+    fn write(&mut self, batch: &Batch, at: usize, out: &mut Vec<u8>) {
+        let frame = &batch.frames[at];
+        let notes = if self.notes.is_empty() { Vec::new() } else { self.notes.remove(&frame.number).unwrap_or_default() };
+        let time = frame.start.map_or(self.newest, |ns| ns.max(0) as u64);
+        self.newest = self.newest.max(time);
+        let echo = frame.findings.of(&batch.codes).contains(&Finding::LocalEcho);
+        let txn = frame.txn.unwrap_or(frame.number);
+        let route = self.ports.route(frame.bus as usize, txn, frame.direction, echo || frame.txn.is_none());
+        if self.options.style == Style::Tcp {
+            self.synthetic(batch, frame, route, time, out);
+            return;
+        }
+        self.written += 1;
+        if self.options.classic {
+            let start = blocks::begin_classic(time, out);
+            bytes(self.options.style, batch, frame, route, &notes, out);
+            blocks::end_classic(start, out);
+            return;
+        }
+        let interface = self.interface(batch, frame, out);
+        let start = blocks::begin_packet(interface, time, out);
+        bytes(self.options.style, batch, frame, route, &notes, out);
+        blocks::end_bytes(start, out);
+        remarks(batch, frame, &notes, out);
+        blocks::end_block(start, out);
+    }
+
+    /// The packets of the style `tcp`; frames that TCP could not carry are counted only.
+    fn synthetic(&mut self, batch: &Batch, frame: &Frame, route: Route, time: u64, out: &mut Vec<u8>) {
+        if !frame.verdict.good() || frame.direction == Direction::Unknown {
+            self.left_out += 1;
+            return;
+        }
+        let mut scratch = Vec::new();
+        let (adu, _) = halves(frame, frame.wire.of(&batch.arena), &mut scratch);
+        let segment = Segment { bus: frame.bus as u8, unit: adu.first().copied().unwrap_or(0), route, adu };
+        let mut connections = std::mem::take(&mut self.connections);
+        let interface = if self.options.classic { 0 } else { self.interface(batch, frame, out) };
+        let classic = self.options.classic;
+        connections.packets(segment, |packet| {
+            if classic {
+                let start = blocks::begin_classic(time, out);
+                out.extend_from_slice(packet);
+                blocks::end_classic(start, out);
+            } else {
+                let start = blocks::begin_packet(interface, time, out);
+                out.extend_from_slice(packet);
+                blocks::end_bytes(start, out);
+                blocks::end_block(start, out);
+            }
+        });
+        self.connections = connections;
+        self.written += 1;
+    }
+
+    /// The number of the interface of a frame's bus and line; its block is written when it is first needed.
+    fn interface(&mut self, batch: &Batch, frame: &Frame, out: &mut Vec<u8>) -> u32 {
+        let key = (frame.bus, frame.line);
+        if let Some(at) = self.interfaces.iter().position(|known| *known == key) {
+            return at as u32;
+        }
+        let bus = &batch.buses[frame.bus as usize];
+        let (name, description, custom) = words::interface(bus, frame.line, self.options.style.words().0);
+        let what = Interface {
+            link: self.link(),
+            name: &name,
+            description: &description,
+            speed: bus.line.map(|line| u64::from(line.baud)),
+            digits: 9,
+            custom: &custom,
+        };
+        blocks::interface(&what, out);
+        self.interfaces.push(key);
+        (self.interfaces.len() - 1) as u32
+    }
+}
+
+/// Comments, flags and our own option of a packet.
+fn remarks(batch: &Batch, frame: &Frame, notes: &[Note], out: &mut Vec<u8>) {
+    if frame.mode == Mode::Ascii && frame.verdict.good() {
+        let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
+        blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
+    }
+    if frame.verdict == Verdict::NoChecksum {
+        blocks::comment("the recording has no checksums", out);
+    }
+    if let Some(text) = words::exception(frame) {
+        blocks::comment(&text, out);
+    }
+    for note in notes.iter().filter(|(finding, _)| *finding != Finding::Exception) {
+        blocks::comment(&words::comment(note), out);
+    }
+    blocks::flags(words::flags(batch, frame), out);
+    blocks::custom(out, |out| words::custom(frame, out));
+    blocks::end_options(out);
+}
+
+/// The bytes of a packet of link type 252.
+fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, notes: &[Note], out: &mut Vec<u8>) {
+    let wire = frame.wire.of(&batch.arena);
+    if !frame.verdict.good() {
+        let (protocol, info) = words::columns(batch, frame, notes);
+        payload::data(&protocol, &info, wire, out);
+        return;
+    }
+    let mut scratch = Vec::new();
+    let (adu, behind) = halves(frame, wire, &mut scratch);
+    match (style, frame.mode) {
+        // ASCII and TCP have no CRC; one is made, or `mbrtu` would not take them.
+        (Style::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { behind } else { &[] }, out),
+        (_, Mode::Tcp) => payload::tcp(route, wire, out),
+        _ => payload::udp(route, adu, behind, out),
+    }
+}
+
+/// Unit and PDU in binary, and what stands behind them: the CRC, the whole text of an ASCII frame, or nothing.
+fn halves<'a>(frame: &Frame, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [u8], &'a [u8]) {
+    match frame.mode {
+        Mode::Rtu if frame.verdict == Verdict::NoChecksum => (wire, &[]),
+        Mode::Rtu => wire.split_at(wire.len().saturating_sub(2)),
+        Mode::Tcp => (wire.get(6..).unwrap_or(&[]), &[]),
+        Mode::Ascii => {
+            let digits = wire.iter().filter_map(|&byte| (byte as char).to_digit(16)).map(|digit| digit as u8);
+            let mut high = None;
+            for digit in digits {
+                match high.take() {
+                    Some(first) => scratch.push(first << 4 | digit),
+                    None => high = Some(digit),
+                }
+            }
+            if frame.verdict != Verdict::NoChecksum {
+                scratch.pop(); // the LRC
+            }
+            (scratch, wire)
+        }
+    }
+}

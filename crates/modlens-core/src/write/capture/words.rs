@@ -1,0 +1,148 @@
+//! What is said of a frame in words: comments, flags, the columns of bytes that are no frame, and our custom option.
+
+use std::fmt::Write as _;
+
+use crate::columns::exception_name;
+use crate::direction::Direction;
+use crate::finding::{Finding, Severity};
+use crate::framer::{Mode, Verdict};
+use crate::functions::EXCEPTION_BIT;
+use crate::line::Line;
+use crate::records::{Batch, Bus, Clock, Frame};
+use crate::write::{push_int, push_us};
+
+/// Bits of the flags option (draft-ietf-opsawg-pcapng, 4.3).
+const BROADCAST: u32 = 3 << 2;
+const CHECKSUM_ERROR: u32 = 1 << 24;
+const TOO_SHORT: u32 = 1 << 26;
+const WRONG_GAP: u32 = 1 << 27;
+const SYMBOL_ERROR: u32 = 1 << 31;
+
+/// A finding with what was seen.
+pub type Note = (Finding, String);
+
+/// A finding as a comment: how bad, which, in words, what was seen.
+pub fn comment((finding, detail): &Note) -> String {
+    let doc = finding.doc();
+    let between = if detail.is_empty() { "" } else { ": " };
+    format!("{} {}: {}{between}{detail}", doc.severity.text(), doc.code, doc.title)
+}
+
+/// The error flags of a frame.
+pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
+    let mut flags = 0;
+    if frame.verdict.good() && frame.unit == Some(0) && frame.mode != Mode::Tcp && frame.direction == Direction::Request {
+        flags |= BROADCAST;
+    }
+    flags |= match frame.verdict {
+        Verdict::BadChecksum => CHECKSUM_ERROR,
+        Verdict::Incomplete => TOO_SHORT,
+        _ => 0,
+    };
+    for code in frame.findings.of(&batch.codes) {
+        flags |= match code {
+            Finding::ShortSilence | Finding::GapInside => WRONG_GAP,
+            Finding::LineError => SYMBOL_ERROR,
+            _ => 0,
+        };
+    }
+    flags
+}
+
+/// Texts of the columns Protocol and Info for bytes that are no good frame.
+pub fn columns(batch: &Batch, frame: &Frame, notes: &[Note]) -> (String, String) {
+    let mode = frame.mode.text().to_uppercase();
+    let checksum = if frame.mode == Mode::Ascii { "LRC" } else { "CRC" };
+    let (kind, mut info) = match frame.verdict {
+        Verdict::BadChecksum => (format!("{mode} bad {checksum}"), format!("{} bytes, checksum wrong", frame.wire.length)),
+        Verdict::Incomplete => (format!("{mode} incomplete"), format!("{} bytes, the frame ends too early", frame.wire.length)),
+        _ => (format!("{mode} noise"), format!("{} bytes, no valid frame", frame.wire.length)),
+    };
+    if let (Some(unit), Some(code)) = (frame.unit, frame.code) {
+        let name = crate::columns::functions(batch).name(code & !EXCEPTION_BIT).unwrap_or("unknown");
+        let _ = write!(info, ", unit {unit}, function {} {name}?", code & !EXCEPTION_BIT);
+    }
+    let told = |finding: &Finding| !matches!(finding, Finding::BadChecksum | Finding::Incomplete | Finding::BitFlip);
+    for (finding, detail) in notes.iter().filter(|(finding, _)| told(finding) && finding.doc().severity != Severity::Info) {
+        let _ = write!(info, ", {}: {detail}", finding.doc().title);
+    }
+    (kind, info)
+}
+
+/// A sentence for exception responses, which Wireshark names by number only.
+pub fn exception(frame: &Frame) -> Option<String> {
+    let code = frame.exception?;
+    Some(format!("exception {code}: {}", exception_name(code).unwrap_or("not in the specification")))
+}
+
+/// What Wireshark has no place for, as `key=value` separated by spaces; columns at their usual value are left out.
+pub fn custom(frame: &Frame, out: &mut Vec<u8>) {
+    out.extend_from_slice(b"frame=");
+    push_int(frame.number as i64, out);
+    if let Some(txn) = frame.txn {
+        out.extend_from_slice(b" txn=");
+        push_int(txn as i64, out);
+    }
+    out.extend_from_slice(b" offset=");
+    push_int(frame.offset as i64, out);
+    word(" mode=", frame.mode.text(), out);
+    word(" verdict=", frame.verdict.text(), out);
+    word(" direction=", frame.direction.text(), out);
+    word(" cut_by=", frame.cut_by.text(), out);
+    out.extend_from_slice(b" confidence=");
+    push_int(i64::from(frame.confidence), out);
+    if frame.tentative {
+        out.extend_from_slice(b" tentative");
+    }
+    if let Some(gap) = frame.gap {
+        out.extend_from_slice(b" gap_us=");
+        push_us(gap, out);
+    }
+    if frame.start.is_none() {
+        out.extend_from_slice(b" no_time");
+    }
+}
+
+fn word(key: &str, value: &str, out: &mut Vec<u8>) {
+    out.extend_from_slice(key.as_bytes());
+    out.extend_from_slice(value.as_bytes());
+}
+
+/// Name, description and our own words for the interface of a bus, or of one line of it.
+pub fn interface(bus: &Bus, line: u8, how: &str) -> (String, String, String) {
+    let letter = match line {
+        0 => "",
+        1 => "A",
+        _ => "B",
+    };
+    let name = if line == 0 { bus.name.clone() } else { format!("{} [{letter}]", bus.name) };
+    let settings = bus.line.map(|line| settings(&line));
+    let described = settings.as_ref().map_or(String::new(), |settings| format!(", {settings}"));
+    let description = format!("Modbus{described}; {how}");
+    let clock = match bus.clock {
+        Clock::Utc => "utc",
+        Clock::Relative => "relative",
+        Clock::None => "none",
+    };
+    let mut custom = format!("clock={clock}");
+    if let Some(settings) = settings {
+        let _ = write!(custom, " settings={settings}");
+    }
+    if line > 0 {
+        let _ = write!(custom, " line={letter}");
+    }
+    // Last: a name may hold spaces.
+    let _ = write!(custom, " bus={}", bus.name);
+    (name, description, custom)
+}
+
+/// Line settings as options spell them.
+pub fn settings(line: &Line) -> String {
+    let stop = match line.stop_halves {
+        3 => "1.5",
+        4 => "2",
+        _ => "1",
+    };
+    let parity = format!("{:?}", line.parity);
+    format!("{}-{}{}{stop}", line.baud, line.data_bits, &parity[..1])
+}

@@ -1,0 +1,87 @@
+//! Captures and raw recordings.
+
+use modlens_core::line::Line;
+use modlens_core::write::capture::{Capture as Core, Options, Style};
+use modlens_core::write::recording;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::session::Batch;
+use crate::table::Table;
+use crate::wrong;
+
+/// Frames as pcapng or pcap.
+#[pyclass(module = "_modlens")]
+pub struct Capture {
+    core: Core,
+}
+
+#[pymethods]
+impl Capture {
+    #[new]
+    #[pyo3(signature = (style="udp", *, classic=false, live=false, context=0))]
+    fn new(style: &str, classic: bool, live: bool, context: usize) -> PyResult<Self> {
+        let found = Style::ALL.iter().find(|(name, _)| *name == style).map(|(_, style)| *style);
+        let style = found.ok_or_else(|| {
+            let known: Vec<&str> = Style::ALL.iter().map(|(name, _)| *name).collect();
+            wrong(format!("style {style:?} is none of {}", known.join(", ")))
+        })?;
+        let application = format!("modlens {}", env!("CARGO_PKG_VERSION"));
+        Ok(Self { core: Core::new(Options { style, classic, live, context, application }) })
+    }
+
+    #[pyo3(signature = (batch, kept=None))]
+    fn put<'py>(&mut self, py: Python<'py>, batch: &Batch, kept: Option<&Table>) -> Bound<'py, PyBytes> {
+        let mut out = Vec::new();
+        py.detach(|| self.core.put(&batch.core, kept.map(|table| &table.core), &mut out));
+        PyBytes::new(py, &out)
+    }
+
+    fn end<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let mut out = Vec::new();
+        py.detach(|| self.core.end(&mut out));
+        PyBytes::new(py, &out)
+    }
+
+    #[getter]
+    fn written(&self) -> u64 {
+        self.core.written
+    }
+}
+
+/// Port, bus number, bus name, line, settings.
+type RecordedPort = (String, usize, String, Option<String>, Option<String>);
+
+/// The beginning of a segment of a raw recording: `ports` are (port, bus number, bus name, line, settings).
+#[pyfunction]
+pub fn recording_head<'py>(
+    py: Python<'py>,
+    session: &str,
+    segment: u64,
+    ports: Vec<RecordedPort>,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let mut out = Vec::new();
+    recording::head(&format!("modlens {}", env!("CARGO_PKG_VERSION")), session, segment, &mut out);
+    for (port, bus, name, line, settings) in &ports {
+        let settings = settings.as_deref().map(str::parse::<Line>).transpose().map_err(wrong)?;
+        recording::port(port, (*bus, name), line.as_deref(), settings.as_ref(), &mut out);
+    }
+    Ok(PyBytes::new(py, &out))
+}
+
+/// One read as a block of a raw recording.
+#[pyfunction]
+#[pyo3(signature = (port, time_ns, data, *, errors=None, hole=false))]
+pub fn recording_read<'py>(
+    py: Python<'py>,
+    port: u32,
+    time_ns: i64,
+    data: &[u8],
+    errors: Option<Vec<u32>>,
+    hole: bool,
+) -> Bound<'py, PyBytes> {
+    let mut out = Vec::with_capacity(data.len() + 64);
+    let errors = errors.unwrap_or_default();
+    recording::read(port, &recording::Read { time: time_ns, bytes: data, errors: &errors, hole }, &mut out);
+    PyBytes::new(py, &out)
+}

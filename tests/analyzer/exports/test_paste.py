@@ -1,0 +1,51 @@
+"""Text to paste: the table as it is shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Modlens
+
+FILE = "captures/pymodbus_disturbed/recording.jsonl"
+
+
+@pytest.mark.parametrize("table", ["transactions", "frames", "readings", "findings"])
+def test_a_text_file_is_the_table_on_the_screen(
+    table: str, tmp_path: Path, modlens: Modlens
+) -> None:
+    """Line by line, at the same width."""
+    words = ["decode", FILE, "--line", "19200-8E1", "--table", table, "--times", "utc"]
+    shown = modlens(*words, COLUMNS="100").out
+    path = tmp_path / "reply.txt"
+    done = modlens(*words, "-o", path)
+    assert (done.status, done.out) == (0, "")
+    assert path.read_text(encoding="utf-8") == shown
+
+
+def test_a_markdown_file_is_the_same_between_fences(tmp_path: Path, modlens: Modlens) -> None:
+    """So that columns stay under each other."""
+    words = ["export", FILE, "--line", "19200-8E1", "--where", "status != 'ok'"]
+    text, reply = tmp_path / "reply.txt", tmp_path / "reply.md"
+    assert modlens(*words, "-o", text, "-o", reply).status == 0
+    shown = text.read_text(encoding="utf-8")
+    assert "no_response" in shown
+    assert reply.read_text(encoding="utf-8") == f"```text\n{shown}```\n"
+
+
+def test_a_table_without_rows_is_sound(tmp_path: Path, modlens: Modlens) -> None:
+    """Fences without anything between them."""
+    reply = tmp_path / "reply.md"
+    assert modlens("export", FILE, "--where", "unit == 99", "-o", reply).status == 0
+    assert reply.read_text(encoding="utf-8") == "```text\n```\n"
+
+
+def test_addresses_and_times_are_as_asked(tmp_path: Path, modlens: Modlens) -> None:
+    """The options for tables hold for these files, too."""
+    reply = tmp_path / "reply.md"
+    words = ["--line", "19200-8E1", "--address", "5digit", "--times", "elapsed"]
+    assert modlens("export", FILE, *words, "-o", reply).status == 0
+    text = reply.read_text(encoding="utf-8")
+    assert "40001-" in text
+    assert "elapsed" in text.splitlines()[1]

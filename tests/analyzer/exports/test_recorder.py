@@ -1,0 +1,291 @@
+"""Raw recordings: every read with its time, segments, and what a kill at any moment leaves."""
+
+from __future__ import annotations
+
+import os
+import pty
+import random
+import select
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from analyzer import SourceError, UsageError
+from analyzer.exports.recorder import Keeping, Recorded, Recorder, Rotation, keeping, rotation
+from tests.conftest import command, environment, need_program
+from tests.support.tshark import fields
+
+KILLS, AT_ONCE = 50, 10
+BLOCK_HEAD, PACKET_HEAD, RTAC_HEAD = 8, 28, 12
+
+
+@dataclass(frozen=True)
+class Read:
+    """What a port gave."""
+
+    data: bytes
+    time_ns: int
+    errors: tuple[int, ...] = ()
+    hole: bool = False
+
+
+PORTS = (
+    Recorded("bus one", None, "/dev/ttyUSB0", "19200-8E1"),
+    Recorded("two", "A", "/dev/ttyUSB1", None),
+    Recorded("two", "B", "/dev/ttyUSB2", None),
+)
+
+
+def packets(data: bytes) -> list[tuple[int, int, bytes, bytes]]:
+    """Port, time, payload and options of every whole packet block, read as the draft says."""
+    found, at = [], 0
+    while at + BLOCK_HEAD <= len(data):
+        kind, length = (int.from_bytes(data[at + i : at + i + 4], "little") for i in (0, 4))
+        if at + length > len(data):
+            break
+        block = data[at : at + length]
+        assert block[-4:] == block[4:8]
+        if kind == 6:
+            port, high, low, size = (
+                int.from_bytes(block[i : i + 4], "little") for i in (8, 12, 16, 20)
+            )
+            end = PACKET_HEAD + size
+            found.append((port, high << 32 | low, block[PACKET_HEAD:end], block[end:-4]))
+        at += length
+    return found
+
+
+def bytes_of(data: bytes) -> bytes:
+    """The bytes of the line in a recording."""
+    return b"".join(payload[RTAC_HEAD:] for _, _, payload, _ in packets(data))
+
+
+def test_every_read_is_a_block_with_its_time(tmp_path: Path) -> None:
+    """Port, nanoseconds, bytes; holes and marked bytes."""
+    path = tmp_path / "bus.pcapng"
+    recorder = Recorder(str(path), PORTS)
+    reads = [
+        ("bus one", None, Read(b"\x01\x03", 1_700_000_000_123_456_789)),
+        ("two", "B", Read(b"\x02", 1_700_000_000_123_456_790, (0,))),
+        ("two", "A", Read(b"abc", 1_700_000_001_000_000_000, hole=True)),
+    ]
+    for bus, line, read in reads:
+        recorder.heard(bus, line, read)
+        # Flushed block by block: nothing waits for the end.
+        assert path.read_bytes().endswith(
+            packets(path.read_bytes())[-1][3] + path.read_bytes()[-4:]
+        )
+    recorder.close()
+    found = packets(path.read_bytes())
+    assert [(port, moment) for port, moment, _, _ in found] == [
+        (0, 1_700_000_000_123_456_789),
+        (2, 1_700_000_000_123_456_790),
+        (1, 1_700_000_001_000_000_000),
+    ]  # fmt: skip
+    assert [payload[RTAC_HEAD:] for _, _, payload, _ in found] == [b"\x01\x03", b"\x02", b"abc"]
+    assert [payload[8] for _, _, payload, _ in found] == [2, 8, 5]
+    assert b"errors=0" in found[1][3]
+    text = path.read_bytes()
+    for words in (b"recording session=", b"recording bus=0 settings=19200-8E1 name=bus one",
+                  b"recording bus=1 line=B name=two"):  # fmt: skip
+        assert words in text
+
+
+def test_wireshark_reads_it(tmp_path: Path) -> None:
+    """As RTAC serial, with the names of the ports."""
+    path = tmp_path / "bus.pcapng"
+    recorder = Recorder(str(path), PORTS)
+    recorder.heard("two", "B", Read(b"\x01\x03\x00", 1_700_000_000_123_456_789))
+    recorder.close()
+    (packet,) = fields(
+        path, ["frame.interface_name", "frame.time_epoch", "rtacser.eventtype", "data.data"]
+    )
+    assert packet["frame.interface_name"] == "/dev/ttyUSB2"
+    assert packet["frame.time_epoch"] == "1700000000.123456789"
+    assert packet["data.data"] == "010300"
+
+
+def test_a_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
+    """Each start is a segment of its own."""
+    path = tmp_path / "bus.pcapng"
+    told: list[str] = []
+    for start in range(3):
+        recorder = Recorder(str(path), PORTS, told=told.append)
+        recorder.heard("two", "A", Read(bytes([start]), 1))
+        recorder.close()
+    names = sorted(one.name for one in tmp_path.iterdir())
+    assert names[0] == "bus.pcapng"
+    assert [name[:10] for name in names[1:]] == ["bus_00001_", "bus_00002_"]
+    first, *others = (bytes_of((tmp_path / name).read_bytes()) for name in names)
+    assert [first, *others] == [b"\0", b"\1", b"\2"]
+    assert told[0] == f"recording to {path}"
+
+
+def test_segments_by_size_and_how_many_are_kept(tmp_path: Path) -> None:
+    """None is larger than said, the newest ones stay, nothing is lost between two."""
+    path = tmp_path / "bus.pcapng"
+    other = tmp_path / "bus_of_mine.pcapng"
+    other.write_bytes(b"mine")
+    recorder = Recorder(str(path), PORTS[:1], rotate=Rotation(bytes=2000), keep=Keeping(segments=4))
+    sent = random.Random(1).randbytes(6000)
+    for at in range(0, len(sent), 50):
+        recorder.heard("bus one", None, Read(sent[at : at + 50], at))
+    recorder.close()
+    segments = sorted(tmp_path.glob("bus_0*.pcapng"))
+    assert len(segments) == 4
+    assert all(one.stat().st_size <= 2000 for one in segments)
+    kept = b"".join(bytes_of(one.read_bytes()) for one in segments)
+    assert sent.endswith(kept)
+    assert len(kept) > 3000
+    assert other.read_bytes() == b"mine"
+
+
+def test_segments_by_time_and_size_of_all(tmp_path: Path) -> None:
+    """A clock that is told; --keep as a size."""
+    now = [1_700_000_000.0]
+    recorder = Recorder(
+        str(tmp_path / "bus"), PORTS[:1], rotate=Rotation(seconds=60), keep=Keeping(bytes=1500),
+        clock=lambda: now[0],
+    )  # fmt: skip
+    for minute in range(10):
+        now[0] = 1_700_000_000.0 + 60 * minute
+        recorder.heard("bus one", None, Read(bytes([minute]) * 200, minute))
+    recorder.close()
+    segments = sorted(tmp_path.glob("bus_0*.pcapng"))
+    assert 1 < len(segments) < 5
+    assert bytes_of(segments[-1].read_bytes()) == bytes([9]) * 200
+    assert segments[-1].name == "bus_00010_20231114222220.pcapng"
+
+
+@pytest.mark.parametrize("text", ["", "x", "0", "10", "-5min", "5 parsecs"])
+def test_words_that_mean_nothing(text: str) -> None:
+    """Each option says what it takes."""
+    with pytest.raises(UsageError, match="--rotate"):
+        rotation(text)
+    if text != "10":
+        with pytest.raises(UsageError, match="--keep"):
+            keeping(text)
+
+
+def test_keep_is_for_segments(tmp_path: Path) -> None:
+    """Without rotation there is one."""
+    with pytest.raises(UsageError, match="add --rotate"):
+        Recorder(str(tmp_path / "bus"), PORTS, keep=Keeping(segments=1))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full")
+def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
+    """The tap goes on; it is told once."""
+    path = tmp_path / "bus.pcapng"
+    failures: list[SourceError] = []
+    recorder = Recorder(str(path), PORTS[:1], failed=failures.append)
+    full = os.open("/dev/full", os.O_WRONLY)
+    assert recorder._file is not None
+    assert recorder._file._fd is not None
+    os.dup2(full, recorder._file._fd)
+    for moment in range(3):
+        recorder.heard("bus one", None, Read(b"x", moment))
+    recorder.close()
+    os.close(full)
+    assert [str(one).endswith("no space left") for one in failures] == [True]
+
+
+class Live:
+    """A `modlens tap --record` on a pseudo terminal that somebody writes to."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._master, self._slave = pty.openpty()
+        os.set_blocking(self._master, False)
+        words = command("tap", os.ttyname(self._slave), "--line", "115200-8N1", "--record", path)
+        self._tap = subprocess.Popen(
+            words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment()
+        )
+        self.sent = b""
+
+    def wait_until_it_listens(self) -> None:
+        """It says so."""
+        assert self._tap.stderr is not None
+        while b"listening" not in (line := self._tap.stderr.readline()):
+            assert line
+
+    def send(self, data: bytes) -> None:
+        """Put bytes on the line, as far as it takes them."""
+        try:
+            self.sent += data[: os.write(self._master, data)]
+        except BlockingIOError:
+            select.select([], [self._master], [], 0.01)
+
+    def kill(self) -> bytes:
+        """End it as the system would; gives the file."""
+        self._tap.send_signal(signal.SIGKILL)
+        self._tap.wait()
+        assert self._tap.stderr is not None
+        self._tap.stderr.close()
+        os.close(self._master)
+        os.close(self._slave)
+        return self.path.read_bytes()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ptys of Linux")
+def test_a_recording_is_whole_after_a_kill_at_any_moment(tmp_path: Path) -> None:
+    """Fifty taps, killed while bytes come in: each file opens and has all that was read before.
+
+    What the tap had read is what the pseudo terminal had taken, less what still waited in it.
+    """
+    rng = random.Random(250)
+    capinfos = need_program("capinfos")
+    lengths = []
+    for start in range(0, KILLS, AT_ONCE):
+        taps = [Live(tmp_path / f"{number}.pcapng") for number in range(start, start + AT_ONCE)]
+        for tap in taps:
+            tap.wait_until_it_listens()
+        left = list(taps)
+        while left:
+            for tap in left:
+                tap.send(rng.randbytes(rng.randrange(1, 300)))
+            time.sleep(rng.random() * 0.004)
+            if rng.random() < 0.3:
+                tap = left.pop(rng.randrange(len(left)))
+                data = tap.kill()
+                found = bytes_of(data)
+                assert tap.sent.startswith(found)
+                # A pseudo terminal holds 4 KiB, a read takes as much.
+                assert len(tap.sent) - len(found) <= 3 * 4096
+                lengths.append(len(found))
+    assert len(lengths) == KILLS
+    assert sum(length > 0 for length in lengths) > KILLS * 3 // 4
+    names = [str(one) for one in sorted(tmp_path.glob("*.pcapng"))]
+    done = subprocess.run(
+        [capinfos, "-c", *names], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.stdout.count("Number of packets") == KILLS, done.stderr
+
+
+def test_a_recording_cut_anywhere_is_read_up_to_there(tmp_path: Path) -> None:
+    """Every length of a file: whole blocks count, and tshark opens what is left."""
+    path = tmp_path / "bus.pcapng"
+    recorder = Recorder(str(path), PORTS[:1])
+    for moment in range(4):
+        recorder.heard("bus one", None, Read(bytes([moment]) * 7, moment))
+    recorder.close()
+    data = path.read_bytes()
+    whole = bytes_of(data)
+    ends = [len(bytes_of(data[:length])) for length in range(len(data) + 1)]
+    assert all(whole.startswith(bytes_of(data[:length])) for length in range(len(data) + 1))
+    assert set(ends) == {0, 7, 14, 21, 28}
+    cut = tmp_path / "cut.pcapng"
+    cut.write_bytes(data[: ends.index(21) + 5])
+    done = subprocess.run(
+        [need_program("tshark"), "-r", str(cut)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert len(done.stdout.splitlines()) == 3
