@@ -11,7 +11,6 @@ Also writes the profile's own CSV, which it reads again.
 from __future__ import annotations
 
 import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -117,7 +116,7 @@ def read(text: str, name: str, options: Options) -> Imported:
     text = text.lstrip("\ufeff")
     if re.match(r"(#.*\n)*at\s*[,;\t]", text):
         return Imported(parse(text, name, "csv").model, ())
-    rows = list(csv.reader(io.StringIO(text), delimiter=_delimiter(text)))
+    rows = list(csv.reader(text.splitlines(keepends=True), delimiter=_delimiter(text)))
     heads = next((number for number, row in enumerate(rows) if _is_head(row)), None)
     if heads is None:
         message = "no line names columns such as Address and Name"
@@ -320,7 +319,7 @@ KEYS = (
 
 def write(profile: Profile) -> tuple[str, list[str]]:
     """The profile's own CSV; nothing is lost."""
-    out = io.StringIO()
+    out = _Text()
     for key, value in profile.device.items():
         out.write(f"#{'base' if key == 'address_base' else key}={_cell(value)}\n")
     used = [key for key in KEYS if any(key in point for point in profile.points)]
@@ -328,7 +327,18 @@ def write(profile: Profile) -> tuple[str, list[str]]:
     writer.writerow(used)
     for point in profile.points:
         writer.writerow([_cell(point.get(key, "")) for key in used])
-    return out.getvalue(), []
+    return "".join(out.parts), []
+
+
+class _Text:
+    """What a csv.writer writes to."""
+
+    def __init__(self) -> None:
+        self.parts: list[str] = []
+
+    def write(self, part: str) -> None:
+        """Keep it."""
+        self.parts.append(part)
 
 
 def _cell(value: Any) -> str:

@@ -116,7 +116,7 @@ pub fn judge(rows: Vec<Vec<u16>>) -> String {
     learn::judge(&rows, 0.0).iter().map(claim).collect::<Json>().to_string()
 }
 
-/// The SunSpec models that are shipped: number, TOML text.
+/// The `SunSpec` models that are shipped: number, TOML text.
 #[pyfunction]
 pub fn sunspec_models() -> Vec<(u16, &'static str)> {
     SUNSPEC.to_vec()

@@ -1,4 +1,4 @@
-//! `SunSpec` without a file: the marker "SunS" and the chain of models behind it, as a master reads them.
+//! `SunSpec` without a file: the marker `SunS` and the chain of models behind it, as a master reads them.
 //!
 //! The marker stands at 40000, 50000 or 0 of the holding registers; behind it models follow each other, each with its
 //! number and its length, the last one with number 65535 (`SunSpec` Device Information Model Specification, 2021, 6).
@@ -8,7 +8,7 @@ use crate::profile::{Device, Form, Profile, SUNSPEC};
 /// Where the marker may stand.
 const BASES: [u16; 3] = [40_000, 50_000, 0];
 
-/// "SunS".
+/// The marker.
 const MARKER: [u8; 4] = *b"SunS";
 
 /// The number that ends the chain.

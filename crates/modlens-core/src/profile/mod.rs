@@ -26,7 +26,7 @@ pub const SHIPPED: &[(&str, &str)] = &[
     ("grundfos", include_str!("../../../../dissectors/profiles/grundfos.toml")),
 ];
 
-/// SunSpec models by number; their addresses count from the model's ID register. In `dissectors/profiles/sunspec/`.
+/// `SunSpec` models by number; their addresses count from the model's ID register. In `dissectors/profiles/sunspec/`.
 pub const SUNSPEC: &[(u16, &str)] = &[
     (1, include_str!("../../../../dissectors/profiles/sunspec/model_1.toml")),
     (101, include_str!("../../../../dissectors/profiles/sunspec/model_101.toml")),
