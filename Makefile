@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel bench bench-readings bench-exports speed accuracy captures vectors corpus clean
+.PHONY: demo test lint recipes wheel bench bench-readings bench-exports speed accuracy fuzz captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -49,6 +49,19 @@ bench-exports: $(VENV)/.tested
 # The engine and its rivals against simulated buses, scenario by scenario; minutes.
 accuracy:
 	cargo run --release --locked --package modlens-bench -- accuracy --scenarios all
+
+# libFuzzer on stable Rust, without sanitizers: make fuzz SECONDS=60. What it finds stays in fuzz/artifacts.
+SECONDS ?= 600
+fuzz: export CARGO_TARGET_DIR := target/fuzz
+fuzz: export RUSTFLAGS := -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+	-Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
+	-Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=1
+fuzz:
+	for target in session text; do \
+		mkdir -p fuzz/corpus/$$target fuzz/artifacts/$$target && \
+		cargo run --release --manifest-path fuzz/Cargo.toml --target $$(rustc -vV | sed -n 's/host: //p') --bin $$target -- \
+			-max_total_time=$(SECONDS) -max_len=2048 -artifact_prefix=fuzz/artifacts/$$target/ fuzz/corpus/$$target || exit 1; \
+	done
 
 captures: $(VENV)/.tested
 	$(BIN)/python -m tests.support.recording all

@@ -1,0 +1,221 @@
+//! What taps do to good traffic: pieces, stalls, strays, clocks that step, live and not.
+
+use modlens_core::checksum::crc16;
+use modlens_core::chunk::{Chunk, Times};
+use modlens_core::direction::Direction;
+use modlens_core::framer::{Mode, Verdict};
+use modlens_core::functions::Functions;
+use modlens_core::records::{Batch, Clock, Status};
+use modlens_core::session::{BusOptions, Session, Wanted};
+
+const MS: i64 = 1_000_000;
+const START: i64 = 1_700_000_000_000_000_000;
+
+fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut frame = vec![unit];
+    frame.extend(pdu);
+    frame.extend(crc16(&frame).to_le_bytes());
+    frame
+}
+
+fn ask(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
+    let [high, low] = address.to_be_bytes();
+    frame(unit, &[3, high, low, 0, quantity])
+}
+
+fn tell(unit: u8, quantity: u8, first: u8) -> Vec<u8> {
+    let mut pdu = vec![3, 2 * quantity];
+    pdu.extend((0..2 * quantity).map(|i| i.wrapping_mul(31).wrapping_add(first)));
+    frame(unit, &pdu)
+}
+
+fn session(live: bool, clock: Clock) -> (Session, usize) {
+    let wanted = Wanted { frames: true, transactions: true, findings: true };
+    let mut session = Session::new(std::sync::Arc::new(Functions::default()), wanted, live, None);
+    let mut options = BusOptions::named("bus");
+    options.mode = Some(Mode::Rtu);
+    options.line = Some("19200-8E1".parse().unwrap());
+    options.bus.clock = clock;
+    let bus = session.add_bus(options);
+    (session, bus)
+}
+
+/// The frames with their directions; all bytes have to be in good ones.
+fn all_good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
+    assert!(batch.frames.iter().all(|frame| frame.verdict == Verdict::Ok && !frame.tentative));
+    good(batch)
+}
+
+fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
+    let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
+    good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
+}
+
+fn pair(request: Vec<u8>, response: Vec<u8>) -> [(Vec<u8>, Direction); 2] {
+    [(request, Direction::Request), (response, Direction::Response)]
+}
+
+#[test]
+fn every_split_of_a_pair_in_two_reads() {
+    let (request, response) = (ask(1, 10, 2), tell(1, 2, 5));
+    let bytes = [request.clone(), response.clone()].concat();
+    for live in [false, true] {
+        for split in 1..bytes.len() {
+            let (mut session, bus) = session(live, Clock::Utc);
+            for (bytes, time) in [(&bytes[..split], START), (&bytes[split..], START + 20 * MS)] {
+                session.feed(bus, &Chunk { bytes, times: Times::Read(time), ..Chunk::default() });
+            }
+            session.flush();
+            assert_eq!(all_good(&session.take()), pair(request.clone(), response.clone()), "{live} {split}");
+        }
+    }
+}
+
+#[test]
+fn packets_of_32_and_62_bytes_with_long_waits_between_them() {
+    let exchanges: Vec<_> = (0..8u8).map(|i| pair(ask(1, 10, 120), tell(1, 120, i))).collect();
+    for (size, wait) in [(32, 16 * MS), (32, 33 * MS), (62, 16 * MS), (62, 33 * MS), (31, 16 * MS)] {
+        let (mut session, bus) = session(false, Clock::Utc);
+        let mut now = START;
+        for (bytes, _) in exchanges.iter().flatten() {
+            for bytes in bytes.chunks(size) {
+                now += wait;
+                session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+            }
+            now += 40 * MS;
+        }
+        session.flush();
+        assert_eq!(all_good(&session.take()), exchanges.concat(), "{size} {wait}");
+    }
+}
+
+#[test]
+fn a_frame_whose_checksum_ends_in_zero_byte_by_byte_and_live() {
+    // Answers of one register whose checksum has the high byte 00: valid without their last byte, too.
+    let ending = (0..=u16::MAX).map(|value| frame(1, &[&[3, 2][..], &value.to_be_bytes()].concat()));
+    for response in ending.filter(|frame| frame[frame.len() - 1] == 0).take(40) {
+        for live in [false, true] {
+            let (mut session, bus) = session(live, Clock::Utc);
+            let mut now = START;
+            for byte in [ask(1, 10, 1), response.clone(), ask(1, 11, 1), response.clone()].concat() {
+                now += MS;
+                session.feed(bus, &Chunk { bytes: &[byte], times: Times::Read(now), ..Chunk::default() });
+            }
+            session.flush();
+            let both = [pair(ask(1, 10, 1), response.clone()), pair(ask(1, 11, 1), response.clone())].concat();
+            assert_eq!(all_good(&session.take()), both, "{response:02x?}");
+        }
+    }
+}
+
+#[test]
+fn a_stray_byte_at_every_turn_round_costs_no_frame() {
+    for stray in [0x00u8, 0xFE, 0xFF, 0x80] {
+        for clock in [Clock::None, Clock::Utc] {
+            let (mut session, bus) = session(false, clock);
+            let mut wanted = Vec::new();
+            let mut now = START;
+            for i in 0..200u16 {
+                let unit = 1 + (i % 3) as u8;
+                let frames = pair(ask(unit, 10 * (i % 7), 4), tell(unit, 4, i as u8));
+                for (bytes, _) in &frames {
+                    let bytes = [&[stray][..], bytes].concat();
+                    now += 8 * MS;
+                    let times = if clock == Clock::None { Times::None } else { Times::Read(now) };
+                    session.feed(bus, &Chunk { bytes: &bytes, times, ..Chunk::default() });
+                }
+                wanted.extend(frames);
+            }
+            session.flush();
+            assert_eq!(good(&session.take()), wanted, "{stray:02x} {clock:?}");
+        }
+    }
+}
+
+#[test]
+fn units_change_after_hours_and_are_believed_at_once() {
+    let (mut session, bus) = session(false, Clock::None);
+    let traffic = |units: [u8; 2], count: u16| -> Vec<(Vec<u8>, Direction)> {
+        (0..count).flat_map(|i| pair(ask(units[usize::from(i % 2)], i % 50, 3), tell(units[usize::from(i % 2)], 3, i as u8))).collect()
+    };
+    let wanted = [traffic([1, 2], 6000), traffic([201, 77], 50)].concat();
+    let bytes: Vec<u8> = wanted.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+    for bytes in bytes.chunks(1000) {
+        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    }
+    session.flush();
+    assert_eq!(all_good(&session.take()), wanted);
+}
+
+#[test]
+fn a_noisy_start_teaches_no_units() {
+    let mut state = 99u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let (mut session, bus) = session(false, Clock::None);
+    let mut bytes: Vec<u8> = (0..200_000).map(|_| noise()).collect();
+    let traffic: Vec<_> = (0..20u16).flat_map(|i| pair(ask(9, i, 2), tell(9, 2, i as u8))).collect();
+    bytes.extend(traffic.iter().flat_map(|(bytes, _)| bytes.clone()));
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    let batch = session.take();
+    let behind: Vec<_> = batch.frames.iter().filter(|frame| frame.offset >= 200_000 && frame.verdict == Verdict::Ok).collect();
+    assert_eq!(behind.len(), 40);
+    assert!(behind.iter().all(|frame| frame.unit == Some(9)));
+}
+
+#[test]
+fn clocks_that_stand_still_step_back_or_fail_lose_no_frame() {
+    let wanted: Vec<_> = (0..12u16).flat_map(|i| pair(ask(1, i, 2), tell(1, 2, i as u8))).collect();
+    let steps: [&dyn Fn(i64) -> Option<i64>; 4] = [
+        &|_| Some(START),
+        &|i| Some(START + i * 8 * MS - if i % 5 == 4 { 300_000 } else { 0 }),
+        &|i| Some(START + i * 8 * MS - if i > 12 { 3_600_000 * MS } else { 0 }),
+        &|i| (i % 3 != 1).then_some(START + i * 8 * MS),
+    ];
+    for (which, time) in steps.iter().enumerate() {
+        for live in [false, true] {
+            let (mut session, bus) = session(live, Clock::Utc);
+            for (i, (bytes, _)) in wanted.iter().enumerate() {
+                let times = time(i as i64).map_or(Times::None, Times::Read);
+                session.feed(bus, &Chunk { bytes, times, ..Chunk::default() });
+            }
+            session.flush();
+            assert_eq!(all_good(&session.take()), wanted, "{which} {live}");
+        }
+    }
+}
+
+#[test]
+fn live_frames_come_with_their_last_byte_and_are_those_of_the_recording() {
+    let wanted: Vec<_> = (0..30u16).flat_map(|i| pair(ask(1, i % 4, 2), tell(1, 2, i as u8))).collect();
+    let (mut live, bus) = session(true, Clock::Utc);
+    let (mut now, mut at_once, mut all) = (START, 0, Vec::new());
+    for (i, (bytes, _)) in wanted.iter().enumerate() {
+        now += 8 * MS;
+        live.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+        let found = good(&live.take());
+        // Once the line is known, nothing has to be waited for.
+        at_once += usize::from(i >= 12 && found.len() == 1);
+        all.extend(found);
+    }
+    live.poll(now + 150 * MS);
+    all.extend(good(&live.take()));
+    assert_eq!(at_once, wanted.len() - 12);
+    assert_eq!(all, wanted);
+}
+
+#[test]
+fn silence_bounds_the_wait_of_a_live_tap() {
+    let (mut live, bus) = session(true, Clock::Utc);
+    live.feed(bus, &Chunk { bytes: &ask(1, 10, 2)[..5], times: Times::Read(START), ..Chunk::default() });
+    assert!(live.take().frames.is_empty());
+    live.poll(START + 100 * MS);
+    assert_eq!(live.take().frames.len(), 1, "a piece of a frame is told after 100 ms of silence");
+    live.feed(bus, &Chunk { bytes: &ask(1, 10, 2), times: Times::Read(START + 200 * MS), ..Chunk::default() });
+    live.poll(START + 1_300 * MS);
+    let statuses: Vec<Status> = live.take().transactions.iter().map(|row| row.status).collect();
+    assert_eq!(statuses, [Status::NoResponse]);
+}
