@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
-from analyzer.cli.segmentation import announce
 from analyzer.cli.running import DAMAGED, SIGNALLED
+from analyzer.cli.segmentation import announce
 from analyzer.cli.stopping import Stopping
 from analyzer.session import FileRun
 from analyzer.views.screen import stdout

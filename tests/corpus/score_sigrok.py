@@ -31,7 +31,11 @@ def score(folder: Path) -> Iterator[Score]:
 
 def _stream(rows: Iterator[dict[str, str]] | csv.DictReader[str]) -> Iterator[Byte]:
     for row in rows:
-        yield round(float(row["start_us"]) * 1000), _LINES[row["channel"]] or "", int(row["byte"], 16)
+        yield (
+            round(float(row["start_us"]) * 1000),
+            _LINES[row["channel"]] or "",
+            int(row["byte"], 16),
+        )
 
 
 def _score(name: str, tap: str, stream: list[Byte], wanted: list[dict[str, str]]) -> Score:
