@@ -46,19 +46,17 @@ def silences(options: argparse.Namespace, line: Line | None) -> tuple[int, int] 
             raise UsageError("--t35 and --t15 go with --segmentation silence")
         return None
     char, t15, t35 = (None, None, None) if line is None else _modlens.line_timing(*line.settings)
-    given = [
-        known if text is None else duration(name, text, char)
-        for name, text, known in (("--t35", options.t35, t35), ("--t15", options.t15, t15))
-    ]
-    if given[0] is None:
+    if options.t35 is not None:
+        t35 = duration("--t35", options.t35, char)
+    if t35 is None:
         raise UsageError(
             f"--segmentation silence: how long is t3.5? Add --line {EXAMPLE}, or --t35 1750us"
         )
-    if given[1] is None:
-        given[1] = given[0]
-    if given[1] > given[0]:
+    if options.t15 is not None:
+        t15 = duration("--t15", options.t15, char)
+    if t15 is not None and t15 > t35:
         raise UsageError("--t15 is longer than --t35; a pause would end a frame and be inside it")
-    return given[0], given[1]
+    return t35, t35 if t15 is None else t15
 
 
 def duration(option: str, text: str, char_ns: int | None) -> int:
