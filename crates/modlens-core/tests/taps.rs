@@ -136,7 +136,9 @@ fn a_stray_byte_at_every_turn_round_costs_no_frame() {
 fn units_change_after_hours_and_are_believed_at_once() {
     let (mut session, bus) = session(false, Clock::None);
     let traffic = |units: [u8; 2], count: u16| -> Vec<(Vec<u8>, Direction)> {
-        (0..count).flat_map(|i| pair(ask(units[usize::from(i % 2)], i % 50, 3), tell(units[usize::from(i % 2)], 3, i as u8))).collect()
+        (0..count)
+            .flat_map(|i| pair(ask(units[usize::from(i % 2)], i % 50, 3), tell(units[usize::from(i % 2)], 3, i as u8)))
+            .collect()
     };
     let wanted = [traffic([1, 2], 6000), traffic([201, 77], 50)].concat();
     let bytes: Vec<u8> = wanted.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
