@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -320,6 +322,26 @@ def test_two_buses_of_many_transactions_never_mix(tmp_path: Path) -> None:
     wanted = [str(row.address) for row in source.transactions]
     assert len(wanted) == 6000
     assert [packet["modbus.regnum16"] for packet in seen] == wanted
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the CPU time of one child")
+def test_answers_that_nobody_asked_for_are_read_in_linear_time(tmp_path: Path) -> None:
+    """200,000 of them: Wireshark searches all requests of a pair of ports for each.
+
+    With one pair of ports for all that takes 51 seconds, with new ones every 1000 transactions 1.3.
+    """
+    path, capture = tmp_path / "orphans.bin", tmp_path / "orphans.pcapng"
+    answers = (frame(1, bytes([3, 2]) + (number & 0xFFFF).to_bytes(2)) for number in range(200_000))
+    path.write_bytes(b"".join(answers))
+    export(decode(path, mode="rtu", read_as="raw"), capture)
+    process = subprocess.Popen(
+        [need_program("tshark"), "-r", str(capture)],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment(tmp_path),
+    )  # fmt: skip
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    assert usage.ru_utime + usage.ru_stime < 10
 
 
 def test_a_style_that_nobody_knows(tmp_path: Path) -> None:
