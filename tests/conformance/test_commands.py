@@ -34,7 +34,7 @@ def test_no_command_is_forgotten() -> None:
     """Every module that is a command is in the registry."""
     folder = ROOT / "analyzer" / "cli"
     commands = {
-        path.stem.replace("_", "-")
+        path.stem
         for path in folder.glob("*.py")
         if re.search(r"^def add_arguments\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
