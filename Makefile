@@ -34,6 +34,7 @@ wheel: $(BIN)/python
 
 bench: $(VENV)/.tested
 	$(BIN)/python bench/decode_speed.py
+	$(BIN)/python -m bench.capture_speed
 
 # Framer, pairing and rows through the Rust API, and their memory; minutes.
 speed:

@@ -303,6 +303,51 @@ class Session:
 
         `final` ends the last line.
         """
+    def add_capture(
+        self,
+        source: str,
+        *,
+        ports: Sequence[int] | None = None,
+        mode: str = "auto",
+        line: tuple[int, int, str, float] | None = None,
+    ) -> int:
+        """A capture (pcap or pcapng); gives its number, from 0. Its buses are made as they show.
+
+        - `source`: the file as `source` columns name it
+        - `ports`: where Modbus is looked for; None is 502, an empty list is everywhere
+        - `mode`, `line`: of serial interfaces in it
+        """
+    def feed_capture(self, capture: int, data: bytes, *, final: bool = False) -> None:
+        """Bytes of a capture, cut anywhere; `final` says that it has ended."""
+    def capture(self, capture: int) -> str:
+        """What a capture has shown, as JSON with the keys of `reading`.
+
+        `records` are packets; `dropped` says what was left out or is missing, by reason.
+        """
+    def add_logic(
+        self,
+        source: str,
+        *,
+        rate: float,
+        unit: int,
+        channels: Sequence[int] | None = None,
+        inverted: bool | None = None,
+        mode: str = "auto",
+        line: tuple[int, int, str, float] | None = None,
+    ) -> int:
+        """Samples of a logic analyser; gives their number, from 0. Two lines that talk are one bus.
+
+        - `rate`: samples a second; `unit`: bytes of a sample, lowest first, a bit a channel
+        - `channels`: those to look at, all by default; `inverted`: whether lines idle low
+        - `line`: baud and the rest, found out where None
+        """
+    def feed_logic(self, logic: int, data: bytes, *, final: bool = False) -> None:
+        """Samples, cut anywhere; `final` says that they have ended."""
+    def logic(self, logic: int) -> str:
+        """What was found, as JSON.
+
+        {lines: [{channel, line, inverted}], copies: [channel...]}: copies carry what a line does.
+        """
     def poll(self, now_ns: int) -> None:
         """Time goes on without bytes: ends silences and time-outs of every live bus."""
     def flush(self) -> None:

@@ -27,6 +27,7 @@ from analyzer.sources import FORMATS
 from analyzer.sources.files import Recording, check
 from analyzer.sources.live import arrivals
 from analyzer.sources.serial import Chunk, Clock, Port
+from analyzer.sources.sigrok import Samples
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["MODES", "FileRun", "Intake", "LiveRun", "Run", "Settings", "Sink", "pump"]
@@ -53,6 +54,8 @@ class Settings:
     - `tables`: the tables worth building
     - `silence_ns`: t3.5 and t1.5, if frames end at silences only; None goes by all evidence
     - `profiles`: which units have which device profile
+    - `channels`: those of a logic analyser; `!` before a name says that it idles low
+    - `ports`: where a capture is searched for Modbus; None is 502, nothing in it is everywhere
     """
 
     line: Line | None = None
@@ -62,6 +65,8 @@ class Settings:
     tables: Sequence[str] = EVERYTHING
     profiles: Sequence[Binding] = ()
     silence_ns: tuple[int, int] | None = None
+    ports: Sequence[int] | None = None
+    channels: Sequence[str] | None = None
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -91,6 +96,25 @@ class Settings:
             line=line,
             clock=clock,
             silence_ns=self.silence_ns,
+        )
+
+    def add_capture(self, core: _modlens.Session, name: str) -> int:
+        """A capture of that name in the core; gives its number."""
+        line = None if self.line is None else self.line.settings
+        return core.add_capture(name, ports=self.ports, mode=self.mode, line=line)
+
+    def add_logic(self, core: _modlens.Session, samples: Samples) -> int:
+        """The samples of a logic analyser in the core; gives their number."""
+        names = [name.removeprefix("!") for name in self.channels or ()]
+        low = any(name.startswith("!") for name in self.channels or ())
+        return core.add_logic(
+            samples.name,
+            rate=samples.rate,
+            unit=samples.unit,
+            channels=samples.channels(names) if names else None,
+            inverted=True if low else None,
+            mode=self.mode,
+            line=None if self.line is None else self.line.settings,
         )
 
 
@@ -182,6 +206,12 @@ class FileRun:
 
     def _read(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core, form = self._core, recording.detection.format
+        if FORMATS[form].packets:
+            yield from self._packets(recording)
+            return
+        if FORMATS[form].samples:
+            yield from self._samples(recording)
+            return
         bus = self._settings.add_bus(core, recording.name, clock="none")
         binary = FORMATS[form].binary
         first = True
@@ -191,24 +221,61 @@ class FileRun:
             else:
                 core.feed_text(bus, form, block)
             if first:
-                self._tell(recording, bus, ended=False)
+                self._tell(recording, core.reading(bus), ended=False)
                 first = False
             yield core.take()
         if not binary:
             core.feed_text(bus, form, b"", final=True)
         core.flush()
-        self._tell(recording, bus, ended=True)
+        self._tell(recording, core.reading(bus), ended=True)
         if not binary and not json.loads(core.reading(bus))["records"]:
             raise SourceError(
                 f"{recording.name}: no line could be read as {form}; see `modlens formats`"
             )
         yield core.take()
 
-    def _tell(self, recording: Recording, bus: int, *, ended: bool) -> None:
+    def _packets(self, recording: Recording) -> Iterator[_modlens.Batch]:
+        core = self._core
+        capture = self._settings.add_capture(core, recording.name)
+        first = True
+        for block in recording.blocks():
+            core.feed_capture(capture, block)
+            if first:
+                self._tell(recording, core.capture(capture), ended=False)
+                first = False
+            yield core.take()
+        core.feed_capture(capture, b"", final=True)
+        core.flush()
+        self._tell(recording, core.capture(capture), ended=True)
+        yield core.take()
+
+    def _samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
+        core = self._core
+        with Samples(recording.name, recording.seekable()) as samples:
+            logic = self._settings.add_logic(core, samples)
+            for block in samples.blocks():
+                core.feed_logic(logic, block)
+                yield core.take()
+            core.feed_logic(logic, b"", final=True)
+            core.flush()
+            found = json.loads(core.logic(logic))
+            if not found["lines"]:
+                raise SourceError(
+                    f"{recording.name}: no Modbus on channels {', '.join(samples.names.values())};"
+                    " name the line's channels by --channels and its settings by --line"
+                )
+            said = [_wire(samples.names, line) for line in found["lines"]]
+            said += [f"channel {samples.names[copy]} carries the same" for copy in found["copies"]]
+            seen = {"clock": "relative", "resolution_ns": round(1e9 / samples.rate), "said": said}
+            self._tell(recording, json.dumps(seen), ended=False)
+            self._tell(recording, json.dumps(seen), ended=True)
+        yield core.take()
+
+    def _tell(self, recording: Recording, reading: str, *, ended: bool) -> None:
         if self._told is None:
             return
         found = recording.detection
-        seen = json.loads(self._core.reading(bus))
+        seen = json.loads(reading)
         self._told(
             Intake(
                 recording.name,
@@ -287,6 +354,12 @@ class LiveRun:
     def close(self) -> None:
         """Close the ports."""
         self._opened.close()
+
+
+def _wire(names: dict[int, str], line: dict[str, Any]) -> str:
+    """A line of a logic analyser in words."""
+    idle = ", idle low" if line["inverted"] else ""
+    return f"channel {names[line['channel']]}: {line['line']}{idle}"
 
 
 def pump(

@@ -64,7 +64,8 @@ def traffic(size: int) -> list[tuple[bytes, bytes]]:
 
 def measured(command: list[str]) -> tuple[float, float]:
     """CPU seconds and peak MiB of a child process."""
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(command, stdout=quiet, stderr=quiet)
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{' '.join(command)} failed: {status}")

@@ -80,6 +80,7 @@ class Notes:
         words.append(_CLOCKS.get(clock, f"clock: {clock}"))
         if seen.get("mode"):
             words.append(f"mode {seen['mode']}")
+        words += seen.get("said", [])
         self.say(", ".join(words))
 
     def _left_out(self, intake: Intake) -> None:

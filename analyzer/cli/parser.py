@@ -33,6 +33,7 @@ __all__ = [
 TIMES = ("local", "utc", "elapsed", "delta")
 
 _LONGEST_TIMEOUT = 3600
+_LAST_PORT = 0xFFFF
 _UNITS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 
 
@@ -68,6 +69,19 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
     """`--mode`, `--timeout`, `--functions`: how bytes become transactions."""
     group = parser.add_argument_group("decoding")
     group.add_argument("--mode", choices=MODES, default="auto", help="framing (auto)")
+    group.add_argument(
+        "--port",
+        dest="ports",
+        action="append",
+        default=[],
+        metavar="N",
+        help="TCP and UDP ports of Modbus in captures, as 502,1502; any looks everywhere (502)",
+    )
+    group.add_argument(
+        "--channels",
+        metavar="A,B",
+        help="channels of a logic analyser, as RX,TX; !RX idles low (found)",
+    )
     group.add_argument(
         "--timeout",
         metavar="TIME",
@@ -171,6 +185,8 @@ def settings(options: argparse.Namespace) -> Settings:
         functions=with_vendors(load_functions(options.functions), profiles),
         profiles=profiles,
         silence_ns=silences(options, line),
+        ports=_ports(options.ports),
+        channels=tuple(options.channels.split(",")) if options.channels else None,
     )
 
 
@@ -213,6 +229,21 @@ def _line(options: argparse.Namespace) -> Line | None:
         (options.parity or "E").upper()[:1],
         options.stop or 1,
     )
+
+
+def _ports(words: list[str]) -> tuple[int, ...] | None:
+    """The ports of `--port`; None if nothing was said, an empty tuple for all.
+
+    >>> _ports(["502,1502", "503"]), _ports(["any"]), _ports([])
+    ((502, 1502, 503), (), None)
+    """
+    ports = [word.strip() for text in words for word in text.split(",")]
+    if "any" in ports:
+        return ()
+    for port in ports:
+        if not (port.isdecimal() and 0 < int(port) <= _LAST_PORT):
+            raise UsageError(f"--port {port}: write a number up to {_LAST_PORT}, or any")
+    return tuple(map(int, ports)) or None
 
 
 def _duration(text: str) -> int:

@@ -12,7 +12,7 @@ import re
 import _modlens
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import add_decoding, add_line, settings
-from analyzer.cli.showing import MBAP, Shown, lookup_frame, lookup_transaction, show
+from analyzer.cli.showing import MBAP, Shown, lookup_frame, lookup_packet, lookup_transaction, show
 from analyzer.cli.showing_registers import add_place, show_registers
 from analyzer.session import FileRun, Settings
 from analyzer.views.detail import show_frame
@@ -29,6 +29,7 @@ examples:
   modlens show --pdu --direction response 03 06 022B 0000 0064
   modlens show bus.hex --txn 3
   modlens show bus.hex --at 3:hr:107 --as all
+  modlens show plant.pcapng --packet 17
 """
 
 _PREFIX = re.compile(r"0x|\\x", re.IGNORECASE)
@@ -42,6 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frame", type=int, metavar="N", help="this frame of the recording")
     add_place(parser)
     parser.add_argument("--txn", type=int, metavar="N", help="this transaction of the recording")
+    parser.add_argument(
+        "--packet", type=int, metavar="N", help="what begins in this packet of the capture"
+    )
     parser.add_argument("--from", dest="read_as", metavar="FORMAT", help="format of the recording")
     parser.add_argument("--pdu", action="store_true", help="the hex is a PDU: no unit, no checksum")
     parser.add_argument(
@@ -59,11 +63,30 @@ def run(options: argparse.Namespace) -> int:
         if len(options.words) != 1 or options.frame is not None or options.txn is not None:
             raise UsageError("show: --at looks into one recording, without --frame and --txn")
         show_registers(options, screen)
+    elif options.packet is not None:
+        _show_packet(options, screen)
     elif options.frame is None and options.txn is None:
         _show_hex(options, screen)
     else:
         _show_recording(options, screen)
     return 0
+
+
+def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
+    if len(options.words) != 1 or options.pdu or (options.frame, options.txn) != (None, None):
+        raise UsageError("show: --packet looks into one capture, without --frame, --txn or --pdu")
+    chosen = settings(options)
+    run = FileRun(options.words, chosen, read_as=options.read_as)
+    found = lookup_packet(run, options.words[0], options.packet)
+    if not found:
+        raise UsageError(
+            f"show: no frame begins in packet {options.packet} of {options.words[0]}; it may hold"
+            " the end of one, no data, or no Modbus"
+        )
+    for number, shown in enumerate(found):
+        if number:
+            screen.line("")
+        show(shown, screen, chosen.functions, options.direction)
 
 
 def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
@@ -91,7 +114,9 @@ def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
 
 def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
     if len(options.words) == 1 and os.path.exists(options.words[0]):
-        raise UsageError(f"show: which one? add --frame N or --txn N for {options.words[0]}")
+        raise UsageError(
+            f"show: which one? add --frame N, --txn N or --packet N for {options.words[0]}"
+        )
     chosen = settings(options)
     text = " ".join(options.words)
     if options.pdu:

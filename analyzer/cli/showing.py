@@ -18,7 +18,7 @@ from analyzer.views.detail import show_findings, show_frame, show_pause
 from analyzer.views.screen import Screen
 from dissectors.describe import Mode, describe
 
-__all__ = ["Shown", "lookup_frame", "lookup_transaction", "show"]
+__all__ = ["Shown", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
 
 Direction = Literal["request", "response"]
 
@@ -111,6 +111,29 @@ def lookup_frame(run: FileRun, number: int) -> Shown | None:
         for transaction in batch.transactions.where(pair):
             return Shown.of_frame(row, request=transaction.request_hex, findings=findings)
     return None if row is None else Shown.of_frame(row, request=None, findings=findings)
+
+
+def lookup_packet(run: FileRun, name: str, number: int) -> list[Shown]:
+    """The frames that begin in that packet of the capture called `name`."""
+    here = parse(f"source == {f'{name}#{number}'!r}", "frames").predicate()
+    rows, requests, findings = [], {}, []
+    for batch in run.batches():
+        rows += list(batch.frames.where(here))
+        wanted = {row.txn for row in rows}
+        if not rows:
+            continue
+        requests.update(
+            {row.txn: row.request_hex for row in batch.transactions if row.txn in wanted}
+        )
+        findings += [row.as_dict() for row in batch.findings if row.txn in wanted]
+    return [
+        Shown.of_frame(
+            row,
+            request=requests.get(row.txn) if row.direction == "response" else None,
+            findings=[found for found in findings if found["frame"] == row.frame],
+        )
+        for row in rows
+    ]
 
 
 def lookup_transaction(run: FileRun, number: int) -> Shown | None:

@@ -17,7 +17,8 @@ __all__ = ["FORMATS", "SCHEMES", "Format", "Scheme"]
 class Format:
     """A form of recording.
 
-    `binary` files are bytes of the line as they are, others are text that the core reads.
+    `binary` files are bytes of the line as they are, or a capture that holds `packets` or
+    `samples`; others are text that the core reads.
 
     `sample` is what the first lines look like, as `modlens formats` shows them.
     """
@@ -27,6 +28,8 @@ class Format:
     title: str
     clock: str
     sample: tuple[str, ...]
+    packets: bool = False
+    samples: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,30 @@ FORMATS = {
             title="the chunk log: a read a line, with its time",
             clock="utc or relative",
             sample=('{"t": 1697041234.123456, "hex": "0103006b00037417"}',),
+        ),
+        Format(
+            "pcap",
+            binary=True,
+            title="network and serial captures of tcpdump and others",
+            clock="utc",
+            sample=("(binary; Modbus on port 502, or as --port says)",),
+            packets=True,
+        ),
+        Format(
+            "pcapng",
+            binary=True,
+            title="network and serial captures of Wireshark and others",
+            clock="utc",
+            sample=("(binary; Modbus on port 502, or as --port says)",),
+            packets=True,
+        ),
+        Format(
+            "sigrok",
+            binary=True,
+            title="logic analyser sessions of sigrok and PulseView (.sr)",
+            clock="relative",
+            sample=("(binary; lines, baud rate, parity and polarity are found)",),
+            samples=True,
         ),
     )
 }

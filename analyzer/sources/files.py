@@ -14,12 +14,13 @@ others.
 from __future__ import annotations
 
 import errno
+import io
 import os
 import select
 import stat
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Self
+from typing import BinaryIO, Self
 
 from analyzer.sources.detect import SAMPLE, Detection, choose
 from dissectors.errors import SourceError
@@ -46,6 +47,7 @@ class Recording:
 
     def __init__(self, name: str, *, read_as: str | None = None) -> None:
         self.name = "stdin" if name == STDIN else name
+        self._path = name
         check(name)
         try:
             # unbuffered: the blocks are large, and a pipe must not wait for a full one
@@ -73,6 +75,10 @@ class Recording:
             yield sample
         while (block := self._read(BLOCK)) is not None:
             yield block
+
+    def seekable(self) -> str | BinaryIO:
+        """What a reader that must go back and forth can open: the file's name, or all bytes."""
+        return io.BytesIO(b"".join(self.blocks())) if self._waits else self._path
 
     def close(self) -> None:
         """Close the file; standard input stays open."""

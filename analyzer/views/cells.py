@@ -80,6 +80,7 @@ def labels(names: Sequence[str]) -> dict[str, str]:
         if min(map(len, parts.values())) == 1:
             break
         parts = {name: part[:-1] for name, part in parts.items()}
+    found: dict[str, str] = {}
     longest = max(map(len, parts.values()), default=0)
     for depth in range(1, longest + 1):
         found = {name: "/".join(part[-depth:]) for name, part in parts.items()}

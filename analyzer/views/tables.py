@@ -38,8 +38,11 @@ def fields(
     """The columns of a table; `rows` are its first rows."""
     chosen = _TABLES[table](look, rows, width >= ROOMY)
     chosen.insert(1, moments.field())
-    if len(look.buses) > 1:
-        chosen.insert(2, cells.bus_field(look.buses, lambda row: str(row.bus)))
+    # A capture's buses are the servers that show in it, however the file is called.
+    servers = dict.fromkeys(str(row.bus) for row in rows if getattr(row, "server", None))
+    if servers or len(look.buses) > 1:
+        names = tuple(servers) or look.buses
+        chosen.insert(2, cells.bus_field(names, lambda row: str(row.bus)))
     return chosen
 
 

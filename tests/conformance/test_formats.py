@@ -7,10 +7,14 @@ from pathlib import Path
 import pytest
 
 from analyzer import decode
+from analyzer.line import parse_line
 from analyzer.sources import FORMATS
 from tests.conftest import CAPTURES, ROOT, Modlens
+from tests.support import captures, sigrok
 
 REQUEST, RESPONSE = "0103006b00037417", "010306022b00000064057a"
+
+LINE = parse_line("19200-8E1")
 
 TEXTS = {
     "raw": bytes.fromhex(REQUEST + RESPONSE),
@@ -19,6 +23,20 @@ TEXTS = {
     b"00000010  64 05 7a                                          |d.z|\n00000013\n",
     "xxd": b"00000000: 0103 006b 0003 7417 0103 0602 2b00 0000  ...k..t.....+...\n"
     b"00000010: 6405 7a                                  d.z\n",
+    "pcap": captures.pcap(147, [bytes.fromhex(REQUEST), bytes.fromhex(RESPONSE)]),
+    "pcapng": captures.pcapng(147, [bytes.fromhex(REQUEST), bytes.fromhex(RESPONSE)]),
+    "sigrok": sigrok.session(
+        sigrok.samples(
+            LINE,
+            [
+                [
+                    *sigrok.spaced(bytes.fromhex(REQUEST), 0.01, LINE),
+                    *sigrok.spaced(bytes.fromhex(RESPONSE), 0.05, LINE),
+                ]
+            ],
+        ),
+        ["BUS"],
+    ),
     "chunks": f'{{"t": 1.0, "hex": "{REQUEST}"}}\n{{"t": 1.02, "hex": "{RESPONSE}"}}\n'.encode(),
 }
 

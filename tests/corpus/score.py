@@ -15,6 +15,7 @@ __all__ = ["KINDS", "Score", "main"]
 
 KINDS = {
     "logs": "tests.corpus.score_logs",
+    "pcap": "tests.corpus.score_captures",
     "sigrok": "tests.corpus.score_sigrok",
 }
 """Folder of the corpus -> module that scores what is in it."""

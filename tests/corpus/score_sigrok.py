@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import _modlens
+from tests.corpus import score_logic
 from tests.corpus.score import Score
 from tests.support.rechunk import TAPS, Byte
 
@@ -27,6 +28,7 @@ def score(folder: Path) -> Iterator[Score]:
             stream = sorted(_stream(csv.DictReader(table, delimiter="\t")))
         for tap in TAPS:
             yield _score(f"{name} {tap}", tap, stream, wanted)
+    yield from score_logic.score(folder)
 
 
 def _stream(rows: Iterator[dict[str, str]] | csv.DictReader[str]) -> Iterator[Byte]:

@@ -89,7 +89,14 @@ impl Run {
         let clock = if timed { Clock::Relative } else { Clock::None };
         let name: Arc<str> = Arc::from(case.name.as_str());
         let bus = session.add_bus(BusOptions {
-            bus: Bus { name: String::from(&*name), source: String::from(&*name), place: Place::Offset, clock, line: None },
+            bus: Bus {
+                name: String::from(&*name),
+                source: String::from(&*name),
+                place: Place::Offset,
+                clock,
+                line: None,
+                network: None,
+            },
             mode: Some(if case.framing == Framing::Rtu { Mode::Rtu } else { Mode::Ascii }),
             rule: Some(rule(case.settings)).filter(|_| how.textbook),
             line: Some(line(case.settings)),

@@ -133,6 +133,7 @@ fn framing(bytes: &[u8]) -> u64 {
             asked: None,
             shared: false,
             speaker: None,
+            certain: None,
             known_units: &known_units,
             paired_units: &known_units,
             pause: &|_| 0.0,

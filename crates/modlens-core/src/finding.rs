@@ -207,6 +207,26 @@ findings! {
         "Floating point numbers and counters read in the wrong order are plausible-looking nonsense."
         "order in the profile, of the device or of the point; modlens show FILE --at UNIT:hr:ADDRESS --as all shows all readings."
         "4.2";
+    TransactionId "transaction_id" Warning
+        "the answer carries another transaction identifier than its request"
+        "A client that goes by the identifier drops the answer; with several requests at once answers are mixed up."
+        "The device's firmware: it must copy the identifier. It was paired by unit, function and order."
+        "messaging on TCP/IP 3.1.3";
+    LostBytes "lost_bytes" Warning
+        "bytes of the connection are not in the capture"
+        "Requests and answers around the place may be missing or cut; their silence is the capture's, not the device's."
+        "The capture: dropped packets, a snapshot length that is too short, a mirror port that is overloaded or shows one direction."
+        "";
+    Retransmission "tcp_retransmission" Info
+        "TCP sent the bytes again"
+        "A packet was lost or late on the network, which delays what follows; Modbus saw nothing of it."
+        "The network between client and server: load, duplex settings, radio links; the bytes count once here."
+        "";
+    PacketTwice "packet_twice" Info
+        "the capture holds packets twice"
+        "A mirror port that copies both ways, or several interfaces; nothing was sent twice."
+        "Nothing; each packet counts once here. Capture one interface or one direction to have smaller files."
+        "";
     LineError "line_error" Warning
         "the receiver marked a parity, framing or break error"
         "Bytes with such a mark are rarely right."

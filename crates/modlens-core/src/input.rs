@@ -174,6 +174,11 @@ impl Input {
         Some(read.time - behind * self.char_ns.unwrap_or(0))
     }
 
+    /// So many bytes of its read stand from the byte on, with it.
+    pub fn rest_of_read(&self, index: usize) -> usize {
+        self.read(index).map_or(0, |read| (read.end - self.offset) as usize - index)
+    }
+
     /// Whether the byte is the first of a read.
     pub fn starts_read(&self, index: usize) -> bool {
         self.read_of(index).is_some_and(|i| self.read_start(i) == self.offset + index as u64)

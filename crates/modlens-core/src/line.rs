@@ -94,6 +94,20 @@ impl Line {
     }
 }
 
+impl std::fmt::Display for Line {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+            Parity::Mark => 'M',
+            Parity::Space => 'S',
+        };
+        let stop = f64::from(self.stop_halves) / 2.0;
+        write!(f, "{}-{}{parity}{stop}", self.baud, self.data_bits)
+    }
+}
+
 impl FromStr for Parity {
     type Err = String;
 

@@ -52,7 +52,18 @@ pub enum Clock {
     None,
 }
 
-/// What all rows of a bus share.
+/// Who talks on a connection of a network.
+#[derive(Clone, Debug)]
+pub struct Network {
+    /// Address of the client.
+    pub client: String,
+    /// Address and port of the server.
+    pub server: String,
+    /// Number of the connection.
+    pub connection: u64,
+}
+
+/// What all rows of a bus, or of one connection, share.
 #[derive(Clone, Debug)]
 pub struct Bus {
     /// As the `bus` column names it.
@@ -65,6 +76,8 @@ pub struct Bus {
     pub clock: Clock,
     /// Its line settings, where they are known.
     pub line: Option<Line>,
+    /// Who talks, where it is a connection of a network.
+    pub network: Option<Network>,
 }
 
 /// One frame on the wire, or one run of noise.

@@ -100,9 +100,15 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// A bus was added.
-    pub fn add_bus(&mut self, name: &str) {
+    /// A bus was added; gives its number here.
+    pub fn add_bus(&mut self, name: &str) -> usize {
         self.buses.push(BusCounts { name: name.into(), ..BusCounts::default() });
+        self.buses.len() - 1
+    }
+
+    /// The number of the bus of this name, which is added if it is new.
+    pub fn bus_named(&mut self, name: &str) -> usize {
+        self.buses.iter().position(|bus| bus.name == name).unwrap_or_else(|| self.add_bus(name))
     }
 
     /// A frame was decided.

@@ -6,8 +6,10 @@ use modlens_core::chunk::{Chunk, Times};
 use modlens_core::columns::TableKind;
 use modlens_core::framer::silence::Rule;
 use modlens_core::framer::Mode;
+use modlens_core::logic::Wiring;
+use modlens_core::pcap::Ports;
 use modlens_core::records::{Batch as CoreBatch, Bus, Clock, Place};
-use modlens_core::session::{BusOptions, Session as Core, Wanted};
+use modlens_core::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
 use modlens_core::text::Format;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -17,6 +19,25 @@ use crate::functions::Functions;
 use crate::profile::Profile;
 use crate::table::{table, Table};
 use crate::wrong;
+
+/// The framing of that name; `auto` is to be found out.
+fn framing(name: &str) -> PyResult<Option<Mode>> {
+    Ok(match name {
+        "auto" => None,
+        "rtu" => Some(Mode::Rtu),
+        "ascii" => Some(Mode::Ascii),
+        "tcp" => Some(Mode::Tcp),
+        other => return Err(wrong(format!("mode {other:?} is none of auto, rtu, ascii, tcp"))),
+    })
+}
+
+fn clock_name(clock: Clock) -> &'static str {
+    match clock {
+        Clock::Utc => "utc",
+        Clock::Relative => "relative",
+        Clock::None => "none",
+    }
+}
 
 /// What was decided since the last `take`.
 #[pyclass(frozen, module = "_modlens")]
@@ -87,13 +108,7 @@ impl Session {
         resolution_ns: Option<i64>,
         silence_ns: Option<(i64, i64)>,
     ) -> PyResult<usize> {
-        let mode = match mode {
-            "auto" => None,
-            "rtu" => Some(Mode::Rtu),
-            "ascii" => Some(Mode::Ascii),
-            "tcp" => Some(Mode::Tcp),
-            other => return Err(wrong(format!("mode {other:?} is none of auto, rtu, ascii, tcp"))),
-        };
+        let mode = framing(mode)?;
         let clock = match clock {
             "utc" => Clock::Utc,
             "relative" => Clock::Relative,
@@ -101,7 +116,7 @@ impl Session {
             other => return Err(wrong(format!("clock {other:?} is none of utc, relative, none"))),
         };
         let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
-        let bus = Bus { name, source, place: Place::Offset, clock, line: None };
+        let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };
         self.buses += 1;
         let line = line.map(crate::line).transpose()?;
         Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule }))
@@ -132,6 +147,83 @@ impl Session {
         Ok(())
     }
 
+    #[pyo3(signature = (source, *, ports=None, mode="auto", line=None))]
+    fn add_capture(
+        &mut self,
+        source: String,
+        ports: Option<Vec<u16>>,
+        mode: &str,
+        line: Option<(u32, u8, String, f64)>,
+    ) -> PyResult<usize> {
+        let ports = match ports {
+            None => Ports::default(),
+            Some(ports) if ports.is_empty() => Ports::Any,
+            Some(ports) => Ports::Listed(ports),
+        };
+        let line = line.map(crate::line).transpose()?;
+        Ok(self.core.add_capture(CaptureOptions { source, ports, mode: framing(mode)?, line }))
+    }
+
+    #[pyo3(signature = (capture, data, *, r#final=false))]
+    fn feed_capture(&mut self, py: Python<'_>, capture: usize, data: &[u8], r#final: bool) -> PyResult<()> {
+        if self.core.capture(capture).is_none() {
+            return Err(PyIndexError::new_err(format!("capture {capture} was not added")));
+        }
+        py.detach(|| self.core.feed_capture(capture, data, r#final));
+        Ok(())
+    }
+
+    fn capture(&self, capture: usize) -> PyResult<String> {
+        let found = self.core.capture(capture);
+        let report = found.ok_or_else(|| PyIndexError::new_err(format!("capture {capture} was not added")))?;
+        let dropped: serde_json::Map<String, serde_json::Value> =
+            report.left_out.iter().map(|(reason, count)| (reason.clone(), json!(count))).collect();
+        Ok(json!({
+            "lines": 0, "records": report.packets, "unparsed": 0, "first_unparsed": [], "dropped": dropped,
+            "clock": clock_name(report.clock), "resolution_ns": report.resolution, "mode": null,
+        })
+        .to_string())
+    }
+
+    #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
+    #[pyo3(signature = (source, *, rate, unit, channels=None, inverted=None, mode="auto", line=None))]
+    fn add_logic(
+        &mut self,
+        source: String,
+        rate: f64,
+        unit: usize,
+        channels: Option<Vec<usize>>,
+        inverted: Option<bool>,
+        mode: &str,
+        line: Option<(u32, u8, String, f64)>,
+    ) -> PyResult<usize> {
+        let line = line.map(crate::line).transpose()?;
+        let wiring = Wiring { rate, unit, channels, line, inverted };
+        Ok(self.core.add_logic(source, framing(mode)?, wiring))
+    }
+
+    #[pyo3(signature = (logic, data, *, r#final=false))]
+    fn feed_logic(&mut self, py: Python<'_>, logic: usize, data: &[u8], r#final: bool) -> PyResult<()> {
+        if self.core.logic(logic).is_none() {
+            return Err(PyIndexError::new_err(format!("logic analyser {logic} was not added")));
+        }
+        py.detach(|| self.core.feed_logic(logic, data, r#final));
+        Ok(())
+    }
+
+    fn logic(&self, logic: usize) -> PyResult<String> {
+        let found = self.core.logic(logic);
+        let (found, copies) = found.ok_or_else(|| PyIndexError::new_err(format!("logic analyser {logic} was not added")))?;
+        let lines: Vec<serde_json::Value> = found
+            .iter()
+            .map(|it| {
+                let settings = &it.settings;
+                json!({"channel": it.channel, "line": settings.line.to_string(), "inverted": settings.inverted})
+            })
+            .collect();
+        Ok(json!({"lines": lines, "copies": copies}).to_string())
+    }
+
     fn poll(&mut self, now_ns: i64) {
         self.core.poll(now_ns);
     }
@@ -158,11 +250,7 @@ impl Session {
         let Some(reader) = self.core.reader(bus) else {
             return Ok(json!({"lines": 0, "records": 0, "unparsed": 0, "first_unparsed": [], "dropped": {}, "clock": null, "mode": mode}).to_string());
         };
-        let clock = match reader.clock() {
-            Clock::Utc => "utc",
-            Clock::Relative => "relative",
-            Clock::None => "none",
-        };
+        let clock = clock_name(reader.clock());
         Ok(json!({
             "lines": reader.lines(), "records": reader.records, "unparsed": reader.unparsed,
             "first_unparsed": reader.first_unparsed, "dropped": {}, "clock": clock, "resolution_ns": reader.resolution(), "mode": mode,

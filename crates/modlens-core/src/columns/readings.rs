@@ -3,7 +3,7 @@
 use serde_json::{Map, Value as Json};
 
 use crate::columns::content::{read_data, read_range, row_of, write_data, write_range};
-use crate::columns::tables::{bus, int, time, us};
+use crate::columns::tables::{bus, int, network, time, us};
 use crate::columns::{Cell, Items};
 use crate::points::{Bound, Compiled, Value};
 use crate::profile::Space;
@@ -35,7 +35,7 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
         us(half(b, r).start.zip(shift).map(|(start, shift)| start - shift))
     }),
     ("bus", |b, r| Cell::Text(&bus(b, txn(b, r).bus).name)),
-    ("client", |_, _| Cell::Null),
+    ("client", |b, r| network(b, txn(b, r).bus, |net| Cell::Text(&net.client))),
     ("unit", |b, r| Cell::Int(i64::from(txn(b, r).unit))),
     ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
     ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),

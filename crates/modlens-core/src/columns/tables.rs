@@ -4,13 +4,17 @@ use crate::columns::content::{fields, read_data, read_range, refusal, row_of, wr
 use crate::columns::readings::named;
 use crate::columns::{functions, Cell};
 use crate::functions::EXCEPTION_BIT;
-use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Transaction};
+use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Network, Transaction};
 use crate::Ns;
 
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
 
 pub(super) fn bus(batch: &Batch, index: u32) -> &Bus {
     &batch.buses[index as usize]
+}
+
+pub(super) fn network(batch: &Batch, index: u32, read: fn(&Network) -> Cell<'_>) -> Cell<'_> {
+    bus(batch, index).network.as_ref().map_or(Cell::Null, read)
 }
 
 pub(super) fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
@@ -46,14 +50,15 @@ pub(super) const FRAMES: &[(&str, Read<Frame>)] = &[
     ("time", |b, f| time(b, f.bus, f.start)),
     ("elapsed_us", |_, f| us(f.elapsed)),
     ("bus", |b, f| Cell::Text(&bus(b, f.bus).name)),
-    ("line", |_, f| match f.line {
+    ("line", |b, f| match f.line {
+        _ if bus(b, f.bus).network.is_some() => Cell::Null,
         0 => Cell::Null,
         1 => Cell::Word("A"),
         _ => Cell::Word("B"),
     }),
-    ("client", |_, _| Cell::Null),
-    ("server", |_, _| Cell::Null),
-    ("connection", |_, _| Cell::Null),
+    ("client", |b, f| network(b, f.bus, |net| Cell::Text(&net.client))),
+    ("server", |b, f| network(b, f.bus, |net| Cell::Text(&net.server))),
+    ("connection", |b, f| network(b, f.bus, |net| Cell::Int(net.connection as i64))),
     ("byte_offset", |_, f| Cell::Int(f.offset as i64)),
     ("byte_length", |_, f| Cell::Int(i64::from(f.wire.length))),
     ("mode", |_, f| Cell::Word(f.mode.text())),
@@ -79,9 +84,9 @@ pub(super) const TRANSACTIONS: &[(&str, Read<Transaction>)] = &[
     ("time", |b, t| time(b, t.bus, t.start)),
     ("elapsed_us", |_, t| us(t.elapsed)),
     ("bus", |b, t| Cell::Text(&bus(b, t.bus).name)),
-    ("client", |_, _| Cell::Null),
-    ("server", |_, _| Cell::Null),
-    ("connection", |_, _| Cell::Null),
+    ("client", |b, t| network(b, t.bus, |net| Cell::Text(&net.client))),
+    ("server", |b, t| network(b, t.bus, |net| Cell::Text(&net.server))),
+    ("connection", |b, t| network(b, t.bus, |net| Cell::Int(net.connection as i64))),
     ("mode", |_, t| Cell::Word(t.mode.text())),
     ("unit", |_, t| Cell::Int(i64::from(t.unit))),
     ("function", |_, t| Cell::Int(i64::from(t.function))),

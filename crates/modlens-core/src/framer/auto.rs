@@ -70,11 +70,16 @@ pub fn make(mode: Mode, line: Option<&Line>, rule: Option<Rule>) -> Box<dyn Fram
 }
 
 /// The framing under which most bytes are in good frames.
-fn evidence(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
+pub fn evidence(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
     let scores =
         [(rtu_bytes(functions, bytes), Mode::Rtu), (ascii_bytes(bytes), Mode::Ascii), (tcp_bytes(functions, bytes), Mode::Tcp)];
     // Equal scores: the first, which has the strongest checksum.
     scores.into_iter().rev().max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, mode)| mode)
+}
+
+/// How many of the bytes are in good frames of a serial line.
+pub fn evidence_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+    rtu_bytes(functions, bytes).max(ascii_bytes(bytes))
 }
 
 fn rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {

@@ -168,6 +168,8 @@ pub struct Context<'a> {
     pub shared: bool,
     /// Who speaks on this line, where each side has its own.
     pub speaker: Option<Direction>,
+    /// Who speaks on this line for certain: the side of a connection.
+    pub certain: Option<Direction>,
     /// Units that took part in a good frame.
     pub known_units: &'a [bool; 256],
     /// Units that took part in a paired transaction.
@@ -181,7 +183,7 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// What the recording says of the direction of the frame at `index`.
     pub fn said_at(&self, input: &Input, index: usize) -> Option<Direction> {
-        self.speaker.or_else(|| input.read(index).and_then(|read| read.side).map(|side| (self.said)(side)))
+        self.certain.or(self.speaker).or_else(|| input.read(index).and_then(|read| read.side).map(|side| (self.said)(side)))
     }
 }
 

@@ -4,12 +4,15 @@ use crate::direction::{judge, readings};
 use crate::finding::Finding;
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT};
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
-use crate::input::Input;
+use crate::input::{Input, NO_TIME};
 use crate::line::Line;
 use crate::Ns;
 
 /// Transaction, protocol, length; the unit counts in the length.
 const HEADER: usize = 6;
+
+/// Bytes of the checksum of RTU.
+const CHECKSUM: usize = 2;
 
 /// A silence in a stream over TCP says nothing before it is this long.
 const BREAK: Ns = 1_000_000_000;
@@ -60,6 +63,21 @@ fn stands(functions: &Functions, bytes: &[u8]) -> Option<bool> {
     bytes.get(HEADER + 1..length).map(|pdu| layout_fits(functions, pdu))
 }
 
+/// Whether the read that begins here ends with the frame, or with the checksum behind it.
+fn whole_read(input: &Input, length: usize) -> bool {
+    let rest = input.rest_of_read(0);
+    let is_read = input.read(0).is_some_and(|read| read.record || read.time != NO_TIME);
+    is_read && rest == length || (rest == length + CHECKSUM && checksum_behind(input, length))
+}
+
+/// Whether a gateway has left the checksum of RTU in, and the read ends with it.
+fn checksum_behind(input: &Input, length: usize) -> bool {
+    // Blocks of a file are no reads: only those with a time or a record's mark are.
+    input.read(length - 1).is_some_and(|read| read.record || read.time != NO_TIME)
+        && input.rest_of_read(length - 1) == 1 + CHECKSUM
+        && input.bytes().get(HEADER..length + CHECKSUM).is_some_and(crate::checksum::crc_valid)
+}
+
 impl Tcp {
     /// Where a frame ends whose header lies: where another one stands.
     ///
@@ -96,7 +114,9 @@ impl Tcp {
             return input.closed.then_some(false);
         }
         let Some(length) = announced(bytes) else { return Some(false) };
-        if at == 0 {
+        // A record, or what follows missing bytes, may begin anywhere in a frame.
+        let behind_edge = input.hard_edge(0);
+        if at == 0 && (!behind_edge || whole_read(input, length)) {
             return Some(true);
         }
         // Behind bytes that were no frame, a header alone is weak evidence.
@@ -111,7 +131,13 @@ impl Tcp {
         let length = announced(bytes)?;
         adu.clear();
         let mbap_id = Some(u16::from_be_bytes([bytes[0], bytes[1]]));
-        if let Some(end) = Self::lie(input, context, length)? {
+        if let Some(edge) = input.edge_after(0, length - 1, Ns::MAX) {
+            adu.extend_from_slice(bytes.get(HEADER..edge).unwrap_or(&[]));
+            return Some(Cut { verdict: Verdict::Incomplete, mbap_id, ..Cut::noise(edge, CutBy::Record) });
+        }
+        // On a connection, a packet that ends with the frame bears the header out.
+        let borne_out = context.certain.is_some() && whole_read(input, length);
+        if let Some(end) = if borne_out { None } else { Self::lie(input, context, length)? } {
             adu.extend_from_slice(&bytes[HEADER..end]);
             let finding = Some(Finding::MbapLength);
             return Some(Cut { verdict: Verdict::Incomplete, mbap_id, finding, ..Cut::noise(end, CutBy::Frame) });
@@ -124,8 +150,11 @@ impl Tcp {
         adu.extend_from_slice(&bytes[HEADER..length]);
         let pdu = &adu[1..];
         let fits = layout_fits(context.functions, pdu);
-        let direction = judge(context.functions, context.asked, adu[0], pdu, context.said_at(input, 0), (context.pause)(None));
-        let finding = (!fits).then_some(Finding::MbapLength);
+        let judged = || judge(context.functions, context.asked, adu[0], pdu, context.said_at(input, 0), (context.pause)(None));
+        let direction = context.certain.unwrap_or_else(judged);
+        let left_in = checksum_behind(input, length);
+        let finding = (!fits || left_in).then_some(Finding::MbapLength);
+        let length = if left_in { length + CHECKSUM } else { length };
         // The header's protocol and length agree with the PDU's own.
         let confidence = if fits { 40 } else { 16 };
         Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, finding, ..Cut::noise(length, CutBy::Length) })

@@ -51,6 +51,10 @@ impl Pairing {
         if seen.mode != Mode::Tcp && self.meeting(&mut exchange, seen) {
             placed.finding = Some(Finding::TwoMasters);
         }
+        if exchange.mbap_id != seen.mbap_id {
+            exchange.findings.push(Finding::TransactionId);
+            placed.finding = Some(Finding::TransactionId);
+        }
         done.push(exchange);
         placed
     }
@@ -62,7 +66,10 @@ impl Pairing {
             !exchange.given_up && answers(functions, asked, seen.unit(), seen.pdu()) != Match::No
         };
         // Serial frames have no identifier: all are the same.
-        self.open.iter().position(|exchange| exchange.mbap_id == seen.mbap_id && fits(exchange))
+        let own = self.open.iter().position(|exchange| exchange.mbap_id == seen.mbap_id && fits(exchange));
+        // Some devices answer with an identifier of their own, the same for ever. One that was asked with is no such.
+        let foreign = || seen.mbap_id.is_some_and(|id| !self.ids.contains(&id));
+        own.or_else(|| if foreign() { self.open.iter().position(|exchange| fits(exchange)) } else { None })
     }
 
     /// Whether this answer proves, with the others, that two masters talk. Older proofs become notes.

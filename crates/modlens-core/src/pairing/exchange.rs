@@ -140,6 +140,8 @@ pub struct Exchange {
     pub(super) given_up: bool,
     /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
     pub(super) silent: bool,
+    /// The recording lacks bytes in which the answer may have been.
+    pub(super) blind: bool,
     /// The request was heard twice.
     pub(super) echoed: bool,
     /// The request that came before this one's answer.
@@ -170,6 +172,7 @@ impl Exchange {
             origin: 0,
             given_up: false,
             silent: false,
+            blind: false,
             echoed: false,
             inside: None,
             sure: false,

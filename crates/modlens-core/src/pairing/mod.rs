@@ -59,6 +59,10 @@ pub struct Pairing {
     /// Times that differ by less than twice this are not told apart.
     pub resolution: Ns,
     live: bool,
+    /// Whether the side that answers is recorded at all: where it is not, its silence means nothing.
+    pub heard: bool,
+    /// Transaction identifiers of the last requests of a connection.
+    ids: VecDeque<u16>,
 }
 
 /// What shows later of a frame.
@@ -98,6 +102,8 @@ impl Pairing {
             notes: Vec::new(),
             resolution: 0,
             live,
+            heard: true,
+            ids: VecDeque::new(),
         }
     }
 
@@ -110,6 +116,13 @@ impl Pairing {
     pub fn oldest(&self) -> Option<u64> {
         let stray = self.stray.as_ref().map(|stray| stray.exchange.txn);
         self.open.iter().map(|exchange| exchange.txn).chain(stray).min()
+    }
+
+    /// Bytes are missing from the recording: what is open may have been answered in them.
+    pub fn lost(&mut self) {
+        for exchange in &mut self.open {
+            exchange.blind = true;
+        }
     }
 
     /// Takes back an exchange whose rows were written, to use its buffers again.
@@ -143,6 +156,7 @@ impl Pairing {
     }
 
     fn close(&mut self, mut exchange: Box<Exchange>, silence: Status, done: &mut Vec<Box<Exchange>>) {
+        let silence = if exchange.blind || !self.heard { Status::NotSeen } else { silence };
         if exchange.status != Status::BadRequest {
             exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
         }

@@ -29,6 +29,9 @@ const COPY_RATE: f32 = 0.1;
 /// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
 const OPEN_LIMIT: usize = 1024;
 
+/// Transaction identifiers of requests that a late answer may carry.
+const IDS: usize = 64;
+
 /// Whether this line's requests are heard twice.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Copies {
@@ -88,7 +91,11 @@ impl Pairing {
     /// whether the clock says so.
     fn make_room(&mut self, functions: &Functions, seen: &Seen<'_>, done: &mut Vec<Box<Exchange>>) -> Option<bool> {
         if seen.mode == Mode::Tcp {
-            if self.open.len() >= OPEN_LIMIT {
+            if self.ids.len() == IDS {
+                self.ids.pop_front();
+            }
+            self.ids.extend(seen.mbap_id);
+            while self.open.len() >= OPEN_LIMIT || self.open.front().is_some_and(|open| open.given_up) {
                 self.give_up_oldest(functions, seen, done);
             }
             return None;

@@ -46,6 +46,8 @@ pub(super) struct BusState {
     pub(super) options: BusOptions,
     pub(super) lines: Vec<(u8, LineState)>,
     pub(super) pairing: Pairing,
+    /// Where the statistics count it: connections to one server count together.
+    pub(super) counts: usize,
     pub(super) known_units: Box<[bool; 256]>,
     pub(super) paired_units: Box<[bool; 256]>,
     /// For what the log calls sent and received: requests less responses seen so far.
@@ -58,7 +60,8 @@ pub(super) struct BusState {
 impl BusOptions {
     /// A bus without clock or settings.
     pub fn named(name: &str) -> Self {
-        let bus = Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None, line: None };
+        let bus =
+            Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None, line: None, network: None };
         Self { bus, mode: None, line: None, resolution: None, rule: None }
     }
 }
@@ -70,6 +73,22 @@ impl BusOptions {
 }
 
 impl BusState {
+    pub(super) fn new(options: BusOptions, pairing: Pairing, counts: usize, profiles: Profiles) -> Self {
+        Self {
+            pairing,
+            counts,
+            lines: Vec::new(),
+            known_units: Box::new([false; 256]),
+            paired_units: Box::new([false; 256]),
+            sides: [0; 2],
+            newest: None,
+            jumped: false,
+            reader: None,
+            profiles,
+            options,
+        }
+    }
+
     pub(super) fn line(&mut self, id: u8) -> &mut LineState {
         if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {
             return &mut self.lines[at].1;
@@ -114,6 +133,7 @@ impl BusState {
             asked: self.pairing.asked(),
             shared: !one_line,
             speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
+            certain: self.options.bus.network.as_ref().and_then(|_| side_of(self.lines[at].0)),
             known_units: &self.known_units,
             paired_units: &self.paired_units,
             pause: &|gap| tempo.judge(gap.filter(|_| one_line)),
@@ -123,6 +143,15 @@ impl BusState {
         let cut = state.framer.next(&state.input, &context, adu);
         state.input.break_ns = state.framer.break_ns(settings.as_ref());
         Some((at, cut?))
+    }
+}
+
+/// Who speaks on a line of a connection: the client's is 1, the server's 2.
+fn side_of(line: u8) -> Option<Direction> {
+    match line {
+        1 => Some(Direction::Request),
+        2 => Some(Direction::Response),
+        _ => None,
     }
 }
 

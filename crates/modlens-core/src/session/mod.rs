@@ -4,6 +4,8 @@
 #![allow(clippy::vec_box)]
 
 mod bus;
+mod capture;
+mod logic;
 mod profiles;
 mod rows;
 
@@ -23,8 +25,11 @@ use crate::text::{Format, Reader};
 use crate::Ns;
 
 pub use bus::BusOptions;
+pub use capture::CaptureOptions;
 
 use bus::{learn, BusState};
+use capture::CaptureState;
+use logic::LogicState;
 use profiles::Assignment;
 use rows::{elapsed, framing_detail, keep_half, note_detail, placed_detail};
 
@@ -69,6 +74,13 @@ pub struct Session {
     done: Vec<Box<Exchange>>,
     found: check::Found,
     codes: Vec<Finding>,
+    captures: Vec<Option<CaptureState>>,
+    logics: Vec<Option<LogicState>>,
+    /// Buses of connections that are over: they may have rows that are held.
+    retired: Vec<usize>,
+    /// Buses that a further connection may take.
+    free: Vec<usize>,
+    connections: u64,
 }
 impl Default for Session {
     fn default() -> Self {
@@ -97,6 +109,11 @@ impl Session {
             done: Vec::new(),
             found: Vec::new(),
             codes: Vec::new(),
+            captures: Vec::new(),
+            logics: Vec::new(),
+            retired: Vec::new(),
+            free: Vec::new(),
+            connections: 0,
         }
     }
 
@@ -104,19 +121,9 @@ impl Session {
     pub fn add_bus(&mut self, mut options: BusOptions) -> usize {
         options.bus.line = options.line;
         Arc::make_mut(&mut self.bus_rows).push(options.bus.clone());
-        self.stats.add_bus(&options.bus.name);
-        self.buses.push(BusState {
-            pairing: Pairing::new(self.timeout, self.live),
-            lines: Vec::new(),
-            known_units: Box::new([false; 256]),
-            paired_units: Box::new([false; 256]),
-            sides: [0; 2],
-            newest: None,
-            jumped: false,
-            reader: None,
-            profiles: self.profiles_of(&options.bus.name),
-            options,
-        });
+        let counts = self.stats.add_bus(&options.bus.name);
+        let profiles = self.profiles_of(&options.bus.name);
+        self.buses.push(BusState::new(options, Pairing::new(self.timeout, self.live), counts, profiles));
         self.buses.len() - 1
     }
 
@@ -247,6 +254,7 @@ impl Session {
             batch.transactions.extend(self.held.drain(..ready));
             self.keep_held(&batch);
         }
+        self.release();
         batch.buses = Arc::clone(&self.bus_rows);
         batch.functions = Some(Arc::clone(&self.functions));
         batch
@@ -307,7 +315,8 @@ impl Session {
         let first = input.byte_time(0).filter(|_| clocked).map(|ns| ns - char_ns);
         // The estimate goes back from the read's time; it cannot lie before what was already on the line.
         let start = first.map(|ns| if jumped { ns } else { last_end.map_or(ns, |last| ns.max(last)) });
-        let clean_start = input.starts_read(0);
+        // All messages of a packet came when it came.
+        let clean_start = mode == Mode::Tcp || input.starts_read(0);
         let gap = input.pause_before(0).filter(|&gap| clocked && clean_start && gap >= 2 * resolution && gap > 0);
         let read_origin = input.read(0).map_or(0, |read| read.origin);
         let origin = if place == Place::Offset { input.offset() } else { read_origin };
@@ -417,7 +426,7 @@ impl Session {
             };
             self.batch.frames.push(frame);
         }
-        self.stats.frame(bus, mode, &seen);
+        self.stats.frame(state.counts, mode, &seen);
         learn(&mut state.known_units, &mut state.sides, &seen, side);
         let input = &mut state.lines[at].1;
         if cut.verdict.good() {
@@ -491,7 +500,7 @@ impl Session {
             if exchange.sure && matches!(exchange.status, Status::Ok | Status::Exception) {
                 self.buses[bus].paired_units[exchange.unit as usize] = true;
             }
-            self.stats.transaction(bus, &exchange);
+            self.stats.transaction(self.buses[bus].counts, &exchange);
             if self.wanted.transactions {
                 let row = Transaction {
                     number: exchange.txn,

@@ -7,6 +7,12 @@ pub type Guess = (&'static str, f64, String);
 
 /// Guesses from the first bytes of a file and its name, best first; never empty.
 pub fn detect(sample: &[u8], name: &str) -> Vec<Guess> {
+    if let Some(kind) = crate::pcap::signature(sample) {
+        return vec![(kind, 1.0, String::from("by its first bytes"))];
+    }
+    if is_sigrok(sample) {
+        return vec![("sigrok", 1.0, String::from("a zip of samples"))];
+    }
     let mut guesses = Vec::new();
     let suffix = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     let control = sample.iter().filter(|b| **b < 0x20 && !matches!(b, b'\n' | b'\r' | b'\t' | 0x1B)).count();
@@ -30,6 +36,12 @@ pub fn detect(sample: &[u8], name: &str) -> Vec<Guess> {
         guesses.push(("raw", 0.1, String::from("any bytes can be raw")));
     }
     guesses
+}
+
+/// Whether this is a session of sigrok: a zip whose first file says its version, or what was sampled.
+fn is_sigrok(sample: &[u8]) -> bool {
+    let name = |length: usize| sample.get(30..30 + length);
+    sample.starts_with(b"PK\x03\x04") && (name(7) == Some(b"version") || name(8) == Some(b"metadata"))
 }
 
 /// The share of the lines with content that the format understands, and their number.

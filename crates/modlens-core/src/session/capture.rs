@@ -1,0 +1,250 @@
+//! Captures in a session: a connection becomes a bus of two lines, a serial interface a bus of one.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use crate::chunk::{Chunk, Side, Times};
+use crate::finding::Finding;
+use crate::framer::Mode;
+use crate::line::Line;
+use crate::pairing::Pairing;
+use crate::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
+use crate::records::{Bus, Clock, FindingRow, Network, Place};
+use crate::session::bus::BusState;
+use crate::session::{BusOptions, Session};
+use crate::Ns;
+
+/// Times below this are not of our days: the clock started with the recording.
+const FIRST_DAY: Ns = 100_000_000 * 1_000_000_000;
+
+/// The lines of a connection's bus.
+const FROM_CLIENT: u8 = 1;
+const FROM_SERVER: u8 = 2;
+
+/// What a capture is told about itself.
+#[derive(Clone, Debug)]
+pub struct CaptureOptions {
+    /// The file, as `source` names it.
+    pub source: String,
+    /// Where Modbus is looked for.
+    pub ports: Ports,
+    /// Framing of serial interfaces; found out where `None`.
+    pub mode: Option<Mode>,
+    /// Line settings of serial interfaces.
+    pub line: Option<Line>,
+}
+
+pub(super) struct CaptureState {
+    options: CaptureOptions,
+    reader: Capture,
+    /// The bus of each slot.
+    slots: Vec<Option<usize>>,
+    /// The bus of each serial interface.
+    lines: Vec<Option<usize>>,
+    clock: Clock,
+    resolution: Ns,
+}
+
+impl Session {
+    /// Adds a capture; they are numbered from 0. Its buses are made as they show.
+    pub fn add_capture(&mut self, options: CaptureOptions) -> usize {
+        self.captures.push(Some(CaptureState {
+            reader: Capture::new(options.ports.clone()),
+            options,
+            slots: Vec::new(),
+            lines: Vec::new(),
+            clock: Clock::None,
+            resolution: 0,
+        }));
+        self.captures.len() - 1
+    }
+
+    /// A block of a capture, cut anywhere; `last` ends it.
+    pub fn feed_capture(&mut self, capture: usize, block: &[u8], last: bool) {
+        let Some(mut state) = self.captures[capture].take() else { return };
+        let mut reader = std::mem::take(&mut state.reader);
+        let functions = Arc::clone(&self.functions);
+        reader.push(&functions, block, &mut |event| self.event(&mut state, event));
+        if last {
+            reader.finish(&functions, &mut |event| self.event(&mut state, event));
+        }
+        state.reader = reader;
+        self.captures[capture] = Some(state);
+    }
+
+    /// What a capture has shown: packets, what was left out, the clock and its resolution, the framings.
+    pub fn capture(&self, capture: usize) -> Option<CaptureReport> {
+        let state = self.captures.get(capture)?.as_ref()?;
+        Some(CaptureReport {
+            packets: state.reader.packets(),
+            left_out: state.reader.left_out(),
+            clock: state.clock,
+            resolution: state.resolution,
+        })
+    }
+
+    fn event(&mut self, state: &mut CaptureState, event: Event<'_>) {
+        match event {
+            Event::Time(time, by) => {
+                if state.clock == Clock::None {
+                    state.clock = if time < FIRST_DAY { Clock::Relative } else { Clock::Utc };
+                }
+                state.resolution = state.resolution.max(by.resolution);
+                self.origin.get_or_insert(time);
+            }
+            Event::Opened { slot, client, server, mode } => self.opened(state, slot, client, server, mode),
+            Event::Bytes { slot, from_client, piece, record, heard } => {
+                if let Some(&Some(bus)) = state.slots.get(slot) {
+                    self.buses[bus].pairing.heard = heard;
+                    self.piece(bus, from_client, &piece, record);
+                }
+            }
+            Event::Found { slot, finding, detail, packet, time } => {
+                if let Some(&Some(bus)) = state.slots.get(slot) {
+                    self.found(bus, finding, detail, packet, time);
+                }
+            }
+            Event::Closed { slot } => {
+                if let Some(bus) = state.slots.get_mut(slot).and_then(Option::take) {
+                    self.flush_bus(bus);
+                    self.retired.push(bus);
+                }
+            }
+            Event::Line { interface, by, content, packet, time } => {
+                let bus = self.serial_bus(state, interface, by);
+                self.content(bus, &content, packet, time);
+            }
+        }
+    }
+
+    fn opened(&mut self, state: &mut CaptureState, slot: usize, client: Endpoint, server: Endpoint, mode: Mode) {
+        self.connections += 1;
+        let server = server.to_string();
+        let network = Network { client: client.address.to_string(), server: server.clone(), connection: self.connections };
+        let bus = Bus {
+            name: server,
+            source: state.options.source.clone(),
+            place: Place::Packet,
+            clock: state.clock,
+            line: None,
+            network: Some(network),
+        };
+        let options = BusOptions { bus, mode: Some(mode), line: None, resolution: Some(state.resolution.max(1)), rule: None };
+        let counts = self.stats.bus_named(&options.bus.name);
+        let pairing = Pairing::new(self.timeout, self.live);
+        let profiles = self.profiles_of(&options.bus.name);
+        let rows = Arc::make_mut(&mut self.bus_rows);
+        let bus = if let Some(bus) = self.free.pop() {
+            rows[bus] = options.bus.clone();
+            self.buses[bus] = BusState::new(options, pairing, counts, profiles);
+            bus
+        } else {
+            rows.push(options.bus.clone());
+            self.buses.push(BusState::new(options, pairing, counts, profiles));
+            self.buses.len() - 1
+        };
+        if state.slots.len() <= slot {
+            state.slots.resize(slot + 1, None);
+        }
+        state.slots[slot] = Some(bus);
+    }
+
+    fn piece(&mut self, bus: usize, from_client: bool, piece: &Piece<'_>, record: bool) {
+        if piece.missing > 0 {
+            self.buses[bus].pairing.lost();
+            let detail = format!("{} bytes are missing before packet {}", piece.missing, piece.packet);
+            self.found(bus, Finding::LostBytes, detail, piece.packet, piece.time);
+        }
+        let chunk = Chunk {
+            bytes: piece.bytes,
+            line: if from_client { FROM_CLIENT } else { FROM_SERVER },
+            times: piece.time.map_or(Times::None, Times::Read),
+            side: Some(if from_client { Side::Sent } else { Side::Received }),
+            record,
+            hole: piece.missing > 0,
+            origin: piece.packet,
+            ..Chunk::default()
+        };
+        self.feed(bus, &chunk);
+    }
+
+    fn content(&mut self, bus: usize, content: &Content<'_>, packet: u64, time: Option<Ns>) {
+        let chunk = Chunk {
+            bytes: content.bytes,
+            times: time.map_or(Times::None, Times::Read),
+            side: content.side,
+            record: content.record,
+            hole: content.hole,
+            line_error: content.line_error,
+            no_checksum: content.no_checksum,
+            origin: packet,
+            ..Chunk::default()
+        };
+        self.feed(bus, &chunk);
+    }
+
+    fn serial_bus(&mut self, state: &mut CaptureState, interface: usize, by: &Interface) -> usize {
+        if state.lines.len() <= interface {
+            state.lines.resize(interface + 1, None);
+        }
+        if let Some(bus) = state.lines[interface] {
+            return bus;
+        }
+        let source = state.options.source.clone();
+        let name = by.name.clone().unwrap_or_else(|| source.clone());
+        let bus = Bus { name, source, place: Place::Packet, clock: state.clock, line: state.options.line, network: None };
+        let options = BusOptions { bus, mode: state.options.mode, line: state.options.line, resolution: None, rule: None };
+        let bus = self.add_bus(options);
+        state.lines[interface] = Some(bus);
+        bus
+    }
+
+    /// A finding on a connection, not on a frame.
+    fn found(&mut self, bus: usize, finding: Finding, detail: String, packet: u64, time: Option<Ns>) {
+        self.stats.finding(finding);
+        if self.wanted.findings {
+            let elapsed = super::rows::elapsed(self.origin, time);
+            let row = FindingRow {
+                frame: None,
+                txn: None,
+                bus: bus as u32,
+                start: time,
+                elapsed,
+                unit: None,
+                finding,
+                detail,
+                origin: packet,
+            };
+            self.batch.findings.push(row);
+        }
+    }
+
+    /// Lets go of the buses of closed connections that no held row names.
+    pub(super) fn release(&mut self) {
+        if self.retired.is_empty() {
+            return;
+        }
+        let named: HashSet<usize> = self.held.iter().map(|row| row.bus as usize).collect();
+        let free = &mut self.free;
+        self.retired.retain(|bus| {
+            let busy = named.contains(bus);
+            if !busy {
+                free.push(*bus);
+            }
+            busy
+        });
+    }
+}
+
+/// What a capture has shown.
+#[derive(Clone, Debug)]
+pub struct CaptureReport {
+    /// Packets so far.
+    pub packets: u64,
+    /// What was left out, by reason.
+    pub left_out: Vec<(String, u64)>,
+    /// Its clock.
+    pub clock: Clock,
+    /// What that can tell apart.
+    pub resolution: Ns,
+}
