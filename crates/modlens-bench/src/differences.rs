@@ -83,10 +83,50 @@ fn label_errors(case: &Case, frame: &Reported, truth: Option<usize>) -> Vec<Stri
     wrong.map(|label| format!("{} said: {}", label.text(), truth.map_or(String::from("nothing there"), describe))).collect()
 }
 
+/// Every damaged frame of the truth that was not located, and every damaged frame reported that is not there.
+pub fn damaged_differences(case: &Case, reported: &[Reported]) -> String {
+    let claims: HashSet<(u8, u64)> =
+        reported.iter().filter(|frame| !frame.crc_ok).map(|frame| (frame.line, frame.start)).collect();
+    let wanted: HashSet<(u8, u64)> = case.truth.iter().filter(|t| !t.valid).map(|truth| (truth.line, truth.start)).collect();
+    let missed = case.truth.iter().filter(|truth| !truth.valid && !claims.contains(&(truth.line, truth.start)));
+    let mut rows: Vec<(u8, u64, String)> =
+        missed.map(|truth| (truth.line, truth.start, format!("not located: {}", describe(truth)))).collect();
+    rows.extend(loss_errors(case, reported));
+    let mut wrong: Vec<&(u8, u64)> = claims.difference(&wanted).collect();
+    wrong.sort();
+    rows.extend(wrong.into_iter().map(|&(line, start)| (line, start, String::from("no damaged frame"))));
+    rows.sort();
+    let mut text = String::new();
+    for (line, start, what) in rows {
+        writeln!(text, "{start:>8}  {what}\n          {}", context(case, reported, line, start)).expect("text can grow");
+    }
+    text
+}
+
+/// Lost bytes that were not said, and lost bytes said where none are missing.
+fn loss_errors(case: &Case, reported: &[Reported]) -> Vec<(u8, u64, String)> {
+    let said: Vec<&Reported> = reported.iter().filter(|frame| frame.labels.contains(Label::LostBytes)).collect();
+    let reached = |truth: &TruthFrame| {
+        said.iter().any(|frame| frame.line == truth.line && frame.start < truth.end && frame.end > truth.start)
+    };
+    let missed = case.truth.iter().filter(|truth| truth.labels.contains(Label::LostBytes) && !reached(truth));
+    let missed = missed.map(|truth| (truth.line, truth.start, format!("lost bytes not said: {}", describe(truth))));
+    let right = |frame: &Reported| {
+        case.losses.iter().any(|&(line, place)| line == frame.line && (frame.start..=frame.end).contains(&place))
+    };
+    let maybe = |frame: &Reported| {
+        let here = case.truth.iter().find(|t| !t.valid && t.line == frame.line && t.start == frame.start);
+        here.is_some_and(|truth| truth.maybe.contains(Label::LostBytes))
+    };
+    let wrong = said.iter().filter(|frame| !right(frame) && !maybe(frame));
+    let wrong = wrong.map(|frame| (frame.line, frame.start, String::from("lost bytes said, none are missing here")));
+    missed.chain(wrong).collect()
+}
+
 fn describe(truth: &TruthFrame) -> String {
     let direction = if truth.direction == Direction::Request { "request" } else { "response" };
     let labels: Vec<&str> = truth.labels.iter().map(Label::text).collect();
-    let valid = if truth.valid { "" } else { ", damaged" };
+    let valid = if truth.valid { String::new() } else { format!(", damaged:{}", truth.damage.text()) };
     format!(
         "{direction} {}..{} unit {} function {} txn {}{valid} {}",
         truth.start,
@@ -98,19 +138,20 @@ fn describe(truth: &TruthFrame) -> String {
     )
 }
 
-/// Bytes around a place; `[` and `]` are the truth's frames, `(` and `)` the reported ones, `|2.5|` a new read after so many ms.
+/// Bytes around a place; `[` and `]` are the truth's frames, `(` and `)` the whole ones reported, `{` and `}` the damaged
+/// ones, `|2.5|` a new read after so many ms.
 fn context(case: &Case, reported: &[Reported], line: u8, place: u64) -> String {
     let bytes = case.bytes(line);
     let end = (place + 3 * AROUND).min(bytes.len() as u64);
     let from = place.saturating_sub(AROUND).min(end);
     let mut text = String::new();
     let truths = || case.truth.iter().filter(|frame| frame.line == line);
-    let claims = || reported.iter().filter(|frame| frame.line == line && frame.crc_ok);
+    let claims = || reported.iter().filter(|frame| frame.line == line);
     let mut reads = case.read_times(line);
     let mut before = reads.at(from);
     let pause = 1.5 * case.settings.char_ns();
     for at in from..end {
-        text.extend(claims().filter(|frame| frame.end == at).map(|_| ')'));
+        text.extend(claims().filter(|frame| frame.end == at).map(|frame| if frame.crc_ok { ')' } else { '}' }));
         text.extend(truths().filter(|frame| frame.end == at).map(|_| ']'));
         let now = reads.at(at);
         if let (Some(now), Some(earlier)) = (now, before) {
@@ -121,7 +162,7 @@ fn context(case: &Case, reported: &[Reported], line: u8, place: u64) -> String {
         before = now;
         text.push(' ');
         text.extend(truths().filter(|frame| frame.start == at).map(|_| '['));
-        text.extend(claims().filter(|frame| frame.start == at).map(|_| '('));
+        text.extend(claims().filter(|frame| frame.start == at).map(|frame| if frame.crc_ok { '(' } else { '{' }));
         write!(text, "{:02x}", bytes[at as usize]).expect("text can grow");
     }
     text

@@ -6,12 +6,12 @@ use std::process::ExitCode;
 
 use modlens_bench::accuracy::Makers;
 use modlens_bench::adapter::Modlens;
-use modlens_bench::differences::differences;
+use modlens_bench::differences::{damaged_differences, differences};
 use modlens_bench::options::{Options, HELP};
-use modlens_bench::reported::Algorithm;
+use modlens_bench::reported::{Algorithm, Reported};
 use modlens_bench::score::Score;
 use modlens_bench::sim::bulk::{Bulk, Mixed};
-use modlens_bench::sim::case::Traffic;
+use modlens_bench::sim::case::{Case, Traffic};
 use modlens_bench::sim::output::{write_chunk_log, write_truth};
 use modlens_bench::sim::scenario::Scenario;
 use modlens_bench::speed::{self, Layer, Load};
@@ -40,7 +40,8 @@ fn run(arguments: &[String]) -> Result<(), String> {
     match command.as_str() {
         "accuracy" => accuracy(&options),
         "noise" => noise(&options),
-        "differences" => show_differences(&options),
+        "differences" => show_differences(&options, differences),
+        "damaged" => show_differences(&options, damaged_differences),
         "speed" => show_speed(&options),
         "write" => write(&options).map_err(|why| why.to_string())?,
         "bulk" => bulk(&options).map_err(|why| why.to_string())?,
@@ -93,7 +94,7 @@ fn noise(options: &Options) {
 }
 
 /// Every case and algorithm of the plan, one behind the other.
-fn show_differences(options: &Options) {
+fn show_differences(options: &Options, differences: fn(&Case, &[Reported]) -> String) {
     let plan = &options.plan;
     for scenario in &plan.scenarios {
         for &seed in &plan.seeds {

@@ -10,6 +10,7 @@ pub const HELP: &str = "\
 modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for modlens
 modlens-bench noise [options]      false frames per MB of noise only
 modlens-bench differences [options]  the bytes around every missed, false or mislabelled frame
+modlens-bench damaged [options]    the bytes around every damaged frame missed or invented
 modlens-bench speed [options]      MB a CPU second, and memory over noise
 modlens-bench write [options]      one case as chunk log and truth (JSON lines)
 modlens-bench bulk [options]       clean mixed traffic as raw bytes

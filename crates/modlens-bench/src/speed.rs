@@ -129,6 +129,7 @@ fn framing(bytes: &[u8]) -> u64 {
     let mut count = 0;
     let mut drain = |input: &mut Input| loop {
         let context = Context {
+            ahead: true,
             functions,
             asked: None,
             shared: false,

@@ -77,6 +77,26 @@ findings! {
         "A single disturbed bit is the mark of noise on the line, not of a wrong setting."
         "Termination, bias and shield; the unit named is far away or badly connected."
         "serial line 6.2.2";
+    LostBytes "lost_bytes" Error
+        "bytes of this frame are missing in the recording"
+        "The tap did not deliver them; the units may well have heard the frame whole."
+        "Overruns: a slower machine, a long USB cable or hub, an adapter without flow of its own; not the line."
+        "";
+    Collision "collision" Error
+        "another sender talked into the frame"
+        "Two drivers at once: the one that pulls to 0 wins, and both frames are lost."
+        "Two masters, two units with one address, or a unit that answers after the master's time-out."
+        "serial line 2.4.1";
+    DoubledByte "doubled_byte" Error
+        "a byte of this frame was delivered twice"
+        "The recording is wrong in this place; the units may well have heard the frame whole."
+        "The adapter, its driver, or a network serial server."
+        "";
+    Glitch "glitch" Info
+        "stray bytes where a driver was switched on or off"
+        "Receivers that go by the clock take them for a part of the frame."
+        "Bias of 450 to 650 ohm at one place; the unit's driver-enable timing."
+        "serial line 3.4.6";
     OtherChecksum "checksum_of_another_frame" Error
         "the checksum fits the same frame with one other byte"
         "The frame was edited by hand or taken from a document with a wrong example: the line does not do this."

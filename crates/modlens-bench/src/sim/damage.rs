@@ -25,6 +25,23 @@ pub struct Damage {
     pub no_end: bool,
 }
 
+impl Damage {
+    /// What was done, in words, each after a space.
+    pub fn text(&self) -> String {
+        let all = [
+            (self.flip, " flip"),
+            (self.lost, " lost"),
+            (self.dup, " dup"),
+            (self.trunc, " trunc"),
+            (self.collide, " collide"),
+            (self.midstart, " midstart"),
+            (self.colon, " colon"),
+            (self.no_end, " no_end"),
+        ];
+        all.iter().filter(|(done, _)| *done).map(|(_, word)| *word).collect()
+    }
+}
+
 /// One character as it leaves for the tap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slot {

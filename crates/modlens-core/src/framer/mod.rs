@@ -5,6 +5,7 @@
 
 pub mod ascii;
 pub mod auto;
+pub mod harm;
 pub mod rtu;
 pub mod silence;
 pub mod tcp;
@@ -139,6 +140,8 @@ pub struct Cut {
     pub mbap_id: Option<u16>,
     /// A finding on the framing itself.
     pub finding: Option<Finding>,
+    /// What happened to a frame that did not arrive whole.
+    pub harm: Option<harm::Harm>,
 }
 
 impl Cut {
@@ -153,6 +156,7 @@ impl Cut {
             tentative: false,
             mbap_id: None,
             finding: None,
+            harm: None,
         }
     }
 }
@@ -164,6 +168,8 @@ pub struct Context<'a> {
     pub functions: &'a Functions,
     /// The request that waits for its answer.
     pub asked: Option<Asked<'a>>,
+    /// A recording: more bytes may be waited for without keeping anybody waiting.
+    pub ahead: bool,
     /// The request may have come on another line than the answer.
     pub shared: bool,
     /// Who speaks on this line, where each side has its own.

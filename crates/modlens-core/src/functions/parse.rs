@@ -123,10 +123,8 @@ fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
                 _ => return Err(wrong()),
             };
             // Fields behind a list, or of the other direction, have no fixed place: nothing to check there.
-            let shape = layout.shape();
-            let place = shape.and_then(|shape| shape.offset_of(name).zip(shape.fields.iter().find(|f| f.name == *name)));
-            if let Some((offset, field)) = place.filter(|(_, field)| field.word.width() > 0) {
-                all.push(Permit { name: name.clone(), offset, width: field.word.width(), ranges });
+            if let Some((offset, width)) = layout.shape().and_then(|shape| shape.place_of(name)) {
+                all.push(Permit { name: name.clone(), offset, width, ranges });
             }
         }
     }

@@ -162,6 +162,20 @@ impl Shape {
         None
     }
 
+    /// Body offset and width of a number that has a fixed place: before everything of variable length, or in the first
+    /// group behind that.
+    pub fn place_of(&self, name: &str) -> Option<(usize, usize)> {
+        let named =
+            |fields: &[Field]| fields.iter().find(|field| field.name == name && field.word.width() > 0).map(|f| f.word.width());
+        if let Some(offset) = self.offset_of(name) {
+            return Some((offset, named(&self.fields)?));
+        }
+        let Some(Field { word: Word::Group(inner), .. }) = self.fields.last() else { return None };
+        let before: usize = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum();
+        let group = Self::new(inner.clone());
+        Some((before + group.offset_of(name)?, named(inner)?))
+    }
+
     /// The list that holds registers or bits: (body offset, whether it is bits).
     pub fn block(&self) -> Option<(usize, bool)> {
         let mut offset = 0;

@@ -10,15 +10,11 @@ use crate::input::Input;
 use crate::line::Line;
 use crate::pairing::{Pairing, Seen};
 use crate::records::{Bus, Clock, Place};
+use crate::session::clock::Lateness;
 use crate::session::profiles::Profiles;
 use crate::text::Reader;
 use crate::Ns;
 
-/// The clock of reads of several bytes: schedulers and adapters make them late by about so much.
-const READ_RESOLUTION: Ns = 1_000_000;
-
-/// The clock of single bytes.
-const BYTE_RESOLUTION: Ns = 1_000;
 /// What a bus is told about itself.
 #[derive(Clone, Debug)]
 pub struct BusOptions {
@@ -40,6 +36,7 @@ pub(super) struct LineState {
     pub(super) input: Input,
     pub(super) framer: Box<dyn Framer>,
     pub(super) last_end: Option<Ns>,
+    pub(super) lateness: Lateness,
 }
 
 pub(super) struct BusState {
@@ -100,13 +97,19 @@ impl BusState {
         };
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());
-        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None }));
+        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None, lateness: Lateness::default() }));
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
+    /// What the clock of a line can tell apart.
     pub(super) fn resolution(&self, at: usize) -> Ns {
-        let coarse = self.lines[at].1.input.coarse;
-        self.options.resolution.unwrap_or(if coarse { READ_RESOLUTION } else { BYTE_RESOLUTION })
+        let line = &self.lines[at].1;
+        self.options.resolution.unwrap_or_else(|| line.lateness.resolution(&line.input))
+    }
+
+    /// Of all lines, the coarsest clock: what may be said of a request and its answer.
+    pub(super) fn coarsest(&self) -> Ns {
+        (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
     /// Ends the frames of lines that have been silent for long.
@@ -117,7 +120,7 @@ impl BusState {
     }
 
     /// The next frame: of the line whose first unframed byte is the oldest, so that two lines are told in time order.
-    pub(super) fn next_cut(&mut self, functions: &Functions, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+    pub(super) fn next_cut(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
         let settings = self.options.line;
         let waiting = self.lines.iter().enumerate().filter(|(_, (_, line))| !line.input.bytes().is_empty());
         let at = match self.lines.len() {
@@ -131,6 +134,7 @@ impl BusState {
         let context = Context {
             functions,
             asked: self.pairing.asked(),
+            ahead: !live,
             shared: !one_line,
             speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
             certain: self.options.bus.network.as_ref().and_then(|_| side_of(self.lines[at].0)),

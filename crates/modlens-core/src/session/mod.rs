@@ -5,6 +5,7 @@
 
 mod bus;
 mod capture;
+mod clock;
 mod logic;
 mod profiles;
 mod rows;
@@ -29,6 +30,7 @@ pub use capture::CaptureOptions;
 
 use bus::{learn, BusState};
 use capture::CaptureState;
+use clock::Lateness;
 use logic::LogicState;
 use profiles::Assignment;
 use rows::{elapsed, framing_detail, keep_half, note_detail, placed_detail};
@@ -291,7 +293,7 @@ impl Session {
 
     fn frames_of(&mut self, bus: usize) {
         let mut adu = std::mem::take(&mut self.adu);
-        while let Some((at, cut)) = self.buses[bus].next_cut(&self.functions, &mut adu) {
+        while let Some((at, cut)) = self.buses[bus].next_cut(&self.functions, self.live, &mut adu) {
             self.frame(bus, at, &cut, &adu);
         }
         self.adu = adu;
@@ -302,7 +304,7 @@ impl Session {
         self.next_frame += 1;
         let state = &mut self.buses[bus];
         let resolution = state.resolution(at);
-        state.pairing.resolution = resolution;
+        state.pairing.resolution = state.options.resolution.unwrap_or_else(|| Lateness::least(&state.lines[at].1.input));
         let rule = state.options.rule();
         let jumped = std::mem::take(&mut state.jumped);
         let place = state.options.bus.place;
@@ -359,6 +361,9 @@ impl Session {
                 Finding::Tentative,
                 String::from("between bytes that are no frames, and the unit was in no paired transaction yet"),
             ));
+        }
+        if let Some((finding, harm)) = cut.harm.and_then(|harm| Some((harm.finding()?, harm))) {
+            self.found.push((finding, harm.text()));
         }
         if let Some(finding) = cut.finding {
             self.found.push((finding, framing_detail(finding, wire)));
@@ -430,6 +435,7 @@ impl Session {
         learn(&mut state.known_units, &mut state.sides, &seen, side);
         let input = &mut state.lines[at].1;
         if cut.verdict.good() {
+            input.lateness.learn(&input.input, cut.length);
             input.votes += i32::from(cut.direction == Direction::Request) - i32::from(cut.direction == Direction::Response);
         }
         input.input.consume(cut.length);
@@ -463,8 +469,13 @@ impl Session {
     fn write_done(&mut self, bus: usize) {
         self.write_notes(bus);
         let mut done = std::mem::take(&mut self.done);
+        let told_apart = 2 * self.buses[bus].coarsest();
         for mut exchange in done.drain(..) {
             self.found.clear();
+            // Null, never a guess, where the clock cannot tell.
+            for time in [&mut exchange.response_time, &mut exchange.waited, &mut exchange.late_response] {
+                *time = time.filter(|&ns| ns >= told_apart);
+            }
             check::pair(&self.functions, &exchange, &mut self.found);
             if exchange.findings.contains(&Finding::NoResponse) {
                 let waited =

@@ -5,10 +5,16 @@
 //! zeros cannot fake evidence.
 
 use crate::framer::rtu::bits::log2;
+use crate::framer::rtu::shapes::Shapes;
 use crate::functions::{Functions, EXCEPTION_BIT};
+
+pub use crate::framer::rtu::shapes::OPEN_LENGTH;
 
 /// Learned counts are halved here: units and functions may change after hours.
 const FORGET: f32 = 4000.0;
+
+/// Whose turn it is, is forgotten sooner: time-outs come in bursts.
+const FORGET_TURNS: f32 = 500.0;
 
 /// Observations that a prior is worth.
 const PRIOR_WEIGHT: f32 = 6.0;
@@ -24,10 +30,7 @@ pub const BROKEN_RULE: f32 = 7.0;
 /// A frame that lacks the last byte of its layout, although the checksum is right.
 pub const CUT_SHORT: f32 = 40.0;
 
-/// A layout that fixes no length leaves the end to chance.
-pub const OPEN_LENGTH: f32 = 7.5;
-
-/// A response that nobody asked for: one in sixty.
+/// A response that nobody asked for: one in sixty at first.
 pub const ORPHAN: f32 = 5.9;
 
 /// The answer to the request before the one that waits: one in ten of those without an answer.
@@ -36,13 +39,23 @@ pub const LATE: f32 = 3.3;
 /// The same answer again: one in a hundred.
 pub const AGAIN: f32 = 6.6;
 
+/// The same shares, without and with bytes before the frame that are no frame: a damaged request may be among them.
+const FIRST_ORPHANS: [f32; 2] = [1.0 / 60.0, 1.0 / 20.0];
+const FIRST_UNANSWERED: [f32; 2] = [1.0 / 30.0, 1.0 / 12.0];
+
+/// So many bytes between two frames may hold a damaged one.
+pub const MAY_HOLD_A_FRAME: u64 = 4;
+
+/// Unit and function of a response that nobody asked for stand among the bytes before it: its request was damaged.
+pub const BEGUN: f32 = 4.0;
+
 /// A frame whose checksum is wrong, where everything else fits: one in two hundred, and no checksum to vouch for it.
 pub const DAMAGED: f32 = 9.0;
 
 /// A frame of the other side on a line that one side has for itself.
 pub const WRONG_LINE: f32 = 25.0;
 
-/// A request while another one waits: one in thirty.
+/// A request while another one waits: one in thirty at first.
 pub const UNANSWERED: f32 = 4.9;
 
 /// The answer to the request that waits.
@@ -85,6 +98,9 @@ pub struct Model {
     functions: [[f32; 128]; 2],
     function_totals: [f32; 2],
     seen: Box<[(u64, u32)]>,
+    /// The bytes of those requests, if they are short, and the places of those that came again.
+    texts: Box<[Text]>,
+    polls: Vec<u16>,
     frames: f32,
     junk: f32,
     requests: f32,
@@ -96,7 +112,27 @@ pub struct Model {
     noise: Box<[f32; 256]>,
     noise_total: f32,
     noise_due: f32,
+    /// Frames while no request waits, without and with bytes before them: responses, and all.
+    orphans: [[f32; 2]; 2],
+    /// Frames while a request waits: other requests, and all.
+    unanswered: [[f32; 2]; 2],
+    shapes: Shapes,
 }
+
+/// Where a frame stands among others.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// A request waits.
+    pub waiting: bool,
+    /// Bytes before it that are no frame.
+    pub junk: u64,
+}
+
+/// A request that is remembered with its bytes: those of a poll cycle are short.
+type Text = [u8; 24];
+
+/// So many requests of a poll cycle are remembered with their bytes.
+const POLLS: usize = 64;
 
 /// Bytes of noise that weigh as much as the usual bits, after which the bits are worked out again, and half forgotten.
 const NOISE_WEIGHT: f32 = 256.0;
@@ -125,6 +161,8 @@ impl Default for Model {
             functions: [[0.0; 128]; 2],
             function_totals: [0.0; 2],
             seen: vec![(0, 0); SEEN].into_boxed_slice(),
+            texts: vec![[0; 24]; SEEN].into_boxed_slice(),
+            polls: Vec::new(),
             frames: 0.0,
             junk: 0.0,
             requests: 0.0,
@@ -135,6 +173,9 @@ impl Default for Model {
             noise: Box::new([0.0; 256]),
             noise_total: 0.0,
             noise_due: NOISE_STEP,
+            orphans: [[0.0; 2]; 2],
+            unanswered: [[0.0; 2]; 2],
+            shapes: Shapes::default(),
         };
         this.settle();
         this
@@ -222,6 +263,11 @@ impl Model {
         -log2(seen / (self.function_totals[direction] + PRIOR_WEIGHT))
     }
 
+    /// Learns the length of a frame whose layout is not public.
+    pub fn learn_length(&mut self, code: u8, direction: usize, body: &[u8]) {
+        self.shapes.learn(code, direction, body);
+    }
+
     /// Times that unit and function were seen in committed frames.
     pub fn familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
         const OFTEN: f32 = 3.0;
@@ -237,6 +283,23 @@ impl Model {
         }
         let body = self.bits_of(&frame[2..frame.len() - 2]);
         (body - 3.0).clamp(0.0, REPEATED_AT_MOST)
+    }
+
+    /// Costs of a request and of a response that answers nothing, in this setting.
+    pub fn turn(&self, setting: Setting) -> (f32, f32) {
+        let at = usize::from(setting.junk >= MAY_HOLD_A_FRAME);
+        if setting.waiting {
+            let share = share(self.unanswered[at], FIRST_UNANSWERED[at]);
+            return (-log2(share), ORPHAN);
+        }
+        let share = share(self.orphans[at], FIRST_ORPHANS[at]);
+        (-log2(1.0 - share), -log2(share))
+    }
+
+    /// Cost of the length of a body whose layout is not public.
+    pub fn open_length(&self, code: u8, direction: usize, body: &[u8]) -> f32 {
+        let count_bits = body.first().map_or(0.0, |&count| self.bits(count));
+        self.shapes.cost(code, direction, body, count_bits)
     }
 
     /// Works out anew what depends on all that was learned. The search calls it whenever it has learned.
@@ -271,8 +334,15 @@ impl Model {
         (-log2(share), -log2(1.0 - share))
     }
 
-    /// Learns from a frame that is certain; `strays` says that there was junk before it.
-    pub fn learn(&mut self, frame: &[u8], direction: usize, strays: bool, copy: Copy) {
+    /// Learns from a frame that is certain.
+    pub fn learn(&mut self, frame: &[u8], direction: usize, setting: Setting, copy: Copy) {
+        let at = usize::from(setting.junk >= MAY_HOLD_A_FRAME);
+        let (counts, seldom) = if setting.waiting { (&mut self.unanswered[at], 0) } else { (&mut self.orphans[at], 1) };
+        counts[0] += f32::from(u8::from(direction == seldom));
+        counts[1] += 1.0;
+        if counts[1] > FORGET_TURNS {
+            counts.iter_mut().for_each(|count| *count /= 2.0);
+        }
         match copy {
             Copy::First if direction == 0 => self.requests += 1.0,
             Copy::Again => self.copies += 1.0,
@@ -283,22 +353,57 @@ impl Model {
         self.functions[direction][(frame[1] & !EXCEPTION_BIT) as usize] += 1.0;
         self.function_totals[direction] += 1.0;
         self.frames += 1.0;
-        self.junk += f32::from(u8::from(strays));
+        self.junk += f32::from(u8::from(setting.junk > 0));
         if direction == 0 {
             let (key, slot) = key(frame);
-            let (known, count) = &mut self.seen[slot];
-            // A newcomer takes the place of a request that has not come back for long.
-            if *known == key {
-                *count = (*count + 1).min(15);
-            } else if *count > 0 {
-                *count -= 1;
-            } else {
-                (*known, *count) = (key, 1);
-            }
+            self.remember(frame, key, slot);
         }
         if self.unit_total > FORGET {
             self.forget();
         }
+    }
+
+    fn remember(&mut self, frame: &[u8], key: u64, slot: usize) {
+        let (known, count) = &mut self.seen[slot];
+        // A newcomer takes the place of a request that has not come back for long.
+        if *known != key {
+            if *count > 0 {
+                *count -= 1;
+                return;
+            }
+            (*known, *count) = (key, 1);
+            let text = &mut self.texts[slot];
+            text[0] = 0;
+            if frame.len() < text.len() {
+                text[0] = frame.len() as u8;
+                text[1..=frame.len()].copy_from_slice(frame);
+            }
+            return;
+        }
+        *count = (*count + 1).min(15);
+        let place = slot as u16;
+        if *count == 2 && self.texts[slot][0] > 0 && !self.polls.contains(&place) {
+            if self.polls.len() == POLLS {
+                self.polls.remove(0);
+            }
+            self.polls.push(place);
+        }
+    }
+
+    /// How many strays usually stand in one place on this line.
+    pub fn strays_at_most(&self) -> usize {
+        // Four random bytes in a silence are common on a noisy line; on a quiet one, two are too many.
+        if self.junk * 50.0 > self.frames {
+            7
+        } else {
+            2
+        }
+    }
+
+    /// The requests that come again and again.
+    pub fn polls(&self) -> impl Iterator<Item = &[u8]> {
+        let texts = self.polls.iter().map(|&place| &self.texts[usize::from(place)]);
+        texts.filter(|text| text[0] > 0).map(|text| &text[1..=usize::from(text[0])])
     }
 
     fn forget(&mut self) {
@@ -310,6 +415,11 @@ impl Model {
             *value /= 2.0;
         }
     }
+}
+
+/// A learned share: of counts (those, all), with a prior.
+fn share(counts: [f32; 2], prior: f32) -> f32 {
+    ((counts[0] + PRIOR_WEIGHT * prior) / (counts[1] + PRIOR_WEIGHT)).clamp(0.004, 0.9)
 }
 
 /// A hash of a frame (FNV-1a) and its place in the dictionary.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::direction::{answers, consistent, expected_block, Asked, Direction, Match, Pause};
 use crate::framer::rtu::announced;
 use crate::framer::rtu::bits::log2;
-use crate::framer::rtu::costs::{self, Model};
+use crate::framer::rtu::costs::{self, Model, Setting};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
 use crate::pairing::BROADCAST;
@@ -102,7 +102,7 @@ pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usiz
     if code == 0 {
         return None;
     }
-    let Some(row) = context.functions.row(code, body) else { return Some(gain - costs::OPEN_LENGTH) };
+    let Some(row) = context.functions.row(code, body) else { return Some(gain - model.open_length(code, direction, body)) };
     if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
         gain -= costs::BROADCAST_READ;
     }
@@ -131,7 +131,7 @@ fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {
     let cut_short = |layout: &Layout| matches!(layout.extent(body), Extent::Exactly(length) if length == body.len() + 1);
     let mut gain = match layout {
         Layout::Silent => -costs::OPEN_LENGTH - costs::BROKEN_RULE,
-        Layout::Unknown => -costs::OPEN_LENGTH,
+        Layout::Unknown => -model.open_length(row.code, direction, body),
         Layout::Body(shape) => match shape.extent(body) {
             Extent::Exactly(length) if length == body.len() && shape.groups_fit(body) => 0.0,
             Extent::Exactly(length) if length == body.len() => -costs::BROKEN_RULE,
@@ -153,7 +153,7 @@ fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {
 }
 
 /// A field within its limits is worth its bits less those that choose among the values permitted.
-fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
+pub fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
     let Some(field) = body.get(permit.offset..permit.offset + permit.width) else { return 0.0 };
     if permit.violated_by(body).is_some() {
         return -costs::BROKEN_RULE;
@@ -163,6 +163,8 @@ fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
 }
 
 /// What the request that waits makes of a frame: bits, and whether it is answered.
+///
+/// Before the frame stand so many bytes that are no frame, its own unit and function perhaps among them.
 pub fn context(
     model: &Model,
     context: &Context<'_>,
@@ -170,26 +172,29 @@ pub fn context(
     frame: &[u8],
     direction: usize,
     pause: Pause,
+    (junk, begun): (u64, bool),
 ) -> (f32, bool) {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
     let asked = pending.asked.as_ref();
+    let (unanswered, orphan) = model.turn(Setting { waiting: asked.is_some(), junk });
     if direction == REQUEST {
         let repeated = model.repeated(frame);
-        let Some(asked) = asked else { return (repeated, false) };
+        let Some(asked) = asked else { return (repeated - unanswered, false) };
         if asked.unit == unit && asked.pdu == pdu {
             // A retry comes after a time-out; the echo of the tap's own adapter comes once, at once.
-            let retry = costs::UNANSWERED - pause.min(0.0);
+            let retry = unanswered - pause.min(0.0);
             let again = if asked.copied { retry } else { retry.min(model.copied().0) };
             return (repeated.max(model.bits_of(&pdu[1..]) - 1.0) - again, false);
         }
         // The request before the one that waits, again: another frame was taken for the one between.
         let late = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
         let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
-        return (repeated.max(known) - costs::UNANSWERED, false);
+        return (repeated.max(known) - unanswered, false);
     }
     let matched = asked.map_or(Match::No, |asked| answers(context.functions, asked.asked(), unit, pdu));
     let Some(asked) = asked.filter(|_| matched != Match::No) else {
-        return (again(model, context, pending, frame, pause).max(-costs::ORPHAN), false);
+        let orphan = orphan - if begun && asked.is_none() { costs::BEGUN } else { 0.0 };
+        return (again(model, context, pending, frame, pause).max(-orphan), false);
     };
     // Unit and function are known beforehand.
     let mut gain = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - costs::ANSWERED;
@@ -218,15 +223,18 @@ fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], 
     let fits = |request: &&Arc<Request>| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
     let late = pending.late.as_ref().filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
-        (request, costs::LATE + retry)
+        (request, costs::LATE + retry, false)
     });
     // An echo once more is rather the same request again.
     let last = pending.last.as_ref().filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
-    let again = last.map(|(request, _)| request).filter(fits).map(|request| (request, costs::AGAIN));
-    let bits = late.into_iter().chain(again).map(|(request, cost)| {
+    let again = last.map(|(request, _)| request).filter(fits).map(|request| (request, costs::AGAIN, true));
+    let bits = late.into_iter().chain(again).map(|(request, cost, same)| {
         let row = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0);
         let body = row.map_or(0.0, |row| {
-            if expected_block(row, &request.pdu).is_some() {
+            if same {
+                // Byte for byte: else the two would look like a request and its retry.
+                model.bits_of(&pdu[1..])
+            } else if expected_block(row, &request.pdu).is_some() {
                 model.bits(pdu[1])
             } else if request.pdu == pdu {
                 model.bits_of(&pdu[1..])

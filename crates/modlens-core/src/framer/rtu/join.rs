@@ -37,7 +37,7 @@ struct Powers {
 }
 
 /// One bit of the register's step, backwards.
-fn back(state: u16) -> u16 {
+pub fn back(state: u16) -> u16 {
     // The polynomial's highest bit is set by a step if and only if a one was shifted out.
     if state & 0x8000 == 0 {
         state << 1

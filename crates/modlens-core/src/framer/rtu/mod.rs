@@ -4,30 +4,39 @@
 //! response, `search` finds the best way through all of them. Traffic that leaves no doubt goes past the search.
 //! Bytes between frames are named here: a damaged frame where header or silences say so, noise elsewhere.
 
+mod autopsy;
 mod bits;
 mod costs;
 mod gain;
 mod join;
 mod search;
+mod shapes;
+
+use std::collections::VecDeque;
 
 use std::sync::Arc;
 
 use crate::checksum::crc_valid;
 use crate::direction::{expected_block, judge, Direction};
+use crate::framer::harm::Harm;
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT, RTU_LIMIT};
 use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
 
+use autopsy::{Piece, Scene};
 use gain::{Request, REQUEST, RESPONSE};
 use search::{Search, Told};
 
 /// Without line settings or with reads of several bytes, shorter pauses say nothing.
 const COARSE_SILENCE: Ns = 5_000_000;
 
+/// In a recording, so many bytes are held back until the frame behind them is known.
+const AHEAD: u64 = NOISE_LIMIT as u64;
+
 /// The longest pause that may stand inside a frame: USB adapters and schedulers hold bytes back that long.
-const BREAK: Ns = 100_000_000;
+const BREAK: Ns = 90_000_000;
 
 /// Some masters announce more than the 256 bytes of the specification; a byte count cannot say more than this.
 const LONGEST: usize = join::REACH as usize;
@@ -48,6 +57,12 @@ pub struct Rtu {
     told: Option<Told>,
     /// Where a frame begins that was not certain.
     doubted: Option<u64>,
+    /// What was found in the bytes before it: damaged frames with their stream offsets.
+    pieces: VecDeque<(u64, Piece)>,
+    /// Up to here the bytes were looked through.
+    dissected: u64,
+    /// The last frame given out was damaged.
+    after_damage: bool,
     /// Shortest pause between frames.
     silence: Ns,
 }
@@ -62,7 +77,15 @@ enum Certain {
 impl Rtu {
     /// A framer for a line with these settings.
     pub fn new(line: Option<&Line>) -> Self {
-        Self { search: Search::default(), told: None, doubted: None, silence: line.map_or(COARSE_SILENCE, Line::t35_ns) }
+        Self {
+            search: Search::default(),
+            told: None,
+            doubted: None,
+            pieces: VecDeque::new(),
+            dissected: 0,
+            after_damage: false,
+            silence: line.map_or(COARSE_SILENCE, Line::t35_ns),
+        }
     }
 
     fn silence(&self, input: &Input) -> Ns {
@@ -159,6 +182,67 @@ impl Rtu {
         Cut { verdict: Verdict::Ok, direction, confidence, ..Cut::noise(length, cut_by) }
     }
 
+    /// The first piece of the bytes up to `to`, which begin no whole frame: a damaged one, or noise.
+    fn piece(&mut self, input: &Input, context: &Context<'_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+        let offset = input.offset();
+        if self.dissected < to {
+            self.dissected = to;
+            self.pieces = self.dissect(input, context, (to - offset) as usize);
+        }
+        let region = (to - offset) as usize;
+        let first = self.pieces.front().filter(|(start, _)| *start == offset);
+        let Some((_, piece)) = first else {
+            let strays = self.pieces.front().map_or(region, |(start, _)| (start - offset) as usize);
+            let cut = self.damaged(input, context, strays, adu);
+            let glitch = cut.verdict == Verdict::Noise && autopsy::is_glitch(&input.bytes()[..cut.length]);
+            return Cut { harm: glitch.then_some(Harm::Glitch), ..cut };
+        };
+        let length = piece.end - piece.start;
+        let cut_by = if length == region { CutBy::Frame } else { CutBy::Length };
+        let cut = Self::show(piece, &input.bytes()[..length], cut_by, adu);
+        self.pieces.pop_front();
+        cut
+    }
+
+    /// A piece as a frame, with its first bytes put back where it is known which ones are missing.
+    fn show(piece: &Piece, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> Cut {
+        let short = piece.short || wire.len() < AROUND;
+        adu.clear();
+        if !piece.unknown {
+            adu.extend_from_slice(&piece.head);
+            adu.extend_from_slice(if short { wire } else { &wire[..wire.len() - 2] });
+        }
+        let verdict = if short { Verdict::Incomplete } else { Verdict::BadChecksum };
+        Cut { verdict, direction: piece.direction, harm: piece.harm, ..Cut::noise(wire.len(), cut_by) }
+    }
+
+    /// A frame with a wrong checksum that the search found by its length, and what happened to it.
+    fn spoilt(&self, input: &Input, context: &Context<'_>, length: usize, direction: Direction, adu: &mut Vec<u8>) -> Cut {
+        let wire = &input.bytes()[..length];
+        let model = &self.search.model;
+        let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence: self.silence(input) };
+        if let Some(piece) = scene.pieces().iter().find(|piece| (piece.start, piece.end) == (0, length)) {
+            return Self::show(piece, wire, CutBy::Length, adu);
+        }
+        adu.clear();
+        adu.extend_from_slice(&wire[..length - 2]);
+        Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) }
+    }
+
+    fn dissect(&self, input: &Input, context: &Context<'_>, length: usize) -> VecDeque<(u64, Piece)> {
+        let after = match self.told {
+            Some(Told::Frame { start, end, direction, .. } | Told::Damaged { start, end, direction }) => {
+                let from = (start - input.offset()) as usize;
+                Some((&input.bytes()[from..from + (end - start) as usize], direction))
+            }
+            _ => None,
+        };
+        let model = &self.search.model;
+        let scene =
+            Scene { model, context, input, length, after, behind_damage: self.after_damage, silence: self.silence(input) };
+        scene.pieces().into_iter().map(|piece| (input.offset() + piece.start as u64, piece)).collect()
+    }
+
     /// Names the bytes `..region`, which begin no frame: the first piece of them.
     fn damaged(&self, input: &Input, context: &Context<'_>, region: usize, adu: &mut Vec<u8>) -> Cut {
         let edge = input.edge_after(0, region, self.silence(input));
@@ -181,7 +265,9 @@ impl Rtu {
 
     fn name(input: &Input, context: &Context<'_>, burst: usize, by_edge: CutBy) -> Cut {
         let bytes = &input.bytes()[..burst];
-        if burst < AROUND {
+        let alone = input.offset() == 0 && by_edge == CutBy::End;
+        let record = by_edge == CutBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
+        if burst < AROUND || !(alone || record) {
             return Cut::noise(burst, by_edge);
         }
         let damaged = |length, verdict, cut_by, direction| Cut { verdict, direction, ..Cut::noise(length, cut_by) };
@@ -239,20 +325,21 @@ impl Framer for Rtu {
         }
         loop {
             match self.told {
+                // What follows tells what it was.
+                Some(Told::Junk(to)) if context.ahead && !input.closed && to < input.offset() + AHEAD && !in_records(input) => {
+                    self.told = None;
+                }
                 Some(Told::Junk(to) | Told::Frame { start: to, .. } | Told::Damaged { start: to, .. }) if input.offset() < to => {
-                    return Some(self.damaged(input, context, (to - input.offset()) as usize, adu));
+                    return Some(self.piece(input, context, to, adu));
                 }
                 Some(Told::Frame { start, end, direction, confidence, tentative }) => {
-                    self.told = None;
+                    (self.told, self.after_damage) = (None, false);
                     let cut = self.cut(input, context, (end - start) as usize, direction, confidence, adu);
                     return Some(Cut { tentative, ..cut });
                 }
                 Some(Told::Damaged { start, end, direction }) => {
-                    self.told = None;
-                    let length = (end - start) as usize;
-                    adu.clear();
-                    adu.extend_from_slice(&input.bytes()[..length - 2]);
-                    return Some(Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) });
+                    (self.told, self.after_damage) = (None, true);
+                    return Some(self.spoilt(input, context, (end - start) as usize, direction, adu));
                 }
                 _ => self.told = None,
             }
@@ -267,9 +354,13 @@ impl Framer for Rtu {
                 self.search.set_asked(asked.map(Arc::new));
             }
             // Once for each place: what the search has seen since must not depend on how the bytes came.
-            if self.doubted != Some(input.offset()) && (!context.shared || self.search.idle()) {
+            if self.doubted != Some(input.offset())
+                && (!context.shared || self.search.idle())
+                && self.search.told() <= input.offset()
+            {
                 match self.certain(input, context) {
                     Certain::Frame(length, direction) if self.search.admits(length, direction) => {
+                        self.after_damage = false;
                         self.search.skip(context, &input.bytes()[..length], direction);
                         return Some(self.cut(input, context, length, gain::direction(direction), 60, adu));
                     }
@@ -277,7 +368,12 @@ impl Framer for Rtu {
                     _ => self.doubted = Some(input.offset()),
                 }
             }
-            self.told = Some(self.search.advance(input, context, self.silence(input))?);
+            let held_back = self.search.told();
+            self.told = match self.search.advance(input, context, self.silence(input)) {
+                None if input.closed && held_back > input.offset() => Some(Told::Junk(held_back)),
+                None => return None,
+                told => told,
+            };
         }
     }
 
@@ -288,6 +384,11 @@ impl Framer for Rtu {
     fn break_ns(&self, line: Option<&Line>) -> Ns {
         line.map_or(BREAK, |line| BREAK.max(10 * line.char_ns()))
     }
+}
+
+/// Whether the first bytes come in records: there each is looked at by itself.
+fn in_records(input: &Input) -> bool {
+    input.read(0).is_some_and(|read| read.record)
 }
 
 /// Whether the bytes begin with the same frame twice; `None` if more bytes are needed to tell.

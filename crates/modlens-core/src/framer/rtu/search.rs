@@ -7,19 +7,26 @@ use std::sync::Arc;
 
 use crate::direction::Direction;
 use crate::framer::rtu::announced;
-use crate::framer::rtu::costs::{self, Copy, Model};
+use crate::framer::rtu::costs::{self, Copy, Model, Setting};
 use crate::framer::rtu::gain::{self, Pending, Request, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
 use crate::framer::Context;
-use crate::functions::{Extent, EXCEPTION_BIT};
+use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::Ns;
 
 /// The chance of telling a frame too early is about 2 to the minus this.
 const THETA: f32 = 14.0;
 
+/// The same where nobody waits: in a recording.
+const THETA_AHEAD: f32 = 30.0;
+
+/// The same for frames that have only begun: they are many, and each costs time.
+const THREAT_AHEAD: f32 = 18.0;
+
 /// Readings that stay equally good for so many bytes will not be told apart: the better one is taken.
 const PATIENCE: u64 = 640;
+const PATIENCE_AHEAD: u64 = 1280;
 
 /// Without a clock the frame behind tells an echoed answer from a retry; readings the other way round so near wait for it.
 const LOOK_ALIKE: f32 = 40.0;
@@ -190,7 +197,8 @@ impl Search {
         root.pending = std::mem::take(&mut root.pending).after(frame, direction, direction == RESPONSE, true);
         self.next = root.end;
         self.running = false;
-        self.model.learn(frame, direction, false, copy);
+        // In the certain case there is a request, or the answer to one, and its layout is known.
+        self.model.learn(frame, direction, Setting { waiting: direction == RESPONSE, junk: 0 }, copy);
     }
 
     /// Bytes up to here belong to no frame, as somebody else decided.
@@ -274,15 +282,18 @@ impl Search {
             };
             // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
             let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
+            let begun = if direction == RESPONSE { begun(input, from, frame) } else { None };
             // Most readings have the same request waiting.
             let mut known = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
-                let waiting = node.pending.identity();
+                let junk = start - node.end;
+                let begun = begun.is_some_and(|place| place >= node.end);
+                let key = (node.pending.identity(), junk >= costs::MAY_HOLD_A_FRAME, begun);
                 let (around, answered) = match known {
-                    Some((before, worth)) if before == waiting => worth,
-                    _ => gain::context(&self.model, context, &node.pending, frame, direction, pause),
+                    Some((before, worth)) if before == key => worth,
+                    _ => gain::context(&self.model, context, &node.pending, frame, direction, pause, (junk, begun)),
                 };
-                known = Some((waiting, (around, answered)));
+                known = Some((key, (around, answered)));
                 let gain = own + timing - told + around;
                 let score = node.score - self.model.between(start - node.end) + gain;
                 let slot = &mut best[usize::from(answered)];
@@ -436,9 +447,10 @@ impl Search {
             return Some(self.junk(to));
         }
         let frame = &self.nodes[first];
-        let patient = !closed && self.next < frame.end + PATIENCE && self.nodes.len() < CROWD;
+        let (theta, patience) = if context.ahead { (THETA_AHEAD, PATIENCE_AHEAD) } else { (THETA, PATIENCE) };
+        let patient = !closed && self.next < frame.end + patience && self.nodes.len() < CROWD;
         if patient {
-            let bar = standing - THETA;
+            let bar = standing - theta;
             let rival = (0..self.nodes.len()).any(|i| self.nodes[i].first != first && self.standing(&self.nodes[i]) > bar);
             let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
             let look_alike = clockless
@@ -448,7 +460,9 @@ impl Search {
                 && self.turned(first, standing - LOOK_ALIKE);
             // Only what follows shows that a frame was damaged rather than none.
             let doubtful = !frame.whole && first == best && self.next < frame.end + REACH;
-            if rival || look_alike || doubtful || (self.next < frame.end + REACH && self.threatened(input, context, first, bar)) {
+            let begun = standing - if context.ahead { THREAT_AHEAD } else { THETA };
+            if rival || look_alike || doubtful || (self.next < frame.end + REACH && self.threatened(input, context, first, begun))
+            {
                 return None;
             }
         }
@@ -540,7 +554,9 @@ impl Search {
         // Noise must not teach units.
         if !tentative {
             let again = frame.pending.asked.as_ref().is_some_and(|asked| asked.copied);
-            self.model.learn(bytes, frame.direction, strays, copy(context, bytes, again && frame.direction == REQUEST));
+            let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk: frame.start - self.told() };
+            let (direction, copy) = (frame.direction, copy(context, bytes, again && frame.direction == REQUEST));
+            learn(&mut self.model, context, bytes, direction, setting, copy);
             self.model.settle();
         }
         let told = Told::Frame {
@@ -604,6 +620,27 @@ impl Search {
             self.wake = self.wake.min(self.nodes[i].wake);
         }
         self.nodes[0].first = 0;
+    }
+}
+
+/// Where unit and function of a frame last stand among the bytes before it: perhaps its request was damaged.
+fn begun(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
+    let header = [frame[0], frame[1] & !EXCEPTION_BIT];
+    let window = from.saturating_sub(REACH as usize)..from;
+    let place = input.bytes()[window.clone()].windows(2).rposition(|bytes| bytes == header)?;
+    Some(input.offset() + (window.start + place) as u64)
+}
+
+/// Learns from a frame that is certain.
+fn learn(model: &mut Model, context: &Context<'_>, frame: &[u8], direction: usize, setting: Setting, copy: Copy) {
+    model.learn(frame, direction, setting, copy);
+    let (code, body) = (frame[1], &frame[2..frame.len() - 2]);
+    if code & EXCEPTION_BIT == 0 {
+        let row = context.functions.row(code, body);
+        let layout = row.map(|row| if direction == REQUEST { &row.request } else { &row.response });
+        if layout.is_none_or(|layout| *layout == Layout::Unknown) {
+            model.learn_length(code, direction, body);
+        }
     }
 }
 

@@ -1,0 +1,406 @@
+//! What stood in bytes that begin no frame: damaged frames where the traffic around them says so, noise elsewhere.
+//!
+//! Before a gap stands perhaps a request that waits, behind it perhaps the same request again, or an answer to nobody;
+//! the poll cycle is known, and so are units and functions. Each of these is a template, and a damaged frame is
+//! reported where one of them fits with enough bits to spare. Bytes that fit nothing are noise.
+
+mod align;
+mod index;
+mod mend;
+mod template;
+
+use crate::checksum::mending_bit;
+use crate::direction::{Asked, Direction};
+use crate::framer::harm::Harm;
+use crate::framer::rtu::costs::{self, Model};
+use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
+use crate::framer::{Context, RTU_LIMIT};
+use crate::functions::{Extent, EXCEPTION_BIT};
+use crate::input::Input;
+use crate::Ns;
+
+use align::{align, Fit};
+use index::Index;
+use template::Template;
+
+/// Bits that a damaged frame must be worth to be reported: the chance that noise looks so is about 2 to the minus this.
+const ENOUGH: f32 = 10.0;
+
+/// Damaged frames are seldom: two of them need more than one.
+const SELDOM: f32 = 8.0;
+
+/// Longer gaps are noise: frames are looked for near their ends only, in so many bytes.
+const NEAR: usize = 320;
+
+/// A frame that ends just where a pause, a frame or the recording's end is.
+const ENDS_WELL: f32 = 4.0;
+
+/// Strays before a frame cost so much each, and so much at most.
+const STRAY: f32 = 1.2;
+const MOST_STRAYS: f32 = 6.8;
+
+/// In longer frames, too many places admit one byte more by chance.
+const SHORT: usize = 40;
+
+/// So many strays of one value a driver leaves behind a frame, at most.
+const MOST_GLITCH: usize = 3;
+
+/// One frame that begins inside the length that another one announces.
+const CUT_OFF: f32 = 3.0;
+
+/// A place where it is unknown what stood there, and what is known of it.
+pub struct Scene<'a, 'c> {
+    /// What the line has shown.
+    pub model: &'a Model,
+    /// What the session knows: the request before the gap.
+    pub context: &'a Context<'c>,
+    /// The bytes.
+    pub input: &'a Input,
+    /// How many of them are in the gap.
+    pub length: usize,
+    /// The frame behind the gap.
+    pub after: Option<(&'a [u8], Direction)>,
+    /// A damaged frame stands before the gap.
+    pub behind_damage: bool,
+    /// The shortest pause between frames.
+    pub silence: Ns,
+}
+
+/// A damaged frame in the gap.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    /// Index of its first byte.
+    pub start: usize,
+    /// Index behind its last byte.
+    pub end: usize,
+    /// Who sent it.
+    pub direction: Direction,
+    /// Its first bytes, if they are missing.
+    pub head: Vec<u8>,
+    /// It is shorter than it should be.
+    pub short: bool,
+    /// What happened to it.
+    pub harm: Option<Harm>,
+    /// Unit and function are not there.
+    pub unknown: bool,
+}
+
+struct Candidate {
+    start: usize,
+    /// The next one may begin here.
+    core: usize,
+    /// Where it should end.
+    end: Option<usize>,
+    score: f32,
+    direction: usize,
+    /// Unit and function code.
+    header: [u8; 2],
+    /// What unit and function cost: nothing where the request before says them.
+    novelty: f32,
+    head: Vec<u8>,
+    harm: Option<Harm>,
+    /// With what is known of it, the checksum is right.
+    mended: bool,
+    /// What is known of it agrees, but the checksum is wrong.
+    exact: bool,
+}
+
+impl Scene<'_, '_> {
+    fn bytes(&self) -> &[u8] {
+        &self.input.bytes()[..self.length]
+    }
+
+    /// The damaged frames of this gap, in order.
+    pub fn pieces(&self) -> Vec<Piece> {
+        let templates = template::all(self);
+        let index = Index::new(&templates);
+        let mut candidates = Vec::new();
+        for start in 0..self.length {
+            if start == NEAR && self.length > 2 * NEAR {
+                continue;
+            }
+            if (NEAR..self.length.saturating_sub(NEAR)).contains(&start) {
+                continue;
+            }
+            self.candidates(&templates, &index, start, &mut candidates);
+        }
+        let mut pieces = self.pick(&candidates);
+        let first = pieces.first().map_or(self.length, |piece| piece.start);
+        pieces.splice(0..0, self.remains(first, pieces.is_empty()));
+        pieces
+    }
+
+    /// What stands before all that was recognised: the rest of a frame, where one must have been.
+    ///
+    /// A recording begins in the middle of a frame more often than not. Elsewhere, a request or its answer is missing,
+    /// and more bytes than strays would be stand in the place.
+    fn remains(&self, to: usize, alone: bool) -> Option<Piece> {
+        let begins = self.input.offset() == 0 && self.after.is_some();
+        let after = self.after.map(|(_, direction)| direction);
+        let (due, asked) = match (after, self.context.asked) {
+            (Some(Direction::Request), Some(asked)) => (Direction::Response, Some(asked)),
+            (Some(Direction::Response), None) => (Direction::Request, None),
+            _ if begins => (Direction::Unknown, None),
+            _ => return None,
+        };
+        if !(alone || begins) || self.behind_damage || to > RTU_LIMIT {
+            return None;
+        }
+        let bytes = &self.bytes()[..to];
+        let strays = if begins { 0 } else { bytes.iter().take(MOST_GLITCH).take_while(|&&byte| glitch(byte)).count() };
+        let least = if begins { 2 } else { self.model.strays_at_most() + 1 };
+        if to - strays < least {
+            return None;
+        }
+        let expected = asked.and_then(|asked| template::answer_length(self, asked));
+        let length = to - strays;
+        let again = self.repeats(asked);
+        let harm = match expected {
+            Some(expected) if expected > length && expected - length <= length && !again => {
+                Some(Harm::Lost { at: 0, count: expected - length })
+            }
+            Some(expected) if expected < length => return None,
+            _ => None,
+        };
+        Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true })
+    }
+
+    fn candidates(&self, templates: &[Template], index: &Index, start: usize, candidates: &mut Vec<Candidate>) {
+        let place = self.place(start);
+        let bytes = &self.bytes()[start..];
+        let mut possible = index.possible(bytes);
+        while possible != 0 {
+            let template = &templates[possible.trailing_zeros() as usize];
+            possible &= possible - 1;
+            let Some(fit) = align(self.model, template, bytes) else { continue };
+            let end = fit.length.map(|length| start + length);
+            let score = fit.score - place + self.ends_well(end);
+            if score > 0.0 {
+                candidates.push(Candidate::new(template, &fit, start, end, score));
+            }
+        }
+        for direction in [REQUEST, RESPONSE] {
+            if let Some(candidate) = self.stranger(bytes, start, direction, place) {
+                candidates.push(candidate);
+            }
+        }
+    }
+
+    /// A frame that nothing lets one expect, from a unit and with a function that the line has shown.
+    fn stranger(&self, bytes: &[u8], start: usize, direction: usize, place: f32) -> Option<Candidate> {
+        let &[unit, code, ref body @ ..] = bytes else { return None };
+        let function = code & !EXCEPTION_BIT;
+        let known = self.context.known_units[usize::from(unit)] || self.input.offset() == 0;
+        if !known || function == 0 || (code != function && direction == REQUEST) {
+            return None;
+        }
+        let novelty = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
+        let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - place;
+        if direction == RESPONSE {
+            score -= costs::ORPHAN;
+        }
+        let row = self.context.functions.row(function, body);
+        let length = if code == function {
+            let extent = row.map(|row| if direction == REQUEST { row.request.extent(body) } else { row.response.extent(body) });
+            match extent {
+                Some(Extent::Exactly(length)) => Some(length + super::AROUND),
+                _ => None,
+            }
+        } else {
+            score -= costs::EXCEPTION;
+            Some(5)
+        };
+        if let Some(row) = row.filter(|_| code == function) {
+            score += row.permits[direction].iter().map(|permit| gain::permitted(self.model, permit, body)).sum::<f32>();
+        }
+        let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
+        score += self.ends_well(end);
+        let header = [unit, code];
+        let core = (start + 3).min(self.length);
+        (score > 0.0).then_some(Candidate {
+            start,
+            core,
+            end,
+            score,
+            direction,
+            header,
+            novelty,
+            head: Vec::new(),
+            harm: None,
+            mended: false,
+            exact: true,
+        })
+    }
+
+    /// What it costs to begin here.
+    fn place(&self, start: usize) -> f32 {
+        if start == 0 {
+            return 0.0;
+        }
+        let strays = (STRAY * start as f32).min(MOST_STRAYS);
+        let paused = self.input.pause_before(start).is_some_and(|pause| pause >= self.silence);
+        if paused {
+            strays - costs::PAUSE_BEFORE
+        } else {
+            strays
+        }
+    }
+
+    fn ends_well(&self, end: Option<usize>) -> f32 {
+        let well = end.is_some_and(|end| {
+            end == self.length || (end < self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.silence))
+        });
+        if well {
+            ENDS_WELL
+        } else {
+            0.0
+        }
+    }
+
+    /// The best chain of candidates.
+    fn pick(&self, candidates: &[Candidate]) -> Vec<Piece> {
+        let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
+        for candidate in candidates {
+            let mut best = (candidate.score, None);
+            for (at, before) in candidates.iter().enumerate().take(chains.len()) {
+                if before.core > candidate.start || before.start == candidate.start || before.score < ENOUGH {
+                    continue;
+                }
+                let over = before.end.is_some_and(|end| end > candidate.start);
+                let answers = before.direction == REQUEST && candidate.direction == RESPONSE;
+                let ours = answers && before.header[0] == candidate.header[0] && before.header[1] == candidate.header[1] & 0x7F;
+                let own = candidate.score - if over { CUT_OFF } else { 0.0 }
+                    + if ours { candidate.novelty + costs::ORPHAN } else { 0.0 };
+                if own >= ENOUGH && chains[at].0 + own - SELDOM > best.0 {
+                    best = (chains[at].0 + own - SELDOM, Some(at));
+                }
+            }
+            chains.push(best);
+        }
+        let ends = (0..candidates.len()).filter(|&at| chains[at].1.is_some() || candidates[at].score >= ENOUGH);
+        let mut at = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
+        let mut pieces: Vec<Piece> = Vec::new();
+        while let Some(here) = at {
+            let next = pieces.last().map_or(self.length, |piece| piece.start);
+            pieces.push(self.piece(&candidates[here], next));
+            at = chains[here].1;
+        }
+        pieces.reverse();
+        pieces
+    }
+
+    fn piece(&self, candidate: &Candidate, next: usize) -> Piece {
+        let room = next - candidate.start;
+        let said = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced(candidate, next));
+        let mut should = said.unwrap_or(room);
+        let mut length = should.min(room).min(RTU_LIMIT);
+        let mut harm = candidate.harm;
+        if harm.is_none() && candidate.exact && room > should && should < RTU_LIMIT {
+            let longer = &self.bytes()[candidate.start..=candidate.start + should];
+            harm = mend::doubled_byte(longer).map(|at| Harm::Doubled { at });
+            length += usize::from(harm.is_some());
+        }
+        if let Some(pause) = self.stops_at(candidate, candidate.start + length) {
+            length = pause - candidate.start;
+            should = said.unwrap_or(length);
+        }
+        let bytes = &self.bytes()[candidate.start..candidate.start + length];
+        if harm.is_none() && length < should {
+            let count = should - length;
+            harm = Some(if self.asked_again(candidate) { Harm::Truncated { count } } else { Harm::Lost { at: length, count } });
+        } else if harm.is_none() && candidate.exact && candidate.end.is_some() {
+            harm = fewer(bytes, self.ends_well(candidate.end) > 0.0);
+            length -= match harm {
+                Some(Harm::Lost { count, .. }) => count,
+                _ => 0,
+            };
+        }
+        let short = length < should || matches!(harm, Some(Harm::Lost { .. }));
+        let direction = gain::direction(candidate.direction);
+        let (start, end) = (candidate.start, candidate.start + length);
+        Piece { start, end, direction, head: candidate.head.clone(), short, harm, unknown: false }
+    }
+
+    /// The length that the header of a piece announces, where its template says none.
+    fn announced(&self, candidate: &Candidate, next: usize) -> Option<usize> {
+        let bytes = &self.bytes()[candidate.start..next];
+        if candidate.header[..] != bytes[..2.min(bytes.len())] || candidate.header[1] & EXCEPTION_BIT != 0 {
+            return None;
+        }
+        let row = self.context.functions.row(bytes[1], &bytes[2..])?;
+        let layout = if candidate.direction == REQUEST { &row.request } else { &row.response };
+        match layout.extent(&bytes[2..]) {
+            Extent::Exactly(length) if length + super::AROUND <= RTU_LIMIT => Some(length + super::AROUND),
+            _ => None,
+        }
+    }
+
+    /// Where the line falls silent inside a frame whose checksum nothing mends: there it was over.
+    fn stops_at(&self, candidate: &Candidate, end: usize) -> Option<usize> {
+        if candidate.mended || self.input.coarse || self.ends_well(candidate.end) > 0.0 {
+            return None;
+        }
+        (candidate.core.max(candidate.start + 1)..end)
+            .find(|&at| self.input.pause_before(at).is_some_and(|pause| pause >= self.silence))
+    }
+
+    /// Whether the same request follows: then nobody received this.
+    fn asked_again(&self, candidate: &Candidate) -> bool {
+        let Some((frame, Direction::Request)) = self.after else { return false };
+        if candidate.direction == REQUEST {
+            return frame[..2] == candidate.header;
+        }
+        self.repeats(self.context.asked)
+    }
+
+    /// Whether the frame behind the gap is this request once more.
+    fn repeats(&self, asked: Option<Asked<'_>>) -> bool {
+        let frame = self.after.map_or(&[][..], |(frame, _)| frame);
+        asked.is_some_and(|asked| frame.len() > 2 && asked.unit == frame[0] && asked.pdu == &frame[1..frame.len() - 2])
+    }
+}
+
+/// What is wrong with a frame of the right length whose checksum no flipped bit mends: perhaps it is a shorter one, and
+/// its last bytes are strays behind it.
+fn fewer(bytes: &[u8], ends_well: bool) -> Option<Harm> {
+    let length = bytes.len();
+    let last = *bytes.last().filter(|&&last| length > 5 && glitch(last))?;
+    let count = bytes.iter().rev().take_while(|&&byte| byte == last).count();
+    match count {
+        // One byte of that kind may as well belong to the frame; then no byte put in mends the rest.
+        1 if !ends_well && length <= SHORT => {
+            let at = mend::missing_byte(&bytes[..length - 1]).filter(|_| mending_bit(bytes).is_none())?;
+            Some(Harm::Lost { at, count })
+        }
+        2..=MOST_GLITCH if mending_bit(bytes).is_none() => Some(Harm::Lost { at: length - count, count }),
+        _ => None,
+    }
+}
+
+/// A driver that is switched holds the line for some bits: the byte begins or ends in ones, or is all of one kind.
+fn glitch(byte: u8) -> bool {
+    byte.leading_ones() + byte.trailing_zeros() >= 8
+}
+
+/// Whether these strays are what a driver leaves when it is switched: few, of one such value.
+pub fn is_glitch(strays: &[u8]) -> bool {
+    strays.len() <= MOST_GLITCH && strays.iter().all(|&byte| glitch(byte) && byte == strays[0])
+}
+
+impl Candidate {
+    fn new(template: &Template, fit: &Fit, start: usize, end: Option<usize>, score: f32) -> Self {
+        Self {
+            start,
+            core: start + fit.core,
+            end,
+            score,
+            direction: template.direction,
+            header: [template.bytes[0], template.bytes[1]],
+            novelty: 0.0,
+            head: template.bytes[..fit.head].to_vec(),
+            harm: fit.harm,
+            mended: fit.mended,
+            exact: fit.exact,
+        }
+    }
+}

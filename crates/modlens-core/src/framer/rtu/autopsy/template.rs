@@ -1,0 +1,110 @@
+//! What may have stood here: frames that the traffic around a gap lets one expect, as far as their bytes are known.
+
+use crate::checksum::crc16;
+use crate::direction::{expected_block, Asked, Direction};
+use crate::framer::rtu::autopsy::index::MOST;
+use crate::framer::rtu::autopsy::Scene;
+use crate::framer::rtu::gain::{REQUEST, RESPONSE};
+use crate::framer::rtu::AROUND;
+use crate::functions::{Extent, EXCEPTION_BIT};
+
+/// A frame of which the first bytes are known, or all of them.
+pub struct Template {
+    /// The bytes known: the first ones.
+    pub bytes: Vec<u8>,
+    /// How long the frame is, where that is known.
+    pub length: Option<usize>,
+    /// 0 for requests, 1 for responses.
+    pub direction: usize,
+    /// Bits that choose this template among those that may stand here.
+    pub cost: f32,
+}
+
+/// The answer that is due, or a retry of the request behind the gap.
+const DUE: f32 = 1.0;
+
+/// One of the requests of the poll cycle.
+const POLL: f32 = 5.0;
+
+/// An exception is one answer in twenty.
+const EXCEPTION: f32 = 4.0;
+
+/// Bytes that a response repeats from its request: address, and value or quantity.
+const REPEATED: usize = 4;
+
+/// All templates of a gap.
+pub fn all(scene: &Scene<'_, '_>) -> Vec<Template> {
+    let mut templates = Vec::new();
+    if let Some(asked) = scene.context.asked {
+        answers(scene, asked, &mut templates);
+    }
+    match scene.after {
+        Some((frame, Direction::Request)) => templates.push(whole(frame, DUE)),
+        Some((frame, Direction::Response)) if !answers_asked(scene, frame) => templates.push(request_of(scene, frame)),
+        _ => {}
+    }
+    templates.extend(scene.model.polls().map(|frame| whole(frame, POLL)));
+    templates.truncate(MOST);
+    templates
+}
+
+fn whole(frame: &[u8], cost: f32) -> Template {
+    Template { bytes: frame.to_vec(), length: Some(frame.len()), direction: REQUEST, cost }
+}
+
+/// The request that a response answers, as far as it repeats it.
+fn request_of(scene: &Scene<'_, '_>, response: &[u8]) -> Template {
+    let (unit, code, body) = (response[0], response[1], &response[2..response.len() - 2]);
+    let mut bytes = vec![unit, code & !EXCEPTION_BIT];
+    let mut length = None;
+    if let Some(row) = scene.context.functions.row(bytes[1], body) {
+        if code & EXCEPTION_BIT == 0 && !row.echo.is_empty() {
+            let repeated = if row.request == row.response { body.len() } else { body.len().min(REPEATED) };
+            bytes.extend_from_slice(&body[..repeated]);
+        }
+        if let Extent::Exactly(body) = row.request.extent(&bytes[2..]) {
+            length = Some(body + AROUND);
+        }
+        if length == Some(bytes.len() + 2) {
+            bytes.extend(crc16(&bytes).to_le_bytes());
+        }
+    }
+    Template { bytes, length, direction: REQUEST, cost: DUE }
+}
+
+fn answers_asked(scene: &Scene<'_, '_>, frame: &[u8]) -> bool {
+    let asked = scene.context.asked;
+    asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&(frame[1] & !EXCEPTION_BIT)))
+}
+
+/// How long the answer to this request is, where the request says it.
+pub fn answer_length(scene: &Scene<'_, '_>, asked: Asked<'_>) -> Option<usize> {
+    let mut templates = Vec::new();
+    answers(scene, asked, &mut templates);
+    templates.first()?.length
+}
+
+/// The answer to a request, and its refusal.
+fn answers(scene: &Scene<'_, '_>, asked: Asked<'_>, templates: &mut Vec<Template>) {
+    let Some((&code, body)) = asked.pdu.split_first() else { return };
+    let mut bytes = vec![asked.unit, code];
+    let mut length = None;
+    if let Some(row) = scene.context.functions.row(code, body) {
+        if row.request == row.response && !row.echo.is_empty() {
+            bytes.extend_from_slice(body);
+        } else if let Some(block) = expected_block(row, asked.pdu).and_then(|block| u8::try_from(block).ok()) {
+            bytes.push(block);
+        } else if !row.echo.is_empty() && body.len() >= REPEATED {
+            bytes.extend_from_slice(&body[..REPEATED]);
+        }
+        if let Extent::Exactly(body) = row.response.extent(&bytes[2..]) {
+            length = Some(body + AROUND);
+        }
+        if length == Some(bytes.len() + 2) {
+            bytes.extend(crc16(&bytes).to_le_bytes());
+        }
+    }
+    templates.push(Template { bytes, length, direction: RESPONSE, cost: DUE });
+    let refusal = vec![asked.unit, code | EXCEPTION_BIT];
+    templates.push(Template { bytes: refusal, length: Some(5), direction: RESPONSE, cost: EXCEPTION });
+}

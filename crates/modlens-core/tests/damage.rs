@@ -1,0 +1,134 @@
+//! Frames that did not arrive whole: where they are, and what happened to them.
+
+use modlens_core::checksum::crc16;
+use modlens_core::chunk::Chunk;
+use modlens_core::finding::Finding;
+use modlens_core::framer::{Mode, Verdict};
+use modlens_core::records::Batch;
+use modlens_core::session::{BusOptions, Session};
+
+fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let content = [&[unit], pdu].concat();
+    let crc = crc16(&content).to_le_bytes();
+    [&content[..], &crc].concat()
+}
+
+fn read(unit: u8, address: u8, quantity: u8) -> Vec<u8> {
+    frame(unit, &[3, 0, address, 0, quantity])
+}
+
+fn answer(unit: u8, values: &[u16]) -> Vec<u8> {
+    let mut pdu = vec![3, 2 * values.len() as u8];
+    pdu.extend(values.iter().flat_map(|value| value.to_be_bytes()));
+    frame(unit, &pdu)
+}
+
+/// A poll cycle of two units, often enough to be known.
+fn cycle() -> Vec<u8> {
+    let once = [read(1, 0, 2), answer(1, &[0x1234, 0x5678]), read(2, 7, 1), answer(2, &[0x4321])].concat();
+    once.repeat(6)
+}
+
+fn decode(bytes: &[u8]) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+/// Offset behind the poll cycle, verdict and findings of what is neither good nor noise.
+fn damaged(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Finding>)> {
+    let rows = batch.frames.iter().filter(|row| !matches!(row.verdict, Verdict::Ok | Verdict::Noise));
+    rows.map(|row| (row.offset as usize - before.len(), row.verdict, row.findings.of(&batch.codes).to_vec())).collect()
+}
+
+/// Request, answer and the next request, after something was done to the first two.
+fn around(spoil: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) {
+    let (mut ask, mut tell) = (read(1, 0, 2), answer(1, &[0x1234, 0x5678]));
+    spoil(&mut ask, &mut tell);
+    let before = cycle();
+    let bytes = [&before[..], &ask, &tell, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+    let batch = decode(&bytes);
+    let good = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).count();
+    assert!(good >= 27, "the neighbours stay whole: {good} good frames");
+    (before, batch)
+}
+
+#[test]
+fn a_flipped_bit_is_found_and_named_in_every_byte_of_a_response() {
+    for at in 0..9 {
+        let (before, batch) = around(|_, tell| tell[at] ^= 0x04);
+        let found = damaged(&before, &batch);
+        assert_eq!(found.len(), 1, "byte {at}: {found:?}");
+        assert_eq!((found[0].0, found[0].1), (8, Verdict::BadChecksum), "byte {at}");
+        assert!(found[0].2.contains(&Finding::BitFlip), "byte {at}: {:?}", found[0].2);
+    }
+}
+
+#[test]
+fn bytes_lost_in_front_inside_and_behind_are_counted() {
+    for (at, count) in [(0, 1), (0, 2), (1, 1), (4, 1), (5, 2), (6, 3), (8, 1)] {
+        let (before, batch) = around(|_, tell| drop(tell.drain(at..at + count)));
+        let found = damaged(&before, &batch);
+        assert_eq!((found.len(), found[0].0, found[0].1), (1, 8, Verdict::Incomplete), "{count} at {at}: {found:?}");
+        assert!(found[0].2.contains(&Finding::LostBytes), "{count} at {at}: {:?}", found[0].2);
+        let detail = &batch.findings.iter().find(|row| row.finding == Finding::LostBytes).expect("found above").detail;
+        assert!(detail.starts_with(&count.to_string()), "{detail}");
+    }
+}
+
+#[test]
+fn a_request_of_the_poll_cycle_is_known_without_its_first_bytes() {
+    for count in 1..=3 {
+        let (before, batch) = around(|ask, _| drop(ask.drain(..count)));
+        let found = damaged(&before, &batch);
+        assert_eq!((found.len(), found[0].0), (1, 0), "{count}: {found:?}");
+        assert!(found[0].2.contains(&Finding::LostBytes));
+        assert_eq!(batch.frames[24].unit, Some(1), "the unit is known all the same");
+    }
+}
+
+#[test]
+fn a_truncated_request_is_one_where_the_same_request_follows() {
+    let (before, ask) = (cycle(), read(1, 9, 4));
+    let whole = [&ask[..], &answer(1, &[1, 2, 3, 4])].concat();
+    for length in 3..7 {
+        let bytes = [&before[..], &ask[..length], &whole, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+        let found = damaged(&before, &decode(&bytes));
+        assert_eq!(found, [(0, Verdict::Incomplete, vec![Finding::Incomplete])], "{length}");
+    }
+}
+
+#[test]
+fn a_collision_is_one_where_only_ones_are_missing() {
+    let (before, batch) = around(|ask, _| {
+        for (byte, other) in ask[3..].iter_mut().zip([0x12, 0x00, 0x41, 0x35, 0x42]) {
+            *byte &= other;
+        }
+    });
+    let found = damaged(&before, &batch);
+    assert_eq!((found.len(), found[0].0), (1, 0), "{found:?}");
+    assert!(found[0].2.contains(&Finding::Collision), "{:?}", found[0].2);
+}
+
+#[test]
+fn strays_of_a_switched_driver_are_glitches_and_others_are_noise() {
+    let before = cycle();
+    for (strays, glitch) in [(&[0u8][..], true), (&[0xFF, 0xFF], true), (&[0xF8], true), (&[0x37], false), (&[0x00, 0x9C], false)]
+    {
+        let bytes = [&before[..], &read(1, 0, 2), strays, &answer(1, &[1, 2]), &read(2, 7, 1), &answer(2, &[3])].concat();
+        let batch = decode(&bytes);
+        assert_eq!(damaged(&before, &batch), []);
+        assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::Glitch), glitch, "{strays:02x?}");
+    }
+}
+
+#[test]
+fn noise_between_whole_frames_is_no_damaged_frame() {
+    let before = cycle();
+    for strays in [&[0x5A, 0x91, 0x3C, 0xE7][..], &[1], &[3, 0, 0], &[0x77; 40]] {
+        let bytes = [&before[..], &read(1, 0, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
+        assert_eq!(damaged(&before, &decode(&bytes)), [], "{strays:02x?}");
+    }
+}
