@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel bench bench-readings bench-exports speed accuracy fuzz captures vectors corpus clean
+.PHONY: demo test lint recipes wheel bench bench-readings bench-exports speed accuracy noise fuzz captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -49,6 +49,10 @@ bench-exports: $(VENV)/.tested
 # The engine and its rivals against simulated buses, scenario by scenario; minutes.
 accuracy:
 	cargo run --release --locked --package modlens-bench -- accuracy --scenarios all
+
+# What is taken for frames in 64 MB of each kind of noise, three seeds, cold and warm; many minutes.
+noise:
+	cargo run --release --locked --package modlens-bench -- noise --noise-mb 64 --algorithms modlens
 
 # libFuzzer on stable Rust, without sanitizers: make fuzz SECONDS=60. What it finds stays in fuzz/artifacts.
 SECONDS ?= 600
