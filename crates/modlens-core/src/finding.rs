@@ -232,7 +232,7 @@ findings! {
         "A client that goes by the identifier drops the answer; with several requests at once answers are mixed up."
         "The device's firmware: it must copy the identifier. It was paired by unit, function and order."
         "messaging on TCP/IP 3.1.3";
-    LostBytes "lost_bytes" Warning
+    MissingSegment "missing_segment" Warning
         "bytes of the connection are not in the capture"
         "Requests and answers around the place may be missing or cut; their silence is the capture's, not the device's."
         "The capture: dropped packets, a snapshot length that is too short, a mirror port that is overloaded or shows one direction."

@@ -221,7 +221,7 @@ fn bytes_that_are_missing_are_said_and_silence_is_not_blamed_on_the_device() {
     let batch = decoded(&file(&sent));
     let statuses: Vec<Status> = batch.transactions.iter().map(|t| t.status).collect();
     assert_eq!(statuses, [Status::Ok, Status::NotSeen, Status::Ok]);
-    assert!(batch.findings.iter().any(|row| row.finding == Finding::LostBytes && row.detail.starts_with("15 bytes")));
+    assert!(batch.findings.iter().any(|row| row.finding == Finding::MissingSegment && row.detail.starts_with("15 bytes")));
 }
 
 #[test]

@@ -153,7 +153,7 @@ impl Session {
         if piece.missing > 0 {
             self.buses[bus].pairing.lost();
             let detail = format!("{} bytes are missing before packet {}", piece.missing, piece.packet);
-            self.found(bus, Finding::LostBytes, detail, piece.packet, piece.time);
+            self.found(bus, Finding::MissingSegment, detail, piece.packet, piece.time);
         }
         let chunk = Chunk {
             bytes: piece.bytes,
