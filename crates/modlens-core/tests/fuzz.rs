@@ -63,6 +63,9 @@ impl Random {
             }
         }
         for _ in 0..self.below(4) {
+            if bytes.is_empty() {
+                break;
+            }
             let at = self.below(bytes.len());
             match self.below(3) {
                 0 => bytes[at] ^= 1 << self.below(8),
