@@ -23,10 +23,11 @@ from typing import Any, Protocol
 import _modlens
 from analyzer.line import Line
 from analyzer.profiles import Binding
-from analyzer.sources import FORMATS
-from analyzer.sources.files import Recording, check
+from analyzer.sources import is_binary
+from analyzer.sources.files import STDIN, Recording, check
 from analyzer.sources.live import arrivals
 from analyzer.sources.serial import Chunk, Clock, Port
+from analyzer.sources.unpack import Name, expand
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["MODES", "FileRun", "Intake", "LiveRun", "Run", "Settings", "Sink", "pump"]
@@ -53,6 +54,9 @@ class Settings:
     - `tables`: the tables worth building
     - `silence_ns`: t3.5 and t1.5, if frames end at silences only; None goes by all evidence
     - `profiles`: which units have which device profile
+    - `dialects`: the table of text formats, users' rows included; None for the embedded one
+    - `zone`: of times without one: from which ns since 1970 on which offset in ns holds
+    - `date`: the day of the first time without a date, as 2026-11-21
     """
 
     line: Line | None = None
@@ -62,6 +66,9 @@ class Settings:
     tables: Sequence[str] = EVERYTHING
     profiles: Sequence[Binding] = ()
     silence_ns: tuple[int, int] | None = None
+    dialects: _modlens.Dialects | None = None
+    zone: Sequence[tuple[int, int]] = ()
+    date: str | None = None
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -142,6 +149,10 @@ class FileRun:
     """Recordings one after the other, each a bus of its own; numbers go on.
 
     `replay` decodes with no more knowledge of what follows than a live tap has, and gives its rows.
+
+    A directory, a pattern, an archive or a mail stands for the recordings in it; what is none is
+    passed over, and told. With `follow` the last one may grow for ever.
+
     `told`, if given, hears of every recording after its first block and at its end. `SourceError`
     for the first name that cannot be read, before anything is decoded; later while the files are
     read.
@@ -155,20 +166,35 @@ class FileRun:
         read_as: str | None = None,
         replay: bool = False,
         told: Callable[[Intake], None] | None = None,
+        follow: bool = False,
     ) -> None:
-        for name in names:
-            check(name)
-        self._names = names
+        self._names = expand(list(names))
+        for name in self._names:
+            if not name.found:
+                check(name.text)
         self._settings = settings
         self._read_as = read_as
         self._told = told
-        self._core = settings.core(live=replay)
+        self._follow = follow
+        self._core = settings.core(live=replay or follow)
+        self._decoded = 0
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """What each block decided; the last one of a file also what was open at its end."""
-        for name in self._names:
-            with Recording(name, read_as=self._read_as) as recording:
-                yield from self._read(recording)
+        troubles = []
+        for i, name in enumerate(self._names):
+            follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
+            try:
+                with self._open(name, follow=follow) as recording:
+                    yield from self._read(recording)
+                self._decoded += 1
+            except SourceError as error:
+                if not name.found:
+                    raise
+                troubles.append(error)
+                self._pass_over(name.text, error)
+        if troubles and not self._decoded:
+            raise troubles[0]
 
     def finish(self) -> _modlens.Batch:
         """What was still open."""
@@ -180,22 +206,29 @@ class FileRun:
         found: dict[str, Any] = json.loads(self._core.stats())
         return found
 
+    def _open(self, name: Name, *, follow: bool) -> Recording:
+        return Recording(
+            name.text, read_as=self._read_as, dialects=self._settings.dialects, follow=follow
+        )
+
     def _read(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core, form = self._core, recording.detection.format
         bus = self._settings.add_bus(core, recording.name, clock="none")
-        binary = FORMATS[form].binary
+        binary = is_binary(form)
+        if not binary:
+            self._open_text(recording, bus)
         first = True
         for block in recording.blocks():
             if binary:
                 core.feed(bus, block)
             else:
-                core.feed_text(bus, form, block)
+                core.feed_text(bus, block)
             if first:
                 self._tell(recording, bus, ended=False)
                 first = False
             yield core.take()
         if not binary:
-            core.feed_text(bus, form, b"", final=True)
+            core.feed_text(bus, b"", final=True)
         core.flush()
         self._tell(recording, bus, ended=True)
         if not binary and not json.loads(core.reading(bus))["records"]:
@@ -204,11 +237,25 @@ class FileRun:
             )
         yield core.take()
 
+    def _open_text(self, recording: Recording, bus: int) -> None:
+        settings = self._settings
+        self._core.open_text(
+            bus,
+            recording.detection.format,
+            dialects=settings.dialects,
+            ordered=recording.detection.ordered,
+            sample=recording.sample,
+            zone=settings.zone,
+            date=settings.date,
+        )
+
     def _tell(self, recording: Recording, bus: int, *, ended: bool) -> None:
         if self._told is None:
             return
         found = recording.detection
         seen = json.loads(self._core.reading(bus))
+        if ended and recording.trouble is not None:
+            seen["trouble"] = recording.trouble
         self._told(
             Intake(
                 recording.name,
@@ -220,6 +267,11 @@ class FileRun:
                 ended,
             )
         )
+
+    def _pass_over(self, name: str, error: SourceError) -> None:
+        if self._told is not None:
+            reason = error.message.removeprefix(f"{name}: ")
+            self._told(Intake(name, "", 0.0, reason, False, {}, ended=True))
 
 
 class LiveRun:

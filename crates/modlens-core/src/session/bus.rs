@@ -52,8 +52,12 @@ pub(super) struct BusState {
     pub(super) sides: [i32; 2],
     pub(super) newest: Option<Ns>,
     pub(super) jumped: bool,
-    pub(super) reader: Option<Reader>,
     pub(super) profiles: Profiles,
+    pub(super) reader: Option<Box<Reader>>,
+    /// The buses of the devices that the reader's lines name.
+    pub(super) devices: Vec<(usize, usize)>,
+    /// What the stamps of a recording can express.
+    pub(super) stamps_resolution: Option<Ns>,
 }
 impl BusOptions {
     /// A bus without clock or settings.
@@ -87,7 +91,8 @@ impl BusState {
 
     pub(super) fn resolution(&self, at: usize) -> Ns {
         let coarse = self.lines[at].1.input.coarse;
-        self.options.resolution.unwrap_or(if coarse { READ_RESOLUTION } else { BYTE_RESOLUTION })
+        let reads = if coarse { READ_RESOLUTION } else { BYTE_RESOLUTION };
+        self.options.resolution.unwrap_or(self.stamps_resolution.map_or(reads, |stamps| reads.max(stamps)))
     }
 
     /// Ends the frames of lines that have been silent for long.
