@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from analyzer.exports import FORMATS as WRITTEN
 from analyzer.cli.parser import add_dialects, load_dialects
+from analyzer.exports import FORMATS as WRITTEN
 from analyzer.sources import SCHEMES, Format, all_formats
 from analyzer.views.screen import Part, stdout
 

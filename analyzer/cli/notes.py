@@ -110,8 +110,6 @@ def _resolution(seen: dict[str, Any], clock: str) -> str:
     resolution = seen.get("resolution_ns")
     if clock == "none" or not resolution:
         return ""
-    for name, length in _UNITS.items():
-        if resolution >= length:
-            break
+    name, length = next(pair for pair in _UNITS.items() if resolution >= pair[1])
     coarse = "; too coarse for response times" if resolution >= _COARSE else ""
     return f" in steps of {resolution // length} {name}{coarse}"

@@ -51,7 +51,7 @@ def choose(
     order: str | None = None,
     dialects: _modlens.Dialects | None = None,
 ) -> Detection:
-    """The format of a file that begins with `sample`; `dialects` is the table, users' rows included.
+    """The format of a file that begins with `sample`; `dialects` is the table of text formats.
 
     `UsageError` for an unknown format, `SourceError` where the order cannot be meant, no format
     fits, or nothing in a text proves to be Modbus.

@@ -12,6 +12,7 @@ __all__ = ["Transcoder", "find", "is_utf8"]
 
 _BOMS = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _SURE = 0.4
+_NO_CONTROLS = bytes([*b"\t\n\v\f\r\x1b", *range(0x20, 0x100)])
 
 
 def is_utf8(sample: bytes) -> bool:
@@ -32,7 +33,7 @@ def find(sample: bytes) -> str | None:
         # four characters at least: a short frame has zeros, too
         if len(zeros) >= 4 and zeros.count(0) > _SURE * len(zeros) and _is_plain(sample, name):  # noqa: PLR2004
             return name
-    if is_utf8(sample) or any(byte < 0x20 and byte not in b"\t\n\v\f\r\x1b" for byte in sample):
+    if is_utf8(sample) or sample.translate(None, _NO_CONTROLS):
         return None
     if sum(byte >= 0x80 for byte in sample) * 2 > len(sample):  # noqa: PLR2004 - beyond ASCII
         return None

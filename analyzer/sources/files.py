@@ -161,7 +161,7 @@ class Recording:
         return block
 
     def _reopen_if_replaced(self) -> None:
-        """A log that was rotated goes on in a new file of its name; a shortened one at its start."""
+        """A rotated log goes on in a new file of its name, a shortened one at its start."""
         try:
             there, here = os.stat(self._path), os.fstat(self._file.fileno())
         except OSError:
@@ -181,13 +181,17 @@ class Recording:
             return self._file.read(size) or None
         except OSError as error:
             if isinstance(error, _gzip_error()):
-                return self._damaged(error)
+                self._damaged(error)
+                return None
             raise _trouble(self.name, error) from error
-        except (EOFError, *_damage()) as error:
-            return self._damaged(error)
+        except Exception as error:
+            if not isinstance(error, _damage()):
+                raise
+            self._damaged(error)
+            return None
 
     def _damaged(self, error: Exception) -> None:
-        """What came before the damage of a compressed file is decoded; the rest is lost, and said."""
+        """What came before the damage of a compressed file is decoded; the rest is lost."""
         self.trouble = f"damaged or cut off behind what was decoded ({error})"
 
 
@@ -225,8 +229,14 @@ def _gzip_error() -> type[Exception]:
 
 def _damage() -> tuple[type[Exception], ...]:
     """What the decompressors that are loaded raise for damaged data."""
-    kinds = (("zlib", "error"), ("lzma", "LZMAError"), ("zstandard", "ZstdError"), ("zipfile", "BadZipFile"))
-    return tuple(getattr(sys.modules[module], name) for module, name in kinds if module in sys.modules)
+    kinds = {
+        "zlib": "error",
+        "lzma": "LZMAError",
+        "zstandard": "ZstdError",
+        "zipfile": "BadZipFile",
+    }
+    loaded = {module: name for module, name in kinds.items() if module in sys.modules}
+    return EOFError, *(getattr(sys.modules[module], name) for module, name in loaded.items())
 
 
 def check(name: str) -> None:

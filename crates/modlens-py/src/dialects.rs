@@ -7,6 +7,7 @@ use modlens_core::text::{detect, Dialects as Core};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
+use crate::session::hex;
 use crate::wrong;
 
 /// The embedded rows and further ones.
@@ -37,8 +38,7 @@ impl Dialects {
             None => "either",
         };
         let row = |row: &modlens_core::text::Dialect| {
-            let bytes: Vec<(&str, String)> =
-                row.bytes.iter().map(|(who, bytes)| (side(*who), bytes.iter().map(|b| format!("{b:02x}")).collect())).collect();
+            let bytes: Vec<(&str, String)> = row.bytes.iter().map(|(who, bytes)| (side(*who), hex(bytes))).collect();
             json!({
                 "name": row.name, "title": row.title, "clock": row.clock, "sample": row.sample.trim_matches('\n'), "bytes": bytes,
                 "generic": row.generic, "checksum": !row.no_checksum,

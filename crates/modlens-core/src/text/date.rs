@@ -32,11 +32,7 @@ pub(super) fn two(line: &[u8], at: usize) -> Option<i64> {
 /// A date and what parts it from the time: days since 1970.
 pub(super) fn date<'a>(line: &'a [u8], order: &mut Order) -> Option<(i64, &'a [u8])> {
     let (days, length) = year_first(line).or_else(|| year_last(line, order))?;
-    let rest = &line[length..];
-    let rest = match rest {
-        [b' ' | b'T' | b'@' | b'_', rest @ ..] | [b',', b' ', rest @ ..] => rest,
-        _ => return None,
-    };
+    let ([b' ' | b'T' | b'@' | b'_', rest @ ..] | [b',', b' ', rest @ ..]) = &line[length..] else { return None };
     Some((days, rest))
 }
 
@@ -111,7 +107,7 @@ pub(super) fn time_of_day<'a>(line: &'a [u8], short: &mut bool) -> Option<(Ns, u
     if length == 0 || (*mark == b':' && length < 3) {
         return (length != 2 || *mark != b':').then_some((ns, 0, rest));
     }
-    let digits = &rest[1..1 + length.min(9)];
+    let digits = &rest[1..=length.min(9)];
     let rest = &rest[1 + length..];
     *short &= length != 9 || digits.starts_with(b"000");
     if *short && length == 9 {

@@ -217,7 +217,8 @@ impl Deliver {
 
     /// A line of an endless stream: only offsets say what belongs together.
     fn dump_line(&mut self, piece: &Piece<'_>, found: &Match, stamps: &Stamps) {
-        let offset = found.offset.unwrap_or(0);
+        let plain = Record { side: piece.side, line: piece.line, time: piece.time, number: piece.number, ..Record::default() };
+        let Some(offset) = found.offset else { return self.push(plain, piece.bytes, stamps) };
         let mut all = Vec::new();
         let mut hole = false;
         if let Some(expected) = self.dump.expected.filter(|_| offset != 0) {
@@ -232,7 +233,7 @@ impl Deliver {
         self.dump.last = piece.bytes.to_vec();
         self.dump.expected = Some(offset + piece.bytes.len() as u64);
         all.extend_from_slice(piece.bytes);
-        let record = Record { record: offset == 0, hole, time: piece.time, number: piece.number, ..Record::default() };
+        let record = Record { record: offset == 0, hole, ..plain };
         if found.pads && piece.bytes.len() < DUMP_LINE {
             self.held = Some((record, all, offset + piece.bytes.len() as u64));
         } else {

@@ -9,9 +9,13 @@ use serde_json::Value as Json;
 use crate::chunk::Side;
 use crate::functions::parse_toml;
 use crate::text::template::Template;
+use crate::text::Reader;
 
 /// The embedded table.
 pub const TABLE: &str = include_str!("../../../../analyzer/sources/dialects.toml");
+
+/// Byte strings, and who sent them.
+pub type Strings = Vec<(Option<Side>, Vec<u8>)>;
 
 /// What a line that fits a template is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +85,7 @@ pub struct Dialect {
     /// Some lines of it.
     pub sample: String,
     /// What the sample holds: who sent it, and the bytes.
-    pub bytes: Vec<(Option<Side>, Vec<u8>)>,
+    pub bytes: Strings,
     pub(super) rules: Vec<(Role, Template)>,
     /// Any program may write it: rows that say more are preferred.
     pub generic: bool,
@@ -174,6 +178,10 @@ impl Dialects {
         for (i, row) in table.get("dialect").and_then(Json::as_array).into_iter().flatten().enumerate() {
             let row = parse_row(row).map_err(|message| format!("{origin}: dialect row {}: {message}", i + 1))?;
             added.push(Arc::new(row));
+            // The embedded rows are read by a test.
+            if text.len() != TABLE.len() {
+                check_sample(&added[i]).map_err(|message| format!("{origin}: dialect row {}: {message}", i + 1))?;
+            }
         }
         self.rows.retain(|row| !added.iter().any(|new| new.name == row.name));
         added.append(&mut self.rows);
@@ -247,8 +255,41 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
     })
 }
 
+/// The byte strings of a row's sample, pieces of one joined.
+pub(super) fn strings_of_sample(row: &Arc<Dialect>) -> Strings {
+    let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
+    reader.push(row.sample.trim_matches('\n').as_bytes());
+    let mut strings: Strings = Vec::new();
+    while let Some((record, bytes)) = reader.next(true) {
+        match strings.last_mut() {
+            Some((_, string)) if !record.record => string.extend_from_slice(bytes),
+            _ => strings.push((record.side, bytes.to_vec())),
+        }
+    }
+    strings
+}
+
+fn check_sample(row: &Arc<Dialect>) -> Result<(), String> {
+    let found = strings_of_sample(row);
+    let joined = |strings: &Strings| strings.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
+    let sides = |strings: &Strings| strings.iter().map(|(side, _)| *side).collect::<Vec<_>>();
+    if joined(&found) == joined(&row.bytes) && (found.len() != row.bytes.len() || sides(&found) == sides(&row.bytes)) {
+        return Ok(());
+    }
+    let mark = |side: &Option<Side>| match side {
+        Some(Side::Sent) => ">",
+        Some(Side::Received) => "<",
+        None => "=",
+    };
+    let line = |(side, bytes): &(Option<Side>, Vec<u8>)| {
+        bytes.iter().fold(format!("\"{}", mark(side)), |text, b| text + &format!(" {b:02X}")) + "\""
+    };
+    let lines: Vec<String> = found.iter().map(line).collect();
+    Err(format!("the sample gives bytes = [{}], not what the row names", lines.join(", ")))
+}
+
 /// `> 05 03`, `< 05 03` or `= 05 03`: what the sample holds.
-fn expected(row: &Json) -> Result<Vec<(Option<Side>, Vec<u8>)>, String> {
+fn expected(row: &Json) -> Result<Strings, String> {
     let lines = row.get("bytes").and_then(Json::as_array).filter(|lines| !lines.is_empty());
     let lines = lines.ok_or("bytes is missing: what the sample holds, as [\"> 05 03 ..\", \"< 05 03 ..\", \"= 05 03 ..\"]")?;
     lines

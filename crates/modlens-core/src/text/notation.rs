@@ -192,9 +192,9 @@ fn hex(text: &[u8], loose: bool, out: &mut Vec<u8>, marks: &mut Marks) -> usize 
         if token.is_empty() {
             return end;
         }
-        let taken = if marks.no_checksum { false } else { hex_token(token, loose, out) };
-        let filler = !taken && !out.is_empty() && text.get(at + token.len()) != Some(&b'=') && placeholder(token);
-        if !taken && !filler {
+        let read = !marks.no_checksum && hex_token(token, loose, out);
+        let filler = !read && !out.is_empty() && text.get(at + token.len()) != Some(&b'=') && placeholder(token);
+        if !read && !filler {
             return end;
         }
         marks.no_checksum |= filler;
@@ -275,7 +275,7 @@ fn prefixed(text: &[u8], out: &mut Vec<u8>, marks: &mut Marks) -> usize {
         }
         let token = word(text, at);
         let digits = token.strip_prefix(b"0x").or_else(|| token.strip_prefix(b"0X"));
-        if !digits.is_some_and(|digits| digits.len() <= 2) || !hex_token(token, false, out) {
+        if digits.is_none_or(|digits| digits.len() > 2) || !hex_token(token, false, out) {
             let filler = !out.is_empty() && placeholder(token);
             marks.no_checksum |= filler;
             return if filler { text.len() } else { end };
@@ -451,8 +451,8 @@ fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
     let token = word(text, 0);
     if token.len() >= 2 {
-        let taken = if token == b"COMMA" { Some(b',') } else { number(token) };
-        out.extend(taken);
+        let value = if token == b"COMMA" { Some(b',') } else { number(token) };
+        out.extend(value);
         return token.len();
     }
     match text.first() {

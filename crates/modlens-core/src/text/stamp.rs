@@ -214,13 +214,11 @@ impl Stamps {
             self.seen.days += DAY;
         }
         self.seen.last_of_day = Some(of_day);
-        match self.settings.day {
-            Some(day) => self.local(day * DAY + self.seen.days + of_day, digits),
-            None => {
-                self.shown(Kind::TimeOfDay, digits);
-                self.seen.days + of_day
-            }
+        if let Some(day) = self.settings.day {
+            return self.local(day * DAY + self.seen.days + of_day, digits);
         }
+        self.shown(Kind::TimeOfDay, digits);
+        self.seen.days + of_day
     }
 
     fn local(&mut self, local: Ns, digits: u32) -> Ns {

@@ -210,7 +210,7 @@ fn literal<'a>(text: &'a str, elements: &mut Vec<Element>) -> &'a str {
         }
         let length = rest.find([' ', '\t']).unwrap_or(rest.len());
         if length > 0 {
-            elements.push(Element::Text(rest[..length].as_bytes().to_vec()));
+            elements.push(Element::Text(rest.as_bytes()[..length].to_vec()));
         }
         rest = &rest[length..];
     }

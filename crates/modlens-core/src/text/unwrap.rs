@@ -33,7 +33,7 @@ pub(super) fn solarman(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
 /// What a packet carries behind Ethernet, IPv4 or IPv6, and TCP or UDP; `Err` says why nothing.
 pub(super) fn network(packet: &[u8]) -> Result<Range<usize>, &'static str> {
     let ip = match packet {
-        [0x45..=0x4F, ..] | [0x60..=0x6F, ..] => 0,
+        [0x45..=0x4F | 0x60..=0x6F, ..] => 0,
         [_, _, _, _, _, _, _, _, _, _, _, _, 8, 0, ..] | [_, _, _, _, _, _, _, _, _, _, _, _, 0x86, 0xDD, ..] => 14,
         _ => return Err("packet without an IP header"),
     };
