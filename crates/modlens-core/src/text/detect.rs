@@ -68,6 +68,9 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<Guess> {
         .collect();
     let best = scored.iter().map(|(_, score)| score.worth()).fold(0.0, f64::max);
     if best == 0.0 {
+        if let Some((row, score)) = scored.iter().find(|(row, score)| row.certain && score.unparsed == 0) {
+            return Some((row.name.clone(), 0.9, format!("{} records in its syntax", score.records)));
+        }
         return unproved(&scored, text);
     }
     // The most specific of those that explain nearly as much as the best.

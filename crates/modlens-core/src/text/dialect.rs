@@ -70,8 +70,21 @@ const ROLES: &[(&str, Role)] = &[
     ("either", Role::Bytes(None)),
 ];
 
-const OTHER_KEYS: &[&str] =
-    &["name", "title", "clock", "sample", "bytes", "note", "generic", "stream", "checksum", "wrap", "short_fractions", "joined"];
+const OTHER_KEYS: &[&str] = &[
+    "name",
+    "title",
+    "clock",
+    "sample",
+    "bytes",
+    "note",
+    "generic",
+    "stream",
+    "checksum",
+    "wrap",
+    "short_fractions",
+    "joined",
+    "certain",
+];
 
 /// A row of the table.
 #[derive(Clone, Debug)]
@@ -91,6 +104,8 @@ pub struct Dialect {
     pub generic: bool,
     /// Lines cut an endless stream; their ends mean nothing.
     pub(super) stream: bool,
+    /// Its syntax is no other's: it needs no checksum to be detected.
+    pub(super) certain: bool,
     /// The program prints frames without their checksum.
     pub no_checksum: bool,
     /// Lines up to the next head are one frame.
@@ -246,6 +261,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         name,
         generic: flag(row, "generic")?,
         stream: flag(row, "stream")?,
+        certain: flag(row, "certain")?,
         joined: flag(row, "joined")? || no_checksum || wrap == Some(Wrap::Network),
         no_checksum,
         wrap,
