@@ -27,12 +27,27 @@ def lrc(data: bytes) -> int:
 def line_timing(baud: int, data_bits: int, parity: str, stop_bits: float) -> tuple[int, int, int]:
     """Character time, t1.5 and t3.5 in nanoseconds (serial line specification, 2.5.1.1)."""
 
-def detect(sample: bytes, name: str) -> list[tuple[str, float, str]]:
-    """Which format these first bytes of a file are: (format, confidence 0..1, reason), best first.
+@final
+class Dialects:
+    """The table of text formats: the embedded rows and further ones."""
 
-    Formats: raw, hex, hexdump, xxd, chunks. Never empty. `name` is the file's name: its suffix
-    counts as evidence.
-    """
+    def __new__(cls) -> Dialects: ...
+    def load(self, text: str, origin: str) -> None:
+        """Add the rows of a TOML text; rows of the same name are replaced.
+
+        `ValueError` says which row and key is wrong, and the known words.
+        """
+    def rows(self) -> str:
+        """All rows as JSON.
+
+        [{name, title, clock, sample, bytes: [[side, hex]...], generic, checksum}].
+        """
+    def detect(self, sample: bytes, name: str) -> list[tuple[str, float, str]]:
+        """What these first bytes of a file are: (format, confidence 0..1, reason), best first.
+
+        A format is `raw`, or the names of rows joined by `+`. Never empty. `name` is the file's
+        name: its suffix counts as evidence.
+        """
 
 def profile_schema() -> str:
     """The JSON Schema of profiles, as `dissectors/profiles/profile-1.json` has it."""
@@ -298,8 +313,29 @@ class Session:
 
         `time_ns` is when the read returned, never before the last byte's stop bit.
         """
-    def feed_text(self, bus: int, format: str, data: bytes, *, final: bool = False) -> None:
-        """Text of a recording (hex, hexdump, xxd, chunks), cut anywhere.
+    def open_text(
+        self,
+        bus: int,
+        format: str,
+        *,
+        dialects: Dialects | None = None,
+        ordered: bool = False,
+        sample: bytes | None = None,
+        zone: Sequence[tuple[int, int]] | None = None,
+        date: str | None = None,
+    ) -> None:
+        """Say how the text of a bus is to be read, before the first `feed_text`.
+
+        - `format`: rows of `dialects` joined by `+`; unless `ordered`, others are tried where they
+          do not fit
+        - `sample`: the first bytes, which say how dates are written and whether lines are quoted
+        - `zone`: of times without one: from which ns since 1970 on which offset in ns holds
+        - `date`: the first day of times without one, as 2026-11-21
+
+        `ValueError` for an unknown format or a date that is none.
+        """
+    def feed_text(self, bus: int, data: bytes, *, final: bool = False) -> None:
+        """Text of a recording, cut anywhere.
 
         `final` ends the last line.
         """
@@ -360,6 +396,6 @@ class Session:
     def reading(self, bus: int) -> str:
         """What a text reader saw, as JSON.
 
-        {lines, records, unparsed, first_unparsed: [[line, text]...], dropped: {reason: n}, clock,
-        resolution_ns, mode}.
+        {lines, records, unparsed, first_unparsed: [[line, text]...], dropped: {reason: n},
+        left_out: [[line, hex, reason]...] (1000 at most), formats, clock, resolution_ns, mode}.
         """

@@ -14,6 +14,7 @@ from analyzer.filters import Filter, parse
 from analyzer.line import Line, parse_line
 from analyzer.profiles import Binding, binding, with_vendors
 from analyzer.session import FileRun, LiveRun, Settings
+from analyzer.times import transitions
 from dissectors.errors import UsageError
 
 __all__ = ["Decoding", "Rows", "Tap", "decode", "tap"]
@@ -133,6 +134,9 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     timeout: float | None = None,
     functions: _modlens.Functions | None = None,
     profiles: Iterable[str | Binding] = (),
+    dialects: _modlens.Dialects | None = None,
+    timezone: str | None = None,
+    date: str | None = None,
 ) -> Decoding:
     """Decode one recording, or several one after the other.
 
@@ -142,6 +146,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `timeout`: seconds after which a request is given up; learned by default
     - `functions`: a table of functions with further rows
     - `profiles`: device profiles, each as `--profile` takes it (`1=mightyzap`, `2-7=pump.yaml`)
+    - `dialects`: a table of text formats with further rows
+    - `timezone`, `date`: of times in text that come without (see `analyzer.times.transitions`)
 
     `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
     looks.
@@ -149,7 +155,12 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     names = (recordings,) if isinstance(recordings, str | os.PathLike) else tuple(recordings)
     if not names:
         raise UsageError("no recording to decode")
-    settings = _settings(line, mode, timeout, functions, profiles)
+    settings = replace(
+        _settings(line, mode, timeout, functions, profiles),
+        dialects=dialects,
+        zone=transitions(timezone),
+        date=date,
+    )
     return Decoding(tuple(os.fspath(name) for name in names), settings, read_as)
 
 

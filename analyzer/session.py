@@ -23,11 +23,12 @@ from typing import Any, Protocol
 import _modlens
 from analyzer.line import Line
 from analyzer.profiles import Binding
-from analyzer.sources import FORMATS
-from analyzer.sources.files import Recording, check
+from analyzer.sources import FORMATS, is_binary
+from analyzer.sources.files import STDIN, Recording, check
 from analyzer.sources.live import arrivals
 from analyzer.sources.serial import Chunk, Clock, Port
 from analyzer.sources.sigrok import Samples
+from analyzer.sources.unpack import Name, expand
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["MODES", "FileRun", "Intake", "LiveRun", "Run", "Settings", "Sink", "pump"]
@@ -56,6 +57,9 @@ class Settings:
     - `profiles`: which units have which device profile
     - `channels`: those of a logic analyser; `!` before a name says that it idles low
     - `ports`: where a capture is searched for Modbus; None is 502, nothing in it is everywhere
+    - `dialects`: the table of text formats, users' rows included; None for the embedded one
+    - `zone`: of times without one: from which ns since 1970 on which offset in ns holds
+    - `date`: the day of the first time without a date, as 2026-11-21
     """
 
     line: Line | None = None
@@ -67,6 +71,9 @@ class Settings:
     silence_ns: tuple[int, int] | None = None
     ports: Sequence[int] | None = None
     channels: Sequence[str] | None = None
+    dialects: _modlens.Dialects | None = None
+    zone: Sequence[tuple[int, int]] = ()
+    date: str | None = None
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -166,6 +173,10 @@ class FileRun:
     """Recordings one after the other, each a bus of its own; numbers go on.
 
     `replay` decodes with no more knowledge of what follows than a live tap has, and gives its rows.
+
+    A directory, a pattern, an archive or a mail stands for the recordings in it; what is none is
+    passed over, and told. With `follow` the last one may grow for ever.
+
     `told`, if given, hears of every recording after its first block and at its end. `SourceError`
     for the first name that cannot be read, before anything is decoded; later while the files are
     read.
@@ -179,20 +190,35 @@ class FileRun:
         read_as: str | None = None,
         replay: bool = False,
         told: Callable[[Intake], None] | None = None,
+        follow: bool = False,
     ) -> None:
-        for name in names:
-            check(name)
-        self._names = names
+        self._names = expand(list(names))
+        for name in self._names:
+            if not name.found:
+                check(name.text)
         self._settings = settings
         self._read_as = read_as
         self._told = told
-        self._core = settings.core(live=replay)
+        self._follow = follow
+        self._core = settings.core(live=replay or follow)
+        self._decoded = 0
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """What each block decided; the last one of a file also what was open at its end."""
-        for name in self._names:
-            with Recording(name, read_as=self._read_as) as recording:
-                yield from self._read(recording)
+        troubles = []
+        for i, name in enumerate(self._names):
+            follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
+            try:
+                with self._open(name, follow=follow) as recording:
+                    yield from self._read(recording)
+                self._decoded += 1
+            except SourceError as error:
+                if not name.found:
+                    raise
+                troubles.append(error)
+                self._pass_over(name.text, error)
+        if troubles and not self._decoded:
+            raise troubles[0]
 
     def finish(self) -> _modlens.Batch:
         """What was still open."""
@@ -204,28 +230,36 @@ class FileRun:
         found: dict[str, Any] = json.loads(self._core.stats())
         return found
 
+    def _open(self, name: Name, *, follow: bool) -> Recording:
+        return Recording(
+            name.text, read_as=self._read_as, dialects=self._settings.dialects, follow=follow
+        )
+
     def _read(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core, form = self._core, recording.detection.format
-        if FORMATS[form].packets:
+        kind = FORMATS.get(form)
+        if kind is not None and kind.packets:
             yield from self._packets(recording)
             return
-        if FORMATS[form].samples:
+        if kind is not None and kind.samples:
             yield from self._samples(recording)
             return
         bus = self._settings.add_bus(core, recording.name, clock="none")
-        binary = FORMATS[form].binary
+        binary = is_binary(form)
+        if not binary:
+            self._open_text(recording, bus)
         first = True
         for block in recording.blocks():
             if binary:
                 core.feed(bus, block)
             else:
-                core.feed_text(bus, form, block)
+                core.feed_text(bus, block)
             if first:
                 self._tell(recording, core.reading(bus), ended=False)
                 first = False
             yield core.take()
         if not binary:
-            core.feed_text(bus, form, b"", final=True)
+            core.feed_text(bus, b"", final=True)
         core.flush()
         self._tell(recording, core.reading(bus), ended=True)
         if not binary and not json.loads(core.reading(bus))["records"]:
@@ -271,11 +305,25 @@ class FileRun:
             self._tell(recording, json.dumps(seen), ended=True)
         yield core.take()
 
+    def _open_text(self, recording: Recording, bus: int) -> None:
+        settings = self._settings
+        self._core.open_text(
+            bus,
+            recording.detection.format,
+            dialects=settings.dialects,
+            ordered=recording.detection.ordered,
+            sample=recording.sample,
+            zone=settings.zone,
+            date=settings.date,
+        )
+
     def _tell(self, recording: Recording, reading: str, *, ended: bool) -> None:
         if self._told is None:
             return
         found = recording.detection
         seen = json.loads(reading)
+        if ended and recording.trouble is not None:
+            seen["trouble"] = recording.trouble
         self._told(
             Intake(
                 recording.name,
@@ -287,6 +335,11 @@ class FileRun:
                 ended,
             )
         )
+
+    def _pass_over(self, name: str, error: SourceError) -> None:
+        if self._told is not None:
+            reason = error.message.removeprefix(f"{name}: ")
+            self._told(Intake(name, "", 0.0, reason, False, {}, ended=True))
 
 
 class LiveRun:

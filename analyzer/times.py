@@ -11,9 +11,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-__all__ = ["clock_text", "parse_ns", "seconds", "zone_text"]
+from dissectors.errors import UsageError
+
+__all__ = ["clock_text", "parse_ns", "seconds", "transitions", "zone_text"]
+
+_SECOND = 1_000_000_000
+_FIXED = re.compile(r"([+-])(\d\d):?(\d\d)")
+_FIRST_YEAR, _LAST_YEAR, _STEP = 1990, 2060, 7 * 86_400
 
 _ISO = re.compile(
     r"(?P<date>\d{4}-\d\d-\d\d)"
@@ -61,3 +68,61 @@ def zone_text(moment: datetime) -> str:
     minutes = shift // timedelta(minutes=1)
     sign = "-" if minutes < 0 else "+"
     return f"{sign}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
+
+
+def transitions(zone: str | None) -> list[tuple[int, int]]:
+    """From which moment on (ns since 1970) which offset from UTC (ns) holds in a zone, in order.
+
+    `zone` is `utc`, `local`, a name such as `Europe/Berlin` or an offset such as `+01:00`; None
+    gives nothing. `UsageError` if it is none of these.
+
+    >>> transitions("+01:00")
+    [(-4611686018427387904, 3600000000000)]
+    >>> [offset // 3600 // 10**9 for _, offset in transitions("Europe/Berlin")[:3]]
+    [1, 2, 1]
+    """
+    if zone is None:
+        return []
+    if fixed := _FIXED.fullmatch(zone):
+        offset = (int(fixed[2]) * 60 + int(fixed[3])) * 60 * _SECOND
+        return [(-(1 << 62), offset if fixed[1] == "+" else -offset)]
+    offset_at = _offsets(zone)
+    moment = int(datetime(_FIRST_YEAR, 1, 1, tzinfo=UTC).timestamp())
+    end = int(datetime(_LAST_YEAR, 1, 1, tzinfo=UTC).timestamp())
+    found = [(-(1 << 62), offset_at(moment) * _SECOND)]
+    while moment < end:
+        if offset_at(moment) != offset_at(moment + _STEP):
+            change = _change(offset_at, moment, moment + _STEP)
+            found.append((change * _SECOND, offset_at(change) * _SECOND))
+        moment += _STEP
+    return found
+
+
+def _offsets(zone: str) -> Callable[[int], int]:
+    """Seconds that a zone is ahead of UTC, by seconds since 1970."""
+    if zone.lower() in ("utc", "z"):
+        return lambda moment: 0
+    if zone == "local":
+        return lambda moment: _seconds(datetime.fromtimestamp(moment).astimezone())
+    import zoneinfo  # noqa: PLC0415 - hardly ever asked for
+
+    try:
+        there = zoneinfo.ZoneInfo(zone)
+    except (OSError, ValueError, zoneinfo.ZoneInfoNotFoundError) as error:
+        raise UsageError(
+            f"--timezone {zone}: no such zone; write utc, local, Europe/Berlin or +01:00"
+        ) from error
+    return lambda moment: _seconds(datetime.fromtimestamp(moment, there))
+
+
+def _seconds(moment: datetime) -> int:
+    return (moment.utcoffset() or timedelta()) // timedelta(seconds=1)
+
+
+def _change(offset_at: Callable[[int], int], low: int, high: int) -> int:
+    """The first second at which the offset is another one than at `low`."""
+    before = offset_at(low)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if offset_at(middle) == before else (low, middle)
+    return high

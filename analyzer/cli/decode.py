@@ -24,6 +24,11 @@ beside -o.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
+    parser.add_argument(
+        "--follow",
+        action="store_true",
+        help="go on reading where the last file grows, until Ctrl-C",
+    )
     add_rows(parser)
     add_decoding(parser)
     add_line(parser)
@@ -38,4 +43,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Decode; gives the exit status."""
     to = options.to or (None if options.outputs else TABLE)
-    return run_files(options, to=to, quiet=False)
+    return run_files(options, to=to, quiet=False, follow=options.follow)

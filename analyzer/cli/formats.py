@@ -5,27 +5,29 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
+from analyzer.cli.parser import add_dialects, load_dialects
 from analyzer.exports import FORMATS as WRITTEN
-from analyzer.sources import FORMATS, SCHEMES
+from analyzer.sources import SCHEMES, Format, all_formats
 from analyzer.views.screen import Part, stdout
 
 __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The command has no options."""
+    """The options of the command."""
+    add_dialects(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """List the formats; gives the exit status."""
-    stdout().lines(_lines())
+    stdout().lines(_lines(all_formats(load_dialects(options.dialects))))
     return 0
 
 
-def _lines() -> Iterator[list[Part]]:
+def _lines(formats: dict[str, Format]) -> Iterator[list[Part]]:
     yield [("read (the format is found by itself; --from NAME orders one)", "head")]
-    for kind in FORMATS.values():
-        yield [(f"  {kind.name:<9}", "note"), (f"{kind.title} (clock: {kind.clock})", "")]
+    for kind in formats.values():
+        yield [(f"  {kind.name:<9} ", "note"), (f"{kind.title} (clock: {kind.clock})", "")]
         for line in kind.sample:
             yield [(f"    {line}", "dim")]
     yield [("tapped", "head")]

@@ -29,6 +29,10 @@ _CLOCKS = {
 }
 
 
+_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
+_COARSE = 100_000_000
+
+
 class Notes:
     """Lines for the person at the terminal; none but errors when `quiet`."""
 
@@ -39,7 +43,9 @@ class Notes:
 
     def intake(self, intake: Intake) -> None:
         """A recording: at its beginning what it is, at its end what could not be read."""
-        if intake.ended:
+        if not intake.format:
+            self.say(f"{intake.name}: passed over: {intake.reason}")
+        elif intake.ended:
             self._left_out(intake)
         else:
             self._detected(intake)
@@ -77,7 +83,7 @@ class Notes:
         )
         words = [f"{intake.name}: {intake.format} ({sure})"]
         clock = seen.get("clock") or "none"
-        words.append(_CLOCKS.get(clock, f"clock: {clock}"))
+        words.append(_CLOCKS.get(clock, f"clock: {clock}") + _resolution(seen, clock))
         if seen.get("mode"):
             words.append(f"mode {seen['mode']}")
         words += seen.get("said", [])
@@ -85,6 +91,11 @@ class Notes:
 
     def _left_out(self, intake: Intake) -> None:
         seen = intake.seen
+        if "trouble" in seen:
+            self.say(f"{intake.name}: {seen['trouble']}")
+        later = [name for name in seen.get("formats", []) if name not in intake.format.split("+")]
+        if later:
+            self.say(f"{intake.name}: lines of {', '.join(later)}, too")
         unparsed = seen.get("unparsed", 0)
         self.unparsed += unparsed
         for reason, count in (seen.get("dropped") or {}).items():
@@ -93,3 +104,13 @@ class Notes:
             self.say(f"{intake.name}: {unparsed:,} of {seen['lines']:,} lines not understood")
             for number, text in seen["first_unparsed"]:
                 self.say(f"  line {number}: {fit(visible(text), EXCERPT).rstrip()}")
+
+
+def _resolution(seen: dict[str, Any], clock: str) -> str:
+    """What the clock can tell apart, and what that means where it is coarse."""
+    resolution = seen.get("resolution_ns")
+    if clock == "none" or not resolution:
+        return ""
+    name, length = next(pair for pair in _UNITS.items() if resolution >= pair[1])
+    coarse = "; too coarse for response times" if resolution >= _COARSE else ""
+    return f" in steps of {resolution // length} {name}{coarse}"

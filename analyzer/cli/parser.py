@@ -17,15 +17,18 @@ from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
 from analyzer.plant import choose_bus
 from analyzer.profiles import binding, with_vendors
 from analyzer.session import MODES, Settings
+from analyzer.times import transitions
 from dissectors.errors import ProfileError, SourceError, UsageError
 
 __all__ = [
     "Parser",
     "add_decoding",
+    "add_dialects",
     "add_functions",
     "add_input",
     "add_line",
     "add_rows",
+    "load_dialects",
     "load_functions",
     "settings",
 ]
@@ -117,12 +120,37 @@ def add_functions(parser: argparse._ActionsContainer) -> None:
 
 def add_input(parser: argparse.ArgumentParser) -> None:
     """`FILE...` and `--from`."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="a recording; - is standard input")
+    parser.add_argument(
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="a recording, an archive, a mail, a directory; - is standard input",
+    )
     parser.add_argument(
         "--from",
         dest="read_as",
         metavar="FORMAT",
         help="read as this format instead of the detected one (modlens formats lists them)",
+    )
+    parser.add_argument(
+        "--timezone",
+        metavar="ZONE",
+        help="of times without one: local, Europe/Berlin, +01:00 (none: no UTC times)",
+    )
+    parser.add_argument(
+        "--date", metavar="DAY", help="the first day of times without a date, as 2026-11-21"
+    )
+    add_dialects(parser)
+
+
+def add_dialects(parser: argparse._ActionsContainer) -> None:
+    """`--dialects`, repeatable."""
+    parser.add_argument(
+        "--dialects",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="further text formats: a TOML file of rows; repeatable",
     )
 
 
@@ -187,7 +215,25 @@ def settings(options: argparse.Namespace) -> Settings:
         silence_ns=silences(options, line),
         ports=_ports(options.ports),
         channels=tuple(options.channels.split(",")) if options.channels else None,
+        dialects=load_dialects(getattr(options, "dialects", [])),
+        zone=transitions(getattr(options, "timezone", None)),
+        date=getattr(options, "date", None),
     )
+
+
+def load_dialects(names: list[str]) -> _modlens.Dialects | None:
+    """The table of dialects with the rows of these files; None where there are none."""
+    if not names:
+        return None
+    dialects = _modlens.Dialects()
+    for name in names:
+        try:
+            dialects.load(Path(name).read_text(encoding="utf-8"), name)
+        except (OSError, UnicodeError) as error:
+            raise SourceError(f"--dialects {name}: cannot be read: {_reason(error)}") from error
+        except ValueError as error:
+            raise ProfileError(str(error).removeprefix(f"{name}: "), path=name) from error
+    return dialects
 
 
 def load_functions(names: list[str]) -> _modlens.Functions:

@@ -43,7 +43,9 @@ def run_settings(options: argparse.Namespace) -> Settings:
     return replace(settings(options), tables=tuple(sorted(tables)))
 
 
-def run_files(options: argparse.Namespace, *, to: str | None, quiet: bool) -> int:
+def run_files(
+    options: argparse.Namespace, *, to: str | None, quiet: bool, follow: bool = False
+) -> int:
     """Decode the files of the options into all outputs; gives the exit status."""
     notes = Notes(quiet=quiet)
     chosen = run_settings(options)
@@ -54,6 +56,7 @@ def run_files(options: argparse.Namespace, *, to: str | None, quiet: bool) -> in
         read_as=options.read_as,
         replay=getattr(options, "replay", False),
         told=notes.intake,
+        follow=follow,
     )
     with Stopping() as stopping, Outputs(options, notes, to=to, growing=False) as outputs:
         outputs.pump(run, stopping)

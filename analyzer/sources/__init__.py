@@ -3,14 +3,17 @@
 Nothing here knows Modbus, and nothing here writes.
 
 `FORMATS` is the registry of what files can hold, `SCHEMES` that of what can be tapped. A further
-format is a reader in the core and a row here.
+form of text is a row of dialects.toml.
 """
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
-__all__ = ["FORMATS", "SCHEMES", "Format", "Scheme"]
+import _modlens
+
+__all__ = ["FORMATS", "SCHEMES", "Format", "Scheme", "all_formats", "is_binary"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +44,23 @@ class Scheme:
     title: str
 
 
-FORMATS = {
+def all_formats(dialects: _modlens.Dialects | None = None) -> dict[str, Format]:
+    """Every format by its name: bytes, then the rows of the table of dialects."""
+    table = dialects or _modlens.Dialects()
+    rows = (
+        Format(
+            row["name"],
+            binary=False,
+            title=row["title"],
+            clock=row["clock"],
+            sample=tuple(row["sample"].splitlines()),
+        )
+        for row in json.loads(table.rows())
+    )
+    return {**_BYTES, **{row.name: row for row in rows}}
+
+
+_BYTES = {
     kind.name: kind
     for kind in (
         Format(
@@ -50,36 +69,6 @@ FORMATS = {
             title="the bytes of the line as they are",
             clock="none",
             sample=("(bytes)",),
-        ),
-        Format(
-            "hex",
-            binary=False,
-            title="hex text, plain or separated; times, Tx, Rx in front",
-            clock="as printed",
-            sample=("01 03 00 6B 00 03 74 17", "12:00:01.250 Rx: 0x01,0x03,0x06,..."),
-        ),
-        Format(
-            "hexdump",
-            binary=False,
-            title="hexdump -C",
-            clock="none",
-            sample=(
-                "00000000  01 03 00 6b 00 03 74 17  01 03 06 02 2b 00 00 00  |...k..t.....+...|",
-            ),
-        ),
-        Format(
-            "xxd",
-            binary=False,
-            title="xxd",
-            clock="none",
-            sample=("00000000: 0103 006b 0003 7417 0103 0602 2b00 0000  ...k..t.....+...",),
-        ),
-        Format(
-            "chunks",
-            binary=False,
-            title="the chunk log: a read a line, with its time",
-            clock="utc or relative",
-            sample=('{"t": 1697041234.123456, "hex": "0103006b00037417"}',),
         ),
         Format(
             "pcap",
@@ -107,7 +96,19 @@ FORMATS = {
         ),
     )
 }
-"""Name -> what files can hold."""
+
+FORMATS = all_formats()
+"""Name -> what files can hold: bytes, and text in the dialects of dialects.toml."""
+
+
+def is_binary(name: str) -> bool:
+    """Whether files of this format hold bytes; users' dialects are text.
+
+    >>> is_binary("raw"), is_binary("pymodbus+hex")
+    (True, False)
+    """
+    return name in FORMATS and FORMATS[name].binary
+
 
 SCHEMES = {
     scheme.name: scheme

@@ -11,10 +11,13 @@ line.
 
 from __future__ import annotations
 
+import difflib
+import json
 from dataclasses import dataclass
 
 import _modlens
-from analyzer.sources import FORMATS
+from analyzer.sources import FORMATS, is_binary
+from analyzer.sources.encodings import is_utf8
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["SAMPLE", "Detection", "choose"]
@@ -42,49 +45,71 @@ class Detection:
     ordered: bool
 
 
-def choose(sample: bytes, name: str, order: str | None = None) -> Detection:
-    """The format of a file that begins with `sample`.
+def choose(
+    sample: bytes,
+    name: str,
+    order: str | None = None,
+    dialects: _modlens.Dialects | None = None,
+) -> Detection:
+    """The format of a file that begins with `sample`; `dialects` is the table of text formats.
 
-    `UsageError` for an unknown format, `SourceError` where the order cannot be meant or no format
-    fits.
+    `UsageError` for an unknown format, `SourceError` where the order cannot be meant, no format
+    fits, or nothing in a text proves to be Modbus.
     """
-    scores = _modlens.detect(sample, name)
+    table = dialects or _modlens.Dialects()
+    scores = table.detect(sample, name)
     if order is not None:
-        return _ordered(sample, name, order, scores)
+        return _ordered(sample, name, order, scores, table)
     best, confidence, reason = scores[0]
     if confidence < DOUBTFUL:
-        kind = "text, but of no known form" if is_text(sample) else f"of no known form ({reason})"
-        raise SourceError(f"{name}: {kind}; see `modlens formats`, or say it by --from")
+        raise SourceError(f"{name}: {_refusal(sample, best, reason)}")
     return Detection(best, confidence, reason, ordered=False)
 
 
-def is_text(sample: bytes) -> bool:
-    """Whether these bytes can be text at all.
+def _refusal(sample: bytes, best: str, reason: str) -> str:
+    """Why a file that nothing speaks for is not decoded, and what to do."""
+    if best != "raw":
+        return (
+            f"no Modbus found: text with bytes ({best}), but {reason};"
+            f" say --from {best} to decode it all the same"
+        )
+    kind = "text, but of no known form" if is_text(sample) else f"of no known form ({reason})"
+    return f"{kind}; see `modlens formats`, or say it by --from"
 
-    Hardly any of them are control characters or above ASCII.
+
+def is_text(sample: bytes) -> bool:
+    """Whether these bytes can be text at all: no control characters, and UTF-8 or mostly ASCII.
 
     >>> is_text(b"12:00 Rx: 01 03"), is_text(bytes.fromhex("0103006b00037417"))
     (True, False)
     """
     strange = len(sample.translate(None, _TEXT_BYTES))
     high = len(sample.translate(None, _ASCII))
-    return strange - high == 0 and high * 3 <= len(sample)
+    return strange == high and (high * 3 <= len(sample) or is_utf8(sample))
 
 
 def _ordered(
-    sample: bytes, name: str, order: str, scores: list[tuple[str, float, str]]
+    sample: bytes,
+    name: str,
+    order: str,
+    scores: list[tuple[str, float, str]],
+    table: _modlens.Dialects,
 ) -> Detection:
-    if order not in FORMATS:
-        raise UsageError(f"--from {order}: no such format; there are {', '.join(FORMATS)}")
+    known = {*FORMATS, *(row["name"] for row in json.loads(table.rows()))}
+    for part in order.split("+"):
+        if part not in known:
+            hints = difflib.get_close_matches(part, known, 1)
+            question = f"did you mean {hints[0]!r}?" if hints else "see `modlens formats`"
+            raise UsageError(f"--from {order}: no such format; {question}")
     best, confidence, reason = scores[0]
     own = next((score for form, score, _ in scores if form == order), 0.0)
-    if not FORMATS[order].binary and not is_text(sample):
+    if not is_binary(order) and not is_text(sample):
         raise SourceError(
             f"{name}: binary data, not {order} text; leave --from out, or say --from raw"
         )
-    if FORMATS[order].binary and best != order and confidence >= SURE and is_text(sample):
+    if is_binary(order) and best != order and confidence >= SURE and is_text(sample):
         raise SourceError(
-            f"{name}: text ({FORMATS[best].title}: {reason}), not the bytes of a line;"
+            f"{name}: text ({best}: {reason}), not the bytes of a line;"
             f" leave --from out, or say --from {best}"
         )
     return Detection(order, own, "as ordered by --from", ordered=True)

@@ -18,11 +18,17 @@ import io
 import os
 import select
 import stat
+import sys
+import time
 from collections.abc import Iterator
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import Any, BinaryIO, Self
 
+import _modlens
+from analyzer.sources import encodings
 from analyzer.sources.detect import SAMPLE, Detection, choose
+from analyzer.sources.encodings import Transcoder
+from analyzer.sources.unpack import decompressed, open_member
 from dissectors.errors import SourceError
 
 __all__ = ["STDIN", "Recording", "check"]
@@ -33,6 +39,9 @@ STDIN = "-"
 BLOCK = 256 * 1024
 """Bytes of one block; a pipe gives less."""
 
+_LAYERS = 3
+"""A compressed file may be compressed again."""
+
 PATIENCE = 0.1
 """Seconds to wait for a pipe before an empty block says that nothing has come."""
 
@@ -42,43 +51,53 @@ class Recording:
 
     `SourceError` if it cannot be read.
 
-    `read_as` overrides the detection. Use it in `with`.
+    `read_as` overrides the detection, `dialects` is the table with users' rows. With `follow` the
+    file may grow: its end is not the end. Compressed files and text in other encodings are made
+    plain on the way; `trouble` says what was wrong with them. Use it in `with`.
     """
 
-    def __init__(self, name: str, *, read_as: str | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        read_as: str | None = None,
+        dialects: _modlens.Dialects | None = None,
+        follow: bool = False,
+    ) -> None:
         self.name = "stdin" if name == STDIN else name
+        self.trouble: str | None = None
         self._path = name
-        check(name)
+        self._follow = follow
+        self._transcode: Transcoder | None = None
+        # Whether the file of this name holds the bytes as they are: it can be opened again.
+        self._own = name != STDIN and os.path.isfile(name)
+        self._file = self._open(name)
         try:
-            # unbuffered: the blocks are large, and a pipe must not wait for a full one
-            self._file = open(
-                0 if name == STDIN else name, "rb", buffering=0, closefd=name != STDIN
-            )
-        except OSError as error:
-            raise _trouble(self.name, error) from error
-        try:
-            self._waits = os.name == "posix" and not stat.S_ISREG(
-                os.fstat(self._file.fileno()).st_mode
-            )
-            self._sample = self._read_sample()
+            self._waits = os.name == "posix" and not self._is_regular()
+            self._sample = self._plain_sample()
             if not self._sample:
                 raise SourceError(f"{self.name}: empty; there is nothing to decode")
-            self.detection: Detection = choose(self._sample, self.name, read_as)
+            self.detection: Detection = choose(self._sample, self.name, read_as, dialects)
         except BaseException:
             self.close()
             raise
 
+    @property
+    def sample(self) -> bytes:
+        """The first bytes, as they were looked at; empty once they were delivered."""
+        return self._sample
+
     def blocks(self) -> Iterator[bytes]:
-        """All bytes, from the first on, once; an empty block means that a pipe has nothing yet."""
+        """All bytes, from the first on, once; an empty block means that nothing has come yet."""
         sample, self._sample = self._sample, b""
         if sample:
             yield sample
-        while (block := self._read(BLOCK)) is not None:
+        while (block := self._next_block()) is not None:
             yield block
 
     def seekable(self) -> str | BinaryIO:
         """What a reader that must go back and forth can open: the file's name, or all bytes."""
-        return io.BytesIO(b"".join(self.blocks())) if self._waits else self._path
+        return self._path if self._own else io.BytesIO(b"".join(self.blocks()))
 
     def close(self) -> None:
         """Close the file; standard input stays open."""
@@ -95,6 +114,36 @@ class Recording:
     ) -> None:
         self.close()
 
+    def _open(self, name: str) -> Any:
+        try:
+            if (member := open_member(name)) is not None:
+                return member
+            check(name)
+            # unbuffered: the blocks are large, and a pipe must not wait for a full one
+            return open(0 if name == STDIN else name, "rb", buffering=0, closefd=name != STDIN)
+        except OSError as error:
+            raise _trouble(self.name, error) from error
+
+    def _is_regular(self) -> bool:
+        try:
+            return stat.S_ISREG(os.fstat(self._file.fileno()).st_mode)
+        except (OSError, AttributeError):  # a member of an archive
+            return True
+
+    def _plain_sample(self) -> bytes:
+        """The first bytes, decompressed, and as UTF-8 where they are text."""
+        sample = self._read_sample()
+        for _ in range(_LAYERS):
+            plain = decompressed(_Joined(sample, self._file), sample, self.name)
+            if plain is None:
+                break
+            self._file, self._waits, self._follow, self._own = plain, False, False, False
+            sample = self._read_sample()
+        if (encoding := encodings.find(sample)) is not None:
+            self._transcode = Transcoder(encoding)
+            sample = self._transcode(sample)
+        return sample
+
     def _read_sample(self) -> bytes:
         """The first `SAMPLE` bytes.
 
@@ -108,6 +157,29 @@ class Recording:
             sample += block
         return sample
 
+    def _next_block(self) -> bytes | None:
+        block = self._read(BLOCK)
+        if block is None and self._follow:
+            time.sleep(PATIENCE)
+            self._reopen_if_replaced()
+            return b""
+        if self._transcode is not None and block != b"":
+            block = self._transcode(block or b"", final=block is None) or None
+        return block
+
+    def _reopen_if_replaced(self) -> None:
+        """A rotated log goes on in a new file of its name, a shortened one at its start."""
+        try:
+            there, here = os.stat(self._path), os.fstat(self._file.fileno())
+        except OSError:
+            return  # between the old file and the new one
+        if (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino):
+            file = self._open(self._path)
+            self._file.close()
+            self._file = file
+        elif there.st_size < self._file.tell():
+            self._file.seek(0)
+
     def _read(self, size: int) -> bytes | None:
         """The next bytes, b"" if a pipe has none yet, None at the end."""
         try:
@@ -115,7 +187,63 @@ class Recording:
                 return b""
             return self._file.read(size) or None
         except OSError as error:
+            if isinstance(error, _gzip_error()):
+                self._damaged(error)
+                return None
             raise _trouble(self.name, error) from error
+        except Exception as error:
+            if not isinstance(error, _damage()):
+                raise
+            self._damaged(error)
+            return None
+
+    def _damaged(self, error: Exception) -> None:
+        """What came before the damage of a compressed file is decoded; the rest is lost."""
+        self.trouble = f"damaged or cut off behind what was decoded ({error})"
+
+
+class _Joined:
+    """Bytes that were read already, and the file that they came from."""
+
+    def __init__(self, head: bytes, file: Any) -> None:
+        self._head = head
+        self._file = file
+
+    def read(self, size: int = -1) -> bytes:
+        """The next bytes; fewer than `size` only at the end."""
+        if size < 0:
+            head, self._head = self._head, b""
+            return head + bytes(self._file.read())
+        head, self._head = self._head[:size], self._head[size:]
+        while len(head) < size and (block := self._file.read(size - len(head))):
+            head += block
+        return head
+
+    def readable(self) -> bool:
+        """Whether it can be read; lzma asks."""
+        return True
+
+    def seekable(self) -> bool:
+        """Whether one can go back; nobody has to."""
+        return False
+
+
+def _gzip_error() -> type[Exception]:
+    """What gzip raises for damaged data; it is an OSError, but none of the system."""
+    module = sys.modules.get("gzip")
+    return getattr(module, "BadGzipFile", EOFError)
+
+
+def _damage() -> tuple[type[Exception], ...]:
+    """What the decompressors that are loaded raise for damaged data."""
+    kinds = {
+        "zlib": "error",
+        "lzma": "LZMAError",
+        "zstandard": "ZstdError",
+        "zipfile": "BadZipFile",
+    }
+    loaded = {module: name for module, name in kinds.items() if module in sys.modules}
+    return EOFError, *(getattr(sys.modules[module], name) for module, name in loaded.items())
 
 
 def check(name: str) -> None:

@@ -31,14 +31,16 @@ def decoded(name: str, block: int = 1 << 20) -> list[dict[str, Any]]:
     data = (CAPTURES / name / facts["file"]).read_bytes()
     session = _modlens.Session(_modlens.Functions())
     bus = session.add_bus(name, source=name, line=line_settings(facts["line"]))
+    if facts["format"] != "raw":
+        session.open_text(bus, facts["format"])
     for start in range(0, len(data), block):
         piece = data[start : start + block]
         if facts["format"] == "raw":
             session.feed(bus, piece)
         else:
-            session.feed_text(bus, facts["format"], piece)
+            session.feed_text(bus, piece)
     if facts["format"] != "raw":
-        session.feed_text(bus, facts["format"], b"", final=True)
+        session.feed_text(bus, b"", final=True)
     session.flush()
     return [row.as_dict() for row in session.take().frames]
 

@@ -2,58 +2,80 @@
 
 from __future__ import annotations
 
+import functools
+import json
 from pathlib import Path
 
 import pytest
 
+import _modlens
 from analyzer import decode
 from analyzer.line import parse_line
 from analyzer.sources import FORMATS
+from analyzer.sources.detect import choose
 from tests.conftest import CAPTURES, ROOT, Modlens
 from tests.support import captures, sigrok
 
-REQUEST, RESPONSE = "0103006b00037417", "010306022b00000064057a"
+REQUEST, RESPONSE = "050300100002c44a", "05030400fa012c9f8f"
 
 LINE = parse_line("19200-8E1")
+ROWS = {row["name"]: row for row in json.loads(_modlens.Dialects().rows())}
+CHATTER = "2026-11-21 12:30:%02d INFO worker %d of pool: cache holds %d of 4096 entries\n"
+EXCHANGE = [bytes.fromhex(REQUEST), bytes.fromhex(RESPONSE)]
 
-TEXTS = {
-    "raw": bytes.fromhex(REQUEST + RESPONSE),
-    "hex": f"{REQUEST}\n{RESPONSE}\n".encode(),
-    "hexdump": b"00000000  01 03 00 6b 00 03 74 17  01 03 06 02 2b 00 00 00  |...k..t.....+...|\n"
-    b"00000010  64 05 7a                                          |d.z|\n00000013\n",
-    "xxd": b"00000000: 0103 006b 0003 7417 0103 0602 2b00 0000  ...k..t.....+...\n"
-    b"00000010: 6405 7a                                  d.z\n",
-    "pcap": captures.pcap(147, [bytes.fromhex(REQUEST), bytes.fromhex(RESPONSE)]),
-    "pcapng": captures.pcapng(147, [bytes.fromhex(REQUEST), bytes.fromhex(RESPONSE)]),
-    "sigrok": sigrok.session(
-        sigrok.samples(
-            LINE,
-            [
-                [
-                    *sigrok.spaced(bytes.fromhex(REQUEST), 0.01, LINE),
-                    *sigrok.spaced(bytes.fromhex(RESPONSE), 0.05, LINE),
-                ]
-            ],
-        ),
-        ["BUS"],
-    ),
-    "chunks": f'{{"t": 1.0, "hex": "{REQUEST}"}}\n{{"t": 1.02, "hex": "{RESPONSE}"}}\n'.encode(),
+
+def samples() -> bytes:
+    """The exchange on one channel of a logic analyser."""
+    spaced = [sigrok.spaced(data, 0.01 + 0.04 * i, LINE) for i, data in enumerate(EXCHANGE)]
+    return sigrok.session(sigrok.samples(LINE, [[byte for one in spaced for byte in one]]), ["BUS"])
+
+
+BINARY = {
+    "raw": b"".join(EXCHANGE),
+    "pcap": captures.pcap(147, EXCHANGE),
+    "pcapng": captures.pcapng(147, EXCHANGE),
+    "sigrok": samples(),
 }
 
 
+def text_of(name: str) -> bytes:
+    """A recording of each format: its sample, or the bytes of an exchange."""
+    return BINARY[name] if name in BINARY else str(ROWS[name]["sample"]).encode() + b"\n"
+
+
 def test_each_format_is_tried_here() -> None:
-    """A further format brings its text to this test."""
-    assert set(TEXTS) == set(FORMATS)
+    """Bytes, and the rows of the table of dialects."""
+    assert set(FORMATS) == {*BINARY, *ROWS}
 
 
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_format_gives_the_same_transaction(name: str, named: bool, tmp_path: Path) -> None:
-    """Whether it is found or named."""
+def test_a_format_gives_its_frames(name: str, named: bool, tmp_path: Path) -> None:
+    """Those that its row names, whether it is found or named."""
     path = tmp_path / "recording"
-    path.write_bytes(TEXTS[name])
-    (row,) = decode(path, read_as=name if named else None)
-    assert (row.unit, row.address, row.data, row.status) == (1, 107, [555, 0, 100], "ok")
+    path.write_bytes(text_of(name))
+    frames = list(decode(path, read_as=name if named else None).frames)
+    wire = b"".join(frame.hex for frame in frames)
+    expected = (
+        [bytes.fromhex(text) for _, text in ROWS[name]["bytes"]] if name in ROWS else EXCHANGE
+    )
+    assert sorted(wire) == sorted(b"".join(expected))
+    good = "ok" if name not in ROWS or ROWS[name]["checksum"] else "no_checksum"
+    assert {frame.verdict for frame in frames} == {good}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_dialect_is_found_among_other_lines(name: str) -> None:
+    """Alone, and in the middle of 200 lines that are none."""
+    before = "".join(CHATTER % (n % 60, n, 7 * n) for n in range(100)).encode()
+    assert choose(text_of(name), "x.log").format == name
+    assert choose(before + text_of(name) + before, "x.log").format == name
+
+
+@functools.cache
+def formats(modlens: Modlens) -> str:
+    """What `modlens formats` prints; once for all of them."""
+    return modlens("formats").out
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -62,7 +84,7 @@ def test_a_format_is_explained(name: str, modlens: Modlens) -> None:
     kind = FORMATS[name]
     assert kind.title
     assert kind.sample
-    assert kind.title in modlens("formats").out
+    assert kind.title in formats(modlens)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,8 @@ def decode(mode: str, *frames: bytes) -> _modlens.Batch:
     session = _modlens.Session(_modlens.Functions())
     bus = session.add_bus("vector", source="vector", mode=mode)
     text = "\n".join(frame.hex(" ") for frame in frames)
-    session.feed_text(bus, "hex", text.encode(), final=True)
+    session.open_text(bus, "hex", ordered=True)
+    session.feed_text(bus, text.encode(), final=True)
     session.flush()
     return session.take()
 

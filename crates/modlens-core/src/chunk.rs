@@ -1,5 +1,6 @@
 //! What enters the core: bytes off one line of one bus, with what the source knows about them.
 
+use crate::framer::Mode;
 use crate::Ns;
 
 /// Who put the bytes on the line, in the words of the log that they come from: relative to the logging process.
@@ -42,6 +43,8 @@ pub struct Chunk<'a> {
     pub hole: bool,
     /// The recording prints frames without their checksum.
     pub no_checksum: bool,
+    /// The framing that these bytes, a whole record, prove by themselves.
+    pub framing: Option<Mode>,
     /// Line or packet number in the file; 0 where the offset is the place.
     pub origin: u64,
 }

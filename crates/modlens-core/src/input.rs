@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::chunk::{Chunk, Side, Times};
+use crate::framer::Mode;
 use crate::Ns;
 
 /// No clock.
@@ -25,6 +26,8 @@ pub struct Read {
     pub line_error: bool,
     /// Whether its frames come without checksum.
     pub no_checksum: bool,
+    /// The framing that it proves by itself.
+    pub framing: Option<Mode>,
 }
 
 /// The bytes of one line from the first unframed one on.
@@ -79,6 +82,7 @@ impl Input {
             side: chunk.side,
             line_error: chunk.line_error,
             no_checksum: chunk.no_checksum,
+            framing: chunk.framing,
         };
         match chunk.times {
             Times::None => self.push_read(read(end, NO_TIME, chunk.record || chunk.hole)),

@@ -111,6 +111,11 @@ impl Stats {
         self.buses.iter().position(|bus| bus.name == name).unwrap_or_else(|| self.add_bus(name))
     }
 
+    /// A bus has got another name.
+    pub fn rename_bus(&mut self, bus: usize, name: &str) {
+        self.buses[bus].name = name.into();
+    }
+
     /// A frame was decided.
     pub fn frame(&mut self, bus: usize, mode: Mode, seen: &Seen<'_>) {
         let counts = &mut self.buses[bus];

@@ -1,6 +1,7 @@
 //! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
 
 mod capture;
+mod dialects;
 mod functions;
 mod profile;
 mod session;
@@ -11,7 +12,6 @@ use modlens_core::checksum;
 use modlens_core::finding::Finding;
 use modlens_core::functions::{Functions, VENDORS, VOCABULARY};
 use modlens_core::line::Line;
-use modlens_core::text::detect;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value as Json};
@@ -43,9 +43,6 @@ fn vocabulary() -> PyResult<String> {
     all.insert("columns".into(), tables.into());
     all.insert("findings".into(), Finding::ALL.iter().map(|finding| finding_json(*finding)).collect());
     all.insert("vendors".into(), VENDORS.iter().map(|(name, _)| *name).collect());
-    let formats: Json =
-        modlens_core::text::Format::ALL.iter().map(|(_, name, sample)| json!({"name": name, "sample": sample})).collect();
-    all.insert("formats".into(), formats);
     all.insert("version".into(), columns["version"].clone());
     Ok(Json::Object(all).to_string())
 }
@@ -87,12 +84,6 @@ fn line((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResul
     format!("{baud}-{data_bits}{parity}{stop}").parse().map_err(wrong)
 }
 
-/// Which format these first bytes of a file are: (format, confidence, reason), best first.
-#[pyfunction(name = "detect")]
-fn detect_format(sample: &[u8], name: &str) -> Vec<detect::Guess> {
-    detect::detect(sample, name)
-}
-
 #[pymodule]
 fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -100,13 +91,13 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(crc16, module)?)?;
     module.add_function(wrap_pyfunction!(lrc, module)?)?;
     module.add_function(wrap_pyfunction!(line_timing, module)?)?;
-    module.add_function(wrap_pyfunction!(detect_format, module)?)?;
     module.add_function(wrap_pyfunction!(profile::profile_schema, module)?)?;
     module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
     module.add_function(wrap_pyfunction!(capture::recording_head, module)?)?;
     module.add_function(wrap_pyfunction!(capture::recording_read, module)?)?;
     module.add_class::<capture::Capture>()?;
+    module.add_class::<dialects::Dialects>()?;
     module.add_class::<functions::Functions>()?;
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;

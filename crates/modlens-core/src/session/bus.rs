@@ -51,8 +51,12 @@ pub(super) struct BusState {
     pub(super) sides: [i32; 2],
     pub(super) newest: Option<Ns>,
     pub(super) jumped: bool,
-    pub(super) reader: Option<Reader>,
     pub(super) profiles: Profiles,
+    pub(super) reader: Option<Box<Reader>>,
+    /// The buses of the devices that the reader's lines name.
+    pub(super) devices: Vec<(usize, usize)>,
+    /// What the stamps of a recording can express.
+    pub(super) stamps_resolution: Option<Ns>,
 }
 impl BusOptions {
     /// A bus without clock or settings.
@@ -81,6 +85,8 @@ impl BusState {
             newest: None,
             jumped: false,
             reader: None,
+            devices: Vec::new(),
+            stamps_resolution: None,
             profiles,
             options,
         }
@@ -104,7 +110,8 @@ impl BusState {
     /// What the clock of a line can tell apart.
     pub(super) fn resolution(&self, at: usize) -> Ns {
         let line = &self.lines[at].1;
-        self.options.resolution.unwrap_or_else(|| line.lateness.resolution(&line.input))
+        let reads = line.lateness.resolution(&line.input);
+        self.options.resolution.unwrap_or_else(|| self.stamps_resolution.map_or(reads, |stamps| reads.max(stamps)))
     }
 
     /// Of all lines, the coarsest clock: what may be said of a request and its answer.

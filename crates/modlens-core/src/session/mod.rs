@@ -8,6 +8,7 @@ mod capture;
 mod clock;
 mod logic;
 mod profiles;
+mod recorded;
 mod rows;
 
 use std::collections::VecDeque;
@@ -22,7 +23,6 @@ use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::pairing::{Exchange, Pairing, Seen};
 use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Place, Span, Status, Transaction};
 use crate::stats::Stats;
-use crate::text::{Format, Reader};
 use crate::Ns;
 
 pub use bus::BusOptions;
@@ -73,6 +73,7 @@ pub struct Session {
     assignments: Vec<Assignment>,
     /// Scratch.
     adu: Vec<u8>,
+    text: Vec<u8>,
     done: Vec<Box<Exchange>>,
     found: check::Found,
     codes: Vec<Finding>,
@@ -108,6 +109,7 @@ impl Session {
             stats: Stats::default(),
             assignments: Vec::new(),
             adu: Vec::new(),
+            text: Vec::new(),
             done: Vec::new(),
             found: Vec::new(),
             codes: Vec::new(),
@@ -169,36 +171,6 @@ impl Session {
         if let Some(time) = time {
             self.tick(bus, time);
         }
-    }
-
-    /// Text of a recording, cut anywhere; `last` ends the last line.
-    pub fn feed_text(&mut self, bus: usize, format: Format, data: &[u8], last: bool) {
-        let mut reader = self.buses[bus].reader.take().unwrap_or_else(|| Reader::new(format));
-        reader.push(data);
-        while let Some((record, bytes)) = reader.next(last) {
-            let clock = record.clock;
-            if self.buses[bus].options.bus.clock != clock || self.buses[bus].options.bus.place != Place::Line {
-                self.describe_bus(bus, clock, Place::Line);
-            }
-            let times = record.time.map_or(Times::None, Times::Read);
-            let chunk = Chunk {
-                bytes,
-                times,
-                line: record.line,
-                side: record.side,
-                record: record.record,
-                hole: record.hole,
-                origin: record.number,
-                ..Chunk::default()
-            };
-            self.feed(bus, &chunk);
-        }
-        self.buses[bus].reader = Some(reader);
-    }
-
-    /// What the text reader of a bus has seen.
-    pub fn reader(&self, bus: usize) -> Option<&Reader> {
-        self.buses[bus].reader.as_ref()
     }
 
     /// Time goes on without bytes: ends silences and time-outs.

@@ -1,7 +1,9 @@
-//! Times at the start of a line.
+//! Times in lines: what they say, and what kind of clock they show.
+
+use std::sync::Arc;
 
 use crate::records::Clock;
-use crate::write::day_number;
+use crate::text::date::{date, number, time_of_day, two, words_before, zone, Order};
 use crate::Ns;
 
 const SECOND: Ns = 1_000_000_000;
@@ -10,50 +12,161 @@ const DAY: Ns = 86_400 * SECOND;
 /// Numbers of seconds below this count from the start of the recording (records.md, chunk log).
 const EPOCH_FROM: Ns = 100_000_000 * SECOND;
 
+/// Characters in front of the bytes in which a time is looked for.
+const FRONT_LIMIT: usize = 200;
+
+/// What the operator knows of a recording's clock.
+#[derive(Clone, Debug, Default)]
+pub struct ClockSettings {
+    /// The zone of times without one: from which moment (UTC) on which offset holds, oldest first.
+    pub zone: Vec<(Ns, Ns)>,
+    /// The day (since 1970) of the first time of day.
+    pub day: Option<i64>,
+}
+
+/// What stamps without more can be: the order is that of what they are worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// No clock.
+    #[default]
+    None,
+    /// Seconds from some start.
+    Relative,
+    /// No date.
+    TimeOfDay,
+    /// No zone.
+    Local,
+    /// Date, time and zone.
+    Utc,
+}
+
+impl Kind {
+    /// As people read it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Relative => "relative",
+            Self::TimeOfDay => "time of day",
+            Self::Local => "local",
+            Self::Utc => "utc",
+        }
+    }
+}
+
 /// What the stamps of a recording have shown so far.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Stamps {
-    utc: bool,
-    any: bool,
+    settings: Arc<ClockSettings>,
+    pub(super) seen: Seen,
+}
+
+/// The part that changes: a line that turns out to be something else must not change it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Seen {
+    kind: Kind,
+    order: Order,
     /// Days to add to times of day, and the last one.
     days: Ns,
     last_of_day: Option<Ns>,
     digits: u32,
+    /// Fractions of nine digits may be microseconds (socat 1.7).
+    pub(super) short_fractions: bool,
+    /// Where the last stamp stood in its line.
+    hint: usize,
 }
 
 impl Stamps {
+    /// Stamps of a recording of which this is known.
+    pub fn new(settings: Arc<ClockSettings>) -> Self {
+        Self { settings, seen: Seen::default() }
+    }
+
     /// The clock.
     pub fn clock(&self) -> Clock {
-        match (self.any, self.utc) {
-            (false, _) => Clock::None,
-            (true, true) => Clock::Utc,
-            (true, false) => Clock::Relative,
+        match self.seen.kind {
+            Kind::None => Clock::None,
+            Kind::Utc => Clock::Utc,
+            _ => Clock::Relative,
         }
+    }
+
+    /// What kind of clock it is.
+    pub fn kind(&self) -> Kind {
+        self.seen.kind
     }
 
     /// What the digits can express.
     pub fn resolution(&self) -> Option<Ns> {
-        self.any.then(|| 10i64.pow(9 - self.digits.min(9)))
+        (self.seen.kind != Kind::None).then(|| 10i64.pow(9 - self.seen.digits.min(9)))
+    }
+
+    /// Learns from text ahead which of day and month comes first.
+    pub fn look_ahead(&mut self, lines: &[u8]) {
+        for line in lines.split(|&b| b == b'\n').take(2000) {
+            let start = Seen { order: self.seen.order, short_fractions: self.seen.short_fractions, ..Seen::default() };
+            let mut ahead = Self { settings: Arc::clone(&self.settings), seen: start };
+            ahead.find(line);
+            self.seen.order = ahead.seen.order;
+            self.seen.short_fractions = ahead.seen.short_fractions;
+        }
     }
 
     /// A number of seconds, since 1970 or since any start.
     pub fn seconds(&mut self, text: &[u8]) -> Option<Ns> {
         let (ns, digits) = decimal(text)?;
-        self.any = true;
-        self.utc |= ns >= EPOCH_FROM;
-        self.digits = self.digits.max(digits);
+        self.shown(if ns >= EPOCH_FROM { Kind::Utc } else { Kind::Relative }, digits);
         Some(ns)
+    }
+
+    /// A number of milliseconds since any start.
+    pub fn milliseconds(&mut self, text: &[u8]) -> Option<Ns> {
+        let value = number(text)?.checked_mul(1_000_000)?;
+        self.shown(Kind::Relative, 3);
+        Some(value)
     }
 
     /// A stamp at the start of the line, and what follows it.
     pub fn take<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
+        if !line.first().is_some_and(|b| b.is_ascii_digit() || *b == b'[') {
+            return (None, line);
+        }
         let inner = line.strip_prefix(b"[").unwrap_or(line);
         let bracket = inner.len() < line.len();
         let end = |rest: &'a [u8]| if bracket { rest.strip_prefix(b"]") } else { Some(rest) };
-        let found = self.date_time(inner).or_else(|| self.seconds_stamp(inner));
+        let found = self.date_time(inner, &[]).or_else(|| self.seconds_stamp(inner));
         match found.and_then(|(time, rest)| Some((time, end(rest)?))) {
             Some((time, rest)) => (Some(time), rest),
             None => (None, line),
+        }
+    }
+
+    /// A stamp anywhere in the text in front of the bytes.
+    pub fn find(&mut self, front: &[u8]) -> Option<Ns> {
+        if front.len() < 8 {
+            return None;
+        }
+        let front = &front[..front.len().min(FRONT_LIMIT)];
+        // Nearly always where it stood in the line before.
+        if let Some((time, _)) = self.stamp_at(front, self.seen.hint) {
+            return Some(time);
+        }
+        for at in 0..front.len() {
+            if let Some((time, _)) = self.stamp_at(front, at) {
+                self.seen.hint = at;
+                return Some(time);
+            }
+        }
+        let text = front.trim_ascii_start();
+        let text = text.strip_prefix(b"[").or_else(|| text.strip_prefix(b"(")).unwrap_or(text).trim_ascii_start();
+        self.seconds_stamp(text).map(|(time, _)| time)
+    }
+
+    fn stamp_at<'a>(&mut self, front: &'a [u8], at: usize) -> Option<(Ns, &'a [u8])> {
+        let starts = front.get(at).is_some_and(u8::is_ascii_digit) && (at == 0 || !front[at - 1].is_ascii_alphanumeric());
+        if starts {
+            self.date_time(&front[at..], &front[..at])
+        } else {
+            None
         }
     }
 
@@ -61,111 +174,164 @@ impl Stamps {
         let length = line.iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
         let (text, rest) = line.split_at(length);
         // A stamp has a fraction and is followed by a blank or colon; anything else may be bytes.
-        if !text.contains(&b'.') || !matches!(rest.first(), Some(b' ' | b'\t' | b':' | b']' | b',' | b';')) {
+        if !text.contains(&b'.') || !matches!(rest.first(), None | Some(b' ' | b'\t' | b':' | b']' | b',' | b';' | b')')) {
             return None;
         }
         Some((self.seconds(text)?, rest))
     }
 
-    fn date_time<'a>(&mut self, line: &'a [u8]) -> Option<(Ns, &'a [u8])> {
-        let (date, rest) = match date(line) {
-            Some((days, rest)) => (Some(days), rest.strip_prefix(b" ").or_else(|| rest.strip_prefix(b"T"))?),
+    fn date_time<'a>(&mut self, line: &'a [u8], before: &[u8]) -> Option<(Ns, &'a [u8])> {
+        let (days, rest) = match date(line, &mut self.seen.order) {
+            Some((days, rest)) => (Some(days), rest),
             None => (None, line),
         };
-        let (of_day, digits, rest) = time_of_day(rest)?;
+        let (of_day, digits, rest) = time_of_day(rest, &mut self.seen.short_fractions)?;
         let (zone, rest) = zone(rest);
         // A colon with a digit behind it goes on: `11:03:00:6b` are bytes.
         let ends = match rest {
-            [b':', after, ..] => matches!(after, b' ' | b'\t'),
-            [first, ..] => matches!(first, b' ' | b'\t' | b']' | b';' | b','),
+            [b':', after, ..] => matches!(after, b' ' | b'\t' | b':'),
+            [first, ..] => matches!(first, b' ' | b'\t' | b']' | b')' | b';' | b',' | b'|'),
             [] => true,
         };
         if !ends {
             return None;
         }
-        self.any = true;
-        self.digits = self.digits.max(digits);
-        if let Some(days) = date {
-            self.utc |= zone.is_some();
-            return Some((days * DAY + of_day - zone.unwrap_or(0), rest));
+        let days = days.or_else(|| words_before(before));
+        let time = match (days, zone) {
+            (Some(days), Some(offset)) => {
+                self.shown(Kind::Utc, digits);
+                days * DAY + of_day - offset
+            }
+            (Some(days), None) => self.local(days * DAY + of_day, digits),
+            (None, _) => self.of_day(of_day, digits),
+        };
+        Some((time, rest))
+    }
+
+    /// A time of day: past midnight it begins again.
+    fn of_day(&mut self, of_day: Ns, digits: u32) -> Ns {
+        if self.seen.last_of_day.is_some_and(|last| last - of_day > DAY / 2) {
+            self.seen.days += DAY;
         }
-        // Past midnight times of day begin again.
-        if self.last_of_day.is_some_and(|last| last - of_day > DAY / 2) {
-            self.days += DAY;
+        self.seen.last_of_day = Some(of_day);
+        if let Some(day) = self.settings.day {
+            return self.local(day * DAY + self.seen.days + of_day, digits);
         }
-        self.last_of_day = Some(of_day);
-        Some((self.days + of_day, rest))
+        self.shown(Kind::TimeOfDay, digits);
+        self.seen.days + of_day
+    }
+
+    fn local(&mut self, local: Ns, digits: u32) -> Ns {
+        let settings = Arc::clone(&self.settings);
+        let zone = &settings.zone;
+        // Where a clock was set back, the earlier of the two moments is meant.
+        let fits = |i: usize| {
+            let (from, offset) = zone[i];
+            let utc = local - offset;
+            (utc >= from && zone.get(i + 1).is_none_or(|next| utc < next.0)).then_some(utc)
+        };
+        let near = zone.partition_point(|(from, offset)| from + offset <= local);
+        let utc = (near.saturating_sub(2)..(near + 1).min(zone.len())).find_map(fits);
+        let kind = if zone.is_empty() { Kind::Local } else { Kind::Utc };
+        self.shown(kind, digits);
+        // An hour that the zone leaves out: as before the clock was set forward.
+        utc.unwrap_or_else(|| local - zone.get(near.saturating_sub(1)).map_or(0, |entry| entry.1))
+    }
+
+    fn shown(&mut self, kind: Kind, digits: u32) {
+        self.seen.kind = self.seen.kind.max(kind);
+        self.seen.digits = self.seen.digits.max(digits);
     }
 }
 
 /// Seconds as ns, exactly, and the number of decimals.
 fn decimal(text: &[u8]) -> Option<(Ns, u32)> {
     let (sign, text) = text.strip_prefix(b"-").map_or((1, text), |rest| (-1, rest));
-    let mut parts = text.splitn(2, |&b| b == b'.');
-    let (whole, fraction) = (parts.next()?, parts.next().unwrap_or(b""));
-    if whole.is_empty() || whole.len() > 10 || !whole.iter().chain(fraction).all(u8::is_ascii_digit) {
-        return None;
-    }
-    let number = |digits: &[u8]| digits.iter().fold(0i64, |value, digit| value * 10 + i64::from(digit - b'0'));
+    let point = text.iter().position(|&b| b == b'.').unwrap_or(text.len());
+    let fraction = text.get(point + 1..).unwrap_or(&[]);
+    let whole = Some(&text[..point]).filter(|whole| !whole.is_empty() && whole.len() <= 10)?;
     let kept = &fraction[..fraction.len().min(9)];
-    let ns = number(kept) * 10i64.pow(9 - kept.len() as u32);
-    Some((sign * (number(whole).checked_mul(SECOND)?.checked_add(ns)?), kept.len() as u32))
-}
-
-fn two(line: &[u8], at: usize) -> Option<i64> {
-    let digit = |i: usize| line.get(i).filter(|b| b.is_ascii_digit()).map(|b| i64::from(b - b'0'));
-    Some(digit(at)? * 10 + digit(at + 1)?)
-}
-
-/// `2026-11-21` or `2026/11/21`.
-fn date(line: &[u8]) -> Option<(i64, &[u8])> {
-    let mark = *line.get(4).filter(|b| matches!(b, b'-' | b'/'))?;
-    let year = two(line, 0)? * 100 + two(line, 2)?;
-    let (month, day) = (two(line, 5)?, two(line, 8)?);
-    if line.get(7) != Some(&mark) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+    if !fraction[kept.len()..].iter().all(u8::is_ascii_digit) {
         return None;
     }
-    Some((day_number(year, month, day), &line[10..]))
+    let part = if kept.is_empty() { 0 } else { number(kept)? * 10i64.pow(9 - kept.len() as u32) };
+    Some((sign * number(whole)?.checked_mul(SECOND)?.checked_add(part)?, kept.len() as u32))
 }
 
-/// `16:20:34`, with `.123`, `,123` or `:123` behind it.
-fn time_of_day(line: &[u8]) -> Option<(Ns, u32, &[u8])> {
-    let (hour, minute, second) = (two(line, 0)?, two(line, 3)?, two(line, 6)?);
-    if line.get(2) != Some(&b':') || line.get(5) != Some(&b':') || hour > 23 || minute > 59 || second > 60 {
-        return None;
-    }
-    let mut rest = &line[8..];
-    let mut ns = (hour * 3600 + minute * 60 + second) * SECOND;
-    let mut digits = 0;
-    if matches!(rest.first(), Some(b'.' | b',' | b':')) {
-        let length = rest[1..].iter().take_while(|b| b.is_ascii_digit()).count();
-        // Three digits behind a colon are milliseconds; two would be a byte.
-        if length > 2 || (length > 0 && rest[0] != b':') {
-            let (fraction, kept) = decimal(&[b"0.", &rest[1..=length]].concat())?;
-            ns += fraction;
-            digits = kept;
-            rest = &rest[1 + length..];
-        } else if rest[0] == b':' && length == 2 {
-            return None;
-        }
-    }
-    Some((ns, digits, rest))
+/// A date as operators write it: days since 1970.
+pub fn day_of(text: &str) -> Option<i64> {
+    let line = text.as_bytes();
+    let days = date(&[line, b" "].concat(), &mut Order::default()).map(|(days, _)| days);
+    days.filter(|_| line.len() == 10 && two(line, 0).is_some())
 }
 
-/// `Z`, `+01:00`, `+0100`.
-fn zone(line: &[u8]) -> (Option<Ns>, &[u8]) {
-    match line.first() {
-        Some(b'Z') => (Some(0), &line[1..]),
-        Some(sign @ (b'+' | b'-')) => {
-            let colon = usize::from(line.get(3) == Some(&b':'));
-            match (two(line, 1), two(line, 3 + colon)) {
-                (Some(hours), Some(minutes)) => {
-                    let offset = (hours * 3600 + minutes * 60) * SECOND;
-                    (Some(if *sign == b'+' { offset } else { -offset }), &line[5 + colon..])
-                }
-                _ => (None, line),
-            }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(line: &str) -> (Option<Ns>, Kind) {
+        let mut stamps = Stamps::default();
+        (stamps.find(line.as_bytes()), stamps.kind())
+    }
+
+    const NOON: Ns = 1_551_441_600 * SECOND; // 2019-03-01 12:00 UTC, `date -ud 2019-03-01T12:00 +%s`
+
+    #[test]
+    fn stamps_of_many_loggers() {
+        for (line, ns, kind) in [
+            ("2019-03-01 12:00:00.250 DEBUG", NOON + 250_000_000, Kind::Local),
+            ("[bus] TRACE 2019/03/01 12:00:00 ", NOON, Kind::Local),
+            ("2019-03-01T12:00:00Z host app: ", NOON, Kind::Utc),
+            ("2019-03-01T13:00:00,5+01:00 ", NOON + 500_000_000, Kind::Utc),
+            ("01 Mar 2019 12:00:00 tty: ", NOON, Kind::Local),
+            ("Mar  1 2019 12:00:00 tty: ", NOON, Kind::Local),
+            ("01.03.2019 12:00:00.5 ", NOON + 500_000_000, Kind::Local),
+            ("[28/02/2019 12:00:00] ", NOON - DAY, Kind::Local),
+            ("02/28/2019 12:00:00 ", NOON - DAY, Kind::Local),
+            ("28/02/2019@12:00:00.829::Packet", NOON - DAY + 829_000_000, Kind::Local),
+            ("Mar  1 12:00:00 host ", DAY / 2, Kind::TimeOfDay),
+            ("[12:00:00.25][D][uart:114]: ", DAY / 2 + 250_000_000, Kind::TimeOfDay),
+            ("16 12:00:00.25 G ", DAY / 2 + 250_000_000, Kind::TimeOfDay),
+            ("[RTU]>Tx > 12:00:00:250 - ", DAY / 2 + 250_000_000, Kind::TimeOfDay),
+            ("1551441600.5: ", NOON + 500_000_000, Kind::Utc),
+            ("000001.500 RX ", 1_500_000_000, Kind::Relative),
+        ] {
+            assert_eq!(found(line), (Some(ns), kind), "{line}");
         }
-        _ => (None, line),
+        for line in ["conn[192.168.40.39]: ", "[uart_debug:114]: ", "11:03:00:6b:00:03", "v1.5.2 of x"] {
+            assert_eq!(found(line).0, None, "{line}");
+        }
+    }
+
+    #[test]
+    fn a_date_above_twelve_tells_the_order() {
+        let mut stamps = Stamps::default();
+        stamps.look_ahead(b"01/02/2019 00:00:00 x\n01/31/2019 00:00:00 x\n");
+        let first = stamps.find(b"01/02/2019 00:00:00 x").unwrap();
+        assert_eq!(first, 1_546_387_200 * SECOND); // 2019-01-02
+        let mut stamps = Stamps::default();
+        assert_eq!(stamps.find(b"01/02/2019 00:00:00 x").unwrap(), 1_548_979_200 * SECOND);
+        // 2019-02-01
+    }
+
+    #[test]
+    fn a_zone_and_a_date_make_utc() {
+        // Berlin: +1, from 2019-03-31 01:00 UTC on +2, from 2019-10-27 01:00 UTC on +1.
+        let hour = 3600 * SECOND;
+        let zone = vec![(Ns::MIN / 2, hour), (1_553_994_000 * SECOND, 2 * hour), (1_572_138_000 * SECOND, hour)];
+        let mut stamps = Stamps::new(Arc::new(ClockSettings { zone, day: day_of("2019-03-01") }));
+        assert_eq!(stamps.find(b"13:00:00.000 x"), Some(NOON));
+        assert_eq!(stamps.find(b"2019-07-01 14:00:00 x"), Some(1_561_982_400 * SECOND)); // 2019-07-01 12:00 UTC
+        assert_eq!(stamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND)); // the first of the two
+        assert_eq!(stamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND));
+        assert_eq!(stamps.kind(), Kind::Utc);
+    }
+
+    #[test]
+    fn socat_prints_microseconds_as_nanoseconds() {
+        let mut stamps = Stamps { seen: Seen { short_fractions: true, ..Seen::default() }, ..Stamps::default() };
+        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY / 2 + 393_542_000));
+        assert_eq!(stamps.find(b"12:00:00.393542123 x"), Some(DAY / 2 + 393_542_123));
+        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY / 2 + 393_542));
     }
 }

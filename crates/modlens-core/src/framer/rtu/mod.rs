@@ -381,6 +381,11 @@ impl Framer for Rtu {
         Mode::Rtu
     }
 
+    fn jump(&mut self, offset: u64) {
+        self.told = None;
+        self.search.jump(offset);
+    }
+
     fn break_ns(&self, line: Option<&Line>) -> Ns {
         line.map_or(BREAK, |line| BREAK.max(10 * line.char_ns()))
     }

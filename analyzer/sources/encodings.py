@@ -1,0 +1,63 @@
+r"""Characters of text files, made UTF-8 as the core reads it.
+
+>>> find("\u53d1\u2192 05 03".encode("gbk")), find(b"05 03"), find("05 03".encode("utf-16-le"))
+('gbk', None, 'utf-16-le')
+"""
+
+from __future__ import annotations
+
+import codecs
+
+__all__ = ["Transcoder", "find", "is_utf8"]
+
+_BOMS = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_SURE = 0.4
+_NO_CONTROLS = bytes([*b"\t\n\v\f\r\x1b", *range(0x20, 0x100)])
+
+
+def is_utf8(sample: bytes) -> bool:
+    """Whether these are UTF-8, perhaps cut in its last character."""
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(sample)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def find(sample: bytes) -> str | None:
+    """The encoding of a text that begins so; None for UTF-8, ASCII, and what is no text."""
+    for bom, name in _BOMS.items():
+        if sample.startswith(bom):
+            return name
+    for name, zeros in (("utf-16-le", sample[1::2]), ("utf-16-be", sample[::2])):
+        # four characters at least: a short frame has zeros, too
+        if len(zeros) >= 4 and zeros.count(0) > _SURE * len(zeros) and _is_plain(sample, name):  # noqa: PLR2004
+            return name
+    if is_utf8(sample) or sample.translate(None, _NO_CONTROLS):
+        return None
+    if sum(byte >= 0x80 for byte in sample) * 2 > len(sample):  # noqa: PLR2004 - beyond ASCII
+        return None
+    try:
+        codecs.getincrementaldecoder("gbk")().decode(sample)
+    except UnicodeDecodeError:
+        return "cp1251"
+    return "gbk"
+
+
+def _is_plain(sample: bytes, encoding: str) -> bool:
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(sample)
+    except UnicodeDecodeError:
+        return False
+    return all(letter.isprintable() or letter in "\t\n\r\ufeff" for letter in text)
+
+
+class Transcoder:
+    """Blocks of an encoding in, UTF-8 out; what cannot be decoded becomes U+FFFD."""
+
+    def __init__(self, encoding: str) -> None:
+        self._decoder = codecs.getincrementaldecoder(encoding)("replace")
+
+    def __call__(self, block: bytes, *, final: bool = False) -> bytes:
+        """The block in UTF-8, without a mark of the byte order."""
+        return self._decoder.decode(block, final).encode("utf-8", "replace")

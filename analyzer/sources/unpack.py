@@ -1,0 +1,216 @@
+"""Recordings inside of other files: compressed ones, archives, mail, directories, patterns.
+
+A file inside of an archive is called `archive!member`. Nothing is written to disk.
+"""
+
+from __future__ import annotations
+
+import glob
+import importlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from typing import IO, TYPE_CHECKING, Any, cast
+
+from dissectors.errors import SourceError
+
+if TYPE_CHECKING:
+    from email.message import EmailMessage
+
+__all__ = ["MARK", "Name", "decompressed", "expand", "open_member"]
+
+MARK = "!"
+"""Stands between an archive and what is in it."""
+
+DEEPEST = 3
+"""Archives in archives; deeper ones are left alone."""
+
+_MAGIC = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
+_ZIP = b"PK\x03\x04"
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A recording; `found` says that nobody named it: it may be something else."""
+
+    text: str
+    found: bool = False
+
+
+def expand(names: list[str]) -> list[Name]:
+    """The recordings that these names mean.
+
+    A directory stands for the files in it, a pattern for those that fit, an archive or mail for
+    what is in it. `SourceError` if that is nothing.
+    """
+    found: list[Name] = []
+    for name in names:
+        paths = [name]
+        if os.path.isdir(name):
+            paths = sorted(_walk(name))
+        elif any(mark in name for mark in "*?[") and not os.path.lexists(name):
+            paths = sorted(glob.glob(name, recursive=True))
+        if not paths:
+            raise SourceError(f"{name}: no files; check the path")
+        for path in paths:
+            inside = _inside(path)
+            if inside is None:
+                found.append(Name(path, found=path != name))
+            else:
+                found += [Name(f"{path}{MARK}{member}", found=True) for member in inside]
+    return found
+
+
+def _walk(folder: str) -> Iterator[str]:
+    for place, folders, files in os.walk(folder):
+        folders[:] = sorted(one for one in folders if not one.startswith("."))
+        yield from (os.path.join(place, one) for one in files if not one.startswith("."))
+
+
+def _inside(path: str) -> list[str] | None:
+    """The members of an archive or mail; None for any other file."""
+    if not os.path.isfile(path):
+        return None
+    try:
+        with open(path, "rb") as file:
+            return _members(file, path, DEEPEST)
+    except OSError:
+        return None  # the one who opens it says why it cannot be read
+
+
+def _members(file: IO[bytes], name: str, depth: int) -> list[str] | None:
+    found = _contents(file, name) if depth else None
+    if found is None:
+        return None
+    members = []
+    for member, content in found:
+        inner = _members(content(), member, depth - 1)
+        members += [member] if inner is None else [f"{member}{MARK}{one}" for one in inner]
+    return members
+
+
+def open_member(name: str) -> IO[bytes] | None:
+    """The bytes of `archive!member`; None if the name is not of that form."""
+    path, *members = name.split(MARK)
+    while members and not os.path.isfile(path):
+        path = f"{path}{MARK}{members.pop(0)}"
+    if not members or os.path.lexists(name):
+        return None
+    file: IO[bytes] = open(path, "rb")
+    rest = MARK.join(members)
+    place = path
+    while rest:
+        for member, content in _contents(file, place) or ():
+            if rest == member or rest.startswith(member + MARK):
+                file, place, rest = content(), member, rest[len(member) + 1 :]
+                break
+        else:
+            raise SourceError(f"{name}: nothing of this name in {place}")
+    return file
+
+
+def _contents(file: IO[bytes], name: str) -> list[tuple[str, Any]] | None:
+    """Names and openers of what is in an archive or a mail; None for any other file."""
+    head = file.read(4096)
+    file.seek(0)
+    if head.startswith(_ZIP):
+        return _zip(file, name)
+    if name.lower().endswith(".eml") or _is_mail(head):
+        return _mail(file)
+    return None
+
+
+def _zip(file: IO[bytes], name: str) -> list[tuple[str, Any]] | None:
+    import zipfile  # noqa: PLC0415 - most files are none
+
+    try:
+        archive = zipfile.ZipFile(file)
+        # A capture of sigrok is a zip, too, and one recording.
+        if "metadata" in archive.namelist() and "version" in archive.namelist():
+            return None
+        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+    except (zipfile.BadZipFile, NotImplementedError) as error:
+        raise SourceError(f"{name}: a damaged archive: {error}") from error
+
+    def opener(entry: zipfile.ZipInfo) -> Any:
+        def content() -> IO[bytes]:
+            try:
+                return archive.open(entry)
+            except (RuntimeError, NotImplementedError, zipfile.BadZipFile) as error:
+                raise SourceError(f"{name}{MARK}{entry.filename}: {error}") from error
+
+        return content
+
+    return [(entry.filename, opener(entry)) for entry in entries]
+
+
+def _is_mail(head: bytes) -> bool:
+    lines = head.split(b"\n", 20)[:20]
+    keys = {line.partition(b":")[0].strip().lower() for line in lines}
+    return len(keys & {b"from", b"to", b"subject", b"date", b"mime-version", b"received"}) >= 3  # noqa: PLR2004
+
+
+def _mail(file: IO[bytes]) -> list[tuple[str, Any]]:
+    email, policy = importlib.import_module("email"), importlib.import_module("email.policy")
+    message = cast("EmailMessage", email.message_from_binary_file(file, policy=policy.default))
+    plain = [part for part in message.walk() if part.get_content_type() == "text/plain"]
+    found: list[tuple[str, Any]] = []
+    for number, part in enumerate(message.walk(), 1):
+        if part.is_multipart():
+            continue
+        name = part.get_filename()
+        if name is None and part.get_content_type() == "text/html" and plain:
+            continue  # the same in colours
+        if name is None and part.get_content_maintype() != "text":
+            continue
+        data = _text(part) if name is None else bytes(part.get_payload(decode=True) or b"")
+        label = (name or f"part{number}.txt").replace(MARK, "_")
+        found.append((label, lambda data=data: BytesIO(data)))
+    return found
+
+
+def _text(part: Any) -> bytes:
+    data = bytes(part.get_payload(decode=True) or b"")
+    charset = part.get_content_charset() or "utf-8"
+    try:
+        text = data.decode(charset, "replace")
+    except LookupError:
+        text = data.decode("utf-8", "replace")
+    if part.get_content_type() == "text/html":
+        text = _without_tags(text)
+    return text.encode("utf-8", "replace")
+
+
+def _without_tags(text: str) -> str:
+    parser = importlib.import_module("html.parser")
+    pieces: list[str] = []
+
+    class Plain(parser.HTMLParser):  # type: ignore[misc,name-defined] # loaded late
+        def handle_data(self, data: str) -> None:
+            pieces.append(data)
+
+        def handle_starttag(self, tag: str, attrs: Any) -> None:
+            if tag in ("br", "p", "div", "tr", "li", "pre"):
+                pieces.append("\n")
+
+    Plain(convert_charrefs=True).feed(text)
+    return "".join(pieces)
+
+
+def decompressed(file: Any, head: bytes, name: str) -> Any | None:
+    """What a compressed file that begins with `head` holds; None if it is not compressed."""
+    kind = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
+    if kind is None:
+        return None
+    if kind == "gzip":
+        return importlib.import_module("gzip").GzipFile(fileobj=file)
+    if kind == "xz":
+        return importlib.import_module("lzma").LZMAFile(file)
+    try:
+        zstandard = importlib.import_module("zstandard")
+    except ImportError as error:
+        raise SourceError(
+            f"{name}: compressed by zstd; pip install 'modlens[zstd]', or pipe it through zstdcat"
+        ) from error
+    return zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)

@@ -1,0 +1,36 @@
+//! The chunk log of records.md: one JSON object a read.
+
+use serde_json::Value as Json;
+
+use crate::text::stamp::Stamps;
+use crate::Ns;
+
+/// Parses an object; its bytes go to `out`. Gives the time and the line of a two-line tap.
+pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Option<(Option<Ns>, u8)> {
+    if line.first() != Some(&b'{') {
+        return None;
+    }
+    let Ok(Json::Object(object)) = serde_json::from_slice::<Json>(line) else { return None };
+    let bytes = object.get("hex").and_then(Json::as_str).and_then(crate::pdu::parse_hex)?;
+    let time = match object.get("t") {
+        Some(Json::Number(_)) => Some(number_text(line).and_then(|text| stamps.seconds(text))?),
+        None | Some(Json::Null) => None,
+        Some(_) => return None,
+    };
+    let line = match object.get("line").and_then(Json::as_str) {
+        None => 0,
+        Some("A") => 1,
+        Some("B") => 2,
+        Some(_) => return None,
+    };
+    out.extend(bytes);
+    Some((time, line))
+}
+
+/// The digits of `t` as they stand: a float would lose nanoseconds.
+fn number_text(line: &[u8]) -> Option<&[u8]> {
+    let at = line.windows(3).position(|key| key == b"\"t\"")? + 3;
+    let rest = line[at..].trim_ascii_start().strip_prefix(b":")?.trim_ascii_start();
+    let length = rest.iter().take_while(|b| !matches!(b, b',' | b'}' | b' ')).count();
+    Some(&rest[..length])
+}

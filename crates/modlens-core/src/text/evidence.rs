@@ -1,0 +1,87 @@
+//! What speaks for bytes being Modbus: checksums that close, headers whose length is right, layouts that fit.
+
+use crate::checksum::{crc_valid, lrc};
+use crate::direction::readings;
+use crate::framer::tcp::announced;
+use crate::framer::Mode;
+use crate::functions::{Extent, Functions, EXCEPTION_BIT};
+
+/// Unit, function code and checksum.
+const SHORTEST: usize = 4;
+
+/// Whether the bytes end with what closes a frame: a checksum, or the length that their header announces.
+pub(super) fn closes(bytes: &[u8]) -> bool {
+    (bytes.len() >= SHORTEST && crc_valid(bytes)) || framing(bytes).is_some()
+}
+
+/// The framing that the whole of the bytes proves; `None` if none or more than one does.
+pub(super) fn framing(bytes: &[u8]) -> Option<Mode> {
+    let crc = bytes.len() >= SHORTEST && crc_valid(bytes);
+    let mbap = announced(bytes) == Some(bytes.len()) && bytes.len() > 8;
+    match (crc, mbap) {
+        (true, false) => Some(Mode::Rtu),
+        (false, true) => Some(Mode::Tcp),
+        (true, true) => None,
+        (false, false) => ascii(bytes).then_some(Mode::Ascii),
+    }
+}
+
+/// 1 for what can only be a request, -1 for what can only be a response, else 0.
+pub(super) fn direction(bytes: &[u8], framing: Option<Mode>) -> i32 {
+    let pdu = match framing {
+        Some(Mode::Rtu) => &bytes[1..bytes.len() - 2],
+        Some(Mode::Tcp) => &bytes[7..],
+        _ => return 0,
+    };
+    let (request, response) = readings(Functions::embedded(), pdu);
+    i32::from(request) - i32::from(response)
+}
+
+fn ascii(bytes: &[u8]) -> bool {
+    let Some(text) = bytes.strip_prefix(b":") else { return false };
+    let hex = std::str::from_utf8(text.trim_ascii_end()).ok().and_then(crate::pdu::parse_hex);
+    hex.is_some_and(|hex| hex.len() >= 3 && lrc(&hex) == 0)
+}
+
+/// Bytes of a burst that are in frames with a right checksum.
+pub(super) fn good(bytes: &[u8]) -> usize {
+    match framing(bytes) {
+        Some(Mode::Rtu) if plausible(bytes) => return bytes.len(),
+        Some(Mode::Tcp | Mode::Ascii) => return bytes.len(),
+        _ => {}
+    }
+    let functions = Functions::embedded();
+    let (mut at, mut good) = (0, 0);
+    while at + SHORTEST <= bytes.len() {
+        let length = rtu_frame(functions, &bytes[at..]);
+        good += length;
+        at += length.max(1);
+    }
+    good
+}
+
+/// Whether a burst without checksum has the layout of a request or a response.
+pub(super) fn fits_without_checksum(bytes: &[u8]) -> bool {
+    bytes.len() >= 3 && bytes[1] & !EXCEPTION_BIT != 0 && readings(Functions::embedded(), &bytes[1..]) != (false, false)
+}
+
+/// No unit above 247 has function 0: a run of zeros has a right checksum, too.
+fn plausible(bytes: &[u8]) -> bool {
+    bytes[1] & !EXCEPTION_BIT != 0
+}
+
+fn rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
+    let fits = |length: usize| bytes.get(..length + SHORTEST).is_some_and(crc_valid);
+    let (code, body) = (bytes[1], &bytes[2..]);
+    if code & EXCEPTION_BIT != 0 {
+        return if bytes[2] != 0 && fits(1) { 5 } else { 0 };
+    }
+    let Some(row) = functions.row(code, body) else { return 0 };
+    [&row.request, &row.response]
+        .into_iter()
+        .find_map(|layout| match layout.extent(body) {
+            Extent::Exactly(length) if fits(length) => Some(length + SHORTEST),
+            _ => None,
+        })
+        .unwrap_or(0)
+}

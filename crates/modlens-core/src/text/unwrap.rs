@@ -1,0 +1,89 @@
+//! Frames inside other frames: Solarman V5, and packets with their network headers.
+
+use std::ops::Range;
+
+/// Start byte, length, control code; see the protocol's description in pysolarmanv5.
+const V5_START: u8 = 0xA5;
+const V5_END: u8 = 0x15;
+const V5_REQUEST: u16 = 0x4510;
+const V5_RESPONSE: u16 = 0x1510;
+
+/// Where the RTU frame of a Solarman V5 frame stands; `Err` says why there is none.
+pub(super) fn solarman(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
+    let [V5_START, low, high, control_low, control_high, ..] = *bytes else { return Err("no Solarman V5 frame") };
+    let length = usize::from(u16::from_le_bytes([low, high])) + 13;
+    if bytes.len() != length || bytes.last() != Some(&V5_END) {
+        return Err("Solarman V5 frame of a wrong length");
+    }
+    let sum = bytes[1..length - 2].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
+    if sum != bytes[length - 2] {
+        return Err("Solarman V5 frame with a wrong checksum");
+    }
+    let start = match u16::from_le_bytes([control_low, control_high]) {
+        V5_REQUEST => 26,
+        V5_RESPONSE => 25,
+        _ => return Err("Solarman V5 frame without Modbus"),
+    };
+    if start + 4 > length - 2 {
+        return Err("Solarman V5 frame without Modbus");
+    }
+    Ok(start..length - 2)
+}
+
+/// What a packet carries behind Ethernet, IPv4 or IPv6, and TCP or UDP; `Err` says why nothing.
+pub(super) fn network(packet: &[u8]) -> Result<Range<usize>, &'static str> {
+    let ip = match packet {
+        [0x45..=0x4F | 0x60..=0x6F, ..] => 0,
+        [_, _, _, _, _, _, _, _, _, _, _, _, 8, 0, ..] | [_, _, _, _, _, _, _, _, _, _, _, _, 0x86, 0xDD, ..] => 14,
+        _ => return Err("packet without an IP header"),
+    };
+    let inside = &packet[ip..];
+    let (protocol, header, end) = match inside.first().map(|b| b >> 4) {
+        Some(4) if inside.len() >= 20 => {
+            (inside[9], usize::from(inside[0] & 15) * 4, usize::from(u16::from_be_bytes([inside[2], inside[3]])))
+        }
+        Some(6) if inside.len() >= 40 => (inside[6], 40, 40 + usize::from(u16::from_be_bytes([inside[4], inside[5]]))),
+        _ => return Err("packet without an IP header"),
+    };
+    let end = ip + end.min(inside.len());
+    let start = match protocol {
+        6 => ip + header + usize::from(inside.get(header + 12).ok_or("packet without data")? >> 4) * 4,
+        17 => ip + header + 8,
+        _ => return Err("packet of another protocol"),
+    };
+    if start >= end {
+        return Err("packet without data");
+    }
+    Ok(start..end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_v5_frame_gives_its_rtu_frame() {
+        let inner = [5, 3, 0, 0x10, 0, 2, 0xC4, 0x4A];
+        let mut frame = vec![0xA5, 23, 0, 0x10, 0x45];
+        frame.extend([1; 6]);
+        frame.extend([2; 15]);
+        frame.extend(inner);
+        let sum = frame[1..].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
+        frame.extend([sum, 0x15]);
+        assert_eq!(solarman(&frame).map(|range| frame[range].to_vec()), Ok(inner.to_vec()));
+        frame[30] ^= 1;
+        assert_eq!(solarman(&frame), Err("Solarman V5 frame with a wrong checksum"));
+        assert!(solarman(&frame[..20]).is_err());
+    }
+
+    #[test]
+    fn a_packet_gives_its_data() {
+        let mut packet = vec![0x45, 0, 0, 42, 0, 0, 0, 0, 64, 6, 0, 0, 10, 0, 0, 1, 10, 0, 0, 2];
+        packet.extend([0xC3, 0x50, 1, 0xF6, 0, 0, 0, 1, 0, 0, 0, 1, 0x50, 0x18, 0, 0, 0, 0, 0, 0]);
+        packet.extend([9, 9]);
+        assert_eq!(network(&packet), Ok(40..42));
+        assert_eq!(network(&[&[0u8; 12][..], &[8, 0], &packet[..]].concat()), Ok(54..56));
+        assert_eq!(network(&packet[..40]), Err("packet without data"));
+        assert!((0..40).all(|length| network(&packet[..length]).is_err()));
+    }
+}
