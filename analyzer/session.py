@@ -182,7 +182,7 @@ class FileRun:
     read.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - how recordings are read
         self,
         names: Sequence[str],
         settings: Settings,
