@@ -94,10 +94,10 @@ impl Tcp {
         if bytes.len() < length || layout_fits(functions, &bytes[HEADER + 1..length]) {
             return Some(None);
         }
-        let all = HEADER + 2..bytes.len().min(HEADER + LONGEST);
-        let candidates = std::iter::once(length).chain(natural.into_iter().flatten()).chain(all);
-        for end in candidates.filter(|&end| end <= bytes.len()) {
-            match stands(functions, &bytes[end..]) {
+        let candidates = std::iter::once(length).chain(natural.into_iter().flatten()).chain(HEADER + 2..HEADER + LONGEST);
+        for end in candidates {
+            // A place that is not there yet is waited for: in which pieces bytes come must not matter.
+            match bytes.get(end..).and_then(|behind| stands(functions, behind)) {
                 Some(true) if end == length => return Some(None),
                 Some(true) => return Some(Some(end)),
                 None if !input.closed => return None,
