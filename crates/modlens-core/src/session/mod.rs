@@ -295,6 +295,7 @@ impl Session {
         let state = &mut self.buses[bus];
         let resolution = state.resolution(at);
         state.pairing.resolution = resolution;
+        state.pairing.ordered = state.lines.len() < 2 || !state.lines.iter().any(|(_, line)| line.input.coarse);
         let rule = state.options.rule();
         let jumped = std::mem::take(&mut state.jumped);
         let place = state.options.bus.place;
