@@ -28,6 +28,10 @@ DEEPEST = 3
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _ZIP = b"PK\x03\x04"
+_ZIP_NAME = 30
+"""Where the name of the first file stands in a zip."""
+_SIGROK = (b"version", b"metadata")
+"""With these a session of sigrok begins, which is one recording, even a damaged one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +118,7 @@ def _contents(file: IO[bytes], name: str) -> list[tuple[str, Any]] | None:
     """Names and openers of what is in an archive or a mail; None for any other file."""
     head = file.read(4096)
     file.seek(0)
-    if head.startswith(_ZIP):
+    if head.startswith(_ZIP) and not head[_ZIP_NAME:].startswith(_SIGROK):
         return _zip(file, name)
     if name.lower().endswith(".eml") or _is_mail(head):
         return _mail(file)

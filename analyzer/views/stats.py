@@ -34,14 +34,18 @@ from analyzer.views import cells
 from analyzer.views.grid import ROOMY, Field, Grid, Head
 from analyzer.views.screen import Part, Screen, visible
 from dissectors.table import function
+from dissectors.vocabulary import Finding
+from dissectors.vocabulary import findings as all_findings
 
 __all__ = ["show_stats"]
 
 _FAILED = ("no_response", "bad_request", "bad_response")
+_RANKS = ("error", "warning", "info")
+_STYLES = dict(zip(_RANKS, ("bad", "odd", "note"), strict=True))
 
 
 def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
-    """Print the buses, then a line for each unit and function, then the findings."""
+    """Print the buses, a line for each unit and function, then the findings, the worst first."""
     lines = list(_lines(stats, screen.width))
     screen.lines(lines)
 
@@ -62,8 +66,14 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     if stats["findings"]:
         yield []
         yield [("findings (modlens explain CODE)", "head")]
-        for code, count in stats["findings"].items():
-            yield [(f"{count:9,}  ", ""), (code, "odd")]
+        yield from _grid(_FINDING_FIELDS, _ranked(stats["findings"]), width)
+
+
+def _ranked(findings: Mapping[str, int]) -> list[tuple[int, Finding]]:
+    """What people act on first: errors, then warnings, of each the most frequent."""
+    known = {entry.code: entry for entry in all_findings()}
+    rows = [(count, known[code]) for code, count in findings.items()]
+    return sorted(rows, key=lambda row: (_RANKS.index(row[1].severity), -row[0], row[1].code))
 
 
 def _silence(bus: Mapping[str, Any]) -> Iterator[list[Part]]:
@@ -81,6 +91,14 @@ def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[
     yield grid.head()
     for row in rows:
         yield grid.line(row)
+
+
+_FINDING_FIELDS: list[Field] = [
+    Field(Head("count", 8, right=True), lambda row: f"{row[0]:,}"),
+    Field(Head("severity", 8), lambda row: row[1].severity, lambda row: _STYLES[row[1].severity]),
+    Field(Head("code", 16), lambda row: row[1].code, lambda row: _STYLES[row[1].severity]),
+    Field(Head("what was seen", 16, share=1), lambda row: row[1].title),
+]
 
 
 def _bus_fields(short: Mapping[str, str]) -> list[Field]:

@@ -417,3 +417,23 @@ fn a_broadcast_is_heard_twice_where_everything_is() {
     assert_eq!(frames_with(&batch, Finding::LocalEcho), [2, 5, 8, 11, 14, 16]);
     assert_eq!(statuses(&batch)[4], Status::Broadcast);
 }
+
+#[test]
+fn two_lines_read_in_blocks_prove_no_second_master() {
+    let mut session = Session::default();
+    let mut options = options();
+    options.bus.clock = Clock::Utc;
+    let bus = session.add_bus(options);
+    for i in 0..8 {
+        let now = 1_700_000_000_000_000_000 + i64::from(i) * 100 * MS;
+        // Two whole exchanges within what an adapter holds back: the order of the four frames is not known.
+        let requests = [read(1, i, 1), read(2, i, 2)].concat();
+        let answers = [answer(1, &[i]), answer(2, &[i, i])].concat();
+        session.feed(bus, &Chunk { line: 1, bytes: &requests, times: Times::Read(now), ..Chunk::default() });
+        session.feed(bus, &Chunk { line: 2, bytes: &answers, times: Times::Read(now + MS), ..Chunk::default() });
+    }
+    session.flush();
+    let batch = session.take();
+    assert_eq!(good(&batch).len(), 32);
+    assert!(frames_with(&batch, Finding::TwoMasters).is_empty());
+}

@@ -48,7 +48,8 @@ impl Pairing {
             self.tempo.answered(time);
         }
         let mut placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
-        if seen.mode != Mode::Tcp && self.meeting(&mut exchange, seen) {
+        // Where the order is a guess, it proves nothing.
+        if seen.mode != Mode::Tcp && self.ordered && self.meeting(&mut exchange, seen) {
             placed.finding = Some(Finding::TwoMasters);
         }
         if exchange.mbap_id != seen.mbap_id {
