@@ -2,6 +2,7 @@
 
 mod capture;
 mod functions;
+mod inbox;
 mod profile;
 mod session;
 mod stream;
@@ -117,6 +118,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;
     module.add_class::<stream::ArrowStream>()?;
+    module.add_class::<inbox::Inbox>()?;
     module.add_class::<session::Batch>()?;
     module.add_class::<session::Session>()?;
     Ok(())
