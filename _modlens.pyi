@@ -249,6 +249,40 @@ class Capture:
         """Frames written so far."""
 
 @final
+class Inbox:
+    """What has come in at several ports, in order of arrival; it only reads.
+
+    `limit` is the memory (bytes) that may be waiting; what comes in beyond it is lost and counted.
+    """
+
+    def __new__(cls, limit: int = 1 << 26) -> Inbox: ...
+    def listen(self, port: int, fd: int, *, marked: bool = False) -> None:
+        """Read a copy of the descriptor in a thread of its own, outside of Python's lock.
+
+        `marked` takes the escapes of PARMRK apart (termios(3)). POSIX only (NotImplementedError);
+        OSError for a descriptor that is not open.
+        """
+    def put(self, port: int, time_ns: int, data: bytes | None) -> None:
+        """Queue what somebody else has read; None is the end of the port."""
+    def end(self, port: int) -> None:
+        """End the thread of a port; what it has read stays in the queue."""
+    def take(
+        self, timeout: float, linger: float = 0.0
+    ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
+        """Everything that has come in, waiting at most `timeout` seconds for the first of it.
+
+        After that it waits `linger` seconds more, so that a busy line wakes the caller less often.
+
+        Each is (port, CLOCK_MONOTONIC ns right after the read, bytes, places of marked bytes,
+        whether bytes were lost before). Where a port has ended, bytes are None and the places hold
+        the system's number of the error, 0 for the end of the stream.
+        """
+    def lost(self) -> int:
+        """Bytes that did not fit into `limit`."""
+    def close(self) -> None:
+        """End all threads."""
+
+@final
 class Batch:
     """What was decided since the last `take()`: one Table of each kind."""
 
@@ -307,11 +341,20 @@ class Session:
         - `silence_ns`: t3.5 and t1.5, if RTU frames end at silences only; None for all evidence
         """
     def feed(
-        self, bus: int, data: bytes, time_ns: int | None = None, *, line: str | None = None
+        self,
+        bus: int,
+        data: bytes,
+        time_ns: int | None = None,
+        *,
+        line: str | None = None,
+        errors: Sequence[int] | None = None,
+        hole: bool = False,
     ) -> None:
         """Bytes off the line.
 
-        `time_ns` is when the read returned, never before the last byte's stop bit.
+        `time_ns` is when the read returned, never before the last byte's stop bit. `errors` are the
+        places in `data` of bytes that the receiver marked (parity, framing, break), rising. `hole`
+        says that bytes were lost before these.
         """
     def open_text(
         self,

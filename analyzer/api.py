@@ -12,8 +12,9 @@ import _modlens
 from analyzer.columns import columns
 from analyzer.filters import Filter, parse
 from analyzer.line import Line, parse_line
+from analyzer.live import LiveRun
 from analyzer.profiles import Binding, binding, with_vendors
-from analyzer.session import FileRun, LiveRun, Settings
+from analyzer.session import FileRun, Settings
 from analyzer.times import transitions
 from dissectors.errors import UsageError
 
@@ -224,7 +225,8 @@ def tap(
     """
     if not ports:
         raise UsageError("no port to listen to")
-    return Tap(LiveRun(ports, _settings(line, mode, timeout, functions, profiles)))
+    settings = _settings(line, mode, timeout, functions, profiles)
+    return Tap(LiveRun(ports, settings, reconnect=False))
 
 
 def _settings(

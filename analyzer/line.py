@@ -67,6 +67,11 @@ class Line:
         return (self.baud, self.data_bits, self.parity, float(self.stop_bits))
 
     @property
+    def char_bits(self) -> float:
+        """Bits of a character on the line: start, data, parity, stop."""
+        return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
+
+    @property
     def character_ns(self) -> int:
         """Nanoseconds that one character takes, start and stop bits included."""
         return _modlens.line_timing(*self.settings)[0]

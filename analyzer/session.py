@@ -1,8 +1,8 @@
 r"""From sources to sinks: pulls chunks, feeds the core, hands on what it decided.
 
-A `FileRun` goes through recordings, a `LiveRun` listens to ports. Both give batches one after the
-other, as they come, so that memory does not grow with the input; `pump` passes them to sinks.
-Nothing here looks at a frame.
+A `FileRun` goes through recordings; `analyzer.live` has the run that listens to ports. Both give
+batches one after the other, as they come, so that memory does not grow with the input; `pump`
+passes them to sinks. Nothing here looks at a frame.
 
 >>> import tempfile, pathlib
 >>> path = pathlib.Path(tempfile.mkdtemp()) / "bus.hex"
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -25,21 +24,13 @@ from analyzer.line import Line
 from analyzer.profiles import Binding
 from analyzer.sources import FORMATS, is_binary
 from analyzer.sources.files import STDIN, Recording, check
-from analyzer.sources.live import arrivals
-from analyzer.sources.serial import Chunk, Clock, Port
 from analyzer.sources.sigrok import Samples
 from analyzer.sources.unpack import Name, expand
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["MODES", "FileRun", "Intake", "LiveRun", "Run", "Settings", "Sink", "pump"]
+__all__ = ["MODES", "FileRun", "Intake", "Run", "Settings", "Sink", "pump"]
 
 MODES = ("auto", "rtu", "ascii", "tcp")
-
-PATIENCE = 0.05
-"""Seconds without bytes after which a live core is told that time goes on."""
-
-LINES = ("A", "B")
-"""What the `line` column calls the two directions of a bus that is tapped at both."""
 
 EVERYTHING = ("frames", "transactions", "findings")
 
@@ -340,73 +331,6 @@ class FileRun:
         if self._told is not None:
             reason = error.message.removeprefix(f"{name}: ")
             self._told(Intake(name, "", 0.0, reason, False, {}, ended=True))
-
-
-class LiveRun:
-    """Ports that are listened to until somebody stops.
-
-    `A` and `B` are two buses, `A+B` is one bus of two lines.
-
-    The ports are open from the beginning; use it in `closing`. `heard` gets every read before
-    anything else is done with it: bus, line of a two-line tap, chunk. `PortError` if a port cannot
-    be opened or is lost, `UsageError` without line settings.
-    """
-
-    def __init__(
-        self,
-        names: Sequence[str],
-        settings: Settings,
-        *,
-        heard: Callable[[str, str | None, Chunk], None] | None = None,
-    ) -> None:
-        if settings.line is None:
-            raise UsageError("line settings are needed to listen to a port, such as 19200-8E1")
-        self._core = settings.core(live=True)
-        self._heard = heard
-        self._names: list[str] = []
-        self._clock = Clock()
-        self._ports: list[Port] = []
-        self._places: list[tuple[int, str | None]] = []
-        with ExitStack() as opened:
-            for name in names:
-                bus = settings.add_bus(self._core, name, clock="utc")
-                pair = name.split("+")
-                if len(pair) > len(LINES):
-                    raise UsageError(f"{name}: a bus has two lines at most, A+B")
-                for port, line in zip(pair, LINES, strict=False):
-                    self._ports.append(opened.enter_context(Port(port, settings.line, self._clock)))
-                    self._places.append((bus, line if len(pair) > 1 else None))
-                    self._names.append(name)
-            self._opened = opened.pop_all()
-
-    def batches(self) -> Iterator[_modlens.Batch]:
-        """What each read decided, or the passing of time; without end."""
-        core = self._core
-        with closing(arrivals(self._ports, PATIENCE)) as arriving:
-            for arrival in arriving:
-                if arrival is None:
-                    core.poll(self._clock.now_ns())
-                else:
-                    number, chunk = arrival
-                    bus, line = self._places[number]
-                    if self._heard is not None:
-                        self._heard(self._names[number], line, chunk)
-                    core.feed(bus, chunk.data, chunk.time_ns, line=line)
-                yield core.take()
-
-    def finish(self) -> _modlens.Batch:
-        """What was still open."""
-        self._core.flush()
-        return self._core.take()
-
-    def stats(self) -> dict[str, Any]:
-        """Statistics so far; for the keys see analyzer/views/stats.py."""
-        found: dict[str, Any] = json.loads(self._core.stats())
-        return found
-
-    def close(self) -> None:
-        """Close the ports."""
-        self._opened.close()
 
 
 def _wire(names: dict[int, str], line: dict[str, Any]) -> str:

@@ -23,6 +23,7 @@ COMMANDS = {
     "export": "the same, quiet, for scripts: recordings to files",
     "show": "one frame or transaction: bytes beside meaning",
     "stats": "who talks, how much, how well, how fast",
+    "ports": "the serial adapters of this machine, and what is known of them",
     "explain": "a function, an exception or a finding in words",
     "craft": "the bytes of a frame from keywords",
     "formats": "the formats that can be read, with a sample each",
@@ -113,7 +114,7 @@ def _run_help(words: list[str]) -> int:
     for name, summary in COMMANDS.items():
         out.write(f"  {name:<16} {summary}\n")
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")
-    out.write("  modlens tap /dev/ttyUSB0 --line 19200-8E1    what happens on a line, live\n")
+    out.write("  modlens tap /dev/ttyUSB0                     what happens on a line, live\n")
     out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")
     return 0
 

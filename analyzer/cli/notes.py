@@ -5,6 +5,7 @@ What was detected, what could not be read, the summary.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import textwrap
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from analyzer.cli import STDERR, forget
 from analyzer.session import Intake
 from analyzer.views.screen import Screen, fit, visible
+from analyzer.views.stats import show_stats
 from analyzer.views.summary import summary
 from dissectors.errors import SourceError
 
@@ -61,6 +63,12 @@ class Notes:
     def trouble(self, text: str) -> None:
         """One line of an error, always."""
         self._print(f"modlens: {text}", "")
+
+    def statistics(self, stats: dict[str, Any]) -> None:
+        """What `modlens stats` says of the same."""
+        if not self._quiet:
+            with contextlib.suppress(BrokenPipeError, SourceError):
+                show_stats(stats, self._screen)
 
     def summary(self, stats: dict[str, Any]) -> None:
         """The last lines of a run."""

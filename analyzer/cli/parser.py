@@ -28,6 +28,7 @@ __all__ = [
     "add_input",
     "add_line",
     "add_rows",
+    "duration",
     "load_dialects",
     "load_functions",
     "settings",
@@ -35,9 +36,16 @@ __all__ = [
 
 TIMES = ("local", "utc", "elapsed", "delta")
 
-_LONGEST_TIMEOUT = 3600
 _LAST_PORT = 0xFFFF
-_UNITS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+_LONGEST_TIMEOUT_S = 3600
+_LONGEST_S = 10 * 365 * 24 * 3600
+_UNITS = {
+    "us": 1_000,
+    "ms": 1_000_000,
+    "s": 1_000_000_000,
+    "min": 60_000_000_000,
+    "h": 3_600_000_000_000,
+}
 
 
 class Parser(argparse.ArgumentParser):
@@ -209,7 +217,9 @@ def settings(options: argparse.Namespace) -> Settings:
     return Settings(
         line=line,
         mode=plant.mode if plant is not None and options.mode == "auto" else options.mode,
-        timeout_ns=None if options.timeout is None else _duration(options.timeout),
+        timeout_ns=None
+        if options.timeout is None
+        else duration(options.timeout, longest_s=_LONGEST_TIMEOUT_S),
         functions=with_vendors(load_functions(options.functions), profiles),
         profiles=profiles,
         silence_ns=silences(options, line),
@@ -292,10 +302,10 @@ def _ports(words: list[str]) -> tuple[int, ...] | None:
     return tuple(map(int, ports)) or None
 
 
-def _duration(text: str) -> int:
-    """Nanoseconds of `500ms`, `1.5s` or `0.3` (seconds).
+def duration(text: str, option: str = "--timeout", longest_s: float = _LONGEST_S) -> int:
+    """Nanoseconds of `500ms`, `1.5s`, `2h` or `0.3` (seconds).
 
-    >>> _duration("500ms"), _duration("0.3")
+    >>> duration("500ms"), duration("0.3")
     (500000000, 300000000)
     """
     word = text.strip().lower()
@@ -304,6 +314,7 @@ def _duration(text: str) -> int:
         value = float(word.removesuffix(unit))
     except ValueError:
         value = -1.0
-    if not 0 < value < _LONGEST_TIMEOUT:
-        raise UsageError(f"--timeout {text}: write a time such as 500ms or 1.5s")
-    return round(value * _UNITS[unit or "s"])
+    found = value * _UNITS[unit or "s"]
+    if not 0 < found < longest_s * _UNITS["s"]:
+        raise UsageError(f"{option} {text}: write a time such as 500ms or 1.5s")
+    return round(found)

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Protocol
 
 from analyzer.cli import STDOUT, forget
 from analyzer.cli.notes import Notes
@@ -25,7 +27,7 @@ from analyzer.views.table import TableSink
 from analyzer.views.tables import Look
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["DAMAGED", "Outputs", "run_files", "run_settings"]
+__all__ = ["DAMAGED", "LiveSink", "Outputs", "run_files", "run_settings", "targets"]
 
 DAMAGED = 1
 SIGNALLED = 128
@@ -36,10 +38,10 @@ TABLE = "table"
 
 def run_settings(options: argparse.Namespace) -> Settings:
     """The settings, with the tables that the outputs need."""
-    targets = _targets(options)
+    wanted = targets(options)
     if options.to not in (None, TABLE):
-        targets.append(fitting(Target(options.table, options.to, None), named=False))
-    tables = tables_of(targets) | {options.table}
+        wanted.append(fitting(Target(options.table, options.to, None), named=False))
+    tables = tables_of(wanted) | {options.table}
     return replace(settings(options), tables=tuple(sorted(tables)))
 
 
@@ -58,8 +60,8 @@ def run_files(
         told=notes.intake,
         follow=follow,
     )
-    with Stopping() as stopping, Outputs(options, notes, to=to, growing=False) as outputs:
-        outputs.pump(run, stopping)
+    with Stopping() as stopping, Outputs(options, notes, to=to, names=options.files) as outputs:
+        outputs.pump(run, stopping.asked)
         outputs.close()
         if outputs.silenced:
             return 0
@@ -73,32 +75,53 @@ def run_files(
     return outputs.status
 
 
+class LiveSink(Sink, Protocol):
+    """A sink that counts its rows and can be closed."""
+
+    table: str
+    rows: int
+
+    def close(self) -> None:
+        """All rows are there."""
+
+    def abandon(self) -> None:
+        """The input failed: leave nothing half written."""
+
+
 class Outputs:
     """All sinks of a run; `to` is what goes to standard output: the table, a format, or nothing.
 
     `status` is the exit status of what went wrong with them; `silenced` is True when the only
-    reader has gone away. Those that are not closed when the `with` ends are taken away.
+    reader has gone away. Those that are not closed when the `with` ends are taken away. `names` are
+    the buses; `more` are sinks that somebody else has made.
     """
 
-    def __init__(
-        self, options: argparse.Namespace, notes: Notes, *, to: str | None, growing: bool
+    def __init__(  # noqa: PLR0913 - all but two by keyword
+        self,
+        options: argparse.Namespace,
+        notes: Notes,
+        *,
+        to: str | None,
+        names: Sequence[str],
+        growing: bool = False,
+        more: Sequence[LiveSink] = (),
     ) -> None:
-        names = options.ports if growing else options.files
         self.status = 0
         self.silenced = False
         self._notes = notes
         self._filtered = options.where is not None
-        self._sinks: list[TableSink | ExportSink] = []
-        targets = _targets(options)
+        self._sinks: list[LiveSink] = list(more)
+        self._watching: list[Sink] = []
+        wanted = [] if getattr(options, "around", None) else targets(options)
         with ExitStack() as opened:
             if to == TABLE:
                 look = Look(options.address, options.times, tuple(names))
-                if options.columns is not None and not targets:
+                if options.columns is not None and not wanted:
                     raise UsageError("--columns is for exports; add --to csv or -o FILE")
                 self._sinks.append(TableSink(options.table, stdout(), look, where=options.where))
             elif to is not None:
-                targets.insert(0, fitting(Target(options.table, to, None), named=False))
-            check_style(options.style, targets)
+                wanted.insert(0, fitting(Target(options.table, to, None), named=False))
+            check_style(options.style, wanted)
             if options.context < 0:
                 raise UsageError("--context: a number of frames, 0 or more")
             wish = Wish(
@@ -110,7 +133,7 @@ class Outputs:
                 times=options.times,
                 buses=tuple(names),
             )
-            for one in targets:
+            for one in wanted:
                 sink = ExportSink(
                     one, columns=options.columns, where=options.where, growing=growing, wish=wish
                 )
@@ -120,12 +143,16 @@ class Outputs:
         if not self._sinks:
             raise UsageError("nowhere to write to; add -o FILE or --to FORMAT")
 
-    def pump(self, run: Run, stopping: Stopping) -> None:
-        """Pass everything through.
+    def pump(self, run: Run, stop: Callable[[], bool]) -> None:
+        """Pass everything through until `stop()` says so.
 
         Errors of the input are raised when the sinks have got what came before.
         """
-        pump(run, self._sinks, stop=stopping.asked, failed=self._failed)
+        pump(run, [*self._watching, *self._sinks], stop=stop, failed=self._failed)
+
+    def watch(self, *sinks: Sink) -> None:
+        """Show them everything, too; they write nothing."""
+        self._watching += sinks
 
     def close(self) -> None:
         """All rows are there: the files take their names."""
@@ -135,7 +162,7 @@ class Outputs:
             except (SourceError, BrokenPipeError) as error:
                 self._failed(sink, error)
                 continue
-            if isinstance(sink, ExportSink) or self._filtered:
+            if not isinstance(sink, TableSink) or self._filtered:
                 self._notes.say(f"{sink.name}: {sink.rows:,} {sink.table}")
             remark = sink.remark() if isinstance(sink, ExportSink) else ""
             if remark:
@@ -156,12 +183,13 @@ class Outputs:
         self._notes.trouble(error.message)
 
 
-def _targets(options: argparse.Namespace) -> list[Target]:
-    targets = [target(text, options.table) for text in options.outputs]
+def targets(options: argparse.Namespace) -> list[Target]:
+    """What `-o` asks for; `UsageError` for two in one file."""
+    found = [target(text, options.table) for text in options.outputs]
     seen = set()
-    for one in targets:
+    for one in found:
         path = os.path.realpath(one.path or "")
         if path in seen:
             raise UsageError(f"-o {one.path}: two outputs in one file; give each a name of its own")
         seen.add(path)
-    return targets
+    return found

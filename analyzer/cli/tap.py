@@ -5,28 +5,41 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import replace
+from typing import Any
 
+from analyzer.cli.cockpit import Cockpit
 from analyzer.cli.notes import Notes
-from analyzer.cli.parser import add_decoding, add_line, add_rows
-from analyzer.cli.running import DAMAGED, TABLE, Outputs, run_settings
+from analyzer.cli.parser import add_decoding, add_line, add_rows, duration
+from analyzer.cli.running import DAMAGED, TABLE, LiveSink, Outputs, run_settings, targets
 from analyzer.cli.segmentation import announce
 from analyzer.cli.stopping import Stopping
+from analyzer.cli.triggers import Around, Hourly, Limits
 from analyzer.exports.recorder import Recorded, Recorder, keeping, rotation
-from analyzer.line import EXAMPLE
-from analyzer.session import LiveRun
+from analyzer.line import Line
+from analyzer.live import LINES, LiveRun, parse_tap
+from analyzer.session import Settings
 from analyzer.sources.serial import Chunk
+from analyzer.views.live import VIEWS
+from analyzer.views.live.board import Board
+from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
+from analyzer.views.tables import Look
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["add_arguments", "run"]
 
 EPILOG = """\
 examples:
-  modlens tap /dev/ttyUSB0 --line 19200-8E1
-  modlens tap /dev/ttyUSB0 --line 9600-8N1 -o today.csv --where "status != 'ok'"
-  modlens tap socket://192.168.1.50:4001 --line 19200-8E1 --to jsonl
+  modlens tap /dev/ttyUSB0
+  modlens tap /dev/ttyUSB0 --line 19200-8E1 --view table
+  modlens tap boiler=/dev/ttyUSB0@9600-8N1 pump=/dev/ttyUSB1@19200-8E1
+  modlens tap /dev/ttyUSB0 -o event.jsonl --around 200 --where "exception"
+  modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
 
-A B are two buses; A+B is one bus of which each direction has its own port.
+Without line settings they are found by listening. A B are two buses; A+B is one
+bus of which each direction has its own port; NAME=PORT@SETTINGS names a bus and
+gives it settings of its own. A port that goes away is waited for.
 -o adds a file that grows while the tap runs; it must not exist yet.
 --record keeps every read with its time, for modlens decode; where the file
 exists already, or with --rotate, its segments get numbers and times.
@@ -37,72 +50,228 @@ Ctrl-C ends.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument("ports", nargs="+", metavar="PORT", help="a device or a URL, see below")
-    group = parser.add_argument_group("raw recording")
-    group.add_argument("--record", metavar="FILE", help="every read with its time, as pcapng")
-    group.add_argument("--rotate", metavar="N", help="a new file after a time or size: 1h, 64MB")
-    group.add_argument("--keep", metavar="N", help="only so many files, or so much: 24, 2GB")
+    parser.add_argument("--view", choices=VIEWS, help="a screen instead of lines; keys switch it")
+    parser.add_argument(
+        "--no-reconnect",
+        action="store_true",
+        help="end with status 4 when a port is lost, instead of waiting for it",
+    )
+    _add_recording(parser)
+    _add_triggers(parser)
+    _add_feeds(parser)
     add_line(parser)
+    parser.add_argument(
+        "--detect", action="store_true", help="find the line settings by listening (as without any)"
+    )
     add_rows(parser)
     add_decoding(parser)
     parser.epilog = EPILOG
 
 
+def _add_recording(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("raw recording")
+    group.add_argument("--record", metavar="FILE", help="every read with its time, as pcapng")
+    group.add_argument("--rotate", metavar="N", help="a new file after a time or size: 1h, 64MB")
+    group.add_argument("--keep", metavar="N", help="only so many files, or so much: 24, 2GB")
+
+
+def _add_triggers(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("ends and events")
+    group.add_argument("--count", type=int, metavar="N", help="end after so many transactions")
+    group.add_argument("--duration", metavar="TIME", help="end after a time, as 90s or 1.5h")
+    group.add_argument("--stop-on", metavar="EXPR", help="end at a transaction like this")
+    group.add_argument(
+        "--around",
+        type=int,
+        metavar="N",
+        help="-o gets a file for each event of --where: N transactions before and after it",
+    )
+
+
+def _add_feeds(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("feeds")
+    group.add_argument("--mqtt", metavar="URL", help="publish to mqtt://[user:pw@]host/prefix")
+    group.add_argument("--mqtt-spool", metavar="FILE", help="keep there what the broker lacks yet")
+    group.add_argument(
+        "--home-assistant", action="store_true", help="with --mqtt: announce values as sensors"
+    )
+    group.add_argument("--metrics", metavar="[HOST:]PORT", help="Prometheus metrics over HTTP")
+
+
 def run(options: argparse.Namespace) -> int:
-    """Listen until a signal comes; gives the exit status."""
-    settings = run_settings(options)
-    if settings.line is None:
-        raise UsageError(
-            "tap: the line settings are needed: add --line and baud, data bits, parity and stop"
-            f" bits in one word, as --line {EXAMPLE}"
-        )
+    """Listen until a signal comes or what is asked for has happened; gives the exit status."""
+    settings = _settings(options)
     notes = Notes(quiet=False)
+    voice = _Voice(notes)
+    limits = Limits(options.count, _seconds(options.duration), options.stop_on)
     announce(settings, notes)
-    recording = _recorder(options, str(settings.line), notes)
-    recorders: list[Recorder] = []
-
-    def heard(bus: str, line: str | None, chunk: Chunk) -> None:
-        for recorder in recorders:
-            recorder.heard(bus, line, chunk)
-
-    with ExitStack() as opened:
-        stopping = opened.enter_context(Stopping())
-        live = opened.enter_context(closing(LiveRun(options.ports, settings, heard=heard)))
-        with Outputs(options, notes, to=options.to or TABLE, growing=True) as outputs:
-            ports = ", ".join(options.ports)
-            notes.say(f"listening to {ports} at {settings.line}; nothing is sent; Ctrl-C ends")
-            if recording is not None:  # the ports are open: there is something to record
-                recorders.append(opened.enter_context(closing(recording())))
-            try:
-                outputs.pump(live, stopping)
-            finally:
-                outputs.close()
-                stats = live.stats()
-                if not outputs.silenced:
-                    notes.summary(stats)
+    recording = _Recording(options, settings.line, notes, voice)
+    live = LiveRun(
+        options.ports,
+        settings,
+        told=voice.say,
+        heard=recording.heard,
+        reconnect=not options.no_reconnect,
+        detect=options.detect,
+    )
+    with Stopping() as stopping, closing(live), ExitStack() as opened:
+        more = _sinks(options, live, voice, opened)
+        to = None if options.view or voice.cockpit else options.to or TABLE
+        outputs = opened.enter_context(
+            Outputs(options, notes, to=to, names=live.buses, growing=True, more=more)
+        )
+        outputs.watch(limits, Hourly(live.stats, voice.say))
+        at = f" at {settings.line}" if settings.line is not None else ""
+        voice.say(f"listening to {', '.join(options.ports)}{at}; nothing is sent; Ctrl-C ends")
+        recording.begin(opened)  # the ports are open: there is something to record
+        try:
+            with voice.on_screen():
+                outputs.pump(live, lambda: stopping.asked() or limits.reached or voice.leaving)
+        finally:
+            outputs.close()
+            stats = live.stats()
+            if not outputs.silenced:
+                notes.statistics(stats)
+                notes.summary(stats)
     if options.strict and damaged(stats) and not outputs.status:
         return DAMAGED
     return outputs.status
 
 
-def _recorder(
-    options: argparse.Namespace, line: str, notes: Notes
-) -> Callable[[], Recorder] | None:
-    """What begins the raw recording that the options ask for."""
-    if options.record is None:
-        if options.rotate or options.keep:
-            raise UsageError("--rotate and --keep are for --record FILE")
+class _Voice:
+    """Where the tap's notes go: standard error, or the screen while there is one."""
+
+    def __init__(self, notes: Notes) -> None:
+        self.cockpit: Cockpit | None = None
+        self._notes = notes
+        self._drawing = False
+
+    @property
+    def leaving(self) -> bool:
+        """Whether somebody at the screen wants to end."""
+        return self.cockpit is not None and self.cockpit.leaving
+
+    def say(self, text: str) -> None:
+        """One note."""
+        if self.cockpit is not None and self._drawing:
+            self.cockpit.say(text)
+        else:
+            self._notes.say(text)
+
+    def on_screen(self) -> ExitStack:
+        """Take the terminal while the `with` lasts; what was said there is said again behind it."""
+        stack = ExitStack()
+        if self.cockpit is not None:
+            self._drawing = True
+            stack.callback(self._leave, self.cockpit)
+            stack.enter_context(self.cockpit)
+        return stack
+
+    def _leave(self, cockpit: Cockpit) -> None:
+        self._drawing = False
+        for text in cockpit.said:
+            self._notes.say(text)
+
+
+class _Recording:
+    """The raw recording that the options ask for; it begins when the line settings are known."""
+
+    def __init__(
+        self, options: argparse.Namespace, line: Line | None, notes: Notes, voice: _Voice
+    ) -> None:
+        self._options, self._notes, self._voice = options, notes, voice
+        self._recorder: Recorder | None = None
+        if options.record is None:
+            if options.rotate or options.keep:
+                raise UsageError("--rotate and --keep are for --record FILE")
+            return
+        self._rotate = None if options.rotate is None else rotation(options.rotate)
+        self._keep = None if options.keep is None else keeping(options.keep)
+        self._ports = []
+        for tap in map(parse_tap, options.ports):
+            settings = tap.line or line
+            if settings is None or options.detect:
+                raise UsageError("tap: --record needs the line settings: add --line")
+            for port, letter in zip(tap.ports, LINES, strict=False):
+                which = letter if len(tap.ports) > 1 else None
+                self._ports.append(Recorded(tap.bus, which, port, str(settings)))
+
+    def begin(self, opened: ExitStack) -> None:
+        """Open the file; it is closed with `opened`."""
+        if self._options.record is not None:
+            self._recorder = opened.enter_context(
+                closing(
+                    Recorder(
+                        self._options.record,
+                        self._ports,
+                        rotate=self._rotate,
+                        keep=self._keep,
+                        told=self._voice.say,
+                        failed=self._failed,
+                    )
+                )
+            )
+
+    def heard(self, bus: str, line: str | None, chunk: Chunk) -> None:
+        """A read, before anything else is done with it."""
+        if self._recorder is not None and chunk.data:
+            self._recorder.heard(bus, line, chunk)
+
+    def _failed(self, error: SourceError) -> None:
+        self._notes.trouble(f"{error.message}; the recording has ended")
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    """The settings, with the tables that screens, triggers and feeds need."""
+    settings = run_settings(options)
+    if options.around is not None and (options.where is None or not options.outputs):
+        raise UsageError("tap: --around needs --where EXPR and -o FILE")
+    if options.view is not None and options.to is not None:
+        raise UsageError("tap: --view and --to both want standard output; leave one out")
+    return replace(settings, tables=tuple(sorted({*settings.tables, "transactions"})))
+
+
+def _sinks(
+    options: argparse.Namespace, live: LiveRun, voice: _Voice, opened: ExitStack
+) -> list[LiveSink]:
+    """The sinks that only a tap has."""
+    sinks: list[LiveSink] = []
+    if options.view is not None:
+        screen = stdout()
+        if not screen.is_terminal:
+            raise UsageError("tap: --view needs a terminal; without it a line a transaction comes")
+        board = Board(Look(options.address, options.times, live.buses), live.stats)
+        voice.cockpit = Cockpit(board, options.view, screen)
+        sinks.append(voice.cockpit)
+    if options.around is not None:
+        sinks += [
+            Around(options.around, options.where, one, options.columns) for one in targets(options)
+        ]
+    for make in (_mqtt, _metrics):
+        feed = make(options, live)
+        if feed is not None:
+            opened.callback(feed.abandon)
+            voice.say(f"publishing to {feed.name}")
+            sinks.append(feed)
+    return sinks
+
+
+def _mqtt(options: argparse.Namespace, live: LiveRun) -> LiveSink | None:
+    if options.mqtt is None:
         return None
-    rotate = None if options.rotate is None else rotation(options.rotate)
-    keep = None if options.keep is None else keeping(options.keep)
-    ports = [
-        Recorded(name, letter if "+" in name else None, port, line)
-        for name in options.ports
-        for port, letter in zip(name.split("+"), "AB", strict=False)
-    ]
+    from analyzer.feeds.mqtt import Mqtt, broker  # noqa: PLC0415
 
-    def failed(error: SourceError) -> None:
-        notes.trouble(f"{error.message}; the recording has ended")
+    return Mqtt(broker(options.mqtt), spool=options.mqtt_spool, discovery=options.home_assistant)
 
-    return lambda: Recorder(
-        options.record, ports, rotate=rotate, keep=keep, told=notes.say, failed=failed
-    )
+
+def _metrics(options: argparse.Namespace, live: LiveRun) -> LiveSink | None:
+    if options.metrics is None:
+        return None
+    from analyzer.feeds.metrics import Metrics, address  # noqa: PLC0415
+
+    stats: Callable[[], dict[str, Any]] = live.stats
+    return Metrics(address(options.metrics), stats)
+
+
+def _seconds(text: str | None) -> float | None:
+    return None if text is None else duration(text, "--duration") / 1e9

@@ -37,11 +37,12 @@ class Format:
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A kind of port: how its name is written, and what it is."""
+    """A kind of port: how its name is written, what it is, whether it takes line settings."""
 
     name: str
     example: str
     title: str
+    tunable: bool = True
 
 
 def all_formats(dialects: _modlens.Dialects | None = None) -> dict[str, Format]:
@@ -114,7 +115,7 @@ SCHEMES = {
     scheme.name: scheme
     for scheme in (
         Scheme("", "/dev/ttyUSB0", "a serial port of this machine (COM3 on Windows)"),
-        Scheme("socket", "socket://192.168.1.50:4001", "raw TCP of a serial device server"),
+        Scheme("socket", "socket://192.168.1.50:4001", "raw TCP of a serial device server", False),
         Scheme(
             "rfc2217", "rfc2217://192.168.1.50:4001", "a device server that takes line settings"
         ),

@@ -1,68 +1,209 @@
-"""Several ports at once, in order of arrival.
+"""Several ports at once, in order of arrival, for days.
 
-One port is read directly. More than one takes a thread each, so that a wait for one does not spoil
-the times of the other; the threads only read and hand over, everything else stays on the caller's
-thread.
+The readers (`_modlens.Inbox`) only read and queue; everything else happens on the caller's thread,
+which may stall without loss. A port that goes away is waited for: what came before stays, the first
+bytes after it say that something is missing (`Chunk.hole`).
 """
 
 from __future__ import annotations
 
-import queue
-import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
-from analyzer.sources.serial import Chunk, Port
+from _modlens import Inbox
+from analyzer.line import Line
+from analyzer.sources.clock import Clock, monotonic_ns
+from analyzer.sources.serial import Chunk, Port, lost
 from dissectors.errors import PortError
 
-__all__ = ["arrivals"]
+__all__ = ["Listening", "Tapped"]
 
 Arrival = tuple[int, Chunk]
-"""The number of the port, and what came in."""
+"""The number of the port, and what came in; no bytes and a hole where the port has ended."""
+
+FIRST_TRY_NS, NEXT_TRY_NS = 200_000_000, 1_000_000_000
+CHECK_NS = 1_000_000_000
+"""How often clocks and counters are looked at."""
+
+NS_PER_S = 1_000_000_000
 
 
-def arrivals(ports: Sequence[Port], patience: float) -> Generator[Arrival | None]:
-    """What comes in, for ever; None whenever nothing came for `patience` seconds.
+@dataclass(frozen=True, slots=True)
+class Tapped:
+    """A port to listen to, and its line settings; None where it has none or they are unknown."""
 
-    `PortError` if a port is lost. Close the iterator (or let go of it) to end the threads.
+    port: str
+    line: Line | None
+
+
+@dataclass(slots=True)
+class _Place:
+    """A port, or the place of one that has gone: then `port` is None."""
+
+    name: str
+    line: Line | None
+    port: Port | None
+    hole: bool = False
+    lost_ns: int = 0
+    next_try_ns: int = 0
+    said: str = ""
+    counts: dict[str, int] = field(default_factory=dict)
+    damage: dict[str, int] = field(default_factory=dict)
+
+
+class Listening:
+    """Open ports; use it in `closing`. `told` hears in words what happens to them.
+
+    `PortError` if one cannot be opened in the beginning; later only with `reconnect` False.
     """
-    if len(ports) == 1:
-        while True:
-            chunk = ports[0].read(patience)
-            yield None if chunk is None else (0, chunk)
-    else:
-        yield from _threaded(ports, patience)
 
-
-def _threaded(ports: Sequence[Port], patience: float) -> Generator[Arrival | None]:
-    arrived: queue.SimpleQueue[Arrival | PortError] = queue.SimpleQueue()
-    stop = threading.Event()
-
-    def listen(number: int, port: Port) -> None:
+    def __init__(
+        self,
+        ports: Sequence[Tapped],
+        told: Callable[[str], None],
+        *,
+        reconnect: bool = True,
+        linger: float = 0.0,
+    ) -> None:
+        self.clock = Clock()
+        self.reconnects = 0
+        self._told = told
+        self._reconnect = reconnect
+        self._linger = linger
+        self._inbox = Inbox()
+        self._dropped = 0
+        self._next_check_ns = 0
+        self._places: list[_Place] = []
         try:
-            while not stop.is_set():
-                chunk = port.read(patience)
-                if chunk is not None:
-                    arrived.put((number, chunk))
-        except PortError as error:
-            arrived.put(error)
+            for one in ports:
+                place = _Place(one.port, one.line, Port(one.port, one.line))
+                self._places.append(place)
+                self._begin(len(self._places) - 1)
+        except PortError:
+            self.close()
+            raise
 
-    threads = [
-        threading.Thread(target=listen, args=pair, name=f"tap {pair[1].name}", daemon=True)
-        for pair in enumerate(ports)
-    ]
-    for thread in threads:
-        thread.start()
-    try:
-        while True:
-            try:
-                arrival = arrived.get(timeout=patience)
-            except queue.Empty:
-                yield None
+    def take(self, timeout: float) -> list[Arrival]:
+        """What has come in, waiting at most `timeout` seconds; empty when nothing came.
+
+        `PortError` if a port was lost and is not to be waited for.
+        """
+        arrivals: list[Arrival] = []
+        for number, time_ns, data, errors, hole in self._inbox.take(timeout, self._linger):
+            place = self._places[number]
+            if data is None:
+                self._gone(number, errors[0] if errors else 0)
+                arrivals.append((number, Chunk(b"", self.clock.at(time_ns), hole=True)))
                 continue
-            if isinstance(arrival, PortError):
-                raise arrival
-            yield arrival
-    finally:
-        stop.set()
-        for thread in threads:
-            thread.join()
+            chunk = Chunk(data, self.clock.at(time_ns), errors, hole or place.hole)
+            place.hole = False
+            arrivals.append((number, chunk))
+        self._look_after()
+        return arrivals
+
+    def tune(self, number: int, line: Line) -> None:
+        """Other settings for a port; they hold when it comes back, too."""
+        place = self._places[number]
+        place.line = line
+        if place.port is not None:
+            place.port.tune(line)
+
+    def tunable(self, number: int) -> bool:
+        """Whether a port takes line settings."""
+        port = self._places[number].port
+        return port is not None and port.tunable
+
+    def line(self, number: int) -> Line | None:
+        """The settings that a port has now."""
+        return self._places[number].line
+
+    def marks(self, number: int) -> bool:
+        """Whether a port's driver marks line errors."""
+        port = self._places[number].port
+        return port is not None and port.driver.marked
+
+    def damage(self, number: int) -> dict[str, int]:
+        """What the driver has counted since the beginning; empty where it counts nothing."""
+        return dict(self._places[number].damage)
+
+    def close(self) -> None:
+        """End the readers and close the ports."""
+        self._inbox.close()
+        for place in self._places:
+            if place.port is not None:
+                place.port.close()
+
+    def _begin(self, number: int) -> None:
+        place = self._places[number]
+        assert place.port is not None
+        place.counts = dict(place.port.counters())
+        if place.port.driver.advice and place.port.driver.advice != place.said:
+            place.said = place.port.driver.advice
+            self._told(f"{place.name}: {place.said}")
+        place.port.listen(self._inbox, number)
+
+    def _gone(self, number: int, code: int) -> None:
+        place = self._places[number]
+        error = lost(place.name, code)
+        if place.port is not None:
+            self._inbox.end(number)
+            place.port.close()
+        if not self._reconnect:
+            raise error
+        place.port = None
+        place.lost_ns = monotonic_ns()
+        place.next_try_ns = place.lost_ns + FIRST_TRY_NS
+        self._told(f"{error.message}; waiting for it to come back")
+
+    def _look_after(self) -> None:
+        now = monotonic_ns()
+        for number, place in enumerate(self._places):
+            if place.port is None and now >= place.next_try_ns:
+                self._try_again(number)
+        if now >= self._next_check_ns:
+            self._next_check_ns = now + CHECK_NS
+            self._check()
+
+    def _try_again(self, number: int) -> None:
+        place = self._places[number]
+        try:
+            place.port = Port(place.name, place.line)
+        except PortError as error:
+            place.next_try_ns = monotonic_ns() + NEXT_TRY_NS
+            if error.message != place.said:
+                place.said = error.message
+                self._told(f"{error.message}; still waiting")
+            return
+        place.hole = True
+        self.reconnects += 1
+        away = (monotonic_ns() - place.lost_ns) / NS_PER_S
+        self._told(f"{place.name}: back after {away:.1f} s; what was on the line meanwhile is lost")
+        self._begin(number)
+
+    def _check(self) -> None:
+        step = self.clock.check() / NS_PER_S
+        if step > 0:
+            self._told(f"the clock jumped forward by {step:.1f} s; times follow it")
+            for place in self._places:
+                place.hole = True
+        elif step < 0:
+            self._told(f"the clock was set back by {-step:.1f} s; times go on without a step")
+        dropped = self._inbox.lost()
+        if dropped > self._dropped:
+            self._told(f"{dropped - self._dropped:,} bytes lost: more waited than memory allows")
+            self._dropped = dropped
+        for place in self._places:
+            if place.port is not None:
+                self._compare(place, dict(place.port.counters()))
+
+    def _compare(self, place: _Place, counts: dict[str, int]) -> None:
+        """Driver's counters run on; what they gained since the last look belongs to this tap."""
+        for name, count in counts.items():
+            more = count - place.counts.get(name, count)
+            if more <= 0:
+                continue
+            place.damage[name] = place.damage.get(name, 0) + more
+            if "overrun" in name:
+                place.hole = True
+                self._told(f"{place.name}: the driver lost bytes {more} times (overrun)")
+        place.counts = counts

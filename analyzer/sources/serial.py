@@ -5,13 +5,11 @@ plant. DTR and RTS are set inactive before the port is opened, because many adap
 driver by one of them. (What stays outside of our hands: Linux itself raises both for some
 microseconds while it opens a port, and RFC 2217 talks to its device server, not to the bus.)
 
-Each read keeps the time at which it returned: on POSIX the descriptor is read directly, as soon as
-`select` says that there is something, because a buffer in between would join what the line had
-apart.
+Each read keeps the time at which it returned: on POSIX the core reads the descriptor itself, in a
+thread outside of Python's lock, because a buffer in between would join what the line had apart.
 
 >>> import tempfile
->>> with Port(tempfile.mktemp(prefix="tty"), Line(19200)) as port:
-...     port.read(0.1)
+>>> Port(tempfile.mktemp(prefix="tty"), Line(19200))
 Traceback (most recent call last):
 ...
 dissectors.errors.PortError: ...: no such port; check the name and the cable
@@ -23,19 +21,26 @@ import contextlib
 import errno
 import os
 import re
-import select
-import time
-from dataclasses import dataclass
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Self
 
+from _modlens import Inbox
 from analyzer.line import Line
 from analyzer.sources import SCHEMES
+from analyzer.sources.clock import monotonic_ns
+from analyzer.sources.driver import Driver, counters, mark_errors, quicken
 from dissectors.errors import PortError, UsageError
 
-__all__ = ["Chunk", "Clock", "Port", "devices"]
+__all__ = ["Chunk", "Port", "devices", "lost"]
 
-READ_SIZE = 4096
+PATIENCE = 0.05
+"""Seconds after which a reader without a descriptor looks whether it is to stop."""
+
+_ANY = Line(9600, 8, "N", 1)
+"""For a port that has no settings, or none yet."""
 
 _ADVICE = {
     errno.ENOENT: "no such port; check the name and the cable",
@@ -55,37 +60,16 @@ _NUMBER = re.compile(r"(?:\[Errno |\()(\d+)[\],]")
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes of one read, and when it returned (ns since 1970), never before the stop bit."""
+    """Bytes of one read, and when it returned (ns since 1970), never before the stop bit.
+
+    `errors` are the places of bytes that the receiver marked (parity, framing, break); `hole` says
+    that bytes were lost before these.
+    """
 
     data: bytes
     time_ns: int
-
-
-class Clock:
-    """UTC that never runs back.
-
-    The monotonic clock, set by the wall clock again only when they differ by a second.
-
-    So a correction of the wall clock does not bend response times, while suspending the machine or
-    setting its clock still shows (as a jump forward).
-
-    >>> clock = Clock()
-    >>> clock.now_ns() <= clock.now_ns()
-    True
-    """
-
-    _JUMP_NS = 1_000_000_000
-
-    def __init__(self) -> None:
-        self._shift = time.time_ns() - time.monotonic_ns()
-
-    def now_ns(self) -> int:
-        """Nanoseconds since 1970 UTC."""
-        monotonic = time.monotonic_ns()
-        shift = time.time_ns() - monotonic
-        if shift - self._shift > self._JUMP_NS:
-            self._shift = shift
-        return monotonic + self._shift
+    errors: Sequence[int] = ()
+    hole: bool = False
 
 
 class Port:
@@ -93,39 +77,50 @@ class Port:
 
     A device, `socket://host:port` or `rfc2217://host:port`.
 
-    `name` is the port as given, `line` its settings. `PortError` says what is wrong with the port,
+    `name` is the port as given, `line` its settings, None where it has none or they are not known
+    yet; `driver` is what the system says of it. `PortError` says what is wrong with the port,
     `UsageError` that its name is of no known kind. Use it in `with`.
     """
 
-    def __init__(self, name: str, line: Line, clock: Clock | None = None) -> None:
+    def __init__(self, name: str, line: Line | None) -> None:
         self.name = name
-        self._clock = clock or Clock()
+        self.line = line
         scheme = name.partition("://")[0] if "://" in name else ""
         if scheme not in SCHEMES:
             known = ", ".join(kind.example for kind in SCHEMES.values())
             raise UsageError(f"{name}: no port of a known kind; there are {known}")
-        try:
-            self._port = _open(name, line, local=not scheme)
-        except (OSError, ValueError, _settings_error()) as error:
-            raise PortError(_advice(error, line), port=name) from error
+        self.tunable = SCHEMES[scheme].tunable
+        self._reader: _Buffered | None = None
+        with self._told():
+            self._port = _open(name, line or _ANY, local=not scheme)
         self._fd = _descriptor(self._port)
+        local = self._fd is not None and not scheme
+        self.driver = quicken(self._fd, name) if local and self._fd is not None else Driver()
+        self._marks = local
+        self._mark()
 
-    def read(self, timeout: float) -> Chunk | None:
-        """What has come in, waiting at most `timeout` seconds; None when nothing came.
+    def listen(self, inbox: Inbox, number: int) -> None:
+        """Begin to read: what comes in goes to `inbox` under this number."""
+        if self._fd is not None:
+            inbox.listen(number, self._fd, marked=self.driver.marked)
+        else:
+            self._reader = _Buffered(self._port, inbox, number)
 
-        `PortError` if the port is lost.
-        """
-        try:
-            data = self._read_buffered(timeout) if self._fd is None else self._read_fd(timeout)
-        except (OSError, ValueError, _settings_error()) as error:
-            raise PortError(_advice(error, None), port=self.name) from error
-        now = self._clock.now_ns()
-        if data is None:
-            raise PortError(_ADVICE[errno.EIO], port=self.name)
-        return Chunk(data, now) if data else None
+    def tune(self, line: Line) -> None:
+        """Other line settings, while it is read; `PortError` if the port does not take them."""
+        self.line = line
+        with self._told():
+            _set(self._port, line, self.name)
+        self._mark()
+
+    def counters(self) -> Mapping[str, int]:
+        """The driver's counts of damage (`COUNTERS`); empty where it has none."""
+        return counters(self._fd) if self._fd is not None and self._marks else {}
 
     def close(self) -> None:
         """Close the port; a port that is already gone is closed, too."""
+        if self._reader is not None:
+            self._reader.stop()
         with contextlib.suppress(OSError):
             self._port.close()
 
@@ -140,21 +135,49 @@ class Port:
     ) -> None:
         self.close()
 
-    def _read_fd(self, timeout: float) -> bytes | None:
-        assert self._fd is not None
-        ready, _, _ = select.select([self._fd], [], [], timeout)
-        if not ready:
-            return b""
-        try:
-            return os.read(self._fd, READ_SIZE) or None  # ready, but empty: the other end is gone
-        except BlockingIOError:  # somebody else took it
-            return b""
+    def _mark(self) -> None:
+        """Pyserial clears the flag whenever it sets anything."""
+        if self._marks and self._fd is not None:
+            self.driver = replace(self.driver, marked=mark_errors(self._fd))
 
-    def _read_buffered(self, timeout: float) -> bytes:
-        self._port.timeout = timeout
-        first: bytes = self._port.read(1)
-        rest: bytes = self._port.read(self._port.in_waiting) if first else b""
-        return first + rest
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        """Errors of the system and of pyserial as `PortError`."""
+        try:
+            yield
+        except (OSError, ValueError, _settings_error()) as error:
+            raise PortError(_advice(error, self.line), port=self.name) from error
+
+
+class _Buffered:
+    """Reads where there is no descriptor to wait for: RFC 2217, and ports of Windows."""
+
+    def __init__(self, port: Any, inbox: Inbox, number: int) -> None:
+        self._stopped = threading.Event()
+        self._port, self._inbox, self._number = port, inbox, number
+        port.timeout = PATIENCE
+        self._thread = threading.Thread(target=self._read, name=f"port {number}", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stopped.set()
+        self._thread.join()
+
+    def _read(self) -> None:
+        try:
+            while not self._stopped.is_set():
+                data: bytes = self._port.read(1)
+                data += self._port.read(self._port.in_waiting) if data else b""
+                if data:
+                    self._inbox.put(self._number, monotonic_ns(), data)
+        except (OSError, ValueError, TypeError):  # TypeError: closed while it was read
+            self._inbox.put(self._number, monotonic_ns(), None)
+
+
+def lost(name: str, number: int) -> PortError:
+    """The error for a port that has ended with this number of the system (0: nothing said)."""
+    return PortError(_advice(OSError(number or errno.EIO, ""), None), port=name)
 
 
 def _open(name: str, line: Line, *, local: bool) -> Any:
@@ -167,13 +190,17 @@ def _open(name: str, line: Line, *, local: bool) -> Any:
     port.rts = False
     if local:
         port.exclusive = True
+    _set(port, line, name)
+    port.open()
+    return port
+
+
+def _set(port: Any, line: Line, name: str) -> None:
     port.baudrate = line.baud
     if not _is_pseudo_terminal(name):  # those have no characters, and Linux refuses parity on them
         port.bytesize = line.data_bits
         port.parity = line.parity
         port.stopbits = line.stop_bits
-    port.open()
-    return port
 
 
 def _is_pseudo_terminal(name: str) -> bool:

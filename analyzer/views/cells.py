@@ -5,12 +5,13 @@ Addresses, values, times in milliseconds, states and their colours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from analyzer.addresses import LAST, SHORT, render
 from analyzer.views.grid import Field, Head, Items
 from analyzer.views.screen import visible, width_of
+from dissectors.table import function as table_function
 
 __all__ = [
     "BASE_TITLES",
@@ -20,6 +21,7 @@ __all__ = [
     "bus_field",
     "findings",
     "function",
+    "function_name",
     "hex_items",
     "labels",
     "milliseconds",
@@ -144,6 +146,20 @@ def function(row: Any, *, long: bool) -> str:
         if operation and kind:
             name = f"{operation} {kind}"
     return f"{row.function:{3 if long else 2}d} {name}"
+
+
+def function_name(row: Mapping[str, Any]) -> str:
+    """Code and name of a function in a row of the statistics.
+
+    >>> function_name({"function": 3})
+    ' 3 Read Holding Registers'
+    """
+    code = row["function"]
+    try:
+        name = table_function(code).name
+    except KeyError:
+        name = "unknown"
+    return f"{code:2d} {name}"
 
 
 def values(row: Any, base: str) -> Items:

@@ -10,12 +10,13 @@ that clears the screen. Everything that is printed goes through `visible`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NoReturn, TextIO
 
 from rich.cells import cell_len, set_cell_size
 from rich.console import Console
-from rich.segment import Segment, Segments
+from rich.control import Control
+from rich.segment import ControlType, Segment, Segments
 from rich.style import Style
 
 from dissectors.errors import SourceError
@@ -33,6 +34,8 @@ STYLES = {
     "bad": Style(color="red", bold=True),
     "note": Style(color="cyan"),
 }
+
+_CLEAR_REST = Control((ControlType.ERASE_IN_LINE, 0)).segment
 
 _SHOWN = {
     code: ascii(chr(code))[1:-1]
@@ -125,6 +128,31 @@ class Screen:
                 segments.append(Segment.line())
             self._console.print(Segments(segments), end="", soft_wrap=True)
         self._stream.flush()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and lines of the terminal as it is now."""
+        return self._console.size.width, self._console.size.height
+
+    def begin_pages(self) -> None:
+        """Leave what is on the terminal alone: pages are drawn on a screen of their own."""
+        self._console.set_alt_screen(True)
+        self._console.show_cursor(False)
+
+    def end_pages(self) -> None:
+        """Show again what was there before."""
+        self._console.show_cursor(True)
+        self._console.set_alt_screen(False)
+
+    def page(self, lines: Sequence[Iterable[Part]]) -> None:
+        """Draw lines over the ones before, each to the edge of the terminal."""
+        segments = [Control.home().segment]
+        for number, line in enumerate(lines):
+            segments += [Segment(text, STYLES.get(style)) for text, style in line]
+            segments.append(_CLEAR_REST)
+            if number < len(lines) - 1:
+                segments.append(Segment.line())
+        self._console.print(Segments(segments), end="", soft_wrap=True)
 
     def line(self, text: str, style: str = "") -> None:
         """Print one line."""

@@ -19,7 +19,15 @@ object:
                        "exceptions": {"2": int}, "retries": int,
                        "response_time": {"count": int, "min_us": float, "mean_us": float,
                                          "p50_us": float, "p95_us": float, "max_us": float}
-                                        | null}]}]}
+                                        | null}],
+            "cycle": as response_time, "requests": int | null,   how often requests come again
+            "timeouts": {"waited": as response_time,             null where all were answered
+                         "requests": [{"unit": int, "function": int, "address": int | null,
+                                       "quantity": int | null, "register_type": text | null,
+                                       "count": int, "asked": int, "late": int,
+                                       "late_by": as response_time, "damaged": int,
+                                       "before": [{"unit": int, "status": text, "count": int}]}]}
+                        | null}]}
 ```
 
 Maps are sorted by key, so that the same recording prints the same lines everywhere.
@@ -27,21 +35,21 @@ Maps are sorted by key, so that the same recording prints the same lines everywh
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from analyzer.views import cells
 from analyzer.views.grid import ROOMY, Field, Grid, Head
 from analyzer.views.screen import Part, Screen, visible
-from dissectors.table import function
-from dissectors.vocabulary import Finding
-from dissectors.vocabulary import findings as all_findings
+from analyzer.views.troubles import explained, ranked
 
 __all__ = ["show_stats"]
 
+_SEVERITIES = {"error": "bad", "warning": "odd", "info": "note"}
+_INDENT = "           "
+
 _FAILED = ("no_response", "bad_request", "bad_response")
-_RANKS = ("error", "warning", "info")
-_STYLES = dict(zip(_RANKS, ("bad", "odd", "note"), strict=True))
 
 
 def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
@@ -63,17 +71,37 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         if len(short) > 1:
             fields.insert(0, cells.bus_field(tuple(short), lambda row: str(row["bus"])))
         yield from _grid(fields, rows, width)
+    for bus in buses:
+        yield from _timeouts(bus, width)
     if stats["findings"]:
         yield []
-        yield [("findings (modlens explain CODE)", "head")]
-        yield from _grid(_FINDING_FIELDS, _ranked(stats["findings"]), width)
+        yield [("findings, what to check first on top (modlens explain CODE)", "head")]
+        for code, count, severity, advice in ranked(stats):
+            yield [(f"{count:9,}  ", ""), (f"{code:22}", _SEVERITIES[severity])]
+            yield from _wrapped(advice, width)
 
 
-def _ranked(findings: Mapping[str, int]) -> list[tuple[int, Finding]]:
-    """What people act on first: errors, then warnings, of each the most frequent."""
-    known = {entry.code: entry for entry in all_findings()}
-    rows = [(count, known[code]) for code, count in findings.items()]
-    return sorted(rows, key=lambda row: (_RANKS.index(row[1].severity), -row[0], row[1].code))
+def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    """The poll cycle, and the time-outs in words."""
+    cycle = bus.get("cycle")
+    if cycle:
+        yield []
+        yield [
+            (f"poll cycle {cells.milliseconds(cycle['p50_us'])} ms", ""),
+            (f" (at most {cells.milliseconds(cycle['max_us'])} ms)", "dim"),
+            (f", {cycle['requests']} requests that come again", ""),
+        ]
+    lines = list(explained(bus))
+    if lines:
+        yield []
+        yield [("time-outs", "head")]
+    for line in lines:
+        yield from _wrapped(line, width)
+
+
+def _wrapped(text: str, width: int) -> Iterator[list[Part]]:
+    for line in textwrap.wrap(visible(text), max(width - len(_INDENT), 20)):
+        yield [(f"{_INDENT}{line}", "")]
 
 
 def _silence(bus: Mapping[str, Any]) -> Iterator[list[Part]]:
@@ -91,14 +119,6 @@ def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[
     yield grid.head()
     for row in rows:
         yield grid.line(row)
-
-
-_FINDING_FIELDS: list[Field] = [
-    Field(Head("count", 8, right=True), lambda row: f"{row[0]:,}"),
-    Field(Head("severity", 8), lambda row: row[1].severity, lambda row: _STYLES[row[1].severity]),
-    Field(Head("code", 16), lambda row: row[1].code, lambda row: _STYLES[row[1].severity]),
-    Field(Head("what was seen", 16, share=1), lambda row: row[1].title),
-]
 
 
 def _bus_fields(short: Mapping[str, str]) -> list[Field]:
@@ -120,7 +140,7 @@ def _bus_fields(short: Mapping[str, str]) -> list[Field]:
 def _row_fields(*, roomy: bool) -> list[Field]:
     chosen = [
         Field(Head("unit", 4, right=True), lambda row: cells.number(row["unit"])),
-        Field(Head("function", 12, share=1), _function),
+        Field(Head("function", 12, share=1), cells.function_name),
         Field(Head("txns", 6, right=True), lambda row: f"{row['transactions']:,}"),
         Field(Head("ok", 5, right=True), lambda row: _some(_with_status(row, "ok"))),
         Field(Head("exc", 4, right=True), _exceptions, lambda _: "odd"),
@@ -154,15 +174,6 @@ def _damaged_style(bus: Mapping[str, Any]) -> str:
 
 def _load(bus: Mapping[str, Any]) -> str:
     return "" if bus["load"] is None else f"{bus['load']:.1%}"
-
-
-def _function(row: Mapping[str, Any]) -> str:
-    code = row["function"]
-    try:
-        name = function(code).name
-    except KeyError:
-        name = "unknown"
-    return f"{code:2d} {name}"
 
 
 def _with_status(row: Mapping[str, Any], *statuses: str) -> int:

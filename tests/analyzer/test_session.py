@@ -9,7 +9,7 @@ import pytest
 
 import _modlens
 from analyzer import SourceError, UsageError
-from analyzer.session import FileRun, Intake, LiveRun, Run, Settings, Sink, pump
+from analyzer.session import FileRun, Intake, Run, Settings, Sink, pump
 
 
 class Counter:
@@ -130,5 +130,3 @@ def test_settings_are_checked() -> None:
     """Wrong use is told before a port is touched."""
     with pytest.raises(UsageError, match="time-out"):
         Settings(timeout_ns=0)
-    with pytest.raises(UsageError, match="line settings are needed"):
-        LiveRun(["/dev/null"], Settings())

@@ -39,6 +39,8 @@ pub struct Chunk<'a> {
     pub record: bool,
     /// The receiver marked a parity, framing or break error in these bytes.
     pub line_error: bool,
+    /// Which of these bytes the receiver marked, where it says so byte by byte; positions in `bytes`, rising.
+    pub errors: &'a [u32],
     /// Bytes were lost before these.
     pub hole: bool,
     /// The recording prints frames without their checksum.

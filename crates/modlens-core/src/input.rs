@@ -50,6 +50,10 @@ pub struct Input {
     pub closed: bool,
     /// Only the end of the recording closes this for good.
     pub ended: bool,
+    /// Stream offsets of bytes that the receiver marked one by one.
+    errors: VecDeque<u64>,
+    /// Stream offsets before which bytes were lost.
+    holes: VecDeque<u64>,
     /// Whether any read had more than one byte: then times are those of reads, not of bytes.
     pub coarse: bool,
     /// Whether any read had a time.
@@ -67,11 +71,16 @@ impl Input {
         if chunk.bytes.is_empty() {
             return;
         }
-        self.closed = false;
+        (self.closed, self.ended) = (false, false);
         if self.head > 0 && (self.head >= self.buffer.len() || self.head > 1 << 16) {
             self.buffer.drain(..self.head);
             self.head = 0;
         }
+        if chunk.hole {
+            self.holes.push_back(self.end());
+        }
+        let begin = self.end();
+        self.errors.extend(chunk.errors.iter().map(|&at| begin + u64::from(at)));
         self.buffer.extend_from_slice(chunk.bytes);
         let end = self.end();
         let read = |end: u64, time: Ns, record: bool| Read {
@@ -149,6 +158,11 @@ impl Input {
             }
             self.front_start = first.end;
             self.reads.pop_front();
+        }
+        for places in [&mut self.errors, &mut self.holes] {
+            while places.front().is_some_and(|&at| at < self.offset) {
+                places.pop_front();
+            }
         }
     }
 
@@ -249,7 +263,19 @@ impl Input {
     pub fn line_error(&self, from: usize, to: usize) -> bool {
         let Some(first) = self.read_of(from) else { return false };
         let last = self.read_of(to.saturating_sub(1)).unwrap_or(first);
-        (first..=last).any(|i| self.reads[i].line_error)
+        (first..=last).any(|i| self.reads[i].line_error) || self.errors_in(from, to) > 0
+    }
+
+    /// How many bytes of `from..to` the receiver marked one by one.
+    pub fn errors_in(&self, from: usize, to: usize) -> usize {
+        let place = |index: usize| self.offset + index as u64;
+        self.errors.partition_point(|&at| at < place(to)) - self.errors.partition_point(|&at| at < place(from))
+    }
+
+    /// Whether bytes were lost in `from..to`, or before the byte at `from`.
+    pub fn hole(&self, from: usize, to: usize) -> bool {
+        let place = |index: usize| self.offset + index as u64;
+        self.holes.iter().any(|&at| at >= place(from) && at < place(to))
     }
 }
 
@@ -274,6 +300,19 @@ mod tests {
         input.consume(1);
         assert_eq!((input.offset(), input.bytes()), (3, &[4u8, 5][..]));
         assert_eq!(input.pause_before(0), None, "the middle of a read has no pause before it");
+    }
+
+    #[test]
+    fn marks_and_holes_stay_with_their_bytes() {
+        let mut input = Input::default();
+        input.push(&Chunk { bytes: &[1, 2, 3], errors: &[1], ..Chunk::default() });
+        input.push(&Chunk { bytes: &[4, 5], hole: true, ..Chunk::default() });
+        assert_eq!((input.errors_in(0, 1), input.errors_in(0, 3), input.line_error(2, 5)), (0, 1, false));
+        assert_eq!((input.hole(0, 3), input.hole(0, 4), input.hole(3, 5)), (false, true, true));
+        input.consume(3);
+        assert_eq!((input.line_error(0, 2), input.hole(0, 1)), (false, true));
+        input.consume(1);
+        assert!(!input.hole(0, 1));
     }
 
     #[test]

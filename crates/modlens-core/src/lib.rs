@@ -1,6 +1,6 @@
 //! Modbus without I/O and without Python: bytes and times in, frames, transactions and findings out.
 //!
-//! In the order of the way through: `chunk` (what comes in), `input` (bytes not framed yet), `framer` (where frames
+//! In the order of the way through: `chunk` (what comes in; `marks`: line errors in a driver's words), `input` (bytes not framed yet), `framer` (where frames
 //! begin and end), `functions` and `pdu` (what bytes mean), `direction` and `pairing` (who asked and who answered),
 //! `check` and `finding` (what is wrong), `session` (all of it behind one `feed`), `records` and `columns` (rows and how
 //! they are read), `write` (text and Arrow), `predicate` (filters), `stats`, `text` (recordings in text).
@@ -18,6 +18,7 @@ pub mod latest;
 pub mod learn;
 pub mod line;
 pub mod logic;
+pub mod marks;
 pub mod pairing;
 pub mod pcap;
 pub mod pdu;

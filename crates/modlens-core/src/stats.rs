@@ -1,14 +1,19 @@
 //! Counters by unit and function: bounded, whatever the size of the recording.
 
+mod requests;
+
 use std::collections::BTreeMap;
 
 use serde_json::{json, Value as Json};
 
 use crate::finding::Finding;
 use crate::framer::{Mode, Verdict};
+use crate::functions::Functions;
 use crate::pairing::{Exchange, Seen};
 use crate::records::Status;
 use crate::Ns;
+
+use requests::Requests;
 
 /// Response times in buckets of a twelfth of an octave: percentiles within 6 %.
 const STEPS_PER_OCTAVE: f64 = 12.0;
@@ -77,6 +82,7 @@ struct BusCounts {
     bytes: [u64; 5],
     units: BTreeMap<(u8, u8), Row>,
     silence: Option<Silence>,
+    requests: Requests,
     busy: Ns,
     first: Option<Ns>,
     last: Option<Ns>,
@@ -122,6 +128,9 @@ impl Stats {
         counts.mode = Some(mode);
         counts.frames[seen.verdict as usize] += 1;
         counts.bytes[seen.verdict as usize] += seen.wire.len() as u64;
+        if !seen.verdict.good() {
+            counts.requests.damaged(seen.frame);
+        }
         if let (Some(start), Some(end)) = (seen.start, seen.end) {
             counts.busy += (end - start).max(0);
             counts.first.get_or_insert(start);
@@ -141,7 +150,8 @@ impl Stats {
     }
 
     /// A transaction was decided.
-    pub fn transaction(&mut self, bus: usize, exchange: &Exchange) {
+    pub fn transaction(&mut self, bus: usize, functions: &Functions, exchange: &Exchange) {
+        self.buses[bus].requests.transaction(functions, exchange);
         let row = self.buses[bus].units.entry((exchange.unit, exchange.function)).or_default();
         row.statuses[exchange.status as usize] += 1;
         row.retries += u64::from(exchange.retry_of.is_some());
@@ -159,15 +169,15 @@ impl Stats {
     }
 
     /// All counters.
-    pub fn json(&self) -> Json {
+    pub fn json(&self, functions: &Functions) -> Json {
         let mut statuses: BTreeMap<&str, u64> = BTreeMap::new();
-        let buses: Vec<Json> = self.buses.iter().map(|bus| bus.json(&mut statuses)).collect();
+        let buses: Vec<Json> = self.buses.iter().map(|bus| bus.json(&mut statuses, functions)).collect();
         json!({"transactions": statuses, "findings": self.findings, "buses": buses})
     }
 }
 
 impl BusCounts {
-    fn json(&self, total: &mut BTreeMap<&str, u64>) -> Json {
+    fn json(&self, total: &mut BTreeMap<&str, u64>, functions: &Functions) -> Json {
         let by_verdict = |counts: &[u64; 5]| -> Json {
             Verdict::ALL
                 .iter()
@@ -199,6 +209,7 @@ impl BusCounts {
                 "t35_us": counts.t35_ns as f64 / 1000.0, "frames": counts.frames, "otherwise": counts.otherwise,
             })),
             "load": span.map(|span| self.busy as f64 / span as f64), "units": units,
+            "cycle": self.requests.cycle(), "timeouts": self.requests.timeouts(functions),
         })
     }
 }

@@ -3,6 +3,7 @@
 mod capture;
 mod dialects;
 mod functions;
+mod inbox;
 mod profile;
 mod session;
 mod stream;
@@ -108,6 +109,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;
     module.add_class::<stream::ArrowStream>()?;
+    module.add_class::<inbox::Inbox>()?;
     module.add_class::<session::Batch>()?;
     module.add_class::<session::Session>()?;
     Ok(())

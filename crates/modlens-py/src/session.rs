@@ -123,8 +123,18 @@ impl Session {
         Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule }))
     }
 
-    #[pyo3(signature = (bus, data, time_ns=None, *, line=None))]
-    fn feed(&mut self, py: Python<'_>, bus: usize, data: &[u8], time_ns: Option<i64>, line: Option<&str>) -> PyResult<()> {
+    #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
+    #[pyo3(signature = (bus, data, time_ns=None, *, line=None, errors=None, hole=false))]
+    fn feed(
+        &mut self,
+        py: Python<'_>,
+        bus: usize,
+        data: &[u8],
+        time_ns: Option<i64>,
+        line: Option<&str>,
+        errors: Option<Vec<u32>>,
+        hole: bool,
+    ) -> PyResult<()> {
         self.check(bus)?;
         let line = match line {
             None => 0,
@@ -132,7 +142,9 @@ impl Session {
             Some("B") => 2,
             Some(other) => return Err(wrong(format!("line {other:?} is neither A nor B"))),
         };
-        let chunk = Chunk { bytes: data, line, times: time_ns.map_or(Times::None, Times::Read), ..Chunk::default() };
+        let errors = errors.unwrap_or_default();
+        let times = time_ns.map_or(Times::None, Times::Read);
+        let chunk = Chunk { bytes: data, line, times, errors: &errors, hole, ..Chunk::default() };
         py.detach(|| self.core.feed(bus, &chunk));
         Ok(())
     }
@@ -263,7 +275,7 @@ impl Session {
     }
 
     fn stats(&self) -> String {
-        self.core.stats().json().to_string()
+        self.core.stats_json().to_string()
     }
 
     fn reading(&self, bus: usize) -> PyResult<String> {

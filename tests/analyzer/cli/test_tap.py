@@ -6,6 +6,7 @@ import contextlib
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from pymodbus import FramerType, ModbusException
 from pymodbus.client import ModbusSerialClient
 
 from analyzer import tap
-from tests.conftest import ROOT, command, environment
+from tests.conftest import ROOT, command, environment, need_program
 from tests.support import scripts
 from tests.support.devices import demo_device
 from tests.support.players import Play, Servers
@@ -165,6 +166,29 @@ def test_the_tap_never_sends() -> None:
         assert {sent.sender for sent in bus.truth} == {"master", "unit", "noise"}
 
 
+def test_the_system_sees_no_write_to_the_port(tmp_path: Path) -> None:
+    """Not in any thread: what the kernel was asked to do with the port, by strace."""
+    strace, log = need_program("strace"), tmp_path / "calls"
+    with polling("rtu") as (bus, client):
+        name = bus.path("tap")
+        calls = "trace=desc,network"
+        traced = [strace, "-D", "-f", "-y", "-e", calls, "-o", str(log), *command("tap", name)]
+        with subprocess.Popen(
+            [*traced, "--line", LINE], stderr=subprocess.PIPE, env=environment(), cwd=ROOT
+        ) as running:
+            assert running.stderr is not None
+            running.stderr.readline()
+            follow(bus, client)
+            running.send_signal(signal.SIGINT)
+            running.stderr.read()
+    asked = [line for line in log.read_text().splitlines() if f"<{name}>" in line]
+    done = {match[1] for line in asked if (match := re.match(r"\d+ +(\w+)\(", line))}
+    assert "read" in done
+    assert not done & {"write", "writev", "pwrite64", "pwritev", "sendto", "sendmsg", "splice"}
+    controls = {match[1] for line in asked if (match := re.search(r"\b(T[A-Z]+)\b", line))}
+    assert not controls & {"TCSBRK", "TCSBRKP", "TIOCSBRK", "TIOCSTI", "TCXONC"}
+
+
 def test_what_was_written_can_be_read_after_a_kill(tmp_path: Path) -> None:
     """Whole rows only, without a last word."""
     rows = tmp_path / "txns.csv"
@@ -181,7 +205,7 @@ def test_a_lost_port_is_told_after_the_summary(tmp_path: Path) -> None:
     """Exit status 4, and the outputs are complete."""
     rows = tmp_path / "txns.csv"
     with polling("rtu") as (bus, client):
-        running = Tap(bus.path("tap"), "-o", rows)
+        running = Tap(bus.path("tap"), "-o", rows, "--no-reconnect")
         truth = follow(bus, client)
     assert running.wait() == 4
     lines = running.err.splitlines()

@@ -1,18 +1,21 @@
-"""Several ports at once."""
+"""Several ports at once, in order of arrival, whatever happens to them."""
 
 from __future__ import annotations
 
 import os
 import sys
 import threading
-from contextlib import ExitStack, closing
+import time
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 from analyzer import PortError
 from analyzer.line import Line
-from analyzer.sources.live import arrivals
-from analyzer.sources.serial import Port
+from analyzer.sources import live as live_module
+from analyzer.sources.live import Listening, Tapped
+from analyzer.sources.serial import Chunk, Port
 
 if sys.platform == "win32":
     pytest.skip("pseudo terminals", allow_module_level=True)
@@ -20,48 +23,151 @@ if sys.platform == "win32":
 import pty
 import tty
 
+LINE = Line(19200)
+
+
+class FarEnd:
+    """The far end of a line whose near end can go away and come back under one name."""
+
+    def __init__(self, link: Path) -> None:
+        """Plug it in."""
+        self.link = link
+        self.plug()
+
+    def plug(self) -> None:
+        """A new pty behind the name."""
+        self.far, near = pty.openpty()
+        tty.setraw(near)
+        os.symlink(os.ttyname(near), self.link)
+        self._near = near
+
+    def pull(self) -> None:
+        """The name goes, then what stood behind it."""
+        self.link.unlink()
+        os.close(self._near)
+        os.close(self.far)
+
+
+def gather(listening: Listening, count: int, patience: float = 5.0) -> list[tuple[int, Chunk]]:
+    """So many bytes, or what came in time."""
+    until = time.monotonic() + patience
+    found: list[tuple[int, Chunk]] = []
+    while sum(len(chunk.data) for _, chunk in found) < count and time.monotonic() < until:
+        found += listening.take(0.02)
+    return found
+
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_what_comes_in_has_its_port_and_its_time(count: int) -> None:
+def test_what_comes_in_has_its_port_and_its_time(count: int, tmp_path: Path) -> None:
     """Each port's bytes, in order of arrival; silence in between is told; no thread stays."""
     before = threading.active_count()
-    with ExitStack() as opened:
-        pairs = [pty.openpty() for _ in range(count)]
-        for _, near in pairs:
-            tty.setraw(near)
-        names = [os.ttyname(near) for _, near in pairs]
-        ports = [opened.enter_context(Port(name, Line(19200))) for name in names]
-        received: list[tuple[int, bytes]] = []
-        times = []
-        with closing(arrivals(ports, 0.02)) as arriving:
-            for number, (far, _) in enumerate(pairs):
-                os.write(far, bytes([number]))
-                for arrival in arriving:
-                    if arrival is not None:
-                        received.append((arrival[0], arrival[1].data))
-                        times.append(arrival[1].time_ns)
-                        break
-            assert next(arriving) is None
-        assert received == [(number, bytes([number])) for number in range(count)]
-        assert times == sorted(times)
-        for pair in pairs:
-            os.close(pair[0])
-            os.close(pair[1])
+    ends = [FarEnd(tmp_path / f"tty{number}") for number in range(count)]
+    tapped = [Tapped(str(end.link), LINE) for end in ends]
+    received: list[tuple[int, Chunk]] = []
+    with closing(Listening(tapped, pytest.fail)) as listening:
+        for number, end in enumerate(ends):
+            os.write(end.far, bytes([number]))
+            received += gather(listening, 1)
+            assert listening.take(0.02) == []
+    assert [(number, chunk.data) for number, chunk in received] == [
+        (number, bytes([number])) for number in range(count)
+    ]
+    times = [chunk.time_ns for _, chunk in received]
+    assert times == sorted(times)
+    assert abs(times[-1] - time.time_ns()) < 10**9
     assert threading.active_count() == before
+    for end in ends:
+        end.pull()
 
 
-def test_the_loss_of_one_port_is_told() -> None:
+def test_the_far_end_closes_and_returns_twenty_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was received is there, the hole is marked each time, the other port goes on."""
+    monkeypatch.setattr(live_module, "FIRST_TRY_NS", 1_000_000)
+    monkeypatch.setattr(live_module, "NEXT_TRY_NS", 10_000_000)
+    end, other = FarEnd(tmp_path / "ttyA"), FarEnd(tmp_path / "ttyB")
+    said: list[str] = []
+    received: list[tuple[int, Chunk]] = []
+    tapped = [Tapped(str(one.link), LINE) for one in (end, other)]
+    with closing(Listening(tapped, said.append)) as listening:
+        for turn in range(20):
+            os.write(end.far, bytes([turn, turn]))
+            os.write(other.far, bytes([turn]))
+            received += gather(listening, 3)
+            end.pull()
+            while listening.reconnects == turn:
+                received += listening.take(0.01)
+                if not end.link.is_symlink() and len(said) == 2 * turn + 1:
+                    end.plug()
+        os.write(end.far, b"end")
+        received += gather(listening, 3)
+    first = b"".join(chunk.data for number, chunk in received if number == 0)
+    assert first == b"".join(bytes([turn, turn]) for turn in range(20)) + b"end"
+    assert b"".join(chunk.data for number, chunk in received if number) == bytes(range(20))
+    holes = [
+        chunk.data[0] for number, chunk in received if number == 0 and chunk.hole and chunk.data
+    ]
+    assert holes == [*range(1, 20), ord("e")]
+    assert sum("waiting for it to come back" in line for line in said) == 20
+    assert sum("back after" in line for line in said) == 20
+    end.pull()
+    other.pull()
+
+
+def test_without_waiting_the_loss_of_one_port_is_told(tmp_path: Path) -> None:
     """By its name, whichever it is."""
-    lost, near = pty.openpty()
-    other, other_near = pty.openpty()
-    name = os.ttyname(near)
-    ports = [Port(os.ttyname(other_near), Line(19200)), Port(name, Line(19200))]
-    os.close(near)
-    os.close(lost)
-    with pytest.raises(PortError, match=name), closing(arrivals(ports, 0.02)) as arriving:
-        for _ in arriving:
-            pass
-    for port in ports:
-        port.close()
-    os.close(other)
-    os.close(other_near)
+    end, other = FarEnd(tmp_path / "ttyA"), FarEnd(tmp_path / "ttyB")
+    tapped = [Tapped(str(other.link), LINE), Tapped(str(end.link), LINE)]
+    with closing(Listening(tapped, pytest.fail, reconnect=False)) as listening:
+        end.pull()
+        with pytest.raises(PortError, match="ttyA"):
+            gather(listening, 1)
+    other.pull()
+
+
+def test_a_port_that_cannot_be_opened_leaves_none_open(tmp_path: Path) -> None:
+    """The others are closed again."""
+    end = FarEnd(tmp_path / "ttyA")
+    tapped = [Tapped(str(end.link), LINE), Tapped(str(tmp_path / "none"), LINE)]
+    with pytest.raises(PortError, match="no such port"):
+        Listening(tapped, pytest.fail)
+    Listening(tapped[:1], pytest.fail).close()
+    end.pull()
+
+
+def test_overruns_are_told_and_marked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver's counter grows: bytes are missing. Counts from before the tap do not count."""
+    monkeypatch.setattr(live_module, "CHECK_NS", 0)
+    counts = [{"overrun": 7, "parity": 2}, {"overrun": 7, "parity": 3}, {"overrun": 9, "parity": 3}]
+    monkeypatch.setattr(Port, "counters", lambda _: counts.pop(0) if len(counts) > 1 else counts[0])
+    end = FarEnd(tmp_path / "ttyA")
+    said: list[str] = []
+    with closing(Listening([Tapped(str(end.link), LINE)], said.append)) as listening:
+        for _ in range(3):
+            listening.take(0.0)
+        os.write(end.far, b"x")
+        ((_, chunk),) = gather(listening, 1)
+        damage = listening.damage(0)
+    assert chunk.hole
+    assert damage == {"overrun": 2, "parity": 1}
+    assert [line for line in said if "overrun" in line] == [
+        f"{end.link}: the driver lost bytes 2 times (overrun)"
+    ]
+    end.pull()
+
+
+def test_a_jump_of_the_clock_is_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The machine slept: nobody knows what was on the line."""
+    monkeypatch.setattr(live_module, "CHECK_NS", 0)
+    end = FarEnd(tmp_path / "ttyA")
+    said: list[str] = []
+    with closing(Listening([Tapped(str(end.link), LINE)], said.append)) as listening:
+        listening.clock._shift -= 3600 * 10**9
+        listening.take(0.0)
+        os.write(end.far, b"x")
+        ((_, chunk),) = gather(listening, 1)
+    assert chunk.hole
+    assert abs(chunk.time_ns - time.time_ns()) < 10**9
+    assert said == ["the clock jumped forward by 3600.0 s; times follow it"]
+    end.pull()

@@ -6,6 +6,7 @@ import ast
 import os
 import select
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -15,10 +16,13 @@ from pathlib import Path
 import pytest
 import serial
 
+from _modlens import Inbox
 from analyzer import PortError, UsageError
 from analyzer.line import Line
 from analyzer.sources import serial as serial_module
-from analyzer.sources.serial import Clock, Port
+from analyzer.sources.clock import monotonic_ns
+from analyzer.sources.serial import Port
+from tests.support.hearing import Hearing
 
 if sys.platform == "win32":
     pytest.skip("pseudo terminals", allow_module_level=True)
@@ -28,6 +32,13 @@ import tty
 
 LINE = Line(19200)
 DATA = bytes(range(256))
+WRITER = """
+import os, sys, time
+for _ in range(20):
+    print(time.clock_gettime_ns(time.CLOCK_MONOTONIC))
+    os.write(int(sys.argv[1]), b"x")
+    time.sleep(0.01)
+"""
 
 
 @pytest.fixture
@@ -46,36 +57,56 @@ def nothing_arrived(far: int) -> bool:
 
 
 def test_bytes_arrive_with_the_time_of_their_read(wire: tuple[int, str]) -> None:
-    """All 256 of them, unchanged; the time is that of the read."""
+    """All 256 of them, unchanged, FF among them; the time is that of the read."""
     far, name = wire
-    with Port(name, LINE) as port:
-        before = time.time_ns()
+    with Hearing(name, LINE) as hearing:
+        before = monotonic_ns()
         os.write(far, DATA)
-        chunk = port.read(1.0)
-        after = time.time_ns()
-    assert chunk is not None
-    assert chunk.data == DATA
-    assert before <= chunk.time_ns <= after
+        read = hearing.read()
+        after = monotonic_ns()
+    assert read is not None
+    assert (read[0], read[2]) == (DATA, [])
+    assert before <= read[1] <= after
 
 
-def test_silence_is_none(wire: tuple[int, str]) -> None:
+def test_a_time_does_not_wait_for_python(wire: tuple[int, str]) -> None:
+    """The interpreter is kept busy while bytes come in; their times are those of their writes."""
+    far, name = wire
+    written: list[int] = []
+    with Hearing(name, LINE) as hearing:
+        until = monotonic_ns() + 200_000_000
+        writer = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(far)], pass_fds=[far], stdout=subprocess.PIPE
+        )
+        while writer.poll() is None or monotonic_ns() < until:
+            sum(range(1000))  # holds Python's lock
+        assert writer.stdout is not None
+        written = [int(word) for word in writer.stdout.read().split()]
+        writer.stdout.close()
+        read = []
+        while (one := hearing.read(0.1)) is not None:
+            read.append(one[1])
+    late = sorted(got - sent for got, sent in zip(read, written, strict=True))
+    assert late[len(late) // 2] < 4_000_000  # Python changes threads every 5 ms
+
+
+def test_silence_is_nothing(wire: tuple[int, str]) -> None:
     """After as long as one is willing to wait."""
-    with Port(wire[1], LINE) as port:
+    with Hearing(wire[1], LINE) as hearing:
         start = time.monotonic()
-        assert port.read(0.05) is None
+        assert hearing.read(0.05) is None
         assert time.monotonic() - start >= 0.05
 
 
 def test_nothing_is_ever_sent(wire: tuple[int, str]) -> None:
     """Not on opening, not while reading, not on closing; not even an echo of what comes in."""
     far, name = wire
-    port = Port(name, LINE)
-    assert nothing_arrived(far)
-    for _ in range(3):
-        os.write(far, DATA + b"\r\n\x11\x13\x03\x04")
-        assert port.read(1.0) is not None
+    with Hearing(name, LINE) as hearing:
         assert nothing_arrived(far)
-    port.close()
+        for _ in range(3):
+            os.write(far, DATA + b"\r\n\x11\x13\x03\x04")
+            assert hearing.read() is not None
+            assert nothing_arrived(far)
     assert nothing_arrived(far)
 
 
@@ -117,12 +148,10 @@ def test_a_port_is_opened_exclusively(wire: tuple[int, str]) -> None:
 def test_a_lost_port_is_told(wire: tuple[int, str]) -> None:
     """The adapter is pulled out: the reader hears of it at once."""
     far, near = pty.openpty()
-    port = Port(os.ttyname(near), LINE)
-    os.close(near)
-    os.close(far)
-    with pytest.raises(PortError, match="the port was lost"):
-        port.read(1.0)
-    port.close()
+    with Hearing(os.ttyname(near), LINE) as hearing:
+        os.close(near)
+        os.close(far)
+        assert "the port was lost" in str(hearing.until_lost())
 
 
 def refused(name: str) -> str:
@@ -153,39 +182,37 @@ def test_a_socket_is_a_port() -> None:
     """A device server: bytes in, nothing out, and its end is told."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         name = f"socket://127.0.0.1:{server.getsockname()[1]}"
-        with Port(name, LINE) as port:
+        with Hearing(name, LINE) as hearing:
             peer, _ = server.accept()
             peer.sendall(DATA)
-            chunk = port.read(1.0)
-            assert chunk is not None
-            assert chunk.data == DATA
+            assert hearing.all_of(len(DATA)) == DATA
             assert not select.select([peer], [], [], 0.05)[0]
             peer.close()
-            with pytest.raises(PortError, match="lost"):
-                port.read(1.0)
+            assert "lost" in str(hearing.until_lost())
     assert "refused" in refused(name)
 
 
-def test_a_port_can_be_closed_while_it_is_read(wire: tuple[int, str]) -> None:
-    """Waiting has an end: the thread that reads comes back after its patience."""
-    with Port(wire[1], LINE) as port:
-        reader = threading.Thread(target=port.read, args=(0.05,))
-        reader.start()
-        reader.join(2.0)
-        assert not reader.is_alive()
+def test_a_port_without_a_descriptor_is_read_by_a_thread(
+    monkeypatch: pytest.MonkeyPatch, wire: tuple[int, str]
+) -> None:
+    """As RFC 2217 and Windows are; its end is told, and no thread stays."""
+    monkeypatch.setattr(serial_module, "_descriptor", lambda port: None)
+    before = threading.active_count()
+    with Hearing(wire[1], LINE) as hearing:
+        os.write(wire[0], DATA)
+        assert hearing.all_of(len(DATA)) == DATA
+    assert threading.active_count() == before
 
 
-def test_the_clock_never_runs_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small corrections of the wall clock do not show, jumps forward do."""
-    wall, steady = [1_000 * 10**9], [5 * 10**9]
-    monkeypatch.setattr(time, "time_ns", lambda: wall[0])
-    monkeypatch.setattr(time, "monotonic_ns", lambda: steady[0])
-    clock = Clock()
-    assert clock.now_ns() == wall[0]
-    steady[0] += 10**9
-    wall[0] += 10**9 + 400_000_000  # a correction
-    assert clock.now_ns() == 1_001 * 10**9
-    wall[0] -= 3600 * 10**9  # set back an hour
-    assert clock.now_ns() == 1_001 * 10**9
-    wall[0] = 5_000 * 10**9  # woken from sleep
-    assert clock.now_ns() == 5_000 * 10**9
+def test_what_does_not_fit_is_counted_and_marked() -> None:
+    """The queue is bounded; behind the loss the port's bytes go on, marked."""
+    inbox = Inbox(300)
+    for number in range(5):
+        inbox.put(0, number, bytes([number]))
+    first = inbox.take(0.0)
+    inbox.put(0, 9, b"x")
+    (later,) = inbox.take(0.0)
+    assert [one[2] for one in first] == [bytes([number]) for number in range(len(first))]
+    assert len(first) + inbox.lost() == 5
+    assert inbox.lost() > 0
+    assert (later[2], later[4]) == (b"x", True)

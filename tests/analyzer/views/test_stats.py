@@ -28,7 +28,7 @@ def test_findings_are_ranked(monkeypatch: pytest.MonkeyPatch, columns: int) -> N
     stats = {"transactions": {}, "buses": [{**bus, **clockless}], "findings": counts}
     show_stats(stats, Screen(stream))
     lines = stream.getvalue().splitlines()
-    codes = [line.split()[2] for line in lines if line.strip()[:1].isdigit()]
+    codes = [line.split()[1] for line in lines if line.strip()[:1].isdigit()]
     assert codes == ["two_masters", "no_response", "exception", "retry", "local_echo"]
     assert all(len(line) <= columns for line in lines)
-    assert lines[-1].split()[:3] == ["1,200", "info", "local_echo"]
+    assert any(line.split() == ["1,200", "local_echo"] for line in lines)

@@ -33,7 +33,7 @@ use capture::CaptureState;
 use clock::Lateness;
 use logic::LogicState;
 use profiles::Assignment;
-use rows::{elapsed, framing_detail, keep_half, note_detail, placed_detail};
+use rows::{elapsed, framing_detail, keep_half, marked_detail, note_detail, placed_detail};
 
 /// Transactions that may wait for an older one before they are written all the same.
 const HOLD_BACK: usize = 65_536;
@@ -145,6 +145,9 @@ impl Session {
 
     /// Bytes of one line of a bus.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
+        if chunk.hole {
+            self.flush_bus(bus); // An answer that was lost was not missing.
+        }
         let time = match chunk.times {
             Times::None => None,
             Times::Read(time) => Some(time),
@@ -193,7 +196,7 @@ impl Session {
         }
     }
 
-    /// The recording of one bus is over.
+    /// The recording of one bus is over, or a part of it is missing from here on.
     pub fn flush_bus(&mut self, bus: usize) {
         for (_, line) in &mut self.buses[bus].lines {
             (line.input.closed, line.input.ended) = (true, true);
@@ -208,6 +211,11 @@ impl Session {
     /// Statistics so far.
     pub fn stats(&self) -> &Stats {
         &self.stats
+    }
+
+    /// Statistics so far as JSON; analyzer/views/stats.py has the keys.
+    pub fn stats_json(&self) -> serde_json::Value {
+        self.stats.json(&self.functions)
     }
 
     /// Rows that `take` would return.
@@ -324,7 +332,10 @@ impl Session {
             self.stats.silence(bus, rule.t35_ns, &seen, before, inside);
         }
         if input.line_error(0, cut.length) {
-            self.found.push((Finding::LineError, String::from("marked by the receiver")));
+            self.found.push((Finding::LineError, marked_detail(input.errors_in(0, cut.length), cut.length)));
+        }
+        if input.hole(0, cut.length) {
+            self.found.push((Finding::LostBytes, String::from("the receiver lost bytes before this frame")));
         }
         if jumped {
             self.found.push((Finding::ClockJumped, String::from("this read is older than the one before")));
@@ -484,7 +495,7 @@ impl Session {
             if exchange.sure && matches!(exchange.status, Status::Ok | Status::Exception) {
                 self.buses[bus].paired_units[exchange.unit as usize] = true;
             }
-            self.stats.transaction(self.buses[bus].counts, &exchange);
+            self.stats.transaction(self.buses[bus].counts, &self.functions, &exchange);
             if self.wanted.transactions {
                 let row = Transaction {
                     number: exchange.txn,

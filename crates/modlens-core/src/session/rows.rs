@@ -18,6 +18,14 @@ pub(super) fn framing_detail(finding: Finding, wire: &[u8]) -> String {
     }
 }
 
+/// Receivers tell byte by byte, or for a read as a whole (then `marked` is 0).
+pub(super) fn marked_detail(marked: usize, length: usize) -> String {
+    match marked {
+        0 => String::from("marked by the receiver"),
+        _ => format!("the receiver marked {marked} of {length} bytes"),
+    }
+}
+
 pub(super) fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) -> String {
     let unit = seen.adu.first().copied().unwrap_or(0);
     let other = placed.other.map_or(String::new(), |txn| format!(" {txn}"));

@@ -1,0 +1,70 @@
+"""Keys of the terminal, one at a time and without waiting.
+
+The terminal is put back as it was when the `with` ends. On a system without termios the console's
+own keys are asked (Windows); where standard input is no terminal there are no keys.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+from types import TracebackType
+from typing import Any, Self
+
+__all__ = ["Keys"]
+
+
+class Keys:
+    """What was typed since one last asked; used by `with`."""
+
+    def __init__(self) -> None:
+        self._fd = -1
+        self._before: list[Any] | None = None
+
+    def typed(self) -> str:
+        """The characters, none if nothing was typed; no escape sequences of arrows and the like."""
+        if self._before is None:
+            return _console_keys() if os.name == "nt" else ""
+        text = ""
+        while select.select([self._fd], [], [], 0)[0]:
+            data = os.read(self._fd, 256)
+            if not data:
+                self._before = None
+                break
+            text += data.decode("utf-8", "ignore")
+        return "" if text.startswith("\x1b") and len(text) > 1 else text
+
+    def __enter__(self) -> Self:
+        with contextlib.suppress(ImportError, OSError, ValueError):
+            import termios  # noqa: PLC0415
+            import tty  # noqa: PLC0415
+
+            self._fd = sys.stdin.fileno()
+            if os.isatty(self._fd):
+                self._before = termios.tcgetattr(self._fd)
+                tty.setcbreak(self._fd)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._before is not None:
+            import termios  # noqa: PLC0415
+
+            with contextlib.suppress(OSError, termios.error):
+                termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
+
+
+def _console_keys() -> str:
+    import msvcrt  # noqa: PLC0415
+
+    console: Any = msvcrt
+    text = ""
+    while console.kbhit():
+        text += console.getwch()
+    return text

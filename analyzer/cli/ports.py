@@ -1,0 +1,43 @@
+"""`modlens ports`: the serial adapters of this machine, and what is known of them."""
+
+from __future__ import annotations
+
+import argparse
+
+from analyzer.sources import SCHEMES
+from analyzer.sources.adapters import Adapter, adapters
+from analyzer.views.screen import stdout, visible
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command has no options."""
+    parser.epilog = "The line settings are found by `modlens tap PORT`, which listens only."
+
+
+def run(options: argparse.Namespace) -> int:
+    """List them; gives the exit status."""
+    screen = stdout()
+    found = adapters()
+    for one in found:
+        for line in _told(one):
+            screen.line(line)
+    if not found:
+        screen.line("no serial port found; is the adapter plugged in?")
+    others = ", ".join(scheme.example for name, scheme in SCHEMES.items() if name)
+    screen.line(f"also: {others}")
+    return 0
+
+
+def _told(one: Adapter) -> list[str]:
+    chip = f"{one.chip.name}, " if one.chip else ""
+    lines = [f"{visible(one.port)}: {chip}{visible(one.title) or 'serial port'}"]
+    if not one.usable:
+        lines.append("    no permission to open it; on Linux join its group (often dialout)")
+    if one.chip:
+        lines.append(f"    {one.chip.habit}")
+    lines.append(f"    {one.limit}")
+    if one.stable:
+        lines.append(f"    stable name: {visible(one.stable)}")
+    return lines

@@ -1,0 +1,123 @@
+"""Prometheus: counters of the bus under `/metrics`, for whoever scrapes.
+
+On loopback unless another address is named. Registers are not exported by number (each would be a
+series of its own); values with a name from a profile are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import _modlens
+from dissectors.errors import SourceError, UsageError
+
+__all__ = ["Metrics", "address"]
+
+LOOPBACK = "127.0.0.1"
+_LOOK_S = 1.0
+_LARGEST_PORT = 65535
+_BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
+
+
+def address(text: str) -> tuple[str, int]:
+    """Host and port of `[HOST:]PORT`; `UsageError` if it is none.
+
+    >>> address("9502")
+    ('127.0.0.1', 9502)
+    """
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal() or int(port) > _LARGEST_PORT:
+        raise UsageError(f"--metrics {text}: write a port as 9502, or host:port")
+    return host.strip("[]") or LOOPBACK, int(port)
+
+
+class Metrics:
+    """A sink that counts, and a server that tells; `port` is the one it listens on.
+
+    `UsageError` where the package prometheus-client is not installed, `SourceError` where the port
+    cannot be had.
+    """
+
+    table = "transactions"
+
+    def __init__(self, where: tuple[str, int], stats: Callable[[], Mapping[str, Any]]) -> None:
+        try:
+            import prometheus_client as prometheus  # noqa: PLC0415
+        except ImportError as error:
+            raise UsageError("--metrics needs a package: pip install 'modlens[metrics]'") from error
+        self.rows = 0
+        self._stats = stats
+        self._next = 0.0
+        registry = prometheus.CollectorRegistry()
+        rows, unit = ("bus", "unit", "function", "status"), ("bus", "unit")
+        self._transactions = prometheus.Counter(
+            "modbus_transactions", "Requests and what came of them", rows, registry=registry
+        )
+        self._times = prometheus.Histogram(
+            "modbus_response_time_seconds",
+            "End of request to start of response",
+            unit,
+            buckets=_BUCKETS,
+            registry=registry,
+        )
+        self._seen = prometheus.Gauge(
+            "modbus_last_seen_timestamp_seconds", "Last answer of a unit", unit, registry=registry
+        )
+        self._values = prometheus.Gauge(
+            "modbus_register_value", "Named values", (*unit, "name"), registry=registry
+        )
+        self._damaged = prometheus.Gauge(
+            "modbus_bad_checksum_total", "Damaged frames", ("bus",), registry=registry
+        )
+        self._busy = prometheus.Gauge(
+            "modbus_bus_busy_ratio",
+            "Share of the time the line is used",
+            ("bus",),
+            registry=registry,
+        )
+        try:
+            self._server, self._thread = prometheus.start_http_server(
+                where[1], addr=where[0], registry=registry
+            )
+        except OSError as error:
+            raise SourceError(f"--metrics {where[0]}:{where[1]}: {error.strerror}") from error
+        self.port = int(self._server.server_port)
+        self.name = f"http://{where[0]}:{self.port}/metrics"
+
+    def put(self, batch: _modlens.Batch) -> None:
+        """Count what the batch holds."""
+        table = batch.transactions
+        self.rows += len(table)
+        for row in table:
+            self._count(row)
+        if time.monotonic() >= self._next:
+            self._next = time.monotonic() + _LOOK_S
+            self._look()
+
+    def close(self) -> None:
+        """Stop the server."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+    def abandon(self) -> None:
+        """Closed already, or never begun."""
+
+    def _count(self, row: _modlens.Row) -> None:
+        self._transactions.labels(row.bus, row.unit, row.function, row.status).inc()
+        if row.response_time_us is not None:
+            self._times.labels(row.bus, row.unit).observe(row.response_time_us / 1e6)
+        if row.status in ("ok", "exception") and row.time is not None:
+            self._seen.labels(row.bus, row.unit).set(row.time.timestamp())
+        for name, value in (row.readings or {}).items():
+            if isinstance(value, int | float):
+                self._values.labels(row.bus, row.unit, name).set(value)
+
+    def _look(self) -> None:
+        """What only the statistics know; taken here, because the server's thread must not ask."""
+        for bus in self._stats()["buses"]:
+            self._damaged.labels(bus["bus"]).set(bus["frames"].get("bad_checksum", 0))
+            if bus["load"] is not None:
+                self._busy.labels(bus["bus"]).set(bus["load"])

@@ -1,0 +1,227 @@
+"""MQTT: values, transactions and the state of the tap, for whoever subscribes.
+
+- `PREFIX/status`: `online`, retained; `offline` as the last will
+- `PREFIX/BUS/transaction`: a JSON object for each transaction (the columns of JSON lines)
+- `PREFIX/BUS/UNIT/NAME`: the last value of a register or coil, retained; sent when it changes
+
+With `discovery`, Home Assistant is told of each value as a sensor, and again when it starts anew.
+Nothing is subscribed to but Home Assistant's own state: a listener takes no commands.
+
+What the broker has not confirmed waits in a spool, in a file if one is named, and is sent when it
+is back; so each message arrives at least once (quality of service 1).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import _modlens
+from analyzer.addresses import SHORT
+from analyzer.columns import pick
+from analyzer.feeds.spool import Message, Spool
+from dissectors.errors import UsageError
+
+__all__ = ["Broker", "Mqtt", "broker"]
+
+IN_FLIGHT = 200
+"""Messages that are given to the client before earlier ones are confirmed."""
+
+DISCOVERY = "homeassistant"
+_PORT = 1883
+_KEEPALIVE_S = 30
+_LONGEST_WAIT_S = 30
+_VALUES = 200_000
+_UNFIT = re.compile(r"[^\w.-]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """Where to: host, port, who one is (None: nobody), and what topics begin with."""
+
+    host: str
+    port: int
+    user: str | None
+    password: str | None
+    prefix: str
+
+
+def broker(url: str) -> Broker:
+    """What `mqtt://[user:password@]host[:port][/prefix]` says; `UsageError` if it does not.
+
+    >>> broker("mqtt://192.168.1.9/plant").prefix
+    'plant'
+    """
+    try:
+        parts = urlsplit(url if "://" in url else f"mqtt://{url}")
+        port = parts.port or _PORT
+    except ValueError as error:
+        raise UsageError(f"--mqtt {url}: {error}") from error
+    if parts.scheme != "mqtt" or not parts.hostname:
+        raise UsageError(f"--mqtt {url}: write mqtt://host, mqtt://user:password@host:1883/prefix")
+    user = None if parts.username is None else unquote(parts.username)
+    password = None if parts.password is None else unquote(parts.password)
+    prefix = parts.path.strip("/") or "modlens"
+    return Broker(parts.hostname, port, user, password, prefix)
+
+
+class Mqtt:
+    """A sink that publishes; `UsageError` where the package paho-mqtt is not installed."""
+
+    table = "transactions"
+
+    def __init__(self, where: Broker, *, spool: str | None = None, discovery: bool = False) -> None:
+        self.name = f"mqtt://{where.host}:{where.port}/{where.prefix}"
+        self.rows = 0
+        self._prefix = where.prefix
+        self._discovery = discovery
+        self._spool = Spool(spool)
+        self._columns = pick("transactions", None)
+        self._values: dict[str, Any] = {}
+        self._sensors: dict[str, Message] = {}
+        self._sending: dict[int, int] = {}
+        self._arrived: deque[int] = deque()
+        self._connected = self._announce = False
+        self._client = self._make(where)
+        self._client.connect_async(where.host, where.port, _KEEPALIVE_S)
+        self._client.loop_start()
+
+    def put(self, batch: _modlens.Batch) -> None:
+        """Publish what the batch holds, and go on with what waits."""
+        table = batch.transactions
+        if len(table):
+            self._spool.add(*self._messages(table))
+            self.rows += len(table)
+        self._go_on()
+
+    def close(self) -> None:
+        """Say goodbye; what was not confirmed stays in the spool's file."""
+        self._go_on()
+        if self._client.is_connected():
+            goodbye = self._client.publish(self._status, b"offline", qos=1, retain=True)
+            goodbye.wait_for_publish(2.0)
+        self._client.disconnect()
+        self._client.loop_stop()
+        self._spool.done(self._take_arrived())
+        self._spool.close()
+
+    def abandon(self) -> None:
+        """Closed already, or never begun."""
+
+    @property
+    def waiting(self) -> int:
+        """Messages that the broker has not confirmed."""
+        return len(self._spool)
+
+    @property
+    def _status(self) -> str:
+        return f"{self._prefix}/status"
+
+    def _make(self, where: Broker) -> Any:
+        try:
+            from paho.mqtt import client as paho  # noqa: PLC0415
+            from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
+        except ImportError as error:
+            raise UsageError("--mqtt needs a package: pip install 'modlens[mqtt]'") from error
+        client = paho.Client(CallbackAPIVersion.VERSION2)
+        if where.user is not None:
+            client.username_pw_set(where.user, where.password)
+        client.will_set(self._status, b"offline", qos=1, retain=True)
+        client.reconnect_delay_set(1, _LONGEST_WAIT_S)
+        client.max_inflight_messages_set(IN_FLIGHT)
+        client.on_connect = self._on_connect
+        client.on_publish = self._on_publish
+        client.on_message = self._on_message
+        return client
+
+    def _on_connect(self, client: Any, *_: object) -> None:
+        """In the client's thread: only notes are taken here."""
+        client.publish(self._status, b"online", qos=1, retain=True)
+        if self._discovery:
+            client.subscribe(f"{DISCOVERY}/status")
+
+    def _on_publish(self, client: Any, data: object, number: int, *_: object) -> None:
+        self._arrived.append(number)
+
+    def _on_message(self, client: Any, data: object, message: Any) -> None:
+        self._announce |= bytes(message.payload) == b"online"
+
+    def _go_on(self) -> None:
+        if self._announce:
+            self._announce = False
+            self._spool.add(*self._sensors.values())
+        self._spool.done(self._take_arrived())
+        if not self._client.is_connected():
+            return
+        for number, one in self._spool.waiting(IN_FLIGHT - len(self._sending)):
+            sent = self._client.publish(one.topic, one.payload, qos=1, retain=one.retain)
+            self._sending[sent.mid] = number
+
+    def _take_arrived(self) -> list[int]:
+        """The spool's numbers of what was confirmed since one last looked."""
+        numbers = []
+        for _ in range(len(self._arrived)):
+            number = self._sending.pop(self._arrived.popleft(), None)
+            if number is not None:
+                numbers.append(number)
+        return numbers
+
+    def _messages(self, table: _modlens.Table) -> Iterator[Message]:
+        lines = table.jsonl(self._columns).splitlines()
+        for row, line in zip(table, lines, strict=True):
+            bus = f"{self._prefix}/{_fit(row.bus)}"
+            yield Message(f"{bus}/transaction", line)
+            if row.status == "ok":
+                for name, value in _values(row):
+                    yield from self._value(f"{bus}/{row.unit}/{name}", value, row, name)
+
+    def _value(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Iterator[Message]:
+        if self._values.get(topic) == value or len(self._values) >= _VALUES:
+            return
+        if self._discovery and topic not in self._sensors:
+            self._sensors[topic] = self._sensor(topic, row, name)
+            yield self._sensors[topic]
+        self._values[topic] = value
+        yield Message(topic, str(value).encode(), retain=True)
+
+    def _sensor(self, topic: str, row: _modlens.Row, name: str) -> Message:
+        """Home Assistant's description of one value (MQTT discovery, a sensor)."""
+        node = _fit(f"{self._prefix}_{row.bus}_{row.unit}")
+        about = {
+            "name": name,
+            "unique_id": f"{node}_{_fit(name)}",
+            "state_topic": topic,
+            "availability_topic": self._status,
+            "device": {
+                "identifiers": [node],
+                "name": f"{row.bus} unit {row.unit}",
+                "manufacturer": "seen by modlens",
+            },
+        }
+        where = f"{DISCOVERY}/sensor/{node}/{_fit(name)}/config"
+        return Message(where, json.dumps(about).encode(), retain=True)
+
+
+def _fit(name: str) -> str:
+    """A name as a level of a topic: no wildcards, no separators."""
+    return _UNFIT.sub("_", name).strip("_") or "_"
+
+
+def _values(row: _modlens.Row) -> Iterator[tuple[str, Any]]:
+    """Names and values of a transaction: of a profile's points, else of registers and coils."""
+    if row.readings:
+        for name, value in row.readings.items():
+            yield _fit(name), value
+        return
+    kind = SHORT.get(row.register_type or "")
+    if kind is None:
+        return
+    for first, data in ((row.address, row.data), (row.write_address, row.write_data)):
+        if first is not None and data is not None:
+            for address, value in enumerate(data, first):
+                yield f"{kind}{address}", value

@@ -1,0 +1,110 @@
+"""Messages that wait for a broker, in the order in which they are to be sent.
+
+SQLite, in memory or in a file: what was not sent before the end of the program is sent by the next.
+The number of messages is bounded; the oldest go first, and are counted.
+
+>>> spool = Spool(None)
+>>> spool.add(Message("plant/status", b"online", retain=True))
+>>> [(number, one.topic) for number, one in spool.waiting(10)]
+[(1, 'plant/status')]
+>>> spool.done([1])
+>>> len(spool)
+0
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dissectors.errors import SourceError
+
+__all__ = ["Message", "Spool"]
+
+MOST = 1_000_000
+"""Messages that may wait: an hour of a busy line."""
+
+_CHECK = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What goes to a topic; `retain` keeps it there for those who come later."""
+
+    topic: str
+    payload: bytes
+    retain: bool = False
+
+
+class Spool:
+    """A queue in a file, or in memory; `SourceError` if the file cannot be used."""
+
+    def __init__(self, path: str | None, most: int = MOST) -> None:
+        self.dropped = 0
+        self._most = most
+        self._sent = 0
+        self._added = 0
+        try:
+            self._base = sqlite3.connect(path or ":memory:", isolation_level=None)
+            self._base.execute("PRAGMA journal_mode=WAL")
+            self._base.execute("PRAGMA synchronous=NORMAL")
+            self._base.execute(
+                "CREATE TABLE IF NOT EXISTS waiting"
+                " (number INTEGER PRIMARY KEY AUTOINCREMENT, topic TEXT, payload BLOB,"
+                " keep INTEGER)"
+            )
+            self._count = int(self._base.execute("SELECT count(*) FROM waiting").fetchone()[0])
+        except sqlite3.Error as error:
+            raise SourceError(f"{path}: cannot be used as a spool: {error}") from error
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, *messages: Message) -> None:
+        """Behind all others; the oldest make room where there are too many."""
+        rows = [(one.topic, one.payload, one.retain) for one in messages]
+        self._run("INSERT INTO waiting (topic, payload, keep) VALUES (?, ?, ?)", rows)
+        self._count += len(rows)
+        if self._count > self._most:
+            surplus = self._count - self._most
+            self._base.execute(
+                "DELETE FROM waiting WHERE number IN"
+                " (SELECT number FROM waiting ORDER BY number LIMIT ?)",
+                (surplus,),
+            )
+            self._count -= surplus
+            self.dropped += surplus
+
+    def waiting(self, most: int) -> list[tuple[int, Message]]:
+        """The next ones that were not given out yet, with their numbers."""
+        rows = self._base.execute(
+            "SELECT number, topic, payload, keep FROM waiting WHERE number > ?"
+            " ORDER BY number LIMIT ?",
+            (self._sent, most),
+        ).fetchall()
+        if rows:
+            self._sent = int(rows[-1][0])
+        return [(int(row[0]), Message(row[1], row[2], bool(row[3]))) for row in rows]
+
+    def done(self, numbers: Iterable[int]) -> None:
+        """These have arrived."""
+        rows = [(number,) for number in numbers]
+        before = self._base.total_changes
+        self._run("DELETE FROM waiting WHERE number = ?", rows)
+        self._count -= self._base.total_changes - before
+
+    def close(self) -> None:
+        """What waits stays in the file."""
+        self._base.close()
+
+    def _run(self, text: str, rows: Sequence[tuple[Any, ...]]) -> None:
+        if not rows:
+            return
+        try:
+            self._base.execute("BEGIN")
+            self._base.executemany(text, rows)
+            self._base.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise SourceError(f"the spool cannot be written: {error}") from error

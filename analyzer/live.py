@@ -1,0 +1,212 @@
+"""Ports that are listened to: from reads to batches, until somebody stops.
+
+A name on the command line is `[BUS=]PORT[@SETTINGS]`, or `A+B` for one bus that is tapped at both
+directions. A bus is told to the core when its line settings are known.
+
+>>> parse_tap("boiler=/dev/ttyUSB0@9600-8N1")
+Tap(bus='boiler', ports=('/dev/ttyUSB0',), line=Line(baud=9600, data_bits=8, parity='N', ...))
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import _modlens
+from analyzer.line import Line, parse_line
+from analyzer.session import Settings
+from analyzer.sources.live import Listening, Tapped
+from analyzer.sources.serial import Chunk
+from analyzer.sources.tuning import Tuner
+from dissectors.errors import UsageError
+
+__all__ = ["LINES", "LiveRun", "Tap", "parse_tap"]
+
+PATIENCE = 0.05
+"""Seconds without bytes, or without rows, after which everybody is told that time goes on."""
+
+PATIENCE_NS = 50_000_000
+
+LINGER = 0.003
+"""Seconds that a read waits for the next ones: a busy line wakes this thread less often."""
+
+LAG_NS = 30_000_000
+"""So far behind the clock the core is told the time, because reads may still be on their way."""
+
+LINES = ("A", "B")
+"""What the `line` column calls the two directions of a bus that is tapped at both."""
+
+_NAME = re.compile(r"([\w.-]+)=(.+)")
+_SETTINGS = re.compile(r"(.+)@(\d+-\d[A-Za-z][\d.]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Tap:
+    """A bus as the command line names it: its name, one or two ports, settings if given."""
+
+    bus: str
+    ports: tuple[str, ...]
+    line: Line | None
+
+
+def parse_tap(text: str) -> Tap:
+    """Take `[BUS=]PORT[+PORT][@SETTINGS]` apart; `UsageError` for more than two ports."""
+    named, place, line = _NAME.fullmatch(text), text, None
+    if named:
+        place = named[2]
+    settings = _SETTINGS.fullmatch(place)
+    if settings:
+        place, line = settings[1], parse_line(settings[2])
+    ports = tuple(place.split("+"))
+    if len(ports) > len(LINES):
+        raise UsageError(f"{text}: a bus has two lines at most, A+B")
+    return Tap(named[1] if named else place, ports, line)
+
+
+@dataclass(slots=True)
+class _Bus:
+    """A bus and its ports' numbers; `number` is the core's, None while `tuner` listens."""
+
+    tap: Tap
+    ports: tuple[int, ...]
+    number: int | None = None
+    tuner: Tuner | None = None
+
+
+class LiveRun:
+    """Ports that are listened to until somebody stops.
+
+    The ports are open from the beginning; use it in `closing`. `told` hears in words what happens
+    to them, `heard` gets every read before anything else is done with it: bus, line of a two-line
+    tap, chunk; while settings are searched nothing but what was read with the right ones. Settings
+    that are not given are found by listening, or with `detect` in any case. A port that goes away
+    is waited for, unless `reconnect` is False. `PortError` if one cannot be opened, `UsageError`
+    for names that mean nothing.
+    """
+
+    def __init__(  # noqa: PLR0913 - most by keyword
+        self,
+        names: Sequence[str],
+        settings: Settings,
+        *,
+        told: Callable[[str], None] = lambda _: None,
+        heard: Callable[[str, str | None, Chunk], None] | None = None,
+        reconnect: bool = True,
+        detect: bool = False,
+    ) -> None:
+        taps = [parse_tap(name) for name in names]
+        self._settings = settings
+        self._core = settings.core(live=True)
+        self._told = told
+        self._heard = heard
+        self._buses: list[_Bus] = []
+        self._searched: list[_Bus] = []
+        self._places: list[tuple[_Bus, str | None]] = []
+        tapped: list[Tapped] = []
+        for tap in taps:
+            numbers = tuple(range(len(tapped), len(tapped) + len(tap.ports)))
+            bus = _Bus(tap, numbers)
+            self._buses.append(bus)
+            for port, line in zip(tap.ports, LINES, strict=False):
+                tapped.append(Tapped(port, tap.line or settings.line))
+                self._places.append((bus, line if len(tap.ports) > 1 else None))
+        self._listening = Listening(tapped, told, reconnect=reconnect, linger=LINGER)
+        for bus in self._buses:
+            given = bus.tap.line or settings.line
+            if (detect or given is None) and self._listening.tunable(bus.ports[0]):
+                self._searched.append(bus)
+            else:
+                self._add(bus, given)
+
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """The names of the buses."""
+        return tuple(bus.tap.bus for bus in self._buses)
+
+    def batches(self) -> Iterator[_modlens.Batch]:
+        """What each read decided, or the passing of time; without end."""
+        while self._searched:
+            self._search(self._searched.pop(0))
+        told = 0
+        while True:
+            for number, chunk in self._listening.take(PATIENCE):
+                self._take(number, chunk)
+            now = self._listening.clock.now_ns() - LAG_NS
+            for bus in self._buses:
+                if bus.tuner is not None:
+                    bus.tuner.advance(now)
+                    self._follow(bus, bus.tuner)
+            self._core.poll(now)
+            if self._core.pending_rows() or now - told >= PATIENCE_NS:
+                told = now
+                yield self._core.take()
+
+    def finish(self) -> _modlens.Batch:
+        """What was still open."""
+        self._core.flush()
+        return self._core.take()
+
+    def stats(self) -> dict[str, Any]:
+        """Statistics so far; for the keys see analyzer/views/stats.py."""
+        found: dict[str, Any] = json.loads(self._core.stats())
+        return found
+
+    def close(self) -> None:
+        """Close the ports."""
+        self._listening.close()
+
+    def _search(self, bus: _Bus) -> None:
+        """Begin to look for the settings of a bus."""
+        labels = {} if len(bus.ports) == 1 else dict(zip(bus.ports, LINES, strict=True))
+        marks = all(self._listening.marks(port) for port in bus.ports)
+        bus.tuner = Tuner(
+            lambda text: self._told(f"{bus.tap.bus}: {text}"), marks=marks, labels=labels
+        )
+        self._told(f"{bus.tap.bus}: looking for the line settings; waiting for traffic")
+        self._tune(bus, bus.tuner.line)
+
+    def _tune(self, bus: _Bus, line: Line) -> None:
+        for port in bus.ports:
+            self._listening.tune(port, line)
+
+    def _take(self, number: int, chunk: Chunk) -> None:
+        bus, _ = self._places[number]
+        if bus.tuner is None:
+            self._feed(number, chunk)
+        else:
+            bus.tuner.feed(number, chunk)
+            self._follow(bus, bus.tuner)
+
+    def _follow(self, bus: _Bus, tuner: Tuner) -> None:
+        """Set the ports to what is to be tried; or, when it is found, go on with it."""
+        found = tuner.found
+        line = tuner.line if found is None else found.line
+        if line != self._listening.line(bus.ports[0]):
+            self._tune(bus, line)
+        if found is not None:
+            bus.tuner = None
+            self._told(f"{bus.tap.bus}: found {found.evidence}")
+            self._add(bus, found.line, mode=found.mode)
+            for number, chunk in found.chunks:
+                self._feed(number, chunk)
+
+    def _add(self, bus: _Bus, line: Line | None, mode: str | None = None) -> None:
+        settings = replace(self._settings, line=line, mode=mode or self._settings.mode)
+        bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
+
+    def _feed(self, number: int, chunk: Chunk) -> None:
+        bus, line = self._places[number]
+        if self._heard is not None:
+            self._heard(bus.tap.bus, line, chunk)
+        assert bus.number is not None
+        self._core.feed(
+            bus.number,
+            chunk.data,
+            chunk.time_ns,
+            line=line,
+            errors=chunk.errors or None,
+            hole=chunk.hole,
+        )

@@ -1,0 +1,133 @@
+"""What the system's driver can tell of a port beyond its bytes, and how soon it hands them over.
+
+Linux only, in part other POSIX systems: everything here is asked for politely, and what is refused
+is said in words (`Driver.advice`) instead of raised. Nothing in here sends, and nothing touches DTR
+or RTS. The facts: FTDI chips hold bytes back until their latency timer ends, 16 ms as they come;
+`ASYNC_LOW_LATENCY` makes the kernel set it to 1 ms, and makes other drivers hand on at once.
+
+>>> Driver().advice
+''
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+__all__ = ["COUNTERS", "Driver", "counters", "latency_timer", "mark_errors", "quicken"]
+
+COUNTERS = ("frame", "overrun", "parity", "brk", "buf_overrun")
+"""Of the kernel's `serial_icounter_struct`, what tells of damage."""
+
+_TIOCGICOUNT = 0x545D
+_TIOCGSERIAL, _TIOCSSERIAL = 0x541E, 0x541F
+_ASYNC_LOW_LATENCY = 0x2000
+_ICOUNTER = struct.Struct("11i9i")  # cts dsr rng dcd rx tx frame overrun parity brk buf_overrun
+_PLACES = MappingProxyType({"frame": 6, "overrun": 7, "parity": 8, "brk": 9, "buf_overrun": 10})
+_SERIAL_SIZE = 128
+_FLAGS_AT = 16  # of serial_struct: type, line, port, irq are four ints before it
+_SLOW_MS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """What could be set: whether errors are marked, the latency timer (ms), the low-latency flag.
+
+    None where the driver has no such thing or does not tell. `advice` says what limits the times
+    and how to mend it, nothing where nothing does.
+    """
+
+    marked: bool = False
+    timer_ms: int | None = None
+    low_latency: bool | None = None
+    advice: str = ""
+
+
+def quicken(fd: int, name: str) -> Driver:
+    """Ask the driver to hand bytes on at once; says what came of it."""
+    if not sys.platform.startswith("linux") or os.path.realpath(name).startswith("/dev/pts/"):
+        return Driver()
+    low = _low_latency(fd)
+    timer = latency_timer(name)
+    if timer is not None and timer >= _SLOW_MS:
+        with contextlib.suppress(OSError):
+            _timer_file(name).write_text("1\n", encoding="ascii")
+        timer = latency_timer(name)
+    return Driver(timer_ms=timer, low_latency=low, advice=_advice(name, timer))
+
+
+def mark_errors(fd: int) -> bool:
+    """Have damaged bytes marked among the others (INPCK, PARMRK); whether that was possible."""
+    try:
+        import termios  # noqa: PLC0415
+    except ImportError:
+        return False
+    try:
+        mode = termios.tcgetattr(fd)
+        mode[0] &= ~(termios.IGNPAR | termios.IGNBRK | termios.BRKINT | termios.ISTRIP)
+        mode[0] |= termios.INPCK | termios.PARMRK
+        termios.tcsetattr(fd, termios.TCSANOW, mode)
+        return bool(termios.tcgetattr(fd)[0] & termios.PARMRK)
+    except termios.error:
+        return False
+
+
+def counters(fd: int) -> Mapping[str, int]:
+    """The driver's counts of damage since the system started; empty where it has none."""
+    if not sys.platform.startswith("linux"):
+        return {}
+    import fcntl  # noqa: PLC0415
+
+    try:
+        answer = fcntl.ioctl(fd, _TIOCGICOUNT, bytes(_ICOUNTER.size))
+    except OSError:
+        return {}
+    counts = _ICOUNTER.unpack(answer)
+    return {name: counts[place] for name, place in _PLACES.items()}
+
+
+def latency_timer(name: str) -> int | None:
+    """Milliseconds that the adapter may hold bytes back; None where it has no such timer."""
+    try:
+        return int(_timer_file(name).read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return None
+
+
+def _timer_file(name: str) -> Path:
+    tty = os.path.basename(os.path.realpath(name))
+    return Path("/sys/class/tty") / tty / "device" / "latency_timer"
+
+
+def _low_latency(fd: int) -> bool | None:
+    """Set the kernel's flag (which FTDI's driver turns into a timer of 1 ms)."""
+    import fcntl  # noqa: PLC0415
+
+    try:
+        settings = bytearray(fcntl.ioctl(fd, _TIOCGSERIAL, bytes(_SERIAL_SIZE)))
+    except OSError:
+        return None
+    (flags,) = struct.unpack_from("i", settings, _FLAGS_AT)
+    if flags & _ASYNC_LOW_LATENCY:
+        return True
+    struct.pack_into("i", settings, _FLAGS_AT, flags | _ASYNC_LOW_LATENCY)
+    try:
+        fcntl.ioctl(fd, _TIOCSSERIAL, bytes(settings))
+    except OSError:
+        return False
+    return True
+
+
+def _advice(name: str, timer: int | None) -> str:
+    if timer is None or timer < _SLOW_MS:
+        return ""
+    return (
+        f"the adapter holds bytes back for up to {timer} ms: pauses and response times below"
+        f" {2 * timer} ms mean little; as root: echo 1 > {_timer_file(name)}"
+    )

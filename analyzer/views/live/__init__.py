@@ -1,0 +1,44 @@
+"""The screens of a live tap: one file a view, each a function from the board to lines.
+
+A view draws what `Board` has gathered, in exactly the room it gets; it reads no ports and no keys.
+`VIEWS` is the registry: `modlens tap --view NAME`, and the key that shows it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from analyzer.views.live.board import Board
+from analyzer.views.screen import Part
+
+__all__ = ["VIEWS", "Line", "View", "draw"]
+
+Line = list[Part]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A screen: its key, what it shows, its module with `lines(board, width, height)`."""
+
+    key: str
+    title: str
+    module: str
+
+
+VIEWS = {
+    "log": View("l", "a line for each transaction", "analyzer.views.live.log"),
+    "table": View("t", "units and functions: counts, errors, times", "analyzer.views.live.table"),
+    "map": View("m", "registers, with values changing in place", "analyzer.views.live.map"),
+    "health": View("h", "load, poll cycle, time-outs, damage", "analyzer.views.live.health"),
+}
+"""Name -> view."""
+
+
+def draw(name: str, board: Board, width: int, height: int) -> list[Line]:
+    """The lines of a view; more than `height` where there is more to see."""
+    lines: Callable[[Board, int, int], list[Line]] = importlib.import_module(
+        VIEWS[name].module
+    ).lines
+    return lines(board, width, height)

@@ -1,0 +1,145 @@
+"""What the live screens know: the last rows, the values of registers, the statistics.
+
+Memory is bounded: so many rows, so many different requests. Values are taken apart only when they
+are looked at.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import _modlens
+from analyzer.filters import Filter
+from analyzer.views.tables import Look
+
+__all__ = ["Board", "Mark", "Value"]
+
+ROWS = 1000
+REQUESTS = 4096
+LIT_S = 2.0
+"""A value that changed stays lit for so long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A line that somebody at the keyboard put into the log."""
+
+    number: int
+    text: str
+
+
+@dataclass(slots=True)
+class Value:
+    """A register or coil: its value, and when it last changed (`time.monotonic`)."""
+
+    value: int
+    changed: float = float("-inf")
+
+    def lit(self, now: float) -> bool:
+        """Whether it changed a moment ago."""
+        return now - self.changed < LIT_S
+
+
+Place = tuple[str, int, str, int]
+"""Bus, unit, type of register, address."""
+
+
+@dataclass
+class Board:
+    """Rows and statistics of a tap; `stats` gives the statistics so far.
+
+    `paused` keeps what is shown as it is, `filter` is what the log shows only.
+    """
+
+    look: Look
+    stats: Callable[[], dict[str, Any]]
+    clock: Callable[[], float] = time.monotonic
+    paused: bool = False
+    filter: Filter | None = None
+    rows: deque[_modlens.Row | Mark] = field(default_factory=lambda: deque(maxlen=ROWS))
+    marks: int = 0
+    seen: int = 0
+    started: float = 0.0
+    _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
+    _values: dict[Place, Value] = field(default_factory=dict)
+    _stats: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.started = self.clock()
+
+    def put(self, batch: _modlens.Batch) -> None:
+        """Take what was decided; see `analyzer.session.Sink`."""
+        table = batch.transactions
+        self.seen += len(table)
+        if self.paused or not len(table):
+            return
+        for row in table:
+            self._remember(row)
+        if self.filter is not None:
+            table = table.where(self.filter.predicate())
+        self.rows.extend(table)
+
+    def mark(self, text: str) -> Mark:
+        """A line of its own in the log."""
+        self.marks += 1
+        mark = Mark(self.marks, text)
+        self.rows.append(mark)
+        return mark
+
+    def refresh(self) -> None:
+        """Look at the statistics and at new values, unless paused."""
+        if self.paused:
+            return
+        self._stats = self.stats()
+        now = self.clock()
+        for key, (row, fresh) in self._requests.items():
+            if fresh:
+                self._requests[key] = (row, False)
+                self._take_apart(row, now)
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """As they were at the last refresh."""
+        return self._stats
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the board was made."""
+        return self.clock() - self.started
+
+    def values(self) -> dict[Place, Value]:
+        """Every register and coil that was seen, in order."""
+        return dict(sorted(self._values.items()))
+
+    def last(self, bus: str, unit: int, function: int) -> _modlens.Row | None:
+        """The last transaction of a unit's function that carried values."""
+        found = None
+        for (name, number, code, *_), (row, _) in self._requests.items():
+            if (name, number, code) == (bus, unit, function):
+                found = row
+        return found
+
+    def _remember(self, row: _modlens.Row) -> None:
+        if row.status != "ok" or row.register_type is None:
+            return
+        key = (row.bus, row.unit, row.function, row.address, row.quantity, row.write_address)
+        self._requests.pop(key, None)
+        self._requests[key] = (row, True)
+        if len(self._requests) > REQUESTS:
+            del self._requests[next(iter(self._requests))]
+
+    def _take_apart(self, row: _modlens.Row, now: float) -> None:
+        for first, data in ((row.address, row.data), (row.write_address, row.write_data)):
+            if first is None or data is None:
+                continue
+            for address, value in enumerate(data, first):
+                place = (row.bus, row.unit, row.register_type, address)
+                known = self._values.get(place)
+                if known is None:
+                    self._values[place] = Value(value)
+                elif known.value != value:
+                    known.value, known.changed = value, now

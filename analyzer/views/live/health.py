@@ -1,0 +1,71 @@
+"""The bus's health: load, poll cycle, retries, time-outs by unit, damage, findings by weight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from analyzer.views import cells
+from analyzer.views.live.board import Board
+from analyzer.views.screen import Part, fit, visible
+from analyzer.views.troubles import explained, ranked
+
+__all__ = ["lines"]
+
+_BUSY, _FULL = 0.5, 0.8
+_BAR = 20
+
+
+def lines(board: Board, width: int, height: int) -> list[list[Part]]:
+    """Each bus, then the findings, those to check first on top."""
+    stats = board.statistics
+    if not stats.get("buses"):
+        return [[("nothing heard yet", "dim")]]
+    out: list[list[Part]] = []
+    for bus in stats["buses"]:
+        out += _bus(bus, width)
+    findings = list(ranked(stats))
+    if findings:
+        out.append([("findings, what to check first on top (modlens explain CODE)", "head")])
+    for code, count, severity, advice in findings:
+        style = {"error": "bad", "warning": "odd"}.get(severity, "note")
+        rest = max(width - 34, 0)
+        out.append(
+            [(f"{count:9,}  ", ""), (fit(code, 22), style), (fit(f" {advice}", rest), "dim")]
+        )
+    return out
+
+
+def _bus(bus: dict[str, Any], width: int) -> Iterator[list[Part]]:
+    yield [(fit(f"{visible(bus['bus'])}: {bus['mode'] or 'nothing yet'}", width), "head")]
+    frames = bus["frames"]
+    damaged = sum(frames.get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))
+    yield [*_load(bus), (f"   poll cycle {_cycle(bus)}", "")]
+    total = sum(frames.values())
+    yield [
+        (f"frames {total:,}   ", ""),
+        (f"damaged {damaged:,}   ", "bad" if damaged else ""),
+        (f"noise {frames.get('noise', 0):,}   ", "odd" if frames.get("noise") else ""),
+        (f"retries {sum(row['retries'] for row in bus['units']):,}", ""),
+    ]
+    for line in explained(bus):
+        yield [(fit(f"  {line}", width).rstrip(), "bad" if line.startswith("unit") else "")]
+
+
+def _load(bus: dict[str, Any]) -> list[Part]:
+    load = bus["load"]
+    if load is None:
+        return [("load unknown", "dim")]
+    style = "bad" if load >= _FULL else "odd" if load >= _BUSY else "good"
+    full = round(min(load, 1.0) * _BAR)
+    return [("load ", ""), ("#" * full + "." * (_BAR - full), style), (f" {load:.0%}", style)]
+
+
+def _cycle(bus: dict[str, Any]) -> str:
+    cycle = bus.get("cycle")
+    if not cycle:
+        return "unknown"
+    times = (
+        f"p50 {cells.milliseconds(cycle['p50_us'])} ms, max {cells.milliseconds(cycle['max_us'])}"
+    )
+    return f"{times} ms ({cycle['requests']} requests)"

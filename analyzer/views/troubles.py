@@ -1,0 +1,75 @@
+"""What is wrong on a bus, in the order in which it should be looked at; time-outs explained.
+
+>>> stats = {"findings": {"retry": 4, "bad_checksum": 2}}
+>>> [code for code, *_ in ranked(stats)]
+['bad_checksum', 'retry']
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from analyzer.addresses import SHORT
+from analyzer.views import cells
+from analyzer.views.cells import function_name
+from dissectors.vocabulary import findings
+
+__all__ = ["explained", "ranked"]
+
+_WEIGHT = {"error": 0, "warning": 1, "info": 2}
+_SHOWN = 8
+_PLACES = 3
+
+
+def ranked(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str]]:
+    """Code, count, severity and what to check of each finding, the worst and most first."""
+    known = {one.code: (one.severity, one.advice) for one in findings()}
+    found = [
+        (code, count, *known.get(code, ("info", ""))) for code, count in stats["findings"].items()
+    ]
+    yield from sorted(found, key=lambda one: (_WEIGHT[one[2]], -one[1], one[0]))
+
+
+def explained(bus: Mapping[str, Any]) -> Iterator[str]:
+    """The time-outs of a bus in words: who, how often, how long the master waits, what was before.
+
+    `bus` as in views/stats.py; nothing where nothing timed out.
+    """
+    found = bus.get("timeouts")
+    if not found:
+        return
+    waited = found["waited"]
+    if waited:
+        yield (
+            f"the master waits {cells.milliseconds(waited['p50_us'])} ms for an answer"
+            f" (at least {cells.milliseconds(waited['min_us'])},"
+            f" at most {cells.milliseconds(waited['max_us'])})"
+        )
+    rows = found["requests"]
+    for row in rows[:_SHOWN]:
+        yield f"{_who(row)}: {row['count']:,} of {row['asked']:,} not answered{_more(row)}"
+    if len(rows) > _SHOWN:
+        yield f"… and {len(rows) - _SHOWN} more requests"
+
+
+def _who(row: Mapping[str, Any]) -> str:
+    text = f"unit {row['unit']}, function {function_name(row).strip()}"
+    if row["address"] is None:
+        return text
+    last = row["address"] + (row["quantity"] or 1) - 1
+    where = str(row["address"]) if last == row["address"] else f"{row['address']}-{last}"
+    return f"{text}, {SHORT.get(row['register_type'], '')} {where}".replace(",  ", ", ")
+
+
+def _more(row: Mapping[str, Any]) -> str:
+    parts = []
+    if row["late"]:
+        late = row["late_by"]
+        by = f" by {cells.milliseconds(late['p50_us'])} ms" if late else ""
+        parts.append(f"{row['late']:,} answered late{by}")
+    if row["damaged"]:
+        parts.append(f"{row['damaged']:,} with damaged bytes in the wait")
+    for before in row["before"][:_PLACES]:
+        parts.append(f"{before['count']:,} after unit {before['unit']} {before['status']}")
+    return f" ({'; '.join(parts)})" if parts else ""

@@ -1,0 +1,151 @@
+//! The different requests of a bus: how often each is repeated, how often not answered, and what was about it then.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use serde_json::{json, Value as Json};
+
+use super::Times;
+use crate::functions::Functions;
+use crate::pairing::Exchange;
+use crate::records::Status;
+use crate::Ns;
+
+/// Different requests that are kept; a scanner that asks for every address does not fill the memory.
+const MOST: usize = 1024;
+
+/// Unanswered requests that a late answer may belong to.
+const REMEMBERED: usize = 64;
+
+/// A request that was repeated so often has a cycle.
+const REPEATED: u64 = 3;
+
+/// Unit, function, address, quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Key(u8, u8, Option<(u16, u16)>);
+
+#[derive(Clone, Debug, Default)]
+struct Slot {
+    asked: u64,
+    unanswered: u64,
+    damaged: u64,
+    late: u64,
+    late_by: Times,
+    before: BTreeMap<(u8, Status), u64>,
+    last: Option<Ns>,
+    cycle: Times,
+}
+
+/// Requests of one bus.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Requests {
+    slots: BTreeMap<Key, Slot>,
+    waited: Times,
+    missing: VecDeque<(u64, Key, Option<Ns>)>,
+    previous: Option<(u8, Status)>,
+    last_damaged: u64,
+}
+
+impl Requests {
+    /// A frame arrived damaged, or as noise.
+    pub fn damaged(&mut self, frame: u64) {
+        self.last_damaged = frame;
+    }
+
+    /// A transaction was decided.
+    pub fn transaction(&mut self, functions: &Functions, exchange: &Exchange) {
+        if let Some(txn) = exchange.late_for {
+            self.answered_late(txn, exchange.late_response);
+        }
+        if exchange.request.frame == 0 || exchange.status == Status::BadRequest {
+            return;
+        }
+        let key = key(functions, exchange);
+        let previous = self.previous.replace((exchange.unit, exchange.status));
+        if !self.slots.contains_key(&key) && self.slots.len() >= MOST {
+            return;
+        }
+        let slot = self.slots.entry(key).or_default();
+        slot.asked += 1;
+        if exchange.retry_of.is_none() {
+            if let Some((last, start)) = slot.last.zip(exchange.request.start) {
+                if start > last {
+                    slot.cycle.add(start - last);
+                }
+            }
+            slot.last = exchange.request.start.or(slot.last);
+        }
+        if exchange.status != Status::NoResponse {
+            return;
+        }
+        slot.unanswered += 1;
+        slot.damaged += u64::from(self.last_damaged > exchange.request.frame);
+        if let Some(before) = previous {
+            *slot.before.entry(before).or_default() += 1;
+        }
+        if let Some(waited) = exchange.waited {
+            self.waited.add(waited);
+        }
+        if self.missing.len() == REMEMBERED {
+            self.missing.pop_front();
+        }
+        self.missing.push_back((exchange.txn, key, exchange.waited));
+    }
+
+    fn answered_late(&mut self, txn: u64, after: Option<Ns>) {
+        let Some(&(_, key, waited)) = self.missing.iter().find(|(number, ..)| *number == txn) else { return };
+        let Some(slot) = self.slots.get_mut(&key) else { return };
+        slot.late += 1;
+        if let Some((after, waited)) = after.zip(waited) {
+            slot.late_by.add((after - waited).max(0));
+        }
+    }
+
+    /// The time between a request and its next turn: that of the request in the middle, of those that come again.
+    pub fn cycle(&self) -> Json {
+        let mut repeated: Vec<&Times> =
+            self.slots.values().filter(|slot| slot.asked >= REPEATED && slot.cycle.count > 0).map(|slot| &slot.cycle).collect();
+        repeated.sort_by_key(|times| times.percentile(0.5));
+        let Some(middle) = repeated.get(repeated.len() / 2) else { return Json::Null };
+        let mut found = middle.json();
+        found["requests"] = repeated.len().into();
+        found
+    }
+
+    /// Requests that were not answered, the most frequent first; null where all were.
+    pub fn timeouts(&self, functions: &Functions) -> Json {
+        let mut slots: Vec<(&Key, &Slot)> = self.slots.iter().filter(|(_, slot)| slot.unanswered > 0).collect();
+        if slots.is_empty() {
+            return Json::Null;
+        }
+        slots.sort_by_key(|(key, slot)| (std::cmp::Reverse(slot.unanswered), **key));
+        let rows: Vec<Json> = slots.iter().map(|(key, slot)| slot.json(**key, functions)).collect();
+        json!({"waited": self.waited.json(), "requests": rows})
+    }
+}
+
+impl Slot {
+    fn json(&self, Key(unit, function, range): Key, functions: &Functions) -> Json {
+        let mut before: Vec<(&(u8, Status), &u64)> = self.before.iter().collect();
+        before.sort_by_key(|(who, count)| (std::cmp::Reverse(**count), **who));
+        let before: Vec<Json> =
+            before.iter().map(|((unit, status), count)| json!({"unit": unit, "status": status.text(), "count": count})).collect();
+        json!({
+            "unit": unit, "function": function, "address": range.map(|(address, _)| address),
+            "quantity": range.map(|(_, quantity)| quantity),
+            "register_type": functions.row(function, &[]).and_then(|row| row.register_type.clone()),
+            "count": self.unanswered, "asked": self.asked, "late": self.late, "late_by": self.late_by.json(),
+            "damaged": self.damaged, "before": before,
+        })
+    }
+}
+
+/// What tells this request from others; single writes ask for one.
+fn key(functions: &Functions, exchange: &Exchange) -> Key {
+    let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
+    let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
+    let range = functions.row(exchange.function, body).and_then(|row| {
+        let address = u16_at(row.roles.address.or(row.roles.write_address)?)?;
+        Some((address, row.roles.quantity.or(row.roles.write_quantity).map_or(Some(1), u16_at)?))
+    });
+    Key(exchange.unit, exchange.function, range)
+}

@@ -1,0 +1,255 @@
+//! Readers of ports: a thread each that does nothing but wait, read, look at the clock and queue.
+//!
+//! They are threads of the system and take no part in Python's lock, so a time is that of the read whatever the
+//! interpreter does meanwhile, and nothing is lost while decoding, a file or the screen stalls. There is no way to write.
+
+use std::collections::VecDeque;
+use std::io::{pipe, PipeWriter, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use modlens_core::marks::Unmark;
+use modlens_core::Ns;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// Bytes that a read takes at most.
+const READ_SIZE: usize = 4096;
+
+/// What a queued read costs beside its bytes.
+const ITEM_COST: usize = 96;
+
+/// (port, time, bytes or None at the end, places of marked bytes or the error's number, hole)
+type Arrival<'py> = (usize, i64, Option<Bound<'py, PyBytes>>, Vec<u32>, bool);
+
+struct Item {
+    port: usize,
+    time: Ns,
+    data: Option<Vec<u8>>,
+    errors: Vec<u32>,
+    hole: bool,
+}
+
+#[derive(Default)]
+struct Queue {
+    items: VecDeque<Item>,
+    size: usize,
+    lost: u64,
+    /// Ports of which something was thrown away since their last item.
+    holes: Vec<usize>,
+}
+
+struct Shared {
+    queue: Mutex<Queue>,
+    arrived: Condvar,
+    limit: usize,
+}
+
+impl Shared {
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Queues it; what does not fit any more is counted, and the port's next item says that something is missing.
+    fn push(&self, mut item: Item) {
+        let mut queue = self.queue();
+        let cost = item.data.as_ref().map_or(0, Vec::len) + ITEM_COST;
+        if item.data.is_some() && queue.size + cost > self.limit {
+            queue.lost += item.data.map_or(0, |data| data.len() as u64);
+            if !queue.holes.contains(&item.port) {
+                queue.holes.push(item.port);
+            }
+            return;
+        }
+        if let Some(at) = queue.holes.iter().position(|&port| port == item.port) {
+            queue.holes.swap_remove(at);
+            item.hole = true;
+        }
+        queue.size += cost;
+        queue.items.push_back(item);
+        drop(queue);
+        self.arrived.notify_one();
+    }
+}
+
+struct Listener {
+    port: usize,
+    stop: PipeWriter,
+    thread: JoinHandle<()>,
+}
+
+impl Listener {
+    fn end(mut self) {
+        let _ = self.stop.write_all(b"s");
+        let _ = self.thread.join();
+    }
+}
+
+/// What has come in at any of several ports, in order of arrival.
+#[pyclass(module = "_modlens")]
+pub struct Inbox {
+    shared: Arc<Shared>,
+    listeners: Mutex<Vec<Listener>>,
+}
+
+#[pymethods]
+impl Inbox {
+    #[new]
+    #[pyo3(signature = (limit=1 << 26))]
+    fn new(limit: usize) -> Self {
+        let shared = Shared { queue: Mutex::default(), arrived: Condvar::new(), limit };
+        Self { shared: Arc::new(shared), listeners: Mutex::default() }
+    }
+
+    #[pyo3(signature = (port, fd, *, marked=false))]
+    fn listen(&self, port: usize, fd: i32, marked: bool) -> PyResult<()> {
+        let (stopped, stop) = pipe()?;
+        let thread = reader::start(Arc::clone(&self.shared), port, fd, stopped, marked)?;
+        self.listeners().push(Listener { port, stop, thread });
+        Ok(())
+    }
+
+    fn end(&self, py: Python<'_>, port: usize) {
+        py.detach(|| {
+            let mut ended = Vec::new();
+            let mut listeners = self.listeners();
+            while let Some(at) = listeners.iter().position(|one| one.port == port) {
+                ended.push(listeners.swap_remove(at));
+            }
+            drop(listeners);
+            ended.into_iter().for_each(Listener::end);
+        });
+    }
+
+    fn put(&self, port: usize, time_ns: i64, data: Option<Vec<u8>>) {
+        self.shared.push(Item { port, time: time_ns, data, errors: Vec::new(), hole: false });
+    }
+
+    #[pyo3(signature = (timeout, linger=0.0))]
+    fn take<'py>(&self, py: Python<'py>, timeout: f64, linger: f64) -> Vec<Arrival<'py>> {
+        let items = py.detach(|| self.wait(timeout, linger));
+        let bytes = |data: Vec<u8>| PyBytes::new(py, &data);
+        items.into_iter().map(|item| (item.port, item.time, item.data.map(bytes), item.errors, item.hole)).collect()
+    }
+
+    fn lost(&self) -> u64 {
+        self.shared.queue().lost
+    }
+
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| {
+            let listeners = std::mem::take(&mut *self.listeners());
+            listeners.into_iter().for_each(Listener::end);
+        });
+    }
+}
+
+impl Inbox {
+    fn listeners(&self) -> MutexGuard<'_, Vec<Listener>> {
+        self.listeners.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait(&self, timeout: f64, linger: f64) -> VecDeque<Item> {
+        let until = Instant::now() + Duration::from_secs_f64(timeout.clamp(0.0, 3600.0));
+        let mut queue = self.shared.queue();
+        while queue.items.is_empty() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return VecDeque::new();
+            }
+            queue = self.shared.arrived.wait_timeout(queue, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        if linger > 0.0 {
+            drop(queue);
+            std::thread::sleep(Duration::from_secs_f64(linger.min(1.0)));
+            queue = self.shared.queue();
+        }
+        queue.size = 0;
+        std::mem::take(&mut queue.items)
+    }
+}
+
+impl Drop for Inbox {
+    fn drop(&mut self) {
+        for listener in std::mem::take(&mut *self.listeners()) {
+            listener.end();
+        }
+    }
+}
+
+#[cfg(unix)]
+mod reader {
+    use std::io::PipeReader;
+    use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+
+    use rustix::event::{poll, PollFd, PollFlags};
+    use rustix::io::Errno;
+    use rustix::time::{clock_gettime, ClockId};
+
+    use super::{Arc, Item, JoinHandle, Ns, PyResult, Shared, Unmark, READ_SIZE};
+
+    /// Starts the thread; it has a descriptor of its own, so that nobody can close it under its hands.
+    pub fn start(shared: Arc<Shared>, port: usize, fd: i32, stop: PipeReader, marked: bool) -> PyResult<JoinHandle<()>> {
+        // SAFETY: the caller keeps `fd` open during this call; it is duplicated before it returns. A number that is
+        // not open is told by `dup` as an error.
+        #[allow(unsafe_code)]
+        let file = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned()?;
+        let unmark = marked.then(Unmark::default);
+        let run = move || {
+            let number = listen(&shared, port, &file, &stop, unmark);
+            if let Some(number) = number {
+                shared.push(Item { port, time: now(), data: None, errors: vec![number], hole: false });
+            }
+        };
+        Ok(std::thread::Builder::new().name(format!("modlens port {port}")).spawn(run)?)
+    }
+
+    /// Reads until the port ends (gives the error's number, 0 for none) or it is told to stop (None).
+    fn listen(shared: &Shared, port: usize, file: &OwnedFd, stop: &PipeReader, mut unmark: Option<Unmark>) -> Option<u32> {
+        let mut buffer = [0u8; READ_SIZE];
+        loop {
+            let mut ready = [PollFd::new(file, PollFlags::IN), PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
+            match poll(&mut ready, None) {
+                Err(Errno::INTR) => continue,
+                Err(error) => return Some(error.raw_os_error().unsigned_abs()),
+                Ok(_) => {}
+            }
+            if !ready[1].revents().is_empty() {
+                return None;
+            }
+            let length = match rustix::io::read(file, &mut buffer) {
+                Err(Errno::INTR | Errno::AGAIN) => continue,
+                Err(error) => return Some(error.raw_os_error().unsigned_abs()),
+                Ok(0) => return Some(0),
+                Ok(length) => length,
+            };
+            let time = now();
+            let (mut data, mut errors) = (Vec::with_capacity(length), Vec::new());
+            match &mut unmark {
+                Some(unmark) => unmark.push(&buffer[..length], &mut data, &mut errors),
+                None => data.extend_from_slice(&buffer[..length]),
+            }
+            if !data.is_empty() {
+                shared.push(Item { port, time, data: Some(data), errors, hole: false });
+            }
+        }
+    }
+
+    fn now() -> Ns {
+        let time = clock_gettime(ClockId::Monotonic);
+        time.tv_sec * 1_000_000_000 + time.tv_nsec
+    }
+}
+
+#[cfg(not(unix))]
+mod reader {
+    use std::io::PipeReader;
+
+    use super::{Arc, JoinHandle, PyResult, Shared};
+
+    /// Where there are no descriptors to wait for, Python reads and calls `put`.
+    pub fn start(_: Arc<Shared>, _: usize, _: i32, _: PipeReader, _: bool) -> PyResult<JoinHandle<()>> {
+        Err(pyo3::exceptions::PyNotImplementedError::new_err("descriptors can be read on POSIX only"))
+    }
+}

@@ -1,0 +1,99 @@
+"""What ends a tap by itself, and what is written around events."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import _modlens
+from analyzer import FilterError
+from analyzer.cli.triggers import Around, Hourly, Limits
+from analyzer.exports.sink import Target
+
+ANSWERED = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
+REFUSED = bytes.fromhex("010300000001840a"), bytes.fromhex("018302c0f1")
+MS = 1_000_000
+
+
+def batches(kinds: str) -> Iterator[_modlens.Batch]:
+    """A transaction each: `.` answered, `x` refused."""
+    core = _modlens.Session(_modlens.Functions(), live=True)
+    bus = core.add_bus("bus", source="bus", mode="rtu", clock="utc")
+    now = 10**18
+    for kind in kinds:
+        for data in ANSWERED if kind == "." else REFUSED:
+            now += 20 * MS
+            core.feed(bus, data, now)
+        now += 60 * MS
+        core.poll(now)
+        yield core.take()
+
+
+def taken(limits: Limits, kinds: str) -> int:
+    """How many transactions it lets through."""
+    for number, batch in enumerate(batches(kinds), 1):
+        limits.put(batch)
+        if limits.reached:
+            return number
+    return 0
+
+
+def test_limits() -> None:
+    """By number, by time, by an event; a filter that means nothing is told at once."""
+    assert taken(Limits(3, None, None), "......") == 3
+    assert taken(Limits(None, None, "exception == 2"), "..x...") == 3
+    assert taken(Limits(None, None, None), "......") == 0
+    short = Limits(None, 0.01, None)
+    time.sleep(0.02)
+    assert taken(short, "......") == 1
+    with pytest.raises(FilterError):
+        Limits(None, None, "exceptio == 2")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "files"),
+    [
+        ("......", []),
+        ("....x....", ["..x.."]),
+        (".x....", [".x.."]),
+        ("..x.x......x.", ["..x.x..", "..x."]),
+        ("..xx..", ["..xx.."]),
+    ],
+)
+def test_a_file_around_each_event(kinds: str, files: list[str], tmp_path: Path) -> None:
+    """Two before and two after; events that meet share a file; none is lost at the end."""
+    target = Target("transactions", "jsonl", str(tmp_path / "event.jsonl"))
+    around = Around(2, "status == 'exception'", target, None)
+    for batch in batches(kinds):
+        around.put(batch)
+    around.close()
+    found = []
+    for path in sorted(tmp_path.iterdir()):
+        rows = [json.loads(line) for line in path.read_text().splitlines()]
+        found.append("".join("." if row["status"] == "ok" else "x" for row in rows))
+    assert found == files
+    assert [path.name for path in sorted(tmp_path.iterdir())] == [
+        f"event-{number:04d}.jsonl" for number in range(1, len(files) + 1)
+    ]
+    assert around.events == len(files)
+
+
+def test_an_hour_in_a_line() -> None:
+    """What came since the last one, by status."""
+    said: list[str] = []
+    counts = [{"ok": 5}, {"ok": 7, "no_response": 1}]
+    hourly = Hourly(
+        lambda: {"transactions": counts.pop(0), "buses": [{"frames": {"ok": 10}}]},
+        said.append,
+        0.05,
+    )
+    (batch,) = batches(".")
+    while len(said) < 2:
+        hourly.put(batch)
+        time.sleep(0.01)
+    assert "10 frames, 5 transactions: ok 5 since" in said[0]
+    assert "0 frames, 3 transactions: ok 2, no_response 1 since" in said[1]

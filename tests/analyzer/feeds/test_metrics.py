@@ -1,0 +1,67 @@
+"""Prometheus' metrics over real HTTP."""
+
+from __future__ import annotations
+
+import socket
+import urllib.request
+from typing import Any
+
+import pytest
+
+pytest.importorskip("prometheus_client")
+
+from prometheus_client.parser import text_string_to_metric_families
+
+from analyzer import SourceError, UsageError
+from analyzer.feeds.metrics import Metrics, address
+from tests.analyzer.cli.test_triggers import batches
+
+STATS = {"buses": [{"bus": "bus", "frames": {"bad_checksum": 3}, "load": 0.25}]}
+
+
+def scrape(metrics: Metrics) -> dict[str, Any]:
+    """Name and labels -> value, as a scraper reads them."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{metrics.port}/metrics", timeout=10) as answer:
+        text = answer.read().decode()
+    return {
+        " ".join(
+            [sample.name, *(f"{key}={value}" for key, value in sorted(sample.labels.items()))]
+        ): sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+
+
+def test_a_scraper_reads_what_happened() -> None:
+    """Counters by status, response times, the last time of each unit, load and damage."""
+    metrics = Metrics(("127.0.0.1", 0), lambda: STATS)
+    for batch in batches("..x"):
+        metrics.put(batch)
+    found = scrape(metrics)
+    assert found["modbus_transactions_total bus=bus function=3 status=ok unit=1"] == 2
+    assert found["modbus_transactions_total bus=bus function=3 status=exception unit=1"] == 1
+    assert found["modbus_response_time_seconds_count bus=bus unit=1"] == 3
+    assert found["modbus_last_seen_timestamp_seconds bus=bus unit=1"] > 10**9
+    assert found["modbus_bad_checksum_total bus=bus"] == 3
+    assert found["modbus_bus_busy_ratio bus=bus"] == 0.25
+    port = metrics.port
+    metrics.close()
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_a_port_that_is_taken_is_told() -> None:
+    """With its number."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(SourceError, match=str(port)):
+            Metrics(("127.0.0.1", port), lambda: STATS)
+
+
+def test_addresses() -> None:
+    """Loopback unless another is named."""
+    assert address("9502") == ("127.0.0.1", 9502)
+    assert address("0.0.0.0:80") == ("0.0.0.0", 80)
+    for text in ("", "x", "70000", "host:"):
+        with pytest.raises(UsageError):
+            address(text)

@@ -1,0 +1,186 @@
+"""The settings of a line, found by listening at it; the line is made of bits, in invented time."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+import pytest
+
+import _modlens
+from analyzer.line import Line, parse_line
+from analyzer.sources.serial import Chunk
+from analyzer.sources.tuning import BAUDS, Tuner
+from tests.support.uart import Heard, Uart, Wire
+
+LOAD = 0.2
+MOST_S = 10.0
+"""Of traffic at 20 % bus load, within which the settings are to be found."""
+
+NS = 1_000_000_000
+READ_S, FLUSH_S = 0.001, 0.016
+RTU = ("8E1", "8O1", "8N1", "8N2")
+ASCII = ("7E1", "7O1", "7N2", "8N1", "8E1", "7E2")
+
+
+def rtu(body: bytes) -> bytes:
+    """With its checksum."""
+    return body + _modlens.crc16(body).to_bytes(2, "little")
+
+
+def colon(body: bytes) -> bytes:
+    """In ASCII."""
+    return b":" + (body + bytes([_modlens.lrc(body)])).hex().upper().encode() + b"\r\n"
+
+
+def polls(mode: str, seed: int) -> Iterator[tuple[bytes, bytes]]:
+    """A master's list, round and round; the values move."""
+    rng = random.Random(seed)
+    wrap = rtu if mode == "rtu" else colon
+    units = rng.sample(range(1, 40), 3)
+    while True:
+        for unit in units:
+            address, count = rng.choice([0, 100, 1000]), rng.choice([1, 2, 4, 6])
+            request = bytes([unit, 3]) + address.to_bytes(2, "big") + count.to_bytes(2, "big")
+            values = b"".join(
+                rng.choice([0, 1, rng.randrange(65536)]).to_bytes(2, "big") for _ in range(count)
+            )
+            yield wrap(request), wrap(bytes([unit, 3, 2 * count]) + values)
+
+
+def traffic(line: Line, mode: str, seed: int, *, inverted: bool = False) -> Wire:
+    """A line with some more seconds of polling at 20 % load."""
+    wire, now = Wire(line, inverted=inverted), 0.05
+    for request, response in polls(mode, seed):
+        begun = now
+        busy = (len(request) + len(response)) * line.char_bits / line.baud
+        behind = wire.send(request, now)
+        wire.send(response, behind + 0.005)
+        now = begun + max(busy / LOAD, busy + 0.01)
+        if now > MOST_S * 1.5:
+            return wire
+    return wire
+
+
+def listen(
+    tuner: Tuner, wire: Wire, *, coarse: int = 1, marks: bool = True, resync: bool = True
+) -> float:
+    """Let it hear the line until it knows; gives the seconds that it took.
+
+    The line is read each millisecond; `coarse` is an adapter that hands over so many bytes at a
+    time, all of them marked if one is.
+    """
+    now = 0.0
+    receiving, line = Uart(tuner.line, resync=resync).receive(wire, now), tuner.line
+    following = next(receiving, None)
+    buffered: list[Heard] = []
+    while tuner.found is None and now < MOST_S * 1.5 and (following or buffered):
+        now += READ_S
+        while following is not None and following.time_s <= now:
+            buffered.append(following)
+            following = next(receiving, None)
+        if not buffered:
+            tuner.advance(round(now * NS))
+        elif len(buffered) >= coarse or now - buffered[-1].time_s > FLUSH_S:
+            errors = [place for place, one in enumerate(buffered) if one.error]
+            if coarse > 1 and errors:
+                errors = list(range(len(buffered)))
+            data = bytes(one.byte for one in buffered)
+            tuner.feed(0, Chunk(data, round(now * NS), errors if marks else ()))
+            buffered.clear()
+        if tuner.line != line:
+            receiving, line = Uart(tuner.line, resync=resync).receive(wire, now), tuner.line
+            following = next(receiving, None)
+            buffered.clear()
+    return now
+
+
+def cases() -> list[tuple[str, str]]:
+    """Every rate with the default, every shape with some rates."""
+    found = [(f"{baud}-8E1", "rtu") for baud in BAUDS]
+    for baud in (1200, 9600, 19200, 115200, 921600):
+        found += [(f"{baud}-{shape}", "rtu") for shape in RTU if shape != "8E1"]
+    for baud in (1200, 9600, 57600):
+        found += [(f"{baud}-{shape}", "ascii") for shape in ASCII]
+    return found
+
+
+@pytest.mark.parametrize(("settings", "mode"), cases())
+def test_the_settings_are_found(settings: str, mode: str) -> None:
+    """The right ones, in under ten seconds of traffic, and what they rest on is said."""
+    line = parse_line(settings)
+    tuner = Tuner()
+    seconds = listen(tuner, traffic(line, mode, seed=line.baud))
+    assert tuner.found is not None
+    assert (str(tuner.found.line), tuner.found.mode) == (settings, mode)
+    assert "right checksum" in tuner.found.evidence
+    assert seconds < MOST_S
+
+
+@pytest.mark.parametrize("settings", ["9600-8E1", "9600-8O1", "19200-8N1", "38400-8N2", "1200-8E1"])
+@pytest.mark.parametrize("resync", [True, False])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_other_receivers_find_them_too(settings: str, resync: bool, seed: int) -> None:
+    """One that waits for the line to rise after a missing stop bit; other traffic."""
+    tuner = Tuner()
+    seconds = listen(tuner, traffic(parse_line(settings), "rtu", seed), resync=resync)
+    assert tuner.found is not None
+    assert str(tuner.found.line) == settings
+    assert seconds < MOST_S
+
+
+@pytest.mark.parametrize("settings", ["9600-8E1", "9600-8O1", "19200-8N1", "19200-8N2"])
+def test_marks_of_whole_packets_are_enough(settings: str) -> None:
+    """As FTDI's driver gives them: 62 bytes at a time or after 16 ms, all marked or none."""
+    tuner = Tuner()
+    seconds = listen(tuner, traffic(parse_line(settings), "rtu", 3), coarse=62)
+    assert tuner.found is not None
+    assert str(tuner.found.line) == settings
+    assert seconds < MOST_S
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [("9600-8E1", "9600-8E1"), ("9600-8O1", "9600-8E1"), ("19200-8N1", "19200-8N1")],
+)
+def test_without_marks_parity_stays_open_and_is_said_so(settings: str, said: str) -> None:
+    """The rate and the number of bits are found; frames come through."""
+    tuner = Tuner(marks=False)
+    seconds = listen(tuner, traffic(parse_line(settings), "rtu", 4), marks=False)
+    assert tuner.found is not None
+    assert str(tuner.found.line) == said
+    assert ("the port does not tell" in tuner.found.evidence) == ("E" in said)
+    assert seconds < MOST_S
+
+
+def test_swapped_wires_are_suspected() -> None:
+    """No settings, but a word of what is wrong; a sound line at the same rate gets none."""
+    said: list[str] = []
+    tuner = Tuner(said.append)
+    listen(tuner, traffic(parse_line("19200-8E1"), "rtu", 5, inverted=True))
+    assert tuner.found is None
+    assert any("swapped" in line for line in said)
+    for settings in ("19200-8E1", "57600-8N1", "1200-8E1"):
+        said.clear()
+        listen(Tuner(said.append), traffic(parse_line(settings), "rtu", 5))
+        assert not any("swapped" in line for line in said)
+
+
+def test_noise_is_no_evidence() -> None:
+    """Any bytes at any settings: nothing is found in two hundred thousand of them."""
+    rng = random.Random(6)
+    tuner, now = Tuner(), 0
+    for _ in range(4000):
+        now += 20_000_000
+        tuner.feed(0, Chunk(rng.randbytes(50), now))
+    assert tuner.found is None
+
+
+def test_what_was_heard_with_the_right_settings_is_kept() -> None:
+    """The frames that were the evidence are the first of the tap."""
+    tuner = Tuner()
+    listen(tuner, traffic(parse_line("9600-8E1"), "rtu", 7))
+    assert tuner.found is not None
+    data = b"".join(chunk.data for _, chunk in tuner.found.chunks)
+    requests = polls("rtu", 7)
+    assert any(request in data for request, _ in (next(requests) for _ in range(40)))

@@ -1,0 +1,72 @@
+"""The live screens in a real terminal: every view in two sizes as it should look, and the keys.
+
+The golden screens stand in `golden/`; `MODLENS_UPDATE=1` writes them anew, for a person to look at.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from analyzer.views.live import VIEWS
+from tests.support.terminal import Terminal
+
+GOLDEN = Path(__file__).parent / "golden"
+CALM, DISTURBED = (
+    f"captures/pymodbus_{name}/recording.jsonl" for name in ("two_units", "disturbed")
+)
+SIZES = ((80, 24), (160, 50))
+UPDATE_S = 3.0
+
+
+def showing(width: int, height: int, view: str, recording: str) -> Terminal:
+    """The screens over a recording, with a clock that stands still."""
+    words = (sys.executable, "-m", "tests.support.cockpit", recording, view)
+    return Terminal(width, height, *words)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_every_view_looks_as_it_should(view: str, width: int, height: int) -> None:
+    """It fills the window and nothing more."""
+    golden = GOLDEN / f"{view}_{width}x{height}.txt"
+    recording = DISTURBED if view == "health" else CALM
+    with showing(width, height, view, recording) as terminal:
+        if os.environ.get("MODLENS_UPDATE") == "1":
+            time.sleep(UPDATE_S)
+            golden.write_text(terminal.screen().rstrip() + "\n", encoding="utf-8")
+        wanted = golden.read_text(encoding="utf-8").rstrip()
+        shown = terminal.wait_for(lambda text: text.rstrip() == wanted)
+        assert max(map(len, shown.splitlines())) <= width
+
+
+def test_keys_do_what_the_foot_says() -> None:
+    """Pause, filter (a wrong one is told), mark, pages, another size, quit."""
+    with showing(80, 24, "log", DISTURBED) as terminal:
+        terminal.wait_for("txn")
+        terminal.press("p")
+        terminal.wait_for("PAUSED")
+        terminal.press("p")
+        terminal.press("k")
+        terminal.wait_for("mark 1")
+        terminal.press("/")
+        terminal.press("-l", "unit = 1")
+        terminal.wait_for("filter: unit = 1_")
+        terminal.press("Enter")
+        terminal.wait_for("not an expression")
+        terminal.press("/")
+        terminal.press("-l", "unit == 1")
+        terminal.press("Enter")
+        terminal.wait_for("filter: unit == 1")
+        terminal.press("m")
+        terminal.resize(80, 6)
+        first = terminal.wait_for("1-4 of")
+        terminal.press("n")
+        terminal.wait_for("n next b back")
+        assert terminal.wait_for(lambda text: "1-4 of" not in text) != first
+        terminal.press("q")
+        terminal.wait_for("mark 1 at")

@@ -1,0 +1,72 @@
+"""Reads a port the way a tap does, a step at a time, for tests of ports."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from types import TracebackType
+from typing import Self
+
+from _modlens import Inbox
+from analyzer.line import Line
+from analyzer.sources.serial import Port, lost
+from dissectors.errors import PortError
+
+PATIENCE_S = 1.0
+
+
+class Hearing:
+    """A port and its inbox; used by `with`."""
+
+    def __init__(self, name: str, line: Line) -> None:
+        """Open the port and begin to read."""
+        self.port = Port(name, line)
+        self._inbox = Inbox()
+        self._waiting: list[tuple[bytes | None, int, list[int]]] = []
+        self.port.listen(self._inbox, 0)
+
+    def read(self, timeout: float = PATIENCE_S) -> tuple[bytes, int, list[int]] | None:
+        """The next read: bytes, its monotonic time, marked places; None when nothing came.
+
+        `PortError` when the port has ended.
+        """
+        if not self._waiting:
+            taken = self._inbox.take(timeout)
+            self._waiting = [(data, time_ns, errors) for _, time_ns, data, errors, _ in taken]
+        if not self._waiting:
+            return None
+        data, time_ns, errors = self._waiting.pop(0)
+        if data is None:
+            raise lost(self.port.name, errors[0])
+        return data, time_ns, errors
+
+    def all_of(self, count: int) -> bytes:
+        """So many bytes, however they were cut; fewer when they do not come."""
+        data = b""
+        while len(data) < count:
+            more = [one[2] or b"" for one in self._inbox.take(PATIENCE_S)]
+            if not more:
+                break
+            data += b"".join(more)
+        return data
+
+    def until_lost(self) -> PortError:
+        """The error that the port ends with."""
+        with closing(self._inbox):
+            while True:
+                try:
+                    self.read()
+                except PortError as error:
+                    return error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End the reader, close the port."""
+        self._inbox.close()
+        self.port.close()
