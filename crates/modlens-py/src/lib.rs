@@ -1,6 +1,8 @@
 //! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
 
 mod capture;
+#[cfg(feature = "files")]
+mod files;
 mod functions;
 mod profile;
 mod session;
@@ -107,6 +109,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(capture::recording_head, module)?)?;
     module.add_function(wrap_pyfunction!(capture::recording_read, module)?)?;
     module.add_class::<capture::Capture>()?;
+    #[cfg(feature = "files")]
+    module.add_class::<files::RowFile>()?;
     module.add_class::<functions::Functions>()?;
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;
