@@ -230,6 +230,19 @@ class ArrowStream:
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 @final
+class RowFile:
+    """A Parquet or Arrow file of rows of one table, which gives its bytes piece by piece.
+
+    Not there where the extension was built without its feature `files`.
+    """
+
+    def __new__(cls, format: str, table: str, columns: Sequence[str]) -> RowFile: ...
+    def rows(self, table: Table) -> bytes:
+        """Take rows; gives what is complete of the file."""
+    def end(self) -> bytes:
+        """The end of the file."""
+
+@final
 class Capture:
     """Frames as pcapng, or as classic pcap (`classic`), that Wireshark opens as it is.
 

@@ -27,6 +27,8 @@ EXPORTS = {
     "jsonl": ("jsonl",),
     "frames as jsonl": ("jsonl", "--table", "frames"),
     "pcapng": ("pcapng",),
+    "parquet": ("parquet",),
+    "arrow": ("arrow",),
     "zeek": ("zeek",),
 }
 """What is written, and how: format, further options."""

@@ -190,7 +190,7 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--style",
         metavar="WORD",
-        help="pcapng: udp, rtu, tcp, original; zeek, icsnpp: tsv, json",
+        help="pcapng: udp, rtu, tcp, original; zeek, icsnpp: tsv, json; parquet: partitions",
     )
     group.add_argument(
         "--context",

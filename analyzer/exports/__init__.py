@@ -29,6 +29,8 @@ __all__ = ["FORMATS", "Batches", "Format", "Wish", "format_of", "load"]
 FORMATS = {
     "csv": "analyzer.exports.csv",
     "jsonl": "analyzer.exports.jsonl",
+    "parquet": "analyzer.exports.parquet",
+    "arrow": "analyzer.exports.arrow",
     "sqlite": "analyzer.exports.sqlite",
     "pcapng": "analyzer.exports.pcapng",
     "pcap": "analyzer.exports.pcap",
@@ -47,6 +49,7 @@ ENDINGS = {
     ".simulator.json": "simulator",
     ".lp": "influx",
     ".db": "sqlite",
+    ".feather": "arrow",
 }
 """Other ends of file names that say a format."""
 

@@ -7,7 +7,7 @@ import io
 import json
 import sqlite3
 from collections.abc import Callable
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,40 @@ def as_text(value: Any) -> str:
     return str(value)
 
 
+def from_arrow(data: bytes) -> Rows:
+    """Types are those of columns.toml: text stays text, numbers are numbers."""
+    ipc = pytest.importorskip("pyarrow.ipc")
+    return plain(ipc.open_file(io.BytesIO(data)).read_all())
+
+
+def from_parquet(data: bytes) -> Rows:
+    """As pyarrow reads it."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    return plain(parquet.read_table(io.BytesIO(data)))
+
+
+def plain(table: Any) -> Rows:
+    """An Arrow table in the words of CSV."""
+    pyarrow = pytest.importorskip("pyarrow")
+    columns = {}
+    for field, column in zip(table.schema, table.columns, strict=True):
+        values = column
+        if pyarrow.types.is_timestamp(field.type):
+            assert field.type == pyarrow.timestamp("ns", tz="UTC")
+            values = [None if one is None else iso(one) for one in column.cast("int64").to_pylist()]
+        else:
+            values = column.to_pylist()
+        columns[field.name] = values
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    texts = [{key: "" if one is None else as_text(one) for key, one in row.items()} for row in rows]
+    return [{key: value for key, value in row.items() if value} for row in texts]
+
+
+def iso(ns: int) -> str:
+    """Nanoseconds since 1970 as a time that `datetime` reads back."""
+    return datetime.fromtimestamp(ns / 1e9, tz=UTC).isoformat()
+
+
 def from_sqlite(data: bytes, table: str) -> Rows:
     """One of the four tables of a database."""
     base = sqlite3.connect(":memory:")
@@ -79,6 +113,8 @@ def flag(value: int) -> str:
 READERS: dict[str, Callable[[bytes], Rows]] = {
     "csv": from_csv,
     "jsonl": from_jsonl,
+    "parquet": from_parquet,
+    "arrow": from_arrow,
 }
 
 ELSEWHERE = {

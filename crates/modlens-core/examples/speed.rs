@@ -43,6 +43,21 @@ fn pcapng() -> Writer {
     })
 }
 
+#[cfg(feature = "files")]
+fn file(parquet: bool, columns: Option<&[&str]>) -> Writer {
+    use modlens_core::write::files::RowFile;
+    let kind = TableKind::Transactions;
+    let some = columns.map(|keys| keys.iter().map(|key| kind.column(key).expect("a column")).collect());
+    let columns = some.unwrap_or_else(|| all(kind));
+    let made = if parquet { RowFile::parquet(kind, columns, "") } else { RowFile::arrow(kind, columns, "") };
+    let mut file = made.expect("columns that Arrow takes");
+    Box::new(move |batch, out| {
+        let table = Table::new(Arc::clone(batch), kind);
+        file.rows(&table, out).expect("a buffer in memory");
+        table.len()
+    })
+}
+
 fn main() {
     let path = std::env::args().nth(1).expect("a file of raw RTU bytes");
     let data = std::fs::read(path).expect("a readable file");
@@ -52,6 +67,12 @@ fn main() {
         ("frames as jsonl", jsonl(TableKind::Frames)),
         ("pcapng", pcapng()),
     ];
+    #[cfg(feature = "files")]
+    writers.extend([
+        ("arrow", file(false, None)),
+        ("parquet", file(true, None)),
+        ("parquet, no hex", file(true, Some(&["time", "bus", "unit", "function", "address", "quantity", "data", "status"]))),
+    ]);
     let mut session =
         Session::new(Arc::new(Functions::default()), Wanted { frames: true, transactions: true, findings: true }, false, None);
     let mut options = BusOptions::named("bus");

@@ -2,6 +2,8 @@
 
 mod capture;
 mod dialects;
+#[cfg(feature = "files")]
+mod files;
 mod functions;
 mod inbox;
 mod profile;
@@ -99,6 +101,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(capture::recording_read, module)?)?;
     module.add_class::<capture::Capture>()?;
     module.add_class::<dialects::Dialects>()?;
+    #[cfg(feature = "files")]
+    module.add_class::<files::RowFile>()?;
     module.add_class::<functions::Functions>()?;
     module.add_function(wrap_pyfunction!(profile::judge, module)?)?;
     module.add_function(wrap_pyfunction!(profile::sunspec_models, module)?)?;

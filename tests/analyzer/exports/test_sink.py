@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from analyzer import FilterError, UsageError, decode
+from analyzer import FilterError, SourceError, UsageError, decode
+from analyzer.exports import Wish
 from analyzer.exports.sink import ExportSink, Target, check_style, target
 
 
@@ -79,6 +80,49 @@ def test_a_wrong_filter_or_column_opens_no_file(tmp_path: Path, captures: Path) 
     with pytest.raises(UsageError, match="no column 'verdict'"):
         export(tmp_path / "out.csv", captures, columns="verdict", where=None)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_partitions_are_folders_by_day_and_bus(tmp_path: Path, captures: Path) -> None:
+    """What Hive's readers take as one table, with the two columns that the folders name."""
+    dataset = pytest.importorskip("pyarrow.dataset")
+    folder = tmp_path / "log.parquet"
+    names = [
+        captures / name / "recording.jsonl" for name in ("pymodbus_ascii", "pymodbus_timeouts")
+    ]
+    sink = ExportSink(
+        target(str(folder), "transactions"),
+        columns=None, where=None, growing=False, wish=Wish("", (), style="partitions"),
+    )  # fmt: skip
+    recording = decode(names)
+    for batch in recording.batches("transactions"):
+        sink.put(batch)
+    sink.close()
+    days = {f"date={row.time.date().isoformat()}" for row in recording.transactions}
+    assert {one.name for one in folder.iterdir()} == days
+    assert len(list(folder.glob("date=*/bus=*/part-0.parquet"))) == 2
+    found = dataset.dataset(str(folder), partitioning="hive").to_table(columns=["txn", "status"])
+    rows = sorted(zip(*(column.to_pylist() for column in found.columns), strict=True))
+    assert rows == [(row.txn, row.status) for row in recording.transactions]
+    with pytest.raises(SourceError, match="no new folder can be made there"):
+        ExportSink(
+            target(str(folder), "transactions"),
+            columns=None, where=None, growing=False, wish=Wish("", (), style="partitions"),
+        )  # fmt: skip
+
+
+def test_parquet_says_where_it_comes_from(tmp_path: Path, captures: Path) -> None:
+    """Table, version of the columns, program; few values have a dictionary, others have none."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "log.parquet"
+    export(path, captures, columns=None, where=None)
+    file = parquet.ParquetFile(path)
+    said = {key.decode(): value.decode() for key, value in file.schema_arrow.metadata.items()}
+    assert (said["modlens.table"], said["modlens.schema_version"]) == ("transactions", "1")
+    chunks = [file.metadata.row_group(0).column(at) for at in range(file.metadata.num_columns)]
+    coded = {one.path_in_schema for one in chunks if "RLE_DICTIONARY" in one.encodings}
+    assert {"status", "unit", "function_name"} <= coded
+    assert coded.isdisjoint({"data.list.item", "data.list.element", "request_hex", "txn", "source"})
+    assert {one.compression for one in chunks} == {"ZSTD"}
 
 
 def test_a_style_has_to_be_known() -> None:

@@ -3,6 +3,8 @@
 pub mod arrow;
 pub mod capture;
 pub mod csv;
+#[cfg(feature = "files")]
+pub mod files;
 pub mod influx;
 pub mod jsonl;
 pub mod recording;

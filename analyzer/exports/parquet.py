@@ -1,0 +1,104 @@
+"""Parquet: zstd, dictionaries where values are few, times as timestamp[ns, UTC].
+
+The metadata name the table (`modlens.table`), the version of its columns (`modlens.schema_version`)
+and that of the program. The style `partitions` makes a folder instead of a file, as
+`log.parquet/date=2026-11-21/bus=ttyUSB0/part-0.parquet`: what Hive, Spark, polars and duckdb read
+as one table.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+from urllib.parse import quote
+
+import _modlens
+from analyzer import exports
+from analyzer.exports.output import Output, WholeFile
+from dissectors.errors import SourceError, UsageError
+
+__all__ = ["Format"]
+
+PARTITIONS = "partitions"
+NO_DATE = "__HIVE_DEFAULT_PARTITION__"
+"""What Hive and its heirs call a partition without a value."""
+
+
+class Format(exports.Format):
+    """A Parquet file of some columns of one table."""
+
+    name = "parquet"
+    styles: ClassVar[Sequence[str]] = ("file", PARTITIONS)
+    grows = False
+
+    def __init__(self, wish: exports.Wish) -> None:
+        super().__init__(wish)
+        row_file = getattr(_modlens, "RowFile", None)
+        if row_file is None:
+            raise UsageError(f"{self.name}: this build of modlens is without it (feature `files`)")
+        self._new: Callable[[], _modlens.RowFile] = lambda: row_file(
+            self.name, wish.table, wish.columns
+        )
+        self._file: _modlens.RowFile = self._new()
+        self._folder: _Folder | None = None
+
+    def output(self, path: str | None, *, growing: bool) -> Output:
+        """A file, or for the style `partitions` a folder, which must be new."""
+        if self.wish.style != PARTITIONS:
+            return super().output(path, growing=growing)
+        if path is None:
+            raise UsageError("--style partitions: a folder cannot go to standard output; add -o")
+        self._folder = _Folder(path, self._new)
+        return self._folder
+
+    def rows(self, table: _modlens.Table) -> bytes:
+        """What is complete of the file; row groups are complete after 65,536 rows."""
+        if self._folder is not None:
+            self._folder.rows(table)
+            return b""
+        return self._file.rows(table)
+
+    def end(self) -> bytes:
+        """The last row group and the footer."""
+        return b"" if self._folder is not None else self._file.end()
+
+
+class _Folder:
+    """One file a day and bus, each in a folder that says so."""
+
+    def __init__(self, path: str, new: Callable[[], _modlens.RowFile]) -> None:
+        self.name = path
+        self._new = new
+        self._parts: dict[str, tuple[_modlens.RowFile, WholeFile]] = {}
+        try:
+            os.mkdir(path)
+        except OSError as error:
+            raise SourceError(
+                f"{path}: no new folder can be made there: {error.strerror}"
+            ) from error
+
+    def rows(self, table: _modlens.Table) -> None:
+        """Each row to its file."""
+        for date, bus, rows in table.partitions():
+            folder = os.path.join(f"date={date or NO_DATE}", f"bus={quote(bus, safe='')}")
+            if folder not in self._parts:
+                os.makedirs(os.path.join(self.name, folder), exist_ok=True)
+                path = os.path.join(self.name, folder, "part-0.parquet")
+                self._parts[folder] = (self._new(), WholeFile(path))
+            row_file, output = self._parts[folder]
+            output.append(row_file.rows(rows))
+
+    def append(self, data: bytes) -> None:
+        """Nothing comes this way."""
+
+    def close(self) -> None:
+        """All files are complete."""
+        for row_file, output in self._parts.values():
+            output.append(row_file.end())
+            output.close()
+
+    def abandon(self) -> None:
+        """No file is complete; folders without files stay."""
+        for _, output in self._parts.values():
+            output.abandon()

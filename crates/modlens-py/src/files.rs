@@ -1,0 +1,55 @@
+//! Parquet and Arrow files.
+
+use std::sync::{Mutex, PoisonError};
+
+use modlens_core::columns::TableKind;
+use modlens_core::write::files::RowFile as Core;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::table::Table;
+use crate::wrong;
+
+/// A Parquet or Arrow file of rows of one table.
+#[pyclass(frozen, module = "_modlens")]
+pub struct RowFile {
+    kind: TableKind,
+    /// arrow-rs' writers may not be looked at by two threads at once, which Python demands of its objects.
+    core: Mutex<Core>,
+}
+
+fn broken(error: impl std::fmt::Display) -> PyErr {
+    PyRuntimeError::new_err(error.to_string())
+}
+
+#[pymethods]
+impl RowFile {
+    #[new]
+    fn new(format: &str, table: &str, columns: Vec<String>) -> PyResult<Self> {
+        let kind = TableKind::from_name(table).ok_or_else(|| wrong(format!("no table {table:?}")))?;
+        let columns = columns.iter().map(|key| kind.column(key)).collect::<Result<_, _>>().map_err(wrong)?;
+        let version = env!("CARGO_PKG_VERSION");
+        let core = match format {
+            "arrow" => Core::arrow(kind, columns, version),
+            "parquet" => Core::parquet(kind, columns, version),
+            other => return Err(wrong(format!("format {other:?} is neither arrow nor parquet"))),
+        };
+        Ok(Self { kind, core: Mutex::new(core.map_err(broken)?) })
+    }
+
+    fn rows<'py>(&self, py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyBytes>> {
+        if table.core.kind != self.kind {
+            return Err(wrong(format!("a file of {} got {}", self.kind.name(), table.core.kind.name())));
+        }
+        let mut out = Vec::new();
+        py.detach(|| self.core.lock().unwrap_or_else(PoisonError::into_inner).rows(&table.core, &mut out)).map_err(broken)?;
+        Ok(PyBytes::new(py, &out))
+    }
+
+    fn end<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let mut out = Vec::new();
+        py.detach(|| self.core.lock().unwrap_or_else(PoisonError::into_inner).end(&mut out)).map_err(broken)?;
+        Ok(PyBytes::new(py, &out))
+    }
+}
