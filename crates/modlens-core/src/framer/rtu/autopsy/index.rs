@@ -22,6 +22,10 @@ impl Index {
             for (place, &byte) in template.bytes.iter().enumerate().take(MOST_LOST + 2) {
                 values[place][usize::from(byte)] |= 1 << at;
             }
+            // Behind the bytes that are known anything may stand.
+            if let Some(behind) = values.get_mut(template.bytes.len()) {
+                behind.iter_mut().for_each(|set| *set |= 1 << at);
+            }
         }
         Self { values }
     }
