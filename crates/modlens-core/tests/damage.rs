@@ -25,7 +25,7 @@ fn answer(unit: u8, values: &[u16]) -> Vec<u8> {
 
 /// A poll cycle of two units, often enough to be known.
 fn cycle() -> Vec<u8> {
-    let once = [read(1, 0, 2), answer(1, &[0x1234, 0x5678]), read(2, 7, 1), answer(2, &[0x4321])].concat();
+    let once = [read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]), read(2, 7, 1), answer(2, &[0x4321])].concat();
     once.repeat(6)
 }
 
@@ -45,7 +45,7 @@ fn damaged(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Finding>)> 
 
 /// Request, answer and the next request, after something was done to the first two.
 fn around(spoil: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) {
-    let (mut ask, mut tell) = (read(1, 0, 2), answer(1, &[0x1234, 0x5678]));
+    let (mut ask, mut tell) = (read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]));
     spoil(&mut ask, &mut tell);
     let before = cycle();
     let bytes = [&before[..], &ask, &tell, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
@@ -117,7 +117,7 @@ fn strays_of_a_switched_driver_are_glitches_and_others_are_noise() {
     let before = cycle();
     for (strays, glitch) in [(&[0u8][..], true), (&[0xFF, 0xFF], true), (&[0xF8], true), (&[0x37], false), (&[0x00, 0x9C], false)]
     {
-        let bytes = [&before[..], &read(1, 0, 2), strays, &answer(1, &[1, 2]), &read(2, 7, 1), &answer(2, &[3])].concat();
+        let bytes = [&before[..], &read(1, 0x6B, 2), strays, &answer(1, &[1, 2]), &read(2, 7, 1), &answer(2, &[3])].concat();
         let batch = decode(&bytes);
         assert_eq!(damaged(&before, &batch), []);
         assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::Glitch), glitch, "{strays:02x?}");
@@ -128,7 +128,7 @@ fn strays_of_a_switched_driver_are_glitches_and_others_are_noise() {
 fn noise_between_whole_frames_is_no_damaged_frame() {
     let before = cycle();
     for strays in [&[0x5A, 0x91, 0x3C, 0xE7][..], &[1], &[3, 0, 0], &[0x77; 40]] {
-        let bytes = [&before[..], &read(1, 0, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
+        let bytes = [&before[..], &read(1, 0x6B, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
         assert_eq!(damaged(&before, &decode(&bytes)), [], "{strays:02x?}");
     }
 }

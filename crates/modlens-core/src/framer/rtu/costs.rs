@@ -341,7 +341,9 @@ impl Model {
         counts[0] += f32::from(u8::from(direction == seldom));
         counts[1] += 1.0;
         if counts[1] > FORGET_TURNS {
-            counts.iter_mut().for_each(|count| *count /= 2.0);
+            for count in counts.iter_mut() {
+                *count /= 2.0;
+            }
         }
         match copy {
             Copy::First if direction == 0 => self.requests += 1.0,

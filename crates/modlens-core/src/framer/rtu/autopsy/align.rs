@@ -62,8 +62,8 @@ fn from(model: &Model, template: &Template, bytes: &[u8], head: usize) -> Option
     let known = &template.bytes[head..];
     let same = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
     // Nearly everywhere nearly nothing fits: that has to be seen at once.
-    let hopeless =
-        if head > 0 { same < 2.min(known.len()) || bytes[0] == bytes[same - 1] } else { same == 0 && !nearly(known, bytes) };
+    let run = same > 1 && bytes[..same].iter().all(|&byte| byte == bytes[0]);
+    let hopeless = if head > 0 { run || same < 2.min(known.len()) } else { same == 0 && !nearly(known, bytes) };
     if hopeless {
         return None;
     }

@@ -11,16 +11,22 @@ pub const MOST: usize = Set::BITS as usize;
 
 /// For the first bytes of a template and every value: the templates that have it there.
 pub struct Index {
-    values: Box<[[Set; 256]; MOST_LOST + 2]>,
+    values: Vec<[Set; 256]>,
 }
 
 impl Index {
     /// The index of these templates, `MOST` of them at most.
     pub fn new(templates: &[Template]) -> Self {
-        let mut values = Box::new([[0; 256]; MOST_LOST + 2]);
+        let mut values = vec![[0; 256]; MOST_LOST + 2];
         for (at, template) in templates.iter().enumerate() {
             for (place, &byte) in template.bytes.iter().enumerate().take(MOST_LOST + 2) {
                 values[place][usize::from(byte)] |= 1 << at;
+            }
+            // Behind the bytes that are known anything may stand.
+            if let Some(behind) = values.get_mut(template.bytes.len()) {
+                for set in behind.iter_mut() {
+                    *set |= 1 << at;
+                }
             }
         }
         Self { values }

@@ -216,10 +216,9 @@ impl Scene<'_, '_> {
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
         score += self.ends_well(end);
         let header = [unit, code];
-        let core = (start + 3).min(self.length);
         (score > 0.0).then_some(Candidate {
             start,
-            core,
+            core: (start + 3).min(self.length),
             end,
             score,
             direction,
