@@ -31,7 +31,7 @@ fn good(batch: &Batch, bytes: &[u8]) -> Vec<Vec<u8>> {
 fn ascii(body: &str) -> Vec<u8> {
     let mut adu = parse_hex(body).unwrap();
     adu.push(lrc(&adu));
-    let text: String = adu.iter().map(|byte| format!("{byte:02X}")).collect();
+    let text = adu.iter().fold(String::new(), |text, byte| text + &format!("{byte:02X}"));
     format!(":{text}\r\n").into_bytes()
 }
 
@@ -61,7 +61,9 @@ fn ascii_is_found_again_behind_every_kind_of_damage() {
     let mut wrong_colon = ask.clone();
     wrong_colon[0] = b';';
     let mut high_bits = ask.clone();
-    high_bits.iter_mut().for_each(|byte| *byte |= 0x80);
+    for byte in &mut high_bits {
+        *byte |= 0x80;
+    }
     let mut wrong_digit = ask.clone();
     wrong_digit[4] = b'G';
     let noise = vec![0xFF, 0x00, 0x3A, 0x80, 0x13];

@@ -78,33 +78,41 @@ fn checksum_behind(input: &Input, length: usize) -> bool {
         && input.bytes().get(HEADER..length + CHECKSUM).is_some_and(crate::checksum::crc_valid)
 }
 
+/// What becomes of the length in a header.
+enum Length {
+    /// Nothing contradicts it.
+    Believed,
+    /// The frame ends here, whatever the header says.
+    Lies(usize),
+    /// More bytes are needed to tell.
+    Undecided,
+}
+
 impl Tcp {
-    /// Where a frame ends whose header lies: where another one stands.
-    ///
-    /// `Some(None)` where nothing contradicts the header; `None` if more bytes are needed to tell.
-    fn lie(input: &Input, context: &Context<'_>, length: usize) -> Option<Option<usize>> {
+    /// Whether a frame ends where its header says; where another one stands earlier, it lies.
+    fn told(input: &Input, context: &Context<'_>, length: usize) -> Length {
         let (bytes, functions) = (input.bytes(), context.functions);
         let natural = natural(functions, bytes);
         // Where the layout ends the frame earlier and the next one stands there, the header says too much.
         let there = bytes.len().min(length - 1);
         let inside = natural.into_iter().flatten().filter(|&end| end < there);
         if let Some(end) = inside.into_iter().find(|&end| stands(functions, &bytes[end..there]) == Some(true)) {
-            return Some(Some(end));
+            return Length::Lies(end);
         }
         if bytes.len() < length || layout_fits(functions, &bytes[HEADER + 1..length]) {
-            return Some(None);
+            return Length::Believed;
         }
         let candidates = std::iter::once(length).chain(natural.into_iter().flatten()).chain(HEADER + 2..HEADER + LONGEST);
         for end in candidates {
             // A place that is not there yet is waited for: in which pieces bytes come must not matter.
             match bytes.get(end..).and_then(|behind| stands(functions, behind)) {
-                Some(true) if end == length => return Some(None),
-                Some(true) => return Some(Some(end)),
-                None if !input.closed => return None,
+                Some(true) if end == length => return Length::Believed,
+                Some(true) => return Length::Lies(end),
+                None if !input.closed => return Length::Undecided,
                 _ => {}
             }
         }
-        Some(None)
+        Length::Believed
     }
 
     /// Whether a frame begins at `at`; `None` if more bytes are needed.
@@ -137,10 +145,14 @@ impl Tcp {
         }
         // On a connection, a packet that ends with the frame bears the header out.
         let borne_out = context.certain.is_some() && whole_read(input, length);
-        if let Some(end) = if borne_out { None } else { Self::lie(input, context, length)? } {
-            adu.extend_from_slice(&bytes[HEADER..end]);
-            let finding = Some(Finding::MbapLength);
-            return Some(Cut { verdict: Verdict::Incomplete, mbap_id, finding, ..Cut::noise(end, CutBy::Frame) });
+        match if borne_out { Length::Believed } else { Self::told(input, context, length) } {
+            Length::Believed => {}
+            Length::Undecided => return None,
+            Length::Lies(end) => {
+                adu.extend_from_slice(&bytes[HEADER..end]);
+                let finding = Some(Finding::MbapLength);
+                return Some(Cut { verdict: Verdict::Incomplete, mbap_id, finding, ..Cut::noise(end, CutBy::Frame) });
+            }
         }
         if bytes.len() < length {
             adu.extend_from_slice(&bytes[HEADER..]);
