@@ -4,7 +4,7 @@ use modlens_core::chunk::{Chunk, Times};
 use modlens_core::framer::Mode;
 use modlens_core::records::{Batch, Clock};
 use modlens_core::session::{BusOptions, Session};
-use modlens_core::text::Format;
+use modlens_core::text::{Dialects, Reader};
 
 /// Pauses between reads, in ns: none, in frames, between them, time-outs, and a clock that runs back.
 const PAUSES: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
@@ -77,13 +77,16 @@ pub fn session_holds(data: &[u8]) {
 /// Text of any format, cut anywhere: nothing panics, and where it was cut changes nothing.
 pub fn text_holds(data: &[u8]) {
     let (&how, text) = data.split_first().unwrap_or((&0, &[]));
-    let (format, ..) = Format::ALL[usize::from(how) % Format::ALL.len()];
+    let rows: Vec<_> = Dialects::embedded().rows().collect();
+    let row = rows[usize::from(how) % rows.len()];
     let read = |piece: usize| {
         let (mut session, bus) = session(None, Clock::None, false);
+        let reader = Reader::new(vec![std::sync::Arc::clone(row)], None, std::sync::Arc::default());
+        session.open_text(bus, reader, text);
         for piece in text.chunks(piece) {
-            session.feed_text(bus, format, piece, false);
+            session.feed_text(bus, piece, false);
         }
-        session.feed_text(bus, format, b"", true);
+        session.feed_text(bus, b"", true);
         session.flush();
         let batch = session.take();
         let frames = batch.frames.iter().map(|frame| (frame.offset, frame.origin, frame.wire.of(&batch.arena).to_vec()));

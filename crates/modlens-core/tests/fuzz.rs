@@ -56,9 +56,9 @@ impl Random {
     /// A case of the fuzz target: how, then reads of at most 31 bytes with a pause before each.
     fn case(&mut self) -> Vec<u8> {
         let mut bytes: Vec<u8> = Vec::new();
-        for _ in 0..1 + self.below(16) {
+        for _ in 0..=self.below(16) {
             let wire = self.wire();
-            for _ in 0..1 + self.below(2) {
+            for _ in 0..=self.below(2) {
                 bytes.extend(&wire);
             }
         }
