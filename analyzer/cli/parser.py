@@ -82,7 +82,7 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--mode", choices=MODES, default="auto", help="framing (auto)")
     group.add_argument(
         "--port",
-        dest="ports",
+        dest="tcp_ports",
         action="append",
         default=[],
         metavar="N",
@@ -223,7 +223,7 @@ def settings(options: argparse.Namespace) -> Settings:
         functions=with_vendors(load_functions(options.functions), profiles),
         profiles=profiles,
         silence_ns=silences(options, line),
-        ports=_ports(options.ports),
+        ports=_ports(options.tcp_ports),
         channels=tuple(options.channels.split(",")) if options.channels else None,
         dialects=load_dialects(getattr(options, "dialects", [])),
         zone=transitions(getattr(options, "timezone", None)),
