@@ -184,8 +184,8 @@ class Tuner:
         for baud, prior in BAUDS.items():
             vain = sum(_line(baud, shape) in self._tried for shape in SHAPES)
             odds[baud] = math.log(prior) - _REFUSED * vain
-            for rate, lengths in self._pulses.items():
-                odds[baud] += _likelihood(lengths, rate / baud)
+            for rate, counts in self._pulses.items():
+                odds[baud] += _likelihood(counts, rate / baud)
         return odds
 
     def _leave(self, why: str) -> None:
@@ -242,24 +242,31 @@ class Tuner:
 _MASKS = {"rtu": 0xFF, "ascii": 0x7F}
 
 
+_LENGTHS = bytes((byte & -byte).bit_length() if byte else LONGEST for byte in range(256))
+"""How long the line is low at the start of a character, by what was received, in bits."""
+
+
 def pulses(data: bytes) -> list[int]:
-    """How long the line was low at the start of each character, in bits; `LONGEST` is any longer.
+    """How often the line was low for how many bits at the start of a character.
 
-    >>> pulses(bytes([0xFF, 0xFE, 0x80, 0x00]))
-    [1, 2, 8, 9]
+    The last count is of `LONGEST` bits and any longer.
+
+    >>> pulses(bytes([0xFF, 0xFE, 0xFE, 0x80, 0x00]))
+    [0, 1, 2, 0, 0, 0, 0, 0, 1, 1]
     """
-    return [(byte & -byte).bit_length() if byte else LONGEST for byte in data]
+    lengths = data.translate(_LENGTHS)
+    return [lengths.count(length) for length in range(LONGEST + 1)]
 
 
-def _likelihood(lengths: list[int], ratio: float) -> float:
+def _likelihood(counts: list[int], ratio: float) -> float:
     """The logarithm of how well pulses fit a line whose bits are `ratio` bits of the receiver."""
     if ratio < _SAME:
-        return len(lengths) * math.log(1 / LONGEST)
+        return sum(counts) * math.log(1 / LONGEST)
     chances = [_STRANGE / LONGEST] * (LONGEST + 1)
     for bits in range(1, LONGEST + 1):
         share = (1 - _ZERO_SHARE) / 2**bits if bits < LONGEST else _ZERO_SHARE
         chances[min(math.floor(bits * ratio + 0.5), LONGEST)] += (1 - _STRANGE) * share
-    return sum(math.log(chances[length]) for length in lengths)
+    return sum(count * math.log(chance) for count, chance in zip(counts, chances, strict=True))
 
 
 def _line(baud: int, shape: tuple[int, str, float]) -> Line:

@@ -145,8 +145,9 @@ impl Session {
 
     /// Bytes of one line of a bus.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        if chunk.hole {
-            self.flush_bus(bus); // An answer that was lost was not missing.
+        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
+        if chunk.hole && self.buses[bus].options.bus.network.is_none() {
+            self.flush_bus(bus);
         }
         let time = match chunk.times {
             Times::None => None,
