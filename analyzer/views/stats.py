@@ -63,7 +63,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     short = cells.labels([bus["bus"] for bus in buses])
     yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
     for bus in buses:
-        yield from _silence(bus)
+        yield from _silence(bus, width)
     rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
     if rows:
         yield []
@@ -104,14 +104,17 @@ def _wrapped(text: str, width: int) -> Iterator[list[Part]]:
         yield [(f"{_INDENT}{line}", "")]
 
 
-def _silence(bus: Mapping[str, Any]) -> Iterator[list[Part]]:
+def _silence(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     """What the rule of the textbook would have made of it."""
     counts = bus["silence"]
     if counts and counts["frames"]:
         share = counts["otherwise"] / counts["frames"]
         yield []
-        text = f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {counts['otherwise']:,} of"
-        yield [(f"{text} {counts['frames']:,} frames ({share:.1%}) would be cut otherwise", "dim")]
+        text = (
+            f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {counts['otherwise']:,} of"
+            f" {counts['frames']:,} frames ({share:.1%}) would be cut otherwise"
+        )
+        yield from ([(line, "dim")] for line in textwrap.wrap(text, width))
 
 
 def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[list[Part]]:
