@@ -6,7 +6,7 @@ come with their parity in bit 7. Nine bits: 7N1. When frames come through, `Shap
 shapes that could also give these bytes, until one comes without line errors.
 
 >>> trial = Trial(Line(9600, 8, "N", 1))
->>> Shaping(trial, "rtu", marks=True).line
+>>> Shaping(trial, "rtu", marks=False).line
 Line(baud=9600, data_bits=8, parity='N', stop_bits=1)
 """
 

@@ -48,7 +48,7 @@ WRONG: list[tuple[int, str, list[str | Path]]] = [
     (3, "no.bin: no such file", ["stats", "no.bin"]),
     (3, "text (hex:", ["decode", SEED, "--from", "raw"]),
     (3, "its directory does not exist", ["decode", SEED, "-o", "no/such/folder/out.csv"]),
-    (2, "show: which one? add --frame N or --txn N", ["show", SEED]),
+    (2, "show: which one? add --frame N, --txn N or --packet N", ["show", SEED]),
     (2, "'zz' is no hex, and there is no such file", ["show", "zz"]),
     (2, "3 hex digits; two make a byte", ["show", "123"]),
     (2, "there is no frame 999; ", ["show", SEED, "--frame", "999"]),
