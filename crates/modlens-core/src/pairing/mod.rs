@@ -58,6 +58,8 @@ pub struct Pairing {
     pub notes: Vec<Note>,
     /// Times that differ by less than twice this are not told apart.
     pub resolution: Ns,
+    /// How late the reads of this line come.
+    pub lateness: Ns,
     /// Frames come in the order of the wire: not so where two lines are read by adapters that hold bytes back.
     pub ordered: bool,
     live: bool,
@@ -103,6 +105,7 @@ impl Pairing {
             present: Box::new([false; 256]),
             notes: Vec::new(),
             resolution: 0,
+            lateness: 0,
             ordered: true,
             live,
             heard: true,

@@ -13,11 +13,13 @@ const REMEMBERED: usize = 16;
 /// An answer later than so many transactions belongs to none of them.
 const LATE_BY: u64 = 4;
 
-/// Shares before anything was seen: answers sent twice, retries behind which the old answer comes, and late answers
-/// that say the same as the retry's own.
+/// Shares before anything was seen: answers sent twice, and answered retries behind which an old answer comes that is
+/// another one.
 const FIRST_DUPLICATES: f32 = 0.001;
-const FIRST_LATES: f32 = 0.3;
-const SAME_AGAIN: f32 = 0.3;
+const FIRST_LATES: f32 = 0.1;
+
+/// Which of the two a second answer behind a retry is, is said where one is so many times as likely as the other.
+const CLEARLY: f32 = 3.0;
 
 /// Each byte of a late answer may have changed by the time of the next one.
 const SAME_BYTE: f32 = 0.97;
@@ -122,19 +124,26 @@ impl Past {
         }
     }
 
+    /// The next request may or may not be one again.
+    pub(super) fn forget_failed(&mut self) {
+        self.failed.clear();
+    }
+
     /// What an answer is that nobody waits for. `idle`: no request came since the last answer.
     pub(super) fn again(&mut self, functions: &Functions, seen: &Seen<'_>, txn: u64, idle: bool) -> Again {
         let last = self.last.as_ref().filter(|(unit, pdu, _)| idle && *unit == seen.unit() && pdu == seen.pdu());
         let fits = |old: &Request| old.txn + LATE_BY >= txn && old.answered_by(functions, seen);
         let late = self.unanswered.iter().rposition(fits);
-        let same = SAME_AGAIN * SAME_BYTE.powi(seen.pdu().len() as i32);
-        let likely = |this: &Self| this.duplicates.rate(FIRST_DUPLICATES) > same * this.lates.rate(FIRST_LATES);
+        let same = SAME_BYTE.powi(seen.pdu().len() as i32);
+        let late_again = self.lates.rate(FIRST_LATES) * same / (1.0 - same);
+        let duplicate = self.duplicates.rate(FIRST_DUPLICATES);
         match (last, late) {
             (Some((_, _, false)), _) | (Some(_), None) => {
                 self.duplicates.times += 1.0;
                 Again::Duplicate
             }
-            (Some(_), Some(_)) if likely(self) => Again::Duplicate,
+            (Some(_), Some(_)) if duplicate > CLEARLY * late_again => Again::Duplicate,
+            (Some(_), Some(_)) if late_again < CLEARLY * duplicate => Again::No,
             (last, Some(at)) => {
                 self.lates.times += f32::from(u8::from(last.is_none()));
                 self.unanswered.remove(at).map_or(Again::No, Again::Late)

@@ -20,11 +20,13 @@ const SOONEST: f64 = 0.4;
 /// The echo of an adapter that hears itself comes within this time: it is the adapter's own delay.
 const MOST_ECHO: Ns = 3_000_000;
 
-/// Without a clock, a line is one with echo if more than this share of requests is heard twice.
-const ECHO_SHARE: f32 = 0.7;
+/// A line is one with echo if more than this share of requests is heard twice, and one without if less than that is.
+const ECHO_SHARE: f32 = 0.65;
+const NO_ECHO_SHARE: f32 = 0.5;
 
-/// How fast that share is learned.
-const COPY_RATE: f32 = 0.1;
+/// What is thought of that share at first, and how fast it is learned later.
+const FIRST_COPIES: f32 = 0.1;
+const COPY_RATE: f32 = 0.05;
 
 /// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
 const OPEN_LIMIT: usize = 1024;
@@ -33,12 +35,49 @@ const OPEN_LIMIT: usize = 1024;
 const IDS: usize = 64;
 
 /// Whether this line's requests are heard twice.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Copies {
     /// Share of requests heard twice.
     share: f32,
-    /// Whether the request before was.
-    twice: bool,
+    seen: f32,
+    /// Whether the last request was.
+    twice: Option<bool>,
+}
+
+impl Default for Copies {
+    fn default() -> Self {
+        Self { share: FIRST_COPIES, seen: 1.0, twice: None }
+    }
+}
+
+impl Copies {
+    /// A new request: the one before will not be heard again.
+    fn next(&mut self) {
+        self.share = self.with_last();
+        self.seen += f32::from(u8::from(self.twice.is_some()));
+        self.twice = Some(false);
+    }
+
+    fn with_last(self) -> f32 {
+        let last = self.twice.map_or(self.share, |twice| f32::from(u8::from(twice)));
+        self.share + (last - self.share) * (1.0 / (self.seen + 1.0)).max(COPY_RATE)
+    }
+
+    /// `None` where the line may be either.
+    fn echo(self) -> Option<bool> {
+        let share = self.with_last();
+        (share > ECHO_SHARE).then_some(true).or((share < NO_ECHO_SHARE).then_some(false))
+    }
+}
+
+/// What the same request is that comes again before any answer.
+enum Same {
+    /// The tap's adapter heard itself: the transaction is this one.
+    Echo(u64),
+    /// Either that, or the master asks again.
+    Unclear,
+    /// The master asks again, or it is another request.
+    No,
 }
 
 impl Pairing {
@@ -49,11 +88,15 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<Exchange>>,
     ) -> Placed {
-        if let Some(txn) = self.local_echo(functions, seen) {
+        let same = self.same_again(functions, seen);
+        if let Same::Echo(txn) = same {
             return Placed { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
         }
         self.settle_stray(Some(seen), done);
         let inside = self.make_room(functions, seen, done);
+        if matches!(same, Same::Unclear) {
+            self.past.forget_failed();
+        }
         let mut exchange = self.start(seen, next_txn);
         exchange.request.fill(seen);
         exchange.findings.extend_from_slice(seen.codes);
@@ -129,41 +172,52 @@ impl Pairing {
         waited < limit
     }
 
-    /// Whether a request is the echo of the one before: the same again, much sooner than any master asks again.
-    fn local_echo(&mut self, functions: &Functions, seen: &Seen<'_>) -> Option<u64> {
+    /// What a request is to the one before, if it is the same: echoes come much sooner than any master asks again.
+    fn same_again(&mut self, functions: &Functions, seen: &Seen<'_>) -> Same {
         if seen.mode == Mode::Tcp {
-            return None;
+            return Same::No;
         }
         if seen.unit() == BROADCAST {
-            let before = self.past.broadcast.take().filter(|before| before.is(seen) && self.at_once(seen, before.end))?;
-            return Some(before.txn);
+            let before = self.past.broadcast.take().filter(|before| before.is(seen));
+            return before.map_or(Same::No, |before| self.echo_or_retry(seen, before.end, before.txn));
         }
-        let same =
-            self.open.back().is_some_and(|open| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed);
+        let again = |open: &&Box<Exchange>| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed;
+        let same = self.open.back().filter(again).map(|open| (open.request.end, open.txn));
         if !echoes_whole(functions, seen.pdu()) {
             // Of each request in turn: was it heard twice? On a line with time-outs some are, on one with echo all.
-            if same {
-                self.copies.twice = true;
+            if same.is_some() {
+                self.copies.twice = Some(true);
             } else {
-                self.copies.share += (f32::from(u8::from(self.copies.twice)) - self.copies.share) * COPY_RATE;
-                self.copies.twice = false;
+                self.copies.next();
             }
         }
-        let end = self.open.back()?.request.end;
-        let soon = self.at_once(seen, end);
-        let open = self.open.back_mut().filter(|_| same && soon)?;
-        open.echoed = true;
-        open.findings.push(Finding::LocalEcho);
-        // The answer's time counts from the last byte of the request, whoever sent it.
-        open.request.end = seen.end.or(open.request.end);
-        Some(open.txn)
+        let Some((end, txn)) = same else { return Same::No };
+        let same = self.echo_or_retry(seen, end, txn);
+        let open = self.open.back_mut().expect("found above");
+        match same {
+            Same::Echo(_) => {
+                open.echoed = true;
+                open.findings.push(Finding::LocalEcho);
+                // The answer's time counts from the last byte of the request, whoever sent it.
+                open.request.end = seen.end.or(open.request.end);
+            }
+            // It may have no answer because it is one request with the next.
+            Same::Unclear => open.blind = true,
+            Same::No => {}
+        }
+        same
     }
 
-    /// Whether a frame follows at once; without a clock, whether that is the way of this line.
-    fn at_once(&self, seen: &Seen<'_>, end: Option<Ns>) -> bool {
-        match seen.start.zip(end) {
-            Some((start, end)) => start - end < MOST_ECHO,
-            None => self.copies.share > ECHO_SHARE,
+    /// By the clock, as far as it can tell; else by the way of this line.
+    fn echo_or_retry(&self, seen: &Seen<'_>, end: Option<Ns>, txn: u64) -> Same {
+        let pause = seen.start.zip(end).map(|(start, end)| start - end);
+        match (pause, self.copies.echo()) {
+            (Some(pause), _) if pause < MOST_ECHO && self.lateness <= MOST_ECHO => Same::Echo(txn),
+            (Some(pause), Some(true)) if pause < NO_TIMEOUT => Same::Echo(txn),
+            (Some(pause), _) if !self.too_soon(pause) => Same::No,
+            (Some(_), _) | (None, None) => Same::Unclear,
+            (None, Some(true)) => Same::Echo(txn),
+            (None, Some(false)) => Same::No,
         }
     }
 

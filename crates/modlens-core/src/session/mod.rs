@@ -286,6 +286,7 @@ impl Session {
         let state = &mut self.buses[bus];
         let resolution = state.resolution(at);
         state.pairing.resolution = state.options.resolution.unwrap_or_else(|| Lateness::least(&state.lines[at].1.input));
+        state.pairing.lateness = resolution;
         state.pairing.ordered = state.lines.len() < 2 || !state.lines.iter().any(|(_, line)| line.input.coarse);
         let rule = state.options.rule();
         let jumped = std::mem::take(&mut state.jumped);

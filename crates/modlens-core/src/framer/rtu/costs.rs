@@ -33,8 +33,11 @@ pub const CUT_SHORT: f32 = 40.0;
 /// A response that nobody asked for: one in sixty at first.
 pub const ORPHAN: f32 = 5.9;
 
-/// The answer to the request before the one that waits: one in ten of those without an answer.
-pub const LATE: f32 = 3.3;
+/// The old answer behind the answer to a retry: behind one retry in ten at first.
+const FIRST_LATES: f32 = 1.0 / 10.0;
+
+/// A request as soon behind another one as answers come is a second master's, or an answer that looks like one.
+pub const TOO_SOON: f32 = 6.0;
 
 /// The same answer again: one in a hundred.
 pub const AGAIN: f32 = 6.6;
@@ -116,6 +119,8 @@ pub struct Model {
     orphans: [[f32; 2]; 2],
     /// Frames while a request waits: other requests, and all.
     unanswered: [[f32; 2]; 2],
+    /// Retries that were answered: those behind whose answer the old one came, and all.
+    lates: [f32; 2],
     shapes: Shapes,
 }
 
@@ -175,6 +180,7 @@ impl Default for Model {
             noise_due: NOISE_STEP,
             orphans: [[0.0; 2]; 2],
             unanswered: [[0.0; 2]; 2],
+            lates: [0.0; 2],
             shapes: Shapes::default(),
         };
         this.settle();
@@ -294,6 +300,19 @@ impl Model {
         }
         let share = share(self.orphans[at], FIRST_ORPHANS[at]);
         (-log2(1.0 - share), -log2(share))
+    }
+
+    /// Cost of an answer to the request before the last one.
+    pub fn late(&self) -> f32 {
+        -log2(share(self.lates, FIRST_LATES))
+    }
+
+    /// A retry was answered, or behind such an answer came the old one.
+    pub fn learn_late(&mut self, late: bool) {
+        self.lates[usize::from(!late)] += 1.0;
+        if self.lates[1] > FORGET_TURNS {
+            self.lates.iter_mut().for_each(|count| *count /= 2.0);
+        }
     }
 
     /// Cost of the length of a body whose layout is not public.

@@ -62,7 +62,9 @@ impl Pending {
         // A broadcast is never answered.
         let asked =
             (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied, tentative: false }));
-        Self { asked, late: self.asked, last: None }
+        // The same request again may have the same answer again.
+        let last = self.last.filter(|(request, _)| request.unit == unit && request.pdu == pdu);
+        Self { asked, late: self.asked, last }
     }
 }
 
@@ -184,12 +186,15 @@ pub fn context(
             // A retry comes after a time-out; the echo of the tap's own adapter comes once, at once.
             let retry = unanswered - pause.min(0.0);
             let again = if asked.copied { retry } else { retry.min(model.copied().0) };
-            return (repeated.max(model.bits_of(&pdu[1..]) - 1.0) - again, false);
+            let known = model.unit(unit) + model.function(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]);
+            return (repeated.max(known - 1.0) - again, false);
         }
         // The request before the one that waits, again: another frame was taken for the one between.
         let late = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
         let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
-        return (repeated.max(known) - unanswered, false);
+        // No master gives up as soon as answers come.
+        let soon = (-pause).clamp(0.0, costs::TOO_SOON);
+        return (repeated.max(known) - unanswered - soon, false);
     }
     let matched = asked.map_or(Match::No, |asked| answers(context.functions, asked.asked(), unit, pdu));
     let Some(asked) = asked.filter(|_| matched != Match::No) else {
@@ -203,6 +208,8 @@ pub fn context(
             // It should not answer; if something comes, it is this all the same.
         } else if matched == Match::Partly {
             gain -= costs::BROKEN_RULE;
+        } else if pending.last.as_ref().is_some_and(|(_, answer)| *answer == print(frame)) {
+            gain += model.bits_of(&pdu[1..]);
         } else if expected_block(row, &asked.pdu).is_some() {
             gain += model.bits(pdu[1]);
         } else if asked.pdu == pdu {
@@ -223,7 +230,7 @@ fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], 
     let fits = |request: &&Arc<Request>| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
     let late = pending.late.as_ref().filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
-        (request, costs::LATE + retry, false)
+        (request, model.late() + retry, false)
     });
     // An echo once more is rather the same request again.
     let last = pending.last.as_ref().filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);

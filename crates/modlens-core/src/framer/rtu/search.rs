@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use crate::direction::Direction;
+use crate::direction::{self, Direction, Match};
 use crate::framer::rtu::announced;
 use crate::framer::rtu::costs::{self, Copy, Model, Setting};
 use crate::framer::rtu::gain::{self, Pending, Request, REQUEST, RESPONSE};
@@ -190,6 +190,9 @@ impl Search {
     /// A frame was found without search, right behind what was told.
     pub fn skip(&mut self, context: &Context<'_>, frame: &[u8], direction: usize) {
         let copy = copy(context, frame, false);
+        if direction == RESPONSE {
+            self.learn_late(context, frame, true);
+        }
         self.nodes.truncate(1);
         let root = &mut self.nodes[0];
         (root.start, root.end) = (root.end, root.end + frame.len() as u64);
@@ -199,6 +202,20 @@ impl Search {
         self.running = false;
         // In the certain case there is a request, or the answer to one, and its layout is known.
         self.model.learn(frame, direction, Setting { waiting: direction == RESPONSE, junk: 0 }, copy);
+    }
+
+    /// Learns how often the old answer comes behind a retry's own. An answer that repeats its request may be either.
+    fn learn_late(&mut self, context: &Context<'_>, frame: &[u8], answers: bool) {
+        let Pending { asked, late: Some(late), .. } = &self.nodes[0].pending else { return };
+        let pdu = &frame[1..frame.len() - 2];
+        if late.pdu == pdu {
+            return;
+        }
+        match asked {
+            Some(asked) if answers && (asked.unit, &asked.pdu) == (late.unit, &late.pdu) => self.model.learn_late(false),
+            None if direction::answers(context.functions, late.asked(), frame[0], pdu) == Match::Fully => self.model.learn_late(true),
+            _ => {}
+        }
     }
 
     /// Bytes up to here belong to no frame, as somebody else decided.
@@ -548,6 +565,11 @@ impl Search {
             return told;
         }
         let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
+        if frame.direction == RESPONSE {
+            let answers = frame.answers;
+            self.learn_late(context, bytes, answers);
+        }
+        let frame = &self.nodes[first];
         let strays = frame.start > self.told();
         let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
         let tentative = strays && !asked_for && !context.paired_units[bytes[0] as usize];
