@@ -9,7 +9,7 @@ pub enum Harm {
     Lost {
         /// Index of the first byte behind the loss; the length of what is left where its end is missing.
         at: usize,
-        /// How many bytes.
+        /// How many bytes; 0 where nobody knows.
         count: usize,
     },
     /// The sender stopped: so many bytes were announced and never came.
@@ -45,7 +45,11 @@ impl Harm {
 
     /// What was seen, in words.
     pub fn text(self) -> String {
-        let bytes = |count: usize| if count == 1 { String::from("1 byte") } else { format!("{count} bytes") };
+        let bytes = |count: usize| match count {
+            0 => String::from("bytes"),
+            1 => String::from("1 byte"),
+            _ => format!("{count} bytes"),
+        };
         match self {
             Self::Lost { at: 0, count } => format!("{} missing at the start", bytes(count)),
             Self::Lost { at, count } => format!("{} missing behind byte {}", bytes(count), at - 1),

@@ -106,6 +106,10 @@ pub struct Model {
     polls: Vec<u16>,
     frames: f32,
     junk: f32,
+    /// Frames behind so few bytes that these were no frame.
+    few: f32,
+    /// Frames with a pause inside.
+    paused: f32,
     requests: f32,
     copies: f32,
     /// Costs of frames that follow each other at once, and of those that do not.
@@ -170,6 +174,8 @@ impl Default for Model {
             polls: Vec::new(),
             frames: 0.0,
             junk: 0.0,
+            few: 0.0,
+            paused: 0.0,
             requests: 0.0,
             copies: 0.0,
             glued: 0.0,
@@ -375,6 +381,7 @@ impl Model {
         self.function_totals[direction] += 1.0;
         self.frames += 1.0;
         self.junk += f32::from(u8::from(setting.junk > 0));
+        self.few += f32::from(u8::from((1..MAY_HOLD_A_FRAME).contains(&setting.junk)));
         if direction == 0 {
             let (key, slot) = key(frame);
             self.remember(frame, key, slot);
@@ -411,10 +418,20 @@ impl Model {
         }
     }
 
+    /// A good frame had a pause inside.
+    pub fn learn_pause_inside(&mut self) {
+        self.paused += 1.0;
+    }
+
+    /// Whether a pause inside a frame is nothing special here: one frame in a hundred has one.
+    pub fn pauses_inside(&self) -> bool {
+        self.paused * 100.0 > self.frames + 100.0
+    }
+
     /// How many strays usually stand in one place on this line.
     pub fn strays_at_most(&self) -> usize {
         // Four random bytes in a silence are common on a noisy line; on a quiet one, two are too many.
-        if self.junk * 50.0 > self.frames {
+        if self.few * 50.0 > self.frames {
             7
         } else {
             2
@@ -432,7 +449,7 @@ impl Model {
             *value /= 2.0;
         }
         self.unit_total /= 2.0;
-        for value in [&mut self.frames, &mut self.junk, &mut self.requests, &mut self.copies] {
+        for value in [&mut self.frames, &mut self.junk, &mut self.few, &mut self.paused, &mut self.requests, &mut self.copies] {
             *value /= 2.0;
         }
     }

@@ -192,8 +192,8 @@ pub fn context(
         // The request before the one that waits, again: another frame was taken for the one between.
         let late = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
         let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
-        // No master gives up as soon as answers come.
-        let soon = (-pause).clamp(0.0, costs::TOO_SOON);
+        // No master gives up as soon as answers come; but among the bytes between may be the answer.
+        let soon = if junk == 0 { (-pause).clamp(0.0, costs::TOO_SOON) } else { 0.0 };
         return (repeated.max(known) - unanswered - soon, false);
     }
     let matched = asked.map_or(Match::No, |asked| answers(context.functions, asked.asked(), unit, pdu));

@@ -96,6 +96,13 @@ impl Rtu {
         }
     }
 
+    /// Learns whether this line's frames have pauses inside.
+    fn hear(&mut self, input: &Input, length: usize) {
+        if input.timed && !input.coarse && input.edge_after(0, length - 1, self.silence(input)).is_some() {
+            self.search.model.learn_pause_inside();
+        }
+    }
+
     /// A frame that needs no search: the answer to the request that waits, or a request in the way of this line,
     /// of the length that its header announces, with a right checksum.
     fn certain(&self, input: &Input, context: &Context<'_>) -> Certain {
@@ -210,7 +217,7 @@ impl Rtu {
         adu.clear();
         if !piece.unknown {
             adu.extend_from_slice(&piece.head);
-            adu.extend_from_slice(if short { wire } else { &wire[..wire.len() - 2] });
+            adu.extend_from_slice(if short { wire } else { &wire[piece.wrong..wire.len() - 2] });
         }
         let verdict = if short { Verdict::Incomplete } else { Verdict::BadChecksum };
         Cut { verdict, direction: piece.direction, harm: piece.harm, ..Cut::noise(wire.len(), cut_by) }
@@ -334,7 +341,9 @@ impl Framer for Rtu {
                 }
                 Some(Told::Frame { start, end, direction, confidence, tentative }) => {
                     (self.told, self.after_damage) = (None, false);
-                    let cut = self.cut(input, context, (end - start) as usize, direction, confidence, adu);
+                    let length = (end - start) as usize;
+                    self.hear(input, length);
+                    let cut = self.cut(input, context, length, direction, confidence, adu);
                     return Some(Cut { tentative, ..cut });
                 }
                 Some(Told::Damaged { start, end, direction }) => {
@@ -361,6 +370,7 @@ impl Framer for Rtu {
                 match self.certain(input, context) {
                     Certain::Frame(length, direction) if self.search.admits(length, direction) => {
                         self.after_damage = false;
+                        self.hear(input, length);
                         self.search.skip(context, &input.bytes()[..length], direction);
                         return Some(self.cut(input, context, length, gain::direction(direction), 60, adu));
                     }

@@ -261,7 +261,7 @@ impl Search {
                 self.consider(input, context, start, silence, floor);
             }
             if self.next >= self.wake {
-                self.suppose(input, context, found.is_empty());
+                self.suppose(input, context, silence, found.is_empty());
             }
             self.found = found;
             if self.nodes.len() > before {
@@ -353,18 +353,18 @@ impl Search {
     /// Adds frames with a wrong checksum that begin right behind another one and have just the length they announce.
     ///
     /// Nothing is added where a frame with a right checksum ends (`alone` is false).
-    fn suppose(&mut self, input: &Input, context: &Context<'_>, alone: bool) {
+    fn suppose(&mut self, input: &Input, context: &Context<'_>, silence: Ns, alone: bool) {
         self.wake = u64::MAX;
         for parent in 0..self.nodes.len() {
             if self.nodes[parent].wake <= self.next {
-                self.nodes[parent].wake = self.suppose_behind(input, context, parent, alone);
+                self.nodes[parent].wake = self.suppose_behind(input, context, parent, silence, alone);
             }
             self.wake = self.wake.min(self.nodes[parent].wake);
         }
     }
 
     /// The same behind one frame; says where it is to be looked for next.
-    fn suppose_behind(&mut self, input: &Input, context: &Context<'_>, parent: usize, alone: bool) -> u64 {
+    fn suppose_behind(&mut self, input: &Input, context: &Context<'_>, parent: usize, silence: Ns, alone: bool) -> u64 {
         let start = self.nodes[parent].end;
         let length = self.next - start;
         if start < input.offset() || length > REACH {
@@ -380,7 +380,9 @@ impl Search {
             let direction = if way == Direction::Response { RESPONSE } else { REQUEST };
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
-                    let damaged = alone && frame[1] & EXCEPTION_BIT == 0;
+                    // Where bytes come one by one, a frame that lost some ends at a pause before it has its length.
+                    let paused = !input.coarse && input.edge_after(from, from + frame.len() - 1, silence).is_some();
+                    let damaged = alone && !paused && frame[1] & EXCEPTION_BIT == 0;
                     let asked = self.nodes[parent].pending.asked.as_ref().filter(|_| damaged);
                     let gain = if damaged { gain::damaged(&self.model, context, asked, frame, direction) } else { None };
                     if let Some(gain) = gain {

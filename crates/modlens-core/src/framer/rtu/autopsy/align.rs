@@ -52,7 +52,9 @@ pub struct Fit {
 
 /// The best way to see the template in bytes that begin here.
 pub fn align(model: &Model, template: &Template, bytes: &[u8]) -> Option<Fit> {
-    let most = MOST_LOST.min(template.bytes.len() - 1);
+    // With a length, the checksum tells what nothing else is known of.
+    let known = template.bytes.len() - usize::from(template.length.is_none());
+    let most = MOST_LOST.min(known);
     let fits = (0..=most).filter_map(|head| from(model, template, bytes, head));
     fits.max_by(|a, b| a.score.total_cmp(&b.score))
 }

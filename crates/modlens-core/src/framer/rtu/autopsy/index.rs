@@ -23,10 +23,8 @@ impl Index {
                 values[place][usize::from(byte)] |= 1 << at;
             }
             // Behind the bytes that are known anything may stand.
-            if let Some(behind) = values.get_mut(template.bytes.len()) {
-                for set in behind.iter_mut() {
-                    *set |= 1 << at;
-                }
+            for set in values.iter_mut().skip(template.bytes.len()).flatten() {
+                *set |= 1 << at;
             }
         }
         Self { values }
@@ -40,8 +38,7 @@ impl Index {
         let mut set = has(0, first);
         if let Some(second) = second {
             set |= has(1, second);
-            set |=
-                (1..=MOST_LOST).filter(|_| first != second).fold(0, |set, head| set | has(head, first) & has(head + 1, second));
+            set |= (1..=MOST_LOST).fold(0, |set, head| set | has(head, first) & has(head + 1, second));
         }
         // A single byte left of a short template.
         set | if second.is_none() { has(1, first) } else { 0 }

@@ -45,6 +45,9 @@ const SHORT: usize = 40;
 /// So many strays of one value a driver leaves behind a frame, at most.
 const MOST_GLITCH: usize = 3;
 
+/// Adapters and schedulers seldom hold the rest of a frame back for longer.
+const COARSE_STOP: Ns = 45_000_000;
+
 /// One frame that begins inside the length that another one announces.
 const CUT_OFF: f32 = 3.0;
 
@@ -83,6 +86,8 @@ pub struct Piece {
     pub harm: Option<Harm>,
     /// Unit and function are not there.
     pub unknown: bool,
+    /// So many of its first bytes are others than those sent, which `head` holds.
+    pub wrong: usize,
 }
 
 struct Candidate {
@@ -127,7 +132,23 @@ impl Scene<'_, '_> {
         let mut pieces = self.pick(&candidates);
         let first = pieces.first().map_or(self.length, |piece| piece.start);
         pieces.splice(0..0, self.remains(first, pieces.is_empty()));
+        let tail = self.tail(&pieces);
+        pieces.extend(tail);
         pieces
+    }
+
+    /// What stands behind a frame that lost its end, between two pauses: the rest of a frame that lost its beginning.
+    fn tail(&self, pieces: &[Piece]) -> Option<Piece> {
+        let last = pieces.last().filter(|last| matches!(last.harm, Some(Harm::Lost { .. })))?;
+        let (_, after) = self.after?;
+        let (start, end) = (last.end, self.length);
+        let alone = self.stops(start) && !(start + 1..end).any(|at| self.stops(at));
+        if !alone || end - start <= self.model.strays_at_most() || end - start > RTU_LIMIT {
+            return None;
+        }
+        let direction = if after == Direction::Request { Direction::Response } else { Direction::Request };
+        let harm = Some(Harm::Lost { at: 0, count: 0 });
+        Some(Piece { start, end, direction, head: Vec::new(), short: true, harm, unknown: true, wrong: 0 })
     }
 
     /// What stands before all that was recognised: the rest of a frame, where one must have been.
@@ -162,7 +183,7 @@ impl Scene<'_, '_> {
             Some(expected) if expected < length => return None,
             _ => None,
         };
-        Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true })
+        Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true, wrong: 0 })
     }
 
     fn candidates(&self, templates: &[Template], index: &Index, start: usize, candidates: &mut Vec<Candidate>) {
@@ -281,11 +302,23 @@ impl Scene<'_, '_> {
         let mut pieces: Vec<Piece> = Vec::new();
         while let Some(here) = at {
             let next = pieces.last().map_or(self.length, |piece| piece.start);
-            pieces.push(self.piece(&candidates[here], next));
+            let piece = self.piece(&candidates[here], next);
             at = chains[here].1;
+            let before = at.map_or(0, |at| candidates[at].end.unwrap_or(candidates[at].core));
+            pieces.push(self.begun(piece, before));
         }
         pieces.reverse();
         pieces
+    }
+
+    /// Where just so many bytes stand before a piece as seem to be missing from it, they are its own, and wrong.
+    fn begun(&self, piece: Piece, before: usize) -> Piece {
+        let count = piece.head.len();
+        let Some(start) = piece.start.checked_sub(count).filter(|_| count > 0) else { return piece };
+        if (start != before && !self.stops(start)) || (start + 1..=piece.start).any(|at| self.stops(at)) {
+            return piece;
+        }
+        Piece { start, short: false, harm: None, wrong: count, ..piece }
     }
 
     fn piece(&self, candidate: &Candidate, next: usize) -> Piece {
@@ -304,7 +337,11 @@ impl Scene<'_, '_> {
             should = said.unwrap_or(length);
         }
         let bytes = &self.bytes()[candidate.start..candidate.start + length];
-        if harm.is_none() && length < should {
+        // A flipped bit may be in the byte that announces the length.
+        let flipped = length < should && mending_bit(bytes).is_some();
+        if flipped {
+            should = length;
+        } else if harm.is_none() && length < should {
             let count = should - length;
             harm = Some(if self.asked_again(candidate) { Harm::Truncated { count } } else { Harm::Lost { at: length, count } });
         } else if harm.is_none() && candidate.exact && candidate.end.is_some() {
@@ -317,7 +354,7 @@ impl Scene<'_, '_> {
         let short = length < should || matches!(harm, Some(Harm::Lost { .. }));
         let direction = gain::direction(candidate.direction);
         let (start, end) = (candidate.start, candidate.start + length);
-        Piece { start, end, direction, head: candidate.head.clone(), short, harm, unknown: false }
+        Piece { start, end, direction, head: candidate.head.clone(), short, harm, unknown: false, wrong: 0 }
     }
 
     /// The length that the header of a piece announces, where its template says none.
@@ -336,11 +373,17 @@ impl Scene<'_, '_> {
 
     /// Where the line falls silent inside a frame whose checksum nothing mends: there it was over.
     fn stops_at(&self, candidate: &Candidate, end: usize) -> Option<usize> {
-        if candidate.mended || self.input.coarse || self.ends_well(candidate.end) > 0.0 {
+        let usual = !self.input.coarse && self.model.pauses_inside();
+        if candidate.mended || usual || self.ends_well(candidate.end) > 0.0 {
             return None;
         }
-        (candidate.core.max(candidate.start + 1)..end)
-            .find(|&at| self.input.pause_before(at).is_some_and(|pause| pause >= self.silence))
+        (candidate.core.max(candidate.start + 1)..end).find(|&at| self.stops(at))
+    }
+
+    /// Whether a pause before this byte ends a frame, as far as the clock can tell.
+    fn stops(&self, at: usize) -> bool {
+        let least = if self.input.coarse { self.silence.max(COARSE_STOP) } else { self.silence };
+        self.input.pause_before(at).is_some_and(|pause| pause >= least)
     }
 
     /// Whether the same request follows: then nobody received this.

@@ -23,6 +23,9 @@ pub struct Template {
 /// The answer that is due, or a retry of the request behind the gap.
 const DUE: f32 = 1.0;
 
+/// The request that waits, once more.
+const RETRY: f32 = 4.0;
+
 /// One of the requests of the poll cycle.
 const POLL: f32 = 5.0;
 
@@ -37,6 +40,7 @@ pub fn all(scene: &Scene<'_, '_>) -> Vec<Template> {
     let mut templates = Vec::new();
     if let Some(asked) = scene.context.asked {
         answers(scene, asked, &mut templates);
+        templates.push(again(asked));
     }
     match scene.after {
         Some((frame, Direction::Request)) => templates.push(whole(frame, DUE)),
@@ -50,6 +54,14 @@ pub fn all(scene: &Scene<'_, '_>) -> Vec<Template> {
 
 fn whole(frame: &[u8], cost: f32) -> Template {
     Template { bytes: frame.to_vec(), length: Some(frame.len()), direction: REQUEST, cost }
+}
+
+/// The request that waits, once more.
+fn again(asked: Asked<'_>) -> Template {
+    let mut bytes = vec![asked.unit];
+    bytes.extend_from_slice(asked.pdu);
+    bytes.extend(crc16(&bytes).to_le_bytes());
+    whole(&bytes, RETRY)
 }
 
 /// The request that a response answers, as far as it repeats it.
