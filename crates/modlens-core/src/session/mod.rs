@@ -10,6 +10,7 @@ mod logic;
 mod profiles;
 mod recorded;
 mod rows;
+mod told;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -84,6 +85,8 @@ pub struct Session {
     /// Buses that a further connection may take.
     free: Vec<usize>,
     connections: u64,
+    /// The buses of raw recordings, with the segment that was read last.
+    recorded: Vec<(crate::pcap::own::Segment, usize)>,
 }
 impl Default for Session {
     fn default() -> Self {
@@ -118,6 +121,7 @@ impl Session {
             retired: Vec::new(),
             free: Vec::new(),
             connections: 0,
+            recorded: Vec::new(),
         }
     }
 
@@ -461,8 +465,11 @@ impl Session {
             for time in [&mut exchange.response_time, &mut exchange.waited, &mut exchange.late_response] {
                 *time = time.filter(|&ns| ns >= told_apart);
             }
-            check::pair(&self.functions, &exchange, &mut self.found);
-            if exchange.findings.contains(&Finding::NoResponse) {
+            self.found.append(&mut exchange.told);
+            if !exchange.retold {
+                check::pair(&self.functions, &exchange, &mut self.found);
+            }
+            if exchange.findings.contains(&Finding::NoResponse) && !exchange.retold {
                 let waited =
                     exchange.waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
                 self.found.push((Finding::NoResponse, format!("unit {}{waited}", exchange.unit)));
@@ -470,7 +477,11 @@ impl Session {
             if let Some(code) = exchange.exception.filter(|_| exchange.findings.contains(&Finding::Exception)) {
                 self.found.push((Finding::Exception, format!("exception {code}")));
             }
+            let before = self.found.len();
             let points = self.buses[bus].profiles.on(&self.functions, &exchange, &mut self.found);
+            if exchange.retold && self.found[before..].iter().all(|(finding, _)| exchange.findings.contains(finding)) {
+                self.found.truncate(before);
+            }
             let elapsed = elapsed(self.origin, exchange.request.start.or(exchange.response.start));
             let start = exchange.request.start.or(exchange.response.start);
             for (finding, detail) in self.found.drain(..) {
