@@ -443,8 +443,11 @@ class Session:
         """
     def poll(self, now_ns: int) -> None:
         """Time goes on without bytes: ends silences and time-outs of every live bus."""
-    def flush(self) -> None:
-        """The end of the recording: decides everything that is still open."""
+    def flush(self, *, file: bool = False) -> None:
+        """The end of the recording: decides everything that is still open.
+
+        With `file`, the end of a file: raw recordings in it may go on in the next one.
+        """
     def pending_rows(self) -> int:
         """Rows that `take` would return now (frames, transactions and findings together)."""
     def take(self) -> Batch: ...

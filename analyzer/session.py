@@ -212,6 +212,7 @@ class FileRun:
                 self._pass_over(name.text, error)
         if troubles and not self._decoded:
             raise troubles[0]
+        yield self.finish()
 
     def finish(self) -> _modlens.Batch:
         """What was still open."""
@@ -272,7 +273,7 @@ class FileRun:
                 first = False
             yield core.take()
         core.feed_capture(capture, b"", final=True)
-        core.flush()
+        core.flush(file=True)
         self._tell(recording, core.capture(capture), ended=True)
         yield core.take()
 

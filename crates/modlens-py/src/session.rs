@@ -264,8 +264,9 @@ impl Session {
         self.core.poll(now_ns);
     }
 
-    fn flush(&mut self, py: Python<'_>) {
-        py.detach(|| self.core.flush());
+    #[pyo3(signature = (*, file=false))]
+    fn flush(&mut self, py: Python<'_>, file: bool) {
+        py.detach(|| if file { self.core.flush_file() } else { self.core.flush() });
     }
 
     fn pending_rows(&self) -> usize {

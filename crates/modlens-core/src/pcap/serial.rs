@@ -180,7 +180,8 @@ fn wrapped(pdu: &[u8]) -> Option<(&[u8], bool)> {
     let adu = pdu.get(MBAP..)?;
     let behind = adu.get(announced..)?;
     Some(match behind {
-        [b':', ..] => (behind, false),
+        // Two bytes are a CRC, whichever they are.
+        [b':', _, _, ..] => (behind, false),
         [] => (adu, true),
         _ => (adu, false),
     })

@@ -52,6 +52,13 @@ pub(super) struct CaptureState {
     resolution: Ns,
 }
 
+impl CaptureState {
+    /// The smallest number of a transaction that is read back and not complete.
+    pub(super) fn oldest(&self) -> Option<u64> {
+        self.retold.oldest()
+    }
+}
+
 impl Session {
     /// Adds a capture; they are numbered from 0. Its buses are made as they show.
     pub fn add_capture(&mut self, options: CaptureOptions) -> usize {
@@ -125,7 +132,9 @@ impl Session {
             Event::Line { interface, by, content, errors, packet, time } => {
                 let bus = self.serial_bus(state, interface, by);
                 let line = by.own.as_ref().map_or(0, |port| port.line);
-                self.content(bus, line, &content, &errors, packet, time);
+                // A tap receives everything: that says nothing of who has sent it.
+                let side = content.side.filter(|_| by.own.is_none());
+                self.content(bus, line, &Content { side, ..content }, &errors, packet, time);
             }
             Event::Told { by, told, packet, time, .. } => self.retell(&mut state.retold, &state.options, by, &told, packet, time),
         }
@@ -211,16 +220,16 @@ impl Session {
             Some(port @ Port { recording: Some(segment), .. }) => self.recorded_bus(state, port, segment),
             _ => {
                 let name = by.name.clone().unwrap_or_else(|| state.options.source.clone());
-                self.add_serial(state, name, state.options.line)
+                let source = state.options.source.clone();
+                self.add_serial(state, name, (source, Place::Packet), state.options.line)
             }
         };
         state.lines[interface] = Some(bus);
         bus
     }
 
-    fn add_serial(&mut self, state: &CaptureState, name: String, line: Option<Line>) -> usize {
-        let source = state.options.source.clone();
-        let bus = Bus { name, source, place: Place::Packet, clock: state.clock, line, network: None };
+    fn add_serial(&mut self, state: &CaptureState, name: String, (source, place): (String, Place), line: Option<Line>) -> usize {
+        let bus = Bus { name, source, place, clock: state.clock, line, network: None };
         self.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
     }
 
@@ -236,7 +245,9 @@ impl Session {
             }
             return bus;
         }
-        let bus = self.add_serial(state, port.name.clone(), line);
+        // Played again, the rows are those of the tap, which knew ports only.
+        let from = if self.live { (port.name.clone(), Place::Offset) } else { (state.options.source.clone(), Place::Packet) };
+        let bus = self.add_serial(state, port.name.clone(), from, line);
         self.recorded.push((segment.clone(), bus));
         bus
     }

@@ -149,10 +149,6 @@ impl Session {
 
     /// Bytes of one line of a bus.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
-        if chunk.hole && self.buses[bus].options.bus.network.is_none() {
-            self.flush_bus(bus);
-        }
         let time = match chunk.times {
             Times::None => None,
             Times::Read(time) => Some(time),
@@ -160,7 +156,11 @@ impl Session {
         };
         if let Some(time) = time.filter(|_| self.live) {
             // Whether anybody has polled in the meantime must not matter: what time alone decides is decided now.
-            self.pass(bus, time - 1);
+            self.poll(time - 1);
+        }
+        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
+        if chunk.hole && self.buses[bus].options.bus.network.is_none() {
+            self.flush_bus(bus);
         }
         let state = &mut self.buses[bus];
         let line = state.line(chunk.line);
@@ -183,6 +183,15 @@ impl Session {
 
     /// Time goes on without bytes: ends silences and time-outs.
     pub fn poll(&mut self, now: Ns) {
+        // In their order, or the numbers of rows of several buses would depend on when somebody polls.
+        while self.buses.len() > 1 {
+            let due = self.buses.iter().enumerate().filter_map(|(bus, state)| Some((state.deadline()?, bus))).min();
+            let Some((deadline, bus)) = due.filter(|(deadline, _)| *deadline <= now) else { break };
+            self.pass(bus, deadline);
+            if self.buses[bus].deadline() == Some(deadline) {
+                break;
+            }
+        }
         for bus in 0..self.buses.len() {
             self.pass(bus, now);
         }
@@ -197,6 +206,13 @@ impl Session {
     /// The recording is over: decides everything that is still open.
     pub fn flush(&mut self) {
         for bus in 0..self.buses.len() {
+            self.flush_bus(bus);
+        }
+    }
+
+    /// A file is over: the raw recordings in it may go on in the next one.
+    pub fn flush_file(&mut self) {
+        for bus in (0..self.buses.len()).filter(|bus| self.recorded.iter().all(|(_, other)| other != bus)).collect::<Vec<_>>() {
             self.flush_bus(bus);
         }
     }
@@ -230,7 +246,8 @@ impl Session {
 
     /// The rows decided since the last call.
     pub fn take(&mut self) -> Batch {
-        let oldest = self.buses.iter().filter_map(|bus| bus.pairing.oldest()).min().unwrap_or(u64::MAX);
+        let told = self.captures.iter().flatten().filter_map(CaptureState::oldest);
+        let oldest = self.buses.iter().filter_map(|bus| bus.pairing.oldest()).chain(told).min().unwrap_or(u64::MAX);
         let mut batch = std::mem::take(&mut self.batch);
         if self.held.len() > HOLD_BACK || self.live {
             batch.transactions.extend(self.held.drain(..));

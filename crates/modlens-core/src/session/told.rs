@@ -51,6 +51,11 @@ impl Retold {
     pub(super) fn new(frames_before: u64, txns_before: u64) -> Self {
         Self { frames_before, txns_before, ..Self::default() }
     }
+
+    /// The smallest number of a transaction that is not told yet.
+    pub(super) fn oldest(&self) -> Option<u64> {
+        self.waiting.values().map(|waiting| waiting.txn).min()
+    }
 }
 
 fn named<T: Copy>(all: &[T], text: fn(T) -> &'static str, name: Option<&str>) -> Option<T> {
@@ -107,7 +112,8 @@ impl Session {
         time: Option<Ns>,
     ) {
         let Some(port) = &by.own else { return };
-        if let Some(origin) = port.origin {
+        let later = || value(told.frame, "origin_ns").and_then(|text| text.parse().ok());
+        if let Some(origin) = port.origin.or_else(later) {
             self.origin.get_or_insert(origin);
         }
         let Some(words) = Words::read(told.frame) else { return };

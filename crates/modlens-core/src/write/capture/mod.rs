@@ -24,6 +24,7 @@ use crate::direction::Direction;
 use crate::finding::Finding;
 use crate::framer::{Mode, Verdict};
 use crate::records::{Batch, Frame};
+use crate::Ns;
 
 pub use words::settings;
 
@@ -95,6 +96,8 @@ pub struct Capture {
     untold: BTreeSet<u64>,
     /// Name and line of the bus of each.
     interfaces: Vec<(String, u8)>,
+    /// Some block says when the recording began.
+    origin_told: bool,
     /// Of the packet before: bus, connection, line, and the interface.
     latest: Option<((u32, u64, u8), u32)>,
     ports: Ports,
@@ -125,6 +128,7 @@ impl Capture {
             told: HashMap::new(),
             untold: BTreeSet::new(),
             interfaces: Vec::new(),
+            origin_told: false,
             latest: None,
             ports: Ports::default(),
             connections: Connections::default(),
@@ -284,7 +288,9 @@ impl Capture {
         let start = blocks::begin_packet(interface, time, out);
         bytes(self.options.style, batch, frame, route, &notes, out);
         blocks::end_bytes(start, out);
-        remarks(self.options.style, batch, frame, &notes, out);
+        let origin = if self.origin_told { None } else { origin(frame) };
+        self.origin_told |= origin.is_some();
+        remarks(self.options.style, batch, frame, &notes, origin, out);
         self.transactions(frame, out);
         blocks::end_options(out);
         blocks::end_block(start, out);
@@ -357,7 +363,8 @@ impl Capture {
         let line = if bus.network.is_some() { 0 } else { frame.line };
         let known = self.interfaces.iter().position(|(name, of)| *of == line && *name == bus.name);
         let at = known.unwrap_or_else(|| {
-            let origin = frame.start.zip(frame.elapsed).map(|(start, elapsed)| start - elapsed);
+            let origin = origin(frame);
+            self.origin_told |= origin.is_some();
             let (name, description, custom) = words::interface(bus, line, origin, self.options.style.words().0);
             let what = Interface {
                 link: self.link(),
@@ -376,8 +383,13 @@ impl Capture {
     }
 }
 
+/// The first moment of the recording.
+fn origin(frame: &Frame) -> Option<Ns> {
+    Some(frame.start? - frame.elapsed?)
+}
+
 /// Comments, flags and our own option of a packet.
-fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], out: &mut Vec<u8>) {
+fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
     if frame.mode == Mode::Ascii && frame.verdict.good() {
         let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
         blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
@@ -394,7 +406,7 @@ fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], out: &mut
     blocks::flags(words::flags(batch, frame), out);
     // The dissector `mbrtu` gets an RTU frame, whatever was on the line.
     let same = style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
-    blocks::custom(out, |out| words::custom(batch, frame, same, out));
+    blocks::custom(out, |out| words::custom(batch, frame, same, origin, out));
 }
 
 /// The bytes of a packet of link type 252.

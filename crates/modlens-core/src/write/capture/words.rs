@@ -80,8 +80,8 @@ pub fn exception(frame: &Frame) -> Option<String> {
 /// What Wireshark has no place for, as `key=value` separated by spaces; columns at their usual value are left out.
 ///
 /// `pcap::told` reads it back: from these words, the bytes and the comments the rows are made again. `verbatim` says that
-/// the packet holds the bytes of the line as they were.
-pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, out: &mut Vec<u8>) {
+/// the packet holds the bytes of the line as they were; `origin` is there if no interface block has it.
+pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, out: &mut Vec<u8>) {
     number("frame=", frame.number, out);
     if let Some(txn) = frame.txn {
         number(" txn=", txn, out);
@@ -114,6 +114,10 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, out: &mut Vec<u8>) {
     if let Some(network) = &batch.buses[frame.bus as usize].network {
         number(" connection=", network.connection, out);
         word(" client=", &network.client, out);
+    }
+    if let Some(origin) = origin {
+        out.extend_from_slice(b" origin_ns=");
+        push_int(origin, out);
     }
     codes(frame.findings.of(&batch.codes), out);
     if !verbatim {
