@@ -179,6 +179,9 @@ class LiveRun:
     def _take(self, number: int, chunk: Chunk) -> None:
         bus, _ = self._places[number]
         if bus.tuner is None:
+            if chunk.hole and chunk.data:
+                # The core has been told the time up to now; a replay has to know that, too.
+                self._feed(number, Chunk(b"", chunk.time_ns, hole=True))
             self._feed(number, chunk)
         else:
             bus.tuner.feed(number, chunk)

@@ -118,7 +118,7 @@ def test_a_replay_gives_the_rows_of_the_tap(mode: str, tmp_path: Path) -> None:
         client = ModbusSerialClient(
             bus.path("master"), framer=framer, baudrate=19200, timeout=0.08, retries=1
         )
-        polls(bus, client, 3)
+        polls(bus, client, 2)
         time.sleep(0.1)
     replayed(tmp_path)
 

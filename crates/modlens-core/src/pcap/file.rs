@@ -259,7 +259,9 @@ impl File {
             return;
         };
         match block {
-            Block::SectionHeader(header) => self.section = own::words(&header.options).next().unwrap_or_default().to_owned(),
+            Block::SectionHeader(header) => {
+                own::words(&header.options).next().unwrap_or_default().clone_into(&mut self.section);
+            }
             Block::InterfaceDescription(described) => {
                 self.interfaces.push(Arc::new(interface(&described, &self.section)));
             }

@@ -7,6 +7,8 @@ use std::borrow::Cow;
 
 use pcap_parser::{OptionCode, PcapNGOption};
 
+use crate::direction::Direction;
+use crate::framer::{CutBy, Mode, Verdict};
 use crate::line::Line;
 use crate::records::Clock;
 use crate::write::capture::blocks::ENTERPRISE;
@@ -77,10 +79,12 @@ impl Port {
 }
 
 /// A packet that modlens has exported: its frame, and rows that are complete with it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Told<'a> {
     /// The words on the frame.
     pub frame: &'a str,
+    /// Those that every frame has.
+    pub words: Words,
     /// The words on transactions.
     pub transactions: Vec<&'a str>,
     /// The comments; findings are among them.
@@ -89,10 +93,43 @@ pub struct Told<'a> {
     pub bytes: Cow<'a, [u8]>,
 }
 
+/// The words on a frame, taken apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Words {
+    /// Number of the frame, from 1.
+    pub number: u64,
+    /// Framing.
+    pub mode: Mode,
+    /// What it was worth.
+    pub verdict: Verdict,
+    /// Who had sent it.
+    pub direction: Direction,
+    /// What had ended it.
+    pub cut_by: CutBy,
+}
+
+impl Words {
+    /// Takes them apart; `None` if they are not ours.
+    pub fn read(words: &str) -> Option<Self> {
+        Some(Self {
+            number: number(words, "frame").filter(|&number| number > 0)?,
+            mode: named(&[Mode::Rtu, Mode::Ascii, Mode::Tcp], Mode::text, value(words, "mode"))?,
+            verdict: named(&Verdict::ALL, Verdict::text, value(words, "verdict"))?,
+            direction: named(
+                &[Direction::Request, Direction::Response, Direction::Unknown],
+                Direction::text,
+                value(words, "direction"),
+            )?,
+            cut_by: named(&CutBy::ALL, CutBy::text, value(words, "cut_by"))?,
+        })
+    }
+}
+
 /// What is told of a packet; `None` if it has no words on a frame.
 pub fn told<'a>(options: &'a [PcapNGOption<'a>], bytes: &'a [u8]) -> Option<Told<'a>> {
-    let mut all = words(options);
+    let mut all = self::words(options);
     let frame = all.next().filter(|words| words.starts_with("frame="))?;
+    let words = Words::read(frame)?;
     let transactions = all.filter(|words| words.starts_with("transaction=")).collect();
     let comments = options.iter().filter(|option| option.code.0 == COMMENT);
     let comments = comments.filter_map(|option| std::str::from_utf8(option.as_bytes().ok()?).ok()).collect();
@@ -100,7 +137,7 @@ pub fn told<'a>(options: &'a [PcapNGOption<'a>], bytes: &'a [u8]) -> Option<Told
         Some(digits) => Cow::Owned(unhex(digits)?),
         None => Cow::Borrowed(bytes),
     };
-    Some(Told { frame, transactions, comments, bytes })
+    Some(Told { frame, words, transactions, comments, bytes })
 }
 
 /// Places of the bytes in a read that the receiver had marked.
@@ -137,6 +174,11 @@ pub fn micros(words: &str, key: &str) -> Option<Ns> {
     let (whole, rest) = digits.split_once('.').unwrap_or((digits, ""));
     let part = format!("{rest:0<3}");
     Some(sign * (whole.parse::<Ns>().ok()?.checked_mul(1000)? + part.get(..3)?.parse::<Ns>().ok()?))
+}
+
+/// The value of that name.
+pub fn named<T: Copy>(all: &[T], text: fn(T) -> &'static str, name: Option<&str>) -> Option<T> {
+    all.iter().copied().find(|one| Some(text(*one)) == name)
 }
 
 /// Bytes of hex digits.

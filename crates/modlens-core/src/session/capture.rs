@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use crate::chunk::{Chunk, Side, Times};
 use crate::finding::Finding;
+use crate::framer::silence::Rule;
 use crate::framer::Mode;
 use crate::line::Line;
 use crate::pairing::Pairing;
-use crate::framer::silence::Rule;
 use crate::pcap::own::{Port, Segment};
 use crate::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
 use crate::records::{Bus, Clock, FindingRow, Network, Place};
@@ -216,13 +216,12 @@ impl Session {
         if let Some(bus) = state.lines[interface] {
             return bus;
         }
-        let bus = match &by.own {
-            Some(port @ Port { recording: Some(segment), .. }) => self.recorded_bus(state, port, segment),
-            _ => {
-                let name = by.name.clone().unwrap_or_else(|| state.options.source.clone());
-                let source = state.options.source.clone();
-                self.add_serial(state, name, (source, Place::Packet), state.options.line)
-            }
+        let bus = if let Some(port @ Port { recording: Some(segment), .. }) = &by.own {
+            self.recorded_bus(state, port, segment)
+        } else {
+            let name = by.name.clone().unwrap_or_else(|| state.options.source.clone());
+            let source = state.options.source.clone();
+            self.add_serial(state, name, (source, Place::Packet), state.options.line)
         };
         state.lines[interface] = Some(bus);
         bus

@@ -154,12 +154,17 @@ impl Session {
             Times::Read(time) => Some(time),
             Times::Bytes(times) => times.last().copied(),
         };
+        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
+        let away = chunk.hole && self.buses[bus].options.bus.network.is_none();
+        // Nobody knows since when bytes were missing before others; without any, the tap goes away now.
+        if away && !chunk.bytes.is_empty() {
+            self.flush_bus(bus);
+        }
         if let Some(time) = time.filter(|_| self.live) {
             // Whether anybody has polled in the meantime must not matter: what time alone decides is decided now.
             self.poll(time - 1);
         }
-        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
-        if chunk.hole && self.buses[bus].options.bus.network.is_none() {
+        if away {
             self.flush_bus(bus);
         }
         let state = &mut self.buses[bus];

@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 
 use crate::direction::Direction;
 use crate::finding::Finding;
-use crate::framer::{CutBy, Mode, Verdict};
+use crate::framer::Mode;
 use crate::functions::EXCEPTION_BIT;
 use crate::pairing::{Exchange, Kept, Seen};
-use crate::pcap::own::{self, micros, number, unhex, value, Told};
+use crate::pcap::own::{self, micros, named, number, unhex, value, Told};
 use crate::pcap::Interface;
 use crate::records::{Bus, FindingRow, Frame, Network, Place, Status};
 use crate::session::rows::elapsed;
@@ -58,10 +58,6 @@ impl Retold {
     }
 }
 
-fn named<T: Copy>(all: &[T], text: fn(T) -> &'static str, name: Option<&str>) -> Option<T> {
-    all.iter().copied().find(|one| Some(text(*one)) == name)
-}
-
 fn findings(words: &str) -> Vec<Finding> {
     value(words, "findings").map_or(Vec::new(), |list| list.split(',').filter_map(Finding::from_code).collect())
 }
@@ -73,31 +69,6 @@ fn finding(comment: &str) -> Option<(Finding, String)> {
     let finding = Finding::from_code(code).filter(|finding| finding.doc().severity.text() == severity)?;
     let detail = rest.strip_prefix(finding.doc().title)?;
     Some((finding, detail.strip_prefix(": ").unwrap_or(detail).to_owned()))
-}
-
-/// The words on a frame, taken apart.
-struct Words {
-    number: u64,
-    mode: Mode,
-    verdict: Verdict,
-    direction: Direction,
-    cut_by: CutBy,
-}
-
-impl Words {
-    fn read(words: &str) -> Option<Self> {
-        Some(Self {
-            number: number(words, "frame").filter(|&number| number > 0)?,
-            mode: named(&[Mode::Rtu, Mode::Ascii, Mode::Tcp], Mode::text, value(words, "mode"))?,
-            verdict: named(&Verdict::ALL, Verdict::text, value(words, "verdict"))?,
-            direction: named(
-                &[Direction::Request, Direction::Response, Direction::Unknown],
-                Direction::text,
-                value(words, "direction"),
-            )?,
-            cut_by: named(&CutBy::ALL, CutBy::text, value(words, "cut_by"))?,
-        })
-    }
 }
 
 impl Session {
@@ -116,9 +87,8 @@ impl Session {
         if let Some(origin) = port.origin.or_else(later) {
             self.origin.get_or_insert(origin);
         }
-        let Some(words) = Words::read(told.frame) else { return };
         let bus = self.retold_bus(retold, options, by, told.frame);
-        let frame = self.retold_frame(retold, (bus, port.line), told, &words, packet, time);
+        let frame = self.retold_frame(retold, (bus, port.line), told, packet, time);
         let mut codes = findings(told.frame);
         let mut notes = Vec::new();
         for (finding, detail) in told.comments.iter().filter_map(|comment| finding(comment)) {
@@ -129,7 +99,7 @@ impl Session {
                 notes.push((finding, detail));
             }
         }
-        self.keep_waiting(retold, &frame, &words, told, notes);
+        self.keep_waiting(retold, &frame, told, notes);
         if self.wanted.frames {
             self.batch.frames.push(frame);
         }
@@ -162,15 +132,15 @@ impl Session {
         retold: &Retold,
         (bus, line_number): (usize, u8),
         told: &Told<'_>,
-        words: &Words,
         packet: u64,
         time: Option<Ns>,
     ) -> Frame {
-        let text = told.frame;
+        let (text, words) = (told.frame, &told.words);
         let mut scratch = Vec::new();
         let adu = if words.verdict.good() { unwrap(words.mode, words.verdict, &told.bytes, &mut scratch).0 } else { &[][..] };
         let said = |key: &str| number(text, key).map(|value| value as u8);
-        let (unit, code) = if words.verdict.good() { (adu.first().copied(), adu.get(1).copied()) } else { (said("unit"), said("code")) };
+        let (unit, code) =
+            if words.verdict.good() { (adu.first().copied(), adu.get(1).copied()) } else { (said("unit"), said("code")) };
         let exception = code.filter(|code| code & EXCEPTION_BIT != 0 && words.verdict.good()).and_then(|_| adu.get(2).copied());
         let start = time.filter(|_| !text.split(' ').any(|word| word == "no_time"));
         let number = retold.frames_before + words.number;
@@ -240,7 +210,8 @@ impl Session {
     }
 
     /// Keeps a frame until its transaction is told.
-    fn keep_waiting(&mut self, retold: &mut Retold, frame: &Frame, words: &Words, told: &Told<'_>, notes: Vec<(Finding, String)>) {
+    fn keep_waiting(&mut self, retold: &mut Retold, frame: &Frame, told: &Told<'_>, notes: Vec<(Finding, String)>) {
+        let words = &told.words;
         let Some(txn) = frame.txn else {
             for note in notes {
                 self.retold_finding(frame, note);
