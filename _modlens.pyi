@@ -402,12 +402,13 @@ class Session:
         ports: Sequence[int] | None = None,
         mode: str = "auto",
         line: tuple[int, int, str, float] | None = None,
+        silence_ns: tuple[int, int] | None = None,
     ) -> int:
         """A capture (pcap or pcapng); gives its number, from 0. Its buses are made as they show.
 
         - `source`: the file as `source` columns name it
         - `ports`: where Modbus is looked for; None is 502, an empty list is everywhere
-        - `mode`, `line`: of serial interfaces in it
+        - `mode`, `line`, `silence_ns`: of serial interfaces in it, as for `add_bus`
         """
     def feed_capture(self, capture: int, data: bytes, *, final: bool = False) -> None:
         """Bytes of a capture, cut anywhere; `final` says that it has ended."""
@@ -442,8 +443,11 @@ class Session:
         """
     def poll(self, now_ns: int) -> None:
         """Time goes on without bytes: ends silences and time-outs of every live bus."""
-    def flush(self) -> None:
-        """The end of the recording: decides everything that is still open."""
+    def flush(self, *, file: bool = False) -> None:
+        """The end of the recording: decides everything that is still open.
+
+        With `file`, the end of a file: raw recordings in it may go on in the next one.
+        """
     def pending_rows(self) -> int:
         """Rows that `take` would return now (frames, transactions and findings together)."""
     def take(self) -> Batch: ...

@@ -145,7 +145,11 @@ class LiveRun:
                 yield self._core.take()
 
     def finish(self) -> _modlens.Batch:
-        """What was still open."""
+        """What was still open; recordings hear of the end, or their replay would know less."""
+        now = self._listening.clock.now_ns()
+        for number, (bus, _) in enumerate(self._places):
+            if bus.number is not None:
+                self._feed(number, Chunk(b"", now, hole=True))
         self._core.flush()
         return self._core.take()
 
@@ -175,6 +179,9 @@ class LiveRun:
     def _take(self, number: int, chunk: Chunk) -> None:
         bus, _ = self._places[number]
         if bus.tuner is None:
+            if chunk.hole and chunk.data:
+                # The core has been told the time up to now; a replay has to know that, too.
+                self._feed(number, Chunk(b"", chunk.time_ns, hole=True))
             self._feed(number, chunk)
         else:
             bus.tuner.feed(number, chunk)

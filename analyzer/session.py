@@ -99,7 +99,9 @@ class Settings:
     def add_capture(self, core: _modlens.Session, name: str) -> int:
         """A capture of that name in the core; gives its number."""
         line = None if self.line is None else self.line.settings
-        return core.add_capture(name, ports=self.ports, mode=self.mode, line=line)
+        return core.add_capture(
+            name, ports=self.ports, mode=self.mode, line=line, silence_ns=self.silence_ns
+        )
 
     def add_logic(self, core: _modlens.Session, samples: Samples) -> int:
         """The samples of a logic analyser in the core; gives their number."""
@@ -210,6 +212,7 @@ class FileRun:
                 self._pass_over(name.text, error)
         if troubles and not self._decoded:
             raise troubles[0]
+        yield self.finish()
 
     def finish(self) -> _modlens.Batch:
         """What was still open."""
@@ -270,7 +273,7 @@ class FileRun:
                 first = False
             yield core.take()
         core.feed_capture(capture, b"", final=True)
-        core.flush()
+        core.flush(file=True)
         self._tell(recording, core.capture(capture), ended=True)
         yield core.take()
 

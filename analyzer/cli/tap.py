@@ -214,7 +214,7 @@ class _Recording:
 
     def heard(self, bus: str, line: str | None, chunk: Chunk) -> None:
         """A read, before anything else is done with it."""
-        if self._recorder is not None and chunk.data:
+        if self._recorder is not None:
             self._recorder.heard(bus, line, chunk)
 
     def _failed(self, error: SourceError) -> None:

@@ -57,7 +57,7 @@ fn pcap(link: u32, packets: &[Vec<u8>]) -> Vec<u8> {
 
 fn decoded_in(file: &[u8], block: usize, ports: Ports) -> (Batch, Vec<(String, u64)>) {
     let mut session = Session::default();
-    let capture = session.add_capture(CaptureOptions { source: String::from("file"), ports, mode: None, line: None });
+    let capture = session.add_capture(CaptureOptions { source: String::from("file"), ports, mode: None, line: None, rule: None });
     for part in file.chunks(block.max(1)) {
         session.feed_capture(capture, part, false);
     }

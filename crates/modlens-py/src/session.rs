@@ -181,13 +181,14 @@ impl Session {
         Ok(())
     }
 
-    #[pyo3(signature = (source, *, ports=None, mode="auto", line=None))]
+    #[pyo3(signature = (source, *, ports=None, mode="auto", line=None, silence_ns=None))]
     fn add_capture(
         &mut self,
         source: String,
         ports: Option<Vec<u16>>,
         mode: &str,
         line: Option<(u32, u8, String, f64)>,
+        silence_ns: Option<(i64, i64)>,
     ) -> PyResult<usize> {
         let ports = match ports {
             None => Ports::default(),
@@ -195,7 +196,8 @@ impl Session {
             Some(ports) => Ports::Listed(ports),
         };
         let line = line.map(crate::line).transpose()?;
-        Ok(self.core.add_capture(CaptureOptions { source, ports, mode: framing(mode)?, line }))
+        let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
+        Ok(self.core.add_capture(CaptureOptions { source, ports, mode: framing(mode)?, line, rule }))
     }
 
     #[pyo3(signature = (capture, data, *, r#final=false))]
@@ -262,8 +264,9 @@ impl Session {
         self.core.poll(now_ns);
     }
 
-    fn flush(&mut self, py: Python<'_>) {
-        py.detach(|| self.core.flush());
+    #[pyo3(signature = (*, file=false))]
+    fn flush(&mut self, py: Python<'_>, file: bool) {
+        py.detach(|| if file { self.core.flush_file() } else { self.core.flush() });
     }
 
     fn pending_rows(&self) -> usize {

@@ -99,6 +99,19 @@ pub enum CutBy {
 }
 
 impl CutBy {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Silence,
+        Self::Length,
+        Self::Checksum,
+        Self::Delimiter,
+        Self::Record,
+        Self::Restart,
+        Self::Limit,
+        Self::Frame,
+        Self::End,
+    ];
+
     /// As the `cut_by` column spells it.
     pub fn text(self) -> &'static str {
         match self {

@@ -90,7 +90,7 @@ impl Kept {
 
 /// A request that came while another one waited for its answer.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Inside {
+pub(crate) struct Inside {
     /// Its transaction.
     pub txn: u64,
     /// It came sooner than any master gives up, by the clock.
@@ -137,21 +137,26 @@ pub struct Exchange {
     /// Line or packet number, or the stream offset.
     pub origin: u64,
     /// The time-out has passed; an answer now is late.
-    pub(super) given_up: bool,
+    pub(crate) given_up: bool,
     /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
-    pub(super) silent: bool,
+    pub(crate) silent: bool,
     /// The recording lacks bytes in which the answer may have been.
-    pub(super) blind: bool,
+    pub(crate) blind: bool,
     /// The request was heard twice.
-    pub(super) echoed: bool,
+    pub(crate) echoed: bool,
     /// The request that came before this one's answer.
-    pub(super) inside: Option<Inside>,
+    pub(crate) inside: Option<Inside>,
     /// A response that is not tentative answers it: the unit is there.
     pub sure: bool,
+    /// It was decided and checked before, and is read back.
+    pub retold: bool,
+    /// What was found then, with the words.
+    pub told: Vec<(Finding, String)>,
 }
 
 impl Exchange {
-    pub(super) fn new(mode: Mode) -> Self {
+    /// One without content.
+    pub fn new(mode: Mode) -> Self {
         Self {
             txn: 0,
             unit: 0,
@@ -176,6 +181,8 @@ impl Exchange {
             echoed: false,
             inside: None,
             sure: false,
+            retold: false,
+            told: Vec::new(),
         }
     }
 

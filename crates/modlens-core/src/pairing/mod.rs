@@ -180,6 +180,13 @@ impl Pairing {
         self.timeout.unwrap_or_else(|| self.tempo.patience().map_or(DEFAULT_TIMEOUT, |learned| learned.min(DEFAULT_TIMEOUT)))
     }
 
+    /// When the next request is given up.
+    pub fn deadline(&self) -> Option<Ns> {
+        let patience = self.patience();
+        let waiting = self.open.iter().filter(|exchange| !exchange.given_up);
+        waiting.filter_map(|exchange| Some(exchange.request.end? + patience)).min()
+    }
+
     /// Time has come to `now`: gives up requests whose time-out has passed.
     pub fn tick(&mut self, now: Ns, done: &mut Vec<Box<Exchange>>) {
         let patience = self.patience();

@@ -3,7 +3,6 @@
 //! `pcap-parser` reads records and blocks. What stands here is the place of the cut: a record that reaches into the
 //! next block is kept until it is whole, all others are read where they lie.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use pcap_parser::{
@@ -11,6 +10,7 @@ use pcap_parser::{
     InterfaceDescriptionBlock, LegacyPcapBlock, OptionCode, PcapNGOption,
 };
 
+use crate::pcap::own::{self, Port};
 use crate::Ns;
 
 /// No capture has longer records; what announces one is damaged. (Wireshark's own limit is 256 KiB a packet.)
@@ -31,8 +31,8 @@ pub struct Interface {
     pub name: Option<String>,
     /// What people call it.
     pub description: Option<String>,
-    /// The writer's own words: options 2988 and 2989, number of the enterprise first.
-    pub custom: Vec<Vec<u8>>,
+    /// What modlens itself has written of it.
+    pub own: Option<Port>,
     /// The smallest difference of its times.
     pub resolution: Ns,
     /// Ticks a second.
@@ -83,6 +83,8 @@ pub struct File {
     interfaces: Vec<Arc<Interface>>,
     /// Interfaces of earlier sections.
     before: usize,
+    /// Our own words on this section.
+    section: String,
     /// Packets read so far.
     pub packets: u64,
     /// Blocks of pcapng that could not be read.
@@ -99,6 +101,7 @@ impl Default for File {
             carry: Vec::new(),
             interfaces: Vec::new(),
             before: 0,
+            section: String::new(),
             packets: 0,
             damaged_blocks: 0,
             damage: None,
@@ -256,7 +259,12 @@ impl File {
             return;
         };
         match block {
-            Block::InterfaceDescription(described) => self.interfaces.push(Arc::new(interface(&described))),
+            Block::SectionHeader(header) => {
+                own::words(&header.options).next().unwrap_or_default().clone_into(&mut self.section);
+            }
+            Block::InterfaceDescription(described) => {
+                self.interfaces.push(Arc::new(interface(&described, &self.section)));
+            }
             Block::EnhancedPacket(packet) => {
                 let kept = packet.data.len().min(packet.caplen as usize);
                 let ticks = u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low);
@@ -326,7 +334,7 @@ fn block_length(length: Option<usize>) -> Result<usize, &'static str> {
     }
 }
 
-fn interface(block: &InterfaceDescriptionBlock<'_>) -> Interface {
+fn interface(block: &InterfaceDescriptionBlock<'_>, section: &str) -> Interface {
     let text = |code: OptionCode| {
         let option = block.options.iter().find(|option| option.code == code)?;
         Some(String::from_utf8_lossy(option.as_bytes().ok()?).trim_end_matches('\0').to_owned())
@@ -336,15 +344,9 @@ fn interface(block: &InterfaceDescriptionBlock<'_>) -> Interface {
         link: block.linktype.0 as u16,
         name: text(OptionCode::IfName),
         description: text(OptionCode::IfDescription),
-        custom: custom(&block.options).map(Cow::into_owned).collect(),
+        own: own::words(&block.options).find_map(|words| Port::read(section, words)),
         resolution: (1_000_000_000 / units.max(1)).max(1) as Ns,
         units,
         offset_s: block.ts_offset(),
     }
-}
-
-/// The custom options that tools keep when they copy packets, text (2988) and binary (2989).
-pub fn custom<'a>(options: &'a [PcapNGOption<'a>]) -> impl Iterator<Item = Cow<'a, [u8]>> {
-    let ours = |option: &&PcapNGOption<'_>| matches!(option.code, OptionCode::Custom2988 | OptionCode::Custom2989);
-    options.iter().filter(ours).filter_map(|option| Some(Cow::Borrowed(option.as_bytes().ok()?)))
 }

@@ -2,13 +2,14 @@
 //!
 //! In the order of the way: `file` (records and blocks to packets), `net` (a packet to its segment, through tunnels;
 //! `fragments` puts IP together), `table` (connections), `stream` (TCP's bytes in order and once), `evidence` (is it
-//! Modbus, and in what framing), `serial` (link types of serial lines). Frames are made of the streams by the framers,
+//! Modbus, and in what framing), `serial` (link types of serial lines), `own` (what modlens has written there itself). Frames are made of the streams by the framers,
 //! like those of any other source: `session/capture.rs` stands between.
 
 mod evidence;
 mod file;
 mod fragments;
 mod net;
+pub mod own;
 mod serial;
 mod stream;
 mod table;
@@ -28,6 +29,8 @@ use crate::finding::Finding;
 use crate::framer::Mode;
 use crate::functions::Functions;
 use crate::Ns;
+
+use own::Told;
 
 /// What a capture shows, in its order. Slots are numbers that are used again when their connection is closed.
 #[derive(Debug)]
@@ -76,6 +79,19 @@ pub enum Event<'a> {
         /// Its slot.
         slot: usize,
     },
+    /// A frame that modlens has decoded before, and what it said of it.
+    Told {
+        /// Which of the file's interfaces.
+        interface: usize,
+        /// What captured it.
+        by: &'a Interface,
+        /// The words.
+        told: Told<'a>,
+        /// Packet number.
+        packet: u64,
+        /// When.
+        time: Option<Ns>,
+    },
     /// Bytes of a serial line.
     Line {
         /// Which of the file's interfaces.
@@ -84,6 +100,8 @@ pub enum Event<'a> {
         by: &'a Interface,
         /// The bytes and what is known of them.
         content: Content<'a>,
+        /// Which of them the receiver marked, where that is told.
+        errors: Vec<u32>,
         /// Packet number.
         packet: u64,
         /// When.
@@ -198,12 +216,19 @@ impl Capture {
 }
 
 fn line(functions: &Functions, table: &mut Table, packet: &Packet<'_>, left: &mut LeftOut, each: &mut dyn FnMut(Event<'_>)) {
+    let decoded = packet.by.own.as_ref().is_some_and(|port| port.recording.is_none());
+    if let Some(told) = decoded.then(|| serial::told(packet)).flatten() {
+        let (interface, by) = (packet.interface, packet.by);
+        each(Event::Told { interface, by, told, packet: packet.number, time: packet.time });
+        return;
+    }
     match serial::read(packet) {
         Serial::Line(content) => {
             left.headers += u64::from(content.header);
             left.cut += u64::from(packet.length > packet.data.len());
             let (interface, by) = (packet.interface, packet.by);
-            each(Event::Line { interface, by, content, packet: packet.number, time: packet.time });
+            let errors = if by.own.is_some() { own::errors(packet.options) } else { Vec::new() };
+            each(Event::Line { interface, by, content, errors, packet: packet.number, time: packet.time });
         }
         Serial::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), left, each),
         Serial::Nothing => left.other += 1,

@@ -6,6 +6,7 @@ use crate::checksum::crc_valid;
 use crate::chunk::Side;
 use crate::pcap::file::Packet;
 use crate::pcap::net::{Endpoint, Segment};
+use crate::pcap::own::{self, Told};
 
 /// USER0: by agreement, bare RTU frames.
 const USER0: u16 = 147;
@@ -81,6 +82,13 @@ pub fn read<'a>(packet: &Packet<'a>) -> Serial<'a> {
     }
 }
 
+/// The frame of an exported PDU as modlens has told it; `None` where it has not.
+pub fn told<'a>(packet: &Packet<'a>) -> Option<Told<'a>> {
+    let (tags, pdu) = tags(packet.data).filter(|_| packet.by.link == UPPER_PDU)?;
+    let bytes = if tags.dissector == b"mbudp" { wrapped(pdu)?.0 } else { pdu };
+    own::told(packet.options, bytes)
+}
+
 /// What pcapng says of a packet, in the order of the machine that wrote it (option `epb_flags`).
 fn flags(packet: &Packet<'_>) -> u32 {
     let option = packet.options.iter().find(|option| option.code.0 == 2);
@@ -101,9 +109,9 @@ fn rtac(data: &[u8]) -> Serial<'_> {
     Serial::Line(match header[8] {
         1 | 3 => Content { side: Some(Side::Sent), ..content },
         2 | 4 => Content { side: Some(Side::Received), ..content },
-        5 => Content { hole: true, ..content },
+        5 | 6 => Content { hole: true, ..content },
         7..=10 => Content { line_error: true, ..content },
-        // Modem lines that changed, the end of the capture.
+        // Modem lines that changed.
         _ if bytes.is_empty() => return Serial::Nothing,
         _ => content,
     })
@@ -172,7 +180,8 @@ fn wrapped(pdu: &[u8]) -> Option<(&[u8], bool)> {
     let adu = pdu.get(MBAP..)?;
     let behind = adu.get(announced..)?;
     Some(match behind {
-        [b':', ..] => (behind, false),
+        // Two bytes are a CRC, whichever they are.
+        [b':', _, _, ..] => (behind, false),
         [] => (adu, true),
         _ => (adu, false),
     })

@@ -119,6 +119,13 @@ impl BusState {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
+    /// When time alone decides something next.
+    pub(super) fn deadline(&self) -> Option<Ns> {
+        let waiting = self.lines.iter().map(|(_, line)| &line.input).filter(|input| !input.closed && !input.bytes().is_empty());
+        let silences = waiting.filter_map(|input| Some(input.newest()? + input.break_ns));
+        silences.chain(self.pairing.deadline()).min()
+    }
+
     /// Ends the frames of lines that have been silent for long.
     pub(super) fn close_silent_lines(&mut self, now: Ns) {
         for (_, line) in &mut self.lines {

@@ -5,12 +5,15 @@ use std::sync::Arc;
 
 use crate::chunk::{Chunk, Side, Times};
 use crate::finding::Finding;
+use crate::framer::silence::Rule;
 use crate::framer::Mode;
 use crate::line::Line;
 use crate::pairing::Pairing;
+use crate::pcap::own::{Port, Segment};
 use crate::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
 use crate::records::{Bus, Clock, FindingRow, Network, Place};
 use crate::session::bus::BusState;
+use crate::session::told::Retold;
 use crate::session::{BusOptions, Session};
 use crate::Ns;
 
@@ -32,6 +35,8 @@ pub struct CaptureOptions {
     pub mode: Option<Mode>,
     /// Line settings of serial interfaces.
     pub line: Option<Line>,
+    /// See `BusOptions`.
+    pub rule: Option<Rule>,
 }
 
 pub(super) struct CaptureState {
@@ -41,8 +46,17 @@ pub(super) struct CaptureState {
     slots: Vec<Option<usize>>,
     /// The bus of each serial interface.
     lines: Vec<Option<usize>>,
+    /// Rows that are read back.
+    retold: Retold,
     clock: Clock,
     resolution: Ns,
+}
+
+impl CaptureState {
+    /// The smallest number of a transaction that is read back and not complete.
+    pub(super) fn oldest(&self) -> Option<u64> {
+        self.retold.oldest()
+    }
 }
 
 impl Session {
@@ -53,6 +67,7 @@ impl Session {
             options,
             slots: Vec::new(),
             lines: Vec::new(),
+            retold: Retold::new(self.next_frame - 1, self.next_txn - 1),
             clock: Clock::None,
             resolution: 0,
         }));
@@ -67,6 +82,7 @@ impl Session {
         reader.push(&functions, block, &mut |event| self.event(&mut state, event));
         if last {
             reader.finish(&functions, &mut |event| self.event(&mut state, event));
+            self.end_retold(&mut state.retold);
         }
         state.reader = reader;
         self.captures[capture] = Some(state);
@@ -87,10 +103,13 @@ impl Session {
         match event {
             Event::Time(time, by) => {
                 if state.clock == Clock::None {
-                    state.clock = if time < FIRST_DAY { Clock::Relative } else { Clock::Utc };
+                    let guess = if time < FIRST_DAY { Clock::Relative } else { Clock::Utc };
+                    state.clock = by.own.as_ref().map_or(guess, |port| port.clock);
                 }
                 state.resolution = state.resolution.max(by.resolution);
-                self.origin.get_or_insert(time);
+                if by.own.is_none() {
+                    self.origin.get_or_insert(time);
+                }
             }
             Event::Opened { slot, client, server, mode } => self.opened(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, piece, record, heard } => {
@@ -110,10 +129,14 @@ impl Session {
                     self.retired.push(bus);
                 }
             }
-            Event::Line { interface, by, content, packet, time } => {
+            Event::Line { interface, by, content, errors, packet, time } => {
                 let bus = self.serial_bus(state, interface, by);
-                self.content(bus, &content, packet, time);
+                let line = by.own.as_ref().map_or(0, |port| port.line);
+                // A tap receives everything: that says nothing of who has sent it.
+                let side = content.side.filter(|_| by.own.is_none());
+                self.content(bus, line, &Content { side, ..content }, &errors, packet, time);
             }
+            Event::Told { by, told, packet, time, .. } => self.retell(&mut state.retold, &state.options, by, &told, packet, time),
         }
     }
 
@@ -168,14 +191,17 @@ impl Session {
         self.feed(bus, &chunk);
     }
 
-    fn content(&mut self, bus: usize, content: &Content<'_>, packet: u64, time: Option<Ns>) {
+    fn content(&mut self, bus: usize, line: u8, content: &Content<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {
         let chunk = Chunk {
             bytes: content.bytes,
+            line,
             times: time.map_or(Times::None, Times::Read),
             side: content.side,
             record: content.record,
             hole: content.hole,
-            line_error: content.line_error,
+            // Which ones is more than that there are some.
+            line_error: content.line_error && errors.is_empty(),
+            errors,
             no_checksum: content.no_checksum,
             origin: packet,
             ..Chunk::default()
@@ -190,12 +216,38 @@ impl Session {
         if let Some(bus) = state.lines[interface] {
             return bus;
         }
-        let source = state.options.source.clone();
-        let name = by.name.clone().unwrap_or_else(|| source.clone());
-        let bus = Bus { name, source, place: Place::Packet, clock: state.clock, line: state.options.line, network: None };
-        let options = BusOptions { bus, mode: state.options.mode, line: state.options.line, resolution: None, rule: None };
-        let bus = self.add_bus(options);
+        let bus = if let Some(port @ Port { recording: Some(segment), .. }) = &by.own {
+            self.recorded_bus(state, port, segment)
+        } else {
+            let name = by.name.clone().unwrap_or_else(|| state.options.source.clone());
+            let source = state.options.source.clone();
+            self.add_serial(state, name, (source, Place::Packet), state.options.line)
+        };
         state.lines[interface] = Some(bus);
+        bus
+    }
+
+    fn add_serial(&mut self, state: &CaptureState, name: String, (source, place): (String, Place), line: Option<Line>) -> usize {
+        let bus = Bus { name, source, place, clock: state.clock, line, network: None };
+        self.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
+    }
+
+    /// The bus of a port of a raw recording: the lines of a bus are one, and the files of a recording go on.
+    fn recorded_bus(&mut self, state: &CaptureState, port: &Port, segment: &Segment) -> usize {
+        let line = state.options.line.or(port.settings);
+        let known = self.recorded.iter_mut().find(|(of, _)| of.session == segment.session && of.bus == segment.bus);
+        if let Some((of, bus)) = known {
+            let (bus, missing) = (*bus, segment.number > of.number + 1);
+            of.number = segment.number;
+            if missing {
+                self.flush_bus(bus);
+            }
+            return bus;
+        }
+        // Played again, the rows are those of the tap, which knew ports only.
+        let from = if self.live { (port.name.clone(), Place::Offset) } else { (state.options.source.clone(), Place::Packet) };
+        let bus = self.add_serial(state, port.name.clone(), from, line);
+        self.recorded.push((segment.clone(), bus));
         bus
     }
 

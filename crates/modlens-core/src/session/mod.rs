@@ -10,6 +10,7 @@ mod logic;
 mod profiles;
 mod recorded;
 mod rows;
+mod told;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -84,6 +85,8 @@ pub struct Session {
     /// Buses that a further connection may take.
     free: Vec<usize>,
     connections: u64,
+    /// The buses of raw recordings, with the segment that was read last.
+    recorded: Vec<(crate::pcap::own::Segment, usize)>,
 }
 impl Default for Session {
     fn default() -> Self {
@@ -118,6 +121,7 @@ impl Session {
             retired: Vec::new(),
             free: Vec::new(),
             connections: 0,
+            recorded: Vec::new(),
         }
     }
 
@@ -145,18 +149,23 @@ impl Session {
 
     /// Bytes of one line of a bus.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
-        if chunk.hole && self.buses[bus].options.bus.network.is_none() {
-            self.flush_bus(bus);
-        }
         let time = match chunk.times {
             Times::None => None,
             Times::Read(time) => Some(time),
             Times::Bytes(times) => times.last().copied(),
         };
+        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
+        let away = chunk.hole && self.buses[bus].options.bus.network.is_none();
+        // Nobody knows since when bytes were missing before others; without any, the tap goes away now.
+        if away && !chunk.bytes.is_empty() {
+            self.flush_bus(bus);
+        }
         if let Some(time) = time.filter(|_| self.live) {
             // Whether anybody has polled in the meantime must not matter: what time alone decides is decided now.
-            self.pass(bus, time - 1);
+            self.poll(time - 1);
+        }
+        if away {
+            self.flush_bus(bus);
         }
         let state = &mut self.buses[bus];
         let line = state.line(chunk.line);
@@ -179,6 +188,15 @@ impl Session {
 
     /// Time goes on without bytes: ends silences and time-outs.
     pub fn poll(&mut self, now: Ns) {
+        // In their order, or the numbers of rows of several buses would depend on when somebody polls.
+        while self.buses.len() > 1 {
+            let due = self.buses.iter().enumerate().filter_map(|(bus, state)| Some((state.deadline()?, bus))).min();
+            let Some((deadline, bus)) = due.filter(|(deadline, _)| *deadline <= now) else { break };
+            self.pass(bus, deadline);
+            if self.buses[bus].deadline() == Some(deadline) {
+                break;
+            }
+        }
         for bus in 0..self.buses.len() {
             self.pass(bus, now);
         }
@@ -193,6 +211,13 @@ impl Session {
     /// The recording is over: decides everything that is still open.
     pub fn flush(&mut self) {
         for bus in 0..self.buses.len() {
+            self.flush_bus(bus);
+        }
+    }
+
+    /// A file is over: the raw recordings in it may go on in the next one.
+    pub fn flush_file(&mut self) {
+        for bus in (0..self.buses.len()).filter(|bus| self.recorded.iter().all(|(_, other)| other != bus)).collect::<Vec<_>>() {
             self.flush_bus(bus);
         }
     }
@@ -226,7 +251,8 @@ impl Session {
 
     /// The rows decided since the last call.
     pub fn take(&mut self) -> Batch {
-        let oldest = self.buses.iter().filter_map(|bus| bus.pairing.oldest()).min().unwrap_or(u64::MAX);
+        let told = self.captures.iter().flatten().filter_map(CaptureState::oldest);
+        let oldest = self.buses.iter().filter_map(|bus| bus.pairing.oldest()).chain(told).min().unwrap_or(u64::MAX);
         let mut batch = std::mem::take(&mut self.batch);
         if self.held.len() > HOLD_BACK || self.live {
             batch.transactions.extend(self.held.drain(..));
@@ -462,8 +488,11 @@ impl Session {
             for time in [&mut exchange.response_time, &mut exchange.waited, &mut exchange.late_response] {
                 *time = time.filter(|&ns| ns >= told_apart);
             }
-            check::pair(&self.functions, &exchange, &mut self.found);
-            if exchange.findings.contains(&Finding::NoResponse) {
+            self.found.append(&mut exchange.told);
+            if !exchange.retold {
+                check::pair(&self.functions, &exchange, &mut self.found);
+            }
+            if exchange.findings.contains(&Finding::NoResponse) && !exchange.retold {
                 let waited =
                     exchange.waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
                 self.found.push((Finding::NoResponse, format!("unit {}{waited}", exchange.unit)));
@@ -471,7 +500,11 @@ impl Session {
             if let Some(code) = exchange.exception.filter(|_| exchange.findings.contains(&Finding::Exception)) {
                 self.found.push((Finding::Exception, format!("exception {code}")));
             }
+            let before = self.found.len();
             let points = self.buses[bus].profiles.on(&self.functions, &exchange, &mut self.found);
+            if exchange.retold && self.found[before..].iter().all(|(finding, _)| exchange.findings.contains(finding)) {
+                self.found.truncate(before);
+            }
             let elapsed = elapsed(self.origin, exchange.request.start.or(exchange.response.start));
             let start = exchange.request.start.or(exchange.response.start);
             for (finding, detail) in self.found.drain(..) {

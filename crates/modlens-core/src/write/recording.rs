@@ -11,7 +11,8 @@
 //! - One packet block a read. Its time is when the read returned: never before the last byte's stop bit. Its bytes are
 //!   the RTAC header (big-endian `u32` seconds, `u32` microseconds, `u8` event, `u8` control lines, `u16` footer), then the
 //!   bytes of the line. The events are those of the link type: 2 for bytes, 5 where bytes were lost before these, 8 where
-//!   the receiver marked some of them (parity, framing, break); which ones stands in our custom option of the packet, as
+//!   the receiver marked some of them (parity, framing, break), 6, without bytes, where the port went away or the tap
+//!   ended; which ones were marked stands in our custom option of the packet, as
 //!   `errors=3,7`. Nothing is said of who sent them: 2 is "received", because a tap receives.
 //!
 //! Blocks are complete in themselves: a file that was cut off anywhere is read up to its last whole block.
@@ -27,6 +28,7 @@ pub const LINK_RTAC: u16 = 250;
 
 const RECEIVED: u8 = 2;
 const LOST: u8 = 5;
+const ENDED: u8 = 6;
 const MARKED: u8 = 8;
 
 /// What a port gave.
@@ -74,6 +76,7 @@ pub fn port(name: &str, bus: (usize, &str), line: Option<&str>, settings: Option
 pub fn read(interface: u32, read: &Read<'_>, out: &mut Vec<u8>) {
     let time = read.time.max(0) as u64;
     let event = match (read.hole, read.errors) {
+        (true, _) if read.bytes.is_empty() => ENDED,
         (true, _) => LOST,
         (false, []) => RECEIVED,
         _ => MARKED,

@@ -10,7 +10,7 @@ mod ports;
 mod tcp;
 mod words;
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
 use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
@@ -24,6 +24,7 @@ use crate::direction::Direction;
 use crate::finding::Finding;
 use crate::framer::{Mode, Verdict};
 use crate::records::{Batch, Frame};
+use crate::Ns;
 
 pub use words::settings;
 
@@ -89,7 +90,16 @@ pub struct Capture {
     /// Frames that the filter left out, for the context of the next one.
     before: VecDeque<(Arc<Batch>, usize)>,
     behind: usize,
-    interfaces: Vec<(u32, u8)>,
+    /// Transactions whose words no packet has yet: the number of their last frame, and the words.
+    told: HashMap<u64, (u64, Vec<u8>)>,
+    /// Transactions that have packets, but were not complete then: those of a live tap.
+    untold: BTreeSet<u64>,
+    /// Name and line of the bus of each.
+    interfaces: Vec<(String, u8)>,
+    /// Some block says when the recording began.
+    origin_told: bool,
+    /// Of the packet before: bus, connection, line, and the interface.
+    latest: Option<((u32, u64, u8), u32)>,
     ports: Ports,
     connections: Connections,
     newest: u64,
@@ -115,7 +125,11 @@ impl Capture {
             done: HashSet::new(),
             before: VecDeque::new(),
             behind: 0,
+            told: HashMap::new(),
+            untold: BTreeSet::new(),
             interfaces: Vec::new(),
+            origin_told: false,
+            latest: None,
             ports: Ports::default(),
             connections: Connections::default(),
             newest: 0,
@@ -137,6 +151,10 @@ impl Capture {
             }
         }
         for row in &batch.transactions {
+            if !self.options.classic && self.options.style != Style::Tcp {
+                let last = row.request.frame.max(row.response.frame);
+                self.told.insert(row.number, (last, words::transaction(batch, row)));
+            }
             if self.options.live && self.filtered.is_some() {
                 self.done.insert(row.number);
             } else {
@@ -198,7 +216,7 @@ impl Capture {
         let complete = all || frame.txn.is_none_or(|txn| txn <= self.done_to || self.done.contains(&txn));
         match self.filtered {
             None if self.options.live || complete => Some(true),
-            Some(TableKind::Frames) => Some(self.kept.contains(&frame.number)),
+            Some(TableKind::Frames) if self.options.live || complete => Some(self.kept.contains(&frame.number)),
             Some(_) if complete => Some(frame.txn.is_some_and(|txn| self.kept.contains(&txn))),
             _ => None,
         }
@@ -208,6 +226,12 @@ impl Capture {
     fn forget(&mut self) {
         if self.waiting.is_empty() {
             self.notes.clear();
+        }
+        if self.told.len() > REMEMBERED {
+            // Of frames that a filter has left out.
+            let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
+            let next = self.before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
+            self.told.retain(|txn, (last, _)| *last >= next || self.untold.contains(txn));
         }
         if self.kept.len() + self.done.len() < REMEMBERED {
             return;
@@ -264,8 +288,38 @@ impl Capture {
         let start = blocks::begin_packet(interface, time, out);
         bytes(self.options.style, batch, frame, route, &notes, out);
         blocks::end_bytes(start, out);
-        remarks(batch, frame, &notes, out);
+        let origin = if self.origin_told { None } else { origin(frame) };
+        self.origin_told |= origin.is_some();
+        remarks(self.options.style, batch, frame, &notes, origin, out);
+        self.transactions(frame, out);
+        blocks::end_options(out);
         blocks::end_block(start, out);
+    }
+
+    /// The words of the transactions that are complete with this frame.
+    fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
+        if let Some(txn) = frame.txn {
+            match self.told.get(&txn) {
+                Some((last, _)) if frame.number < *last => {}
+                Some(_) => self.tell(txn, out),
+                None => {
+                    self.untold.insert(txn);
+                }
+            }
+        }
+        if !self.untold.is_empty() {
+            let late: Vec<u64> = self.untold.iter().copied().filter(|txn| self.told.contains_key(txn)).collect();
+            for txn in late {
+                self.untold.remove(&txn);
+                self.tell(txn, out);
+            }
+        }
+    }
+
+    fn tell(&mut self, txn: u64, out: &mut Vec<u8>) {
+        if let Some((_, words)) = self.told.remove(&txn) {
+            blocks::custom(out, |out| out.extend_from_slice(&words));
+        }
     }
 
     /// The packets of the style `tcp`; frames that TCP could not carry are counted only.
@@ -297,29 +351,45 @@ impl Capture {
     }
 
     /// The number of the interface of a frame's bus and line; its block is written when it is first needed.
+    ///
+    /// A connection is no interface of its own: those to one server share one.
     fn interface(&mut self, batch: &Batch, frame: &Frame, out: &mut Vec<u8>) -> u32 {
-        let key = (frame.bus, frame.line);
-        if let Some(at) = self.interfaces.iter().position(|known| *known == key) {
-            return at as u32;
-        }
         let bus = &batch.buses[frame.bus as usize];
-        let (name, description, custom) = words::interface(bus, frame.line, self.options.style.words().0);
-        let what = Interface {
-            link: self.link(),
-            name: &name,
-            description: &description,
-            speed: bus.line.map(|line| u64::from(line.baud)),
-            digits: 9,
-            custom: &custom,
-        };
-        blocks::interface(&what, out);
-        self.interfaces.push(key);
-        (self.interfaces.len() - 1) as u32
+        // Numbers of buses are used again when their connection is over.
+        let key = (frame.bus, bus.network.as_ref().map_or(0, |network| network.connection), frame.line);
+        if let Some((_, at)) = self.latest.filter(|(known, _)| *known == key) {
+            return at;
+        }
+        let line = if bus.network.is_some() { 0 } else { frame.line };
+        let known = self.interfaces.iter().position(|(name, of)| *of == line && *name == bus.name);
+        let at = known.unwrap_or_else(|| {
+            let origin = origin(frame);
+            self.origin_told |= origin.is_some();
+            let (name, description, custom) = words::interface(bus, line, origin, self.options.style.words().0);
+            let what = Interface {
+                link: self.link(),
+                name: &name,
+                description: &description,
+                speed: bus.line.map(|line| u64::from(line.baud)),
+                digits: 9,
+                custom: &custom,
+            };
+            blocks::interface(&what, out);
+            self.interfaces.push((bus.name.clone(), line));
+            self.interfaces.len() - 1
+        }) as u32;
+        self.latest = Some((key, at));
+        at
     }
 }
 
+/// The first moment of the recording.
+fn origin(frame: &Frame) -> Option<Ns> {
+    Some(frame.start? - frame.elapsed?)
+}
+
 /// Comments, flags and our own option of a packet.
-fn remarks(batch: &Batch, frame: &Frame, notes: &[Note], out: &mut Vec<u8>) {
+fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
     if frame.mode == Mode::Ascii && frame.verdict.good() {
         let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
         blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
@@ -334,8 +404,9 @@ fn remarks(batch: &Batch, frame: &Frame, notes: &[Note], out: &mut Vec<u8>) {
         blocks::comment(&words::comment(note), out);
     }
     blocks::flags(words::flags(batch, frame), out);
-    blocks::custom(out, |out| words::custom(frame, out));
-    blocks::end_options(out);
+    // The dissector `mbrtu` gets an RTU frame, whatever was on the line.
+    let same = style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
+    blocks::custom(out, |out| words::custom(batch, frame, same, origin, out));
 }
 
 /// The bytes of a packet of link type 252.
@@ -356,10 +427,15 @@ fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, notes: &[Note
     }
 }
 
-/// Unit and PDU in binary, and what stands behind them: the CRC, the whole text of an ASCII frame, or nothing.
 fn halves<'a>(frame: &Frame, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [u8], &'a [u8]) {
-    match frame.mode {
-        Mode::Rtu if frame.verdict == Verdict::NoChecksum => (wire, &[]),
+    unwrap(frame.mode, frame.verdict, wire, scratch)
+}
+
+/// Unit and PDU of a good frame in binary, and what stands behind them: the CRC, the whole text of an ASCII frame, or
+/// nothing.
+pub fn unwrap<'a>(mode: Mode, verdict: Verdict, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [u8], &'a [u8]) {
+    match mode {
+        Mode::Rtu if verdict == Verdict::NoChecksum => (wire, &[]),
         Mode::Rtu => wire.split_at(wire.len().saturating_sub(2)),
         Mode::Tcp => (wire.get(6..).unwrap_or(&[]), &[]),
         Mode::Ascii => {
@@ -371,7 +447,7 @@ fn halves<'a>(frame: &Frame, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [
                     None => high = Some(digit),
                 }
             }
-            if frame.verdict != Verdict::NoChecksum {
+            if verdict != Verdict::NoChecksum {
                 scratch.pop(); // the LRC
             }
             (scratch, wire)

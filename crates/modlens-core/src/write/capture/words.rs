@@ -8,8 +8,10 @@ use crate::finding::{Finding, Severity};
 use crate::framer::{Mode, Verdict};
 use crate::functions::EXCEPTION_BIT;
 use crate::line::Line;
-use crate::records::{Batch, Bus, Clock, Frame};
+use crate::pdu::hex;
+use crate::records::{Batch, Bus, Clock, Frame, Half, Transaction};
 use crate::write::{push_int, push_us};
+use crate::Ns;
 
 /// Bits of the flags option (draft-ietf-opsawg-pcapng, 4.3).
 const BROADCAST: u32 = 3 << 2;
@@ -76,31 +78,112 @@ pub fn exception(frame: &Frame) -> Option<String> {
 }
 
 /// What Wireshark has no place for, as `key=value` separated by spaces; columns at their usual value are left out.
-pub fn custom(frame: &Frame, out: &mut Vec<u8>) {
-    out.extend_from_slice(b"frame=");
-    push_int(frame.number as i64, out);
+///
+/// `pcap::told` reads it back: from these words, the bytes and the comments the rows are made again. `verbatim` says that
+/// the packet holds the bytes of the line as they were; `origin` is there if no interface block has it.
+pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, out: &mut Vec<u8>) {
+    number("frame=", frame.number, out);
     if let Some(txn) = frame.txn {
-        out.extend_from_slice(b" txn=");
-        push_int(txn as i64, out);
+        number(" txn=", txn, out);
     }
-    out.extend_from_slice(b" offset=");
-    push_int(frame.offset as i64, out);
+    number(" offset=", frame.offset, out);
     word(" mode=", frame.mode.text(), out);
     word(" verdict=", frame.verdict.text(), out);
     word(" direction=", frame.direction.text(), out);
     word(" cut_by=", frame.cut_by.text(), out);
-    out.extend_from_slice(b" confidence=");
-    push_int(i64::from(frame.confidence), out);
+    number(" confidence=", u64::from(frame.confidence), out);
     if frame.tentative {
         out.extend_from_slice(b" tentative");
     }
     if let Some(gap) = frame.gap {
-        out.extend_from_slice(b" gap_us=");
-        push_us(gap, out);
+        us(" gap_us=", gap, out);
     }
     if frame.start.is_none() {
         out.extend_from_slice(b" no_time");
     }
+    if !frame.verdict.good() {
+        for (key, value) in [(" unit=", frame.unit), (" code=", frame.code)] {
+            if let Some(value) = value {
+                number(key, u64::from(value), out);
+            }
+        }
+    }
+    if let Some(id) = frame.mbap_id {
+        number(" mbap_id=", u64::from(id), out);
+    }
+    if let Some(network) = &batch.buses[frame.bus as usize].network {
+        number(" connection=", network.connection, out);
+        word(" client=", &network.client, out);
+    }
+    if let Some(origin) = origin {
+        out.extend_from_slice(b" origin_ns=");
+        push_int(origin, out);
+    }
+    codes(frame.findings.of(&batch.codes), out);
+    if !verbatim {
+        word(" wire=", &hex(frame.wire.of(&batch.arena)), out);
+    }
+}
+
+/// The same of a transaction, for the packet of its last frame.
+pub fn transaction(batch: &Batch, row: &Transaction) -> Vec<u8> {
+    let mut out = Vec::with_capacity(80);
+    number("transaction=", row.number, &mut out);
+    word(" status=", row.status.text(), &mut out);
+    for (key, half) in [("request", &row.request), ("response", &row.response)] {
+        if half.frame > 0 {
+            number(&format!(" {key}="), half.frame, &mut out);
+            let pdu = half.pdu.of(&batch.arena);
+            if pdu != usual_pdu(batch, row.mode, half) {
+                word(&format!(" {key}_pdu="), &hex(pdu), &mut out);
+            }
+        }
+    }
+    let times = [(" response_us=", row.response_time), (" waited_us=", row.waited), (" late_us=", row.late_response)];
+    for (key, ns) in times.into_iter().chain([(" gap_us=", row.gap)]) {
+        if let Some(ns) = ns {
+            us(key, ns, &mut out);
+        }
+    }
+    for (key, value) in [(" retry_of=", row.retry_of), (" late_for=", row.late_for)] {
+        if let Some(value) = value {
+            number(key, value, &mut out);
+        }
+    }
+    if let Some(code) = row.exception {
+        number(" exception=", u64::from(code), &mut out);
+    }
+    if let Some(id) = row.mbap_id {
+        number(" mbap_id=", u64::from(id), &mut out);
+    }
+    codes(row.findings.of(&batch.codes), &mut out);
+    out
+}
+
+/// The PDU that stands in the bytes of a whole frame.
+fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &Half) -> &'a [u8] {
+    let wire = half.wire.of(&batch.arena);
+    match mode {
+        Mode::Rtu => wire.get(1..wire.len().saturating_sub(2)).unwrap_or(&[]),
+        Mode::Tcp => wire.get(7..).unwrap_or(&[]),
+        Mode::Ascii => &[],
+    }
+}
+
+fn codes(codes: &[Finding], out: &mut Vec<u8>) {
+    for (at, code) in codes.iter().enumerate() {
+        word(if at == 0 { " findings=" } else { "," }, code.doc().code, out);
+    }
+}
+
+fn number(key: &str, value: u64, out: &mut Vec<u8>) {
+    out.extend_from_slice(key.as_bytes());
+    push_int(value as i64, out);
+}
+
+fn us(key: &str, ns: Ns, out: &mut Vec<u8>) {
+    out.extend_from_slice(key.as_bytes());
+    push_us(ns, out);
 }
 
 fn word(key: &str, value: &str, out: &mut Vec<u8>) {
@@ -109,7 +192,9 @@ fn word(key: &str, value: &str, out: &mut Vec<u8>) {
 }
 
 /// Name, description and our own words for the interface of a bus, or of one line of it.
-pub fn interface(bus: &Bus, line: u8, how: &str) -> (String, String, String) {
+///
+/// `origin` is the first moment of the recording, from which `elapsed_us` counts.
+pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, how: &str) -> (String, String, String) {
     let letter = match line {
         0 => "",
         1 => "A",
@@ -124,7 +209,10 @@ pub fn interface(bus: &Bus, line: u8, how: &str) -> (String, String, String) {
         Clock::Relative => "relative",
         Clock::None => "none",
     };
-    let mut custom = format!("clock={clock}");
+    let mut custom = format!("export clock={clock}");
+    if let Some(origin) = origin {
+        let _ = write!(custom, " origin_ns={origin}");
+    }
     if let Some(settings) = settings {
         let _ = write!(custom, " settings={settings}");
     }
@@ -132,7 +220,7 @@ pub fn interface(bus: &Bus, line: u8, how: &str) -> (String, String, String) {
         let _ = write!(custom, " line={letter}");
     }
     // Last: a name may hold spaces.
-    let _ = write!(custom, " bus={}", bus.name);
+    let _ = write!(custom, " name={}", bus.name);
     (name, description, custom)
 }
 
