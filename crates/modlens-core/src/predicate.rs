@@ -66,6 +66,19 @@ impl Predicate {
         Ok(Self { kind, root: compile(kind, &tree, 0)? })
     }
 
+    /// The rows to be kept.
+    #[must_use]
+    pub fn filter(&self, table: &Table) -> Table {
+        if let Expr::Compare(op, a, b) = &self.root {
+            if let (Expr::Column(column), Some(limit)) = (&**a, limit(b)) {
+                if let Some(numbers) = table.numbers(*column) {
+                    return table.filter(|_, row| numbers(row).is_some_and(|number| fits(*op, number.partial_cmp(&limit))));
+                }
+            }
+        }
+        table.filter(|table, row| self.holds(table, row))
+    }
+
     /// Whether the row is to be kept.
     pub fn holds(&self, table: &Table, row: usize) -> bool {
         holds(&self.root, table, row)
@@ -194,7 +207,20 @@ fn order(a: &Val<'_>, b: &Val<'_>) -> Option<Ordering> {
 }
 
 fn compare(op: Compare, a: &Val<'_>, b: &Val<'_>) -> bool {
-    let Some(order) = order(a, b) else { return false };
+    fits(op, order(a, b))
+}
+
+/// A constant that a float64 holds exactly.
+fn limit(expr: &Expr) -> Option<f64> {
+    match expr {
+        Expr::Int(n) if n.unsigned_abs() <= 1 << 53 => Some(*n as f64),
+        Expr::Float(n) => Some(*n),
+        _ => None,
+    }
+}
+
+fn fits(op: Compare, order: Option<Ordering>) -> bool {
+    let Some(order) = order else { return false };
     match op {
         Compare::Eq => order.is_eq(),
         Compare::Ne => order.is_ne(),

@@ -2,7 +2,7 @@
 //!
 //! Columns are not stored: `columns` reads them off the rows when somebody asks.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::direction::Direction;
 use crate::finding::Finding;
@@ -262,7 +262,9 @@ pub struct FindingRow {
 }
 
 /// Rows that were decided, with the bytes they refer to.
-#[derive(Clone, Debug, Default)]
+///
+/// A batch that a session gave out gives its memory back when it is dropped: fresh memory costs more than most rows.
+#[derive(Debug, Default)]
 pub struct Batch {
     /// What rows of a bus share.
     pub buses: Arc<Vec<Bus>>,
@@ -278,6 +280,57 @@ pub struct Batch {
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
+    /// Where its memory goes.
+    pub(crate) spare: Spare,
+}
+
+/// The vectors of batches that were dropped, to be filled again.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Spare(Arc<Mutex<Vec<Memory>>>);
+
+type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>);
+
+/// So many are kept: one is filled while another is written.
+const SPARE: usize = 2;
+
+/// A batch with more bytes than this was an exception.
+const USUAL: usize = 1 << 23;
+
+impl Spare {
+    /// A batch without rows.
+    pub(crate) fn batch(&self) -> Batch {
+        let mut batch = Batch::default();
+        batch.spare = self.clone();
+        if let Some(memory) = self.0.lock().ok().and_then(|mut memories| memories.pop()) {
+            (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings) = memory;
+        }
+        batch
+    }
+}
+
+impl Drop for Batch {
+    fn drop(&mut self) {
+        // The session is gone, or has never seen this batch.
+        if Arc::strong_count(&self.spare.0) == 1 || self.arena.capacity() > USUAL {
+            return;
+        }
+        let Ok(mut memories) = self.spare.0.lock() else { return };
+        if memories.len() == SPARE {
+            return;
+        }
+        self.arena.clear();
+        self.codes.clear();
+        self.frames.clear();
+        self.transactions.clear();
+        self.findings.clear();
+        let mut memory = Memory::default();
+        std::mem::swap(&mut memory.0, &mut self.arena);
+        std::mem::swap(&mut memory.1, &mut self.codes);
+        std::mem::swap(&mut memory.2, &mut self.frames);
+        std::mem::swap(&mut memory.3, &mut self.transactions);
+        std::mem::swap(&mut memory.4, &mut self.findings);
+        memories.push(memory);
+    }
 }
 
 impl Batch {
@@ -286,6 +339,12 @@ impl Batch {
         let start = self.arena.len() as u32;
         self.arena.extend_from_slice(bytes);
         Span { start, length: bytes.len() as u32 }
+    }
+
+    /// Where bytes of the arena are in it.
+    pub(crate) fn span_of(&self, bytes: &[u8]) -> Span {
+        let start = (bytes.as_ptr() as usize).wrapping_sub(self.arena.as_ptr() as usize);
+        Span { start: start as u32, length: bytes.len() as u32 }
     }
 
     /// Stores findings.

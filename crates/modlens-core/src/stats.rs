@@ -37,7 +37,9 @@ impl Times {
         self.most = self.most.max(ns);
         self.count += 1;
         self.sum += ns;
-        self.buckets.resize(BUCKETS, 0);
+        if self.buckets.is_empty() {
+            self.buckets.resize(BUCKETS, 0);
+        }
         let bucket = ((ns.max(1) as f64).log2() * STEPS_PER_OCTAVE).round() as usize;
         self.buckets[bucket.min(BUCKETS - 1)] += 1;
     }
@@ -66,8 +68,10 @@ impl Times {
     }
 }
 
+/// The transactions of a function with one unit.
 #[derive(Clone, Debug, Default)]
 struct Row {
+    function: u8,
     statuses: [u64; 8],
     retries: u64,
     exceptions: BTreeMap<u8, u64>,
@@ -80,7 +84,8 @@ struct BusCounts {
     mode: Option<Mode>,
     frames: [u64; 5],
     bytes: [u64; 5],
-    units: BTreeMap<(u8, u8), Row>,
+    /// By unit; a unit has few functions.
+    units: Vec<Vec<Row>>,
     silence: Option<Silence>,
     requests: Requests,
     busy: Ns,
@@ -102,7 +107,8 @@ struct Silence {
 #[derive(Clone, Debug, Default)]
 pub struct Stats {
     buses: Vec<BusCounts>,
-    findings: BTreeMap<&'static str, u64>,
+    /// By finding, in the order of `Finding::ALL`.
+    findings: Vec<u64>,
 }
 
 impl Stats {
@@ -152,7 +158,7 @@ impl Stats {
     /// A transaction was decided.
     pub fn transaction(&mut self, bus: usize, functions: &Functions, exchange: &Exchange) {
         self.buses[bus].requests.transaction(functions, exchange);
-        let row = self.buses[bus].units.entry((exchange.unit, exchange.function)).or_default();
+        let row = self.buses[bus].row(exchange.unit, exchange.function);
         row.statuses[exchange.status as usize] += 1;
         row.retries += u64::from(exchange.retry_of.is_some());
         if let Some(code) = exchange.exception {
@@ -165,18 +171,42 @@ impl Stats {
 
     /// Something was found.
     pub fn finding(&mut self, finding: Finding) {
-        *self.findings.entry(finding.doc().code).or_default() += 1;
+        self.findings.resize(Finding::ALL.len(), 0);
+        self.findings[finding as usize] += 1;
     }
 
     /// All counters.
     pub fn json(&self, functions: &Functions) -> Json {
         let mut statuses: BTreeMap<&str, u64> = BTreeMap::new();
         let buses: Vec<Json> = self.buses.iter().map(|bus| bus.json(&mut statuses, functions)).collect();
-        json!({"transactions": statuses, "findings": self.findings, "buses": buses})
+        let counted = Finding::ALL.iter().zip(&self.findings).filter(|(_, &count)| count > 0);
+        let findings: BTreeMap<&str, u64> = counted.map(|(finding, &count)| (finding.doc().code, count)).collect();
+        json!({"transactions": statuses, "findings": findings, "buses": buses})
     }
 }
 
 impl BusCounts {
+    fn row(&mut self, unit: u8, function: u8) -> &mut Row {
+        if self.units.is_empty() {
+            self.units.resize(256, Vec::new());
+        }
+        let rows = &mut self.units[usize::from(unit)];
+        let at = rows.iter().position(|row| row.function == function).unwrap_or_else(|| {
+            rows.push(Row { function, ..Row::default() });
+            rows.len() - 1
+        });
+        &mut rows[at]
+    }
+
+    /// By unit and function.
+    fn rows(&self) -> impl Iterator<Item = (usize, &Row)> {
+        self.units.iter().enumerate().flat_map(|(unit, rows)| {
+            let mut rows: Vec<&Row> = rows.iter().collect();
+            rows.sort_by_key(|row| row.function);
+            rows.into_iter().map(move |row| (unit, row))
+        })
+    }
+
     fn json(&self, total: &mut BTreeMap<&str, u64>, functions: &Functions) -> Json {
         let by_verdict = |counts: &[u64; 5]| -> Json {
             Verdict::ALL
@@ -186,16 +216,15 @@ impl BusCounts {
                 .into()
         };
         let units: Vec<Json> = self
-            .units
-            .iter()
-            .map(|((unit, function), row)| {
+            .rows()
+            .map(|(unit, row)| {
                 let counted = Status::ALL.iter().map(|status| (status.text(), row.statuses[*status as usize])).filter(|(_, count)| *count > 0);
                 let statuses: BTreeMap<&str, u64> = counted.collect();
                 for (status, count) in &statuses {
                     *total.entry(status).or_default() += count;
                 }
                 json!({
-                    "unit": unit, "function": function, "transactions": row.statuses.iter().sum::<u64>(), "statuses": statuses,
+                    "unit": unit, "function": row.function, "transactions": row.statuses.iter().sum::<u64>(), "statuses": statuses,
                     "retries": row.retries, "exceptions": row.exceptions.iter().map(|(k, v)| (k.to_string(), *v)).collect::<BTreeMap<_, _>>(),
                     "response_time": row.response.json(),
                 })

@@ -69,7 +69,7 @@ impl Table {
         if predicate.core.kind != self.core.kind {
             return Err(wrong(format!("a filter for {} on {}", predicate.core.kind.name(), self.core.kind.name())));
         }
-        let core = py.detach(|| self.core.filter(|table, row| predicate.core.holds(table, row)));
+        let core = py.detach(|| predicate.core.filter(&self.core));
         Ok(Self { core })
     }
 

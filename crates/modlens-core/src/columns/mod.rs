@@ -15,10 +15,10 @@ pub use content::{exception_name, read_data, read_range, row_of, write_data, wri
 use crate::finding::Finding;
 use crate::functions::Functions;
 use crate::points::Value;
-use crate::records::{Batch, Frame, Place, Transaction};
+use crate::records::{Batch, FindingRow, Frame, Place, Transaction};
 use crate::Ns;
 pub use readings::{each_value, Part};
-use readings::{readings, Reading, READINGS};
+use readings::{Readings, READINGS};
 use tables::{FINDINGS, FRAMES, TRANSACTIONS};
 
 /// The embedded columns.
@@ -209,11 +209,39 @@ pub struct Table {
     rows: Rows,
 }
 
+/// One row of a table.
+#[derive(Clone, Copy)]
+pub struct RowRef<'a> {
+    batch: &'a Batch,
+    of: RowOf<'a>,
+}
+
+#[derive(Clone, Copy)]
+enum RowOf<'a> {
+    Frame(&'a Frame),
+    Transaction(&'a Transaction),
+    Finding(&'a FindingRow),
+    Reading(readings::Item<'a>),
+}
+
+impl<'a> RowRef<'a> {
+    /// One of its values.
+    #[inline]
+    pub fn cell(&self, column: usize) -> Cell<'a> {
+        match self.of {
+            RowOf::Frame(row) => FRAMES[column].1(self.batch, row),
+            RowOf::Transaction(row) => TRANSACTIONS[column].1(self.batch, row),
+            RowOf::Finding(row) => FINDINGS[column].1(self.batch, row),
+            RowOf::Reading(row) => READINGS[column].1(self.batch, row),
+        }
+    }
+}
+
 #[derive(Clone, Debug)]
 enum Rows {
     All(usize),
     Some(Arc<Vec<u32>>),
-    Readings(Arc<Vec<Reading>>),
+    Readings(Readings),
 }
 
 impl Table {
@@ -223,7 +251,7 @@ impl Table {
             TableKind::Frames => Rows::All(batch.frames.len()),
             TableKind::Transactions => Rows::All(batch.transactions.len()),
             TableKind::Findings => Rows::All(batch.findings.len()),
-            TableKind::Readings => Rows::Readings(Arc::new(readings(&batch))),
+            TableKind::Readings => Rows::Readings(Readings::new(&batch)),
         };
         Self { batch, kind, rows }
     }
@@ -233,7 +261,7 @@ impl Table {
     pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
         let rows = match &self.rows {
-            Rows::Readings(items) => Rows::Readings(Arc::new(kept.into_iter().map(|row| items[row]).collect())),
+            Rows::Readings(readings) => Rows::Readings(readings.some(&kept)),
             _ => Rows::Some(Arc::new(kept.into_iter().map(|row| self.index(row) as u32).collect())),
         };
         Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
@@ -294,12 +322,27 @@ impl Table {
     /// One value.
     #[inline]
     pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
+        self.row(row).cell(column)
+    }
+
+    /// One row, for those who read several of its values.
+    #[inline]
+    pub fn row(&self, row: usize) -> RowRef<'_> {
         let batch = &*self.batch;
-        match (&self.rows, self.kind) {
-            (Rows::Readings(rows), _) => READINGS[column].1(batch, rows[row]),
-            (_, TableKind::Frames) => FRAMES[column].1(batch, &batch.frames[self.index(row)]),
-            (_, TableKind::Findings) => FINDINGS[column].1(batch, &batch.findings[self.index(row)]),
-            _ => TRANSACTIONS[column].1(batch, &batch.transactions[self.index(row)]),
+        let of = match (&self.rows, self.kind) {
+            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(row)),
+            (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
+            (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
+            _ => RowOf::Transaction(&batch.transactions[self.index(row)]),
+        };
+        RowRef { batch, of }
+    }
+
+    /// A column of numbers, where these are to be had without a `Cell` between: the values of readings.
+    pub fn numbers(&self, column: usize) -> Option<impl Fn(usize) -> Option<f64> + '_> {
+        match &self.rows {
+            Rows::Readings(readings) if READINGS[column].0 == "value" => Some(|row| readings.number(&self.batch, row)),
+            _ => None,
         }
     }
 

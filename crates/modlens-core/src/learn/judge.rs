@@ -43,7 +43,7 @@ pub fn judge(rows: &[&[u16]], asked: f64) -> Vec<Claim> {
     }
     let mut claims: Vec<Claim> = Vec::new();
     for (order, _) in Order::ALL {
-        let values: Vec<u64> = rows.iter().map(|row| bits_of(row, order)).collect();
+        let values = bits_of(rows, words, order);
         claims.extend(float(&values, words, order, asked));
         claims.extend(whole(&values, words, order, asked));
     }
@@ -65,10 +65,41 @@ pub fn judge(rows: &[&[u16]], asked: f64) -> Vec<Claim> {
     claims
 }
 
-fn bits_of(row: &[u16], order: Order) -> u64 {
-    let bytes: Vec<u8> = row.iter().flat_map(|word| word.to_be_bytes()).collect();
-    let kind = if row.len() == 2 { Type::U32 } else { Type::U64 };
-    Convert::of_type(kind, order).bits(&bytes)
+/// Whether these registers make sense as floats in an order other than this one; if not, `judge` claims no such float.
+pub fn float_elsewhere(rows: &[&[u16]], order: Order) -> bool {
+    let words = rows.first().map_or(0, |row| row.len());
+    let others = Order::ALL.iter().filter(|(other, _)| *other != order);
+    matches!(words, 2 | 4) && others.clone().any(|(other, _)| sizes(&floats(&bits_of(rows, words, *other), words)).is_some())
+}
+
+fn bits_of(rows: &[&[u16]], words: usize, order: Order) -> Vec<u64> {
+    let convert = Convert::of_type(if words == 2 { Type::U32 } else { Type::U64 }, order);
+    let bits = |row: &&[u16]| {
+        let mut bytes = [0; 8];
+        for (pair, word) in bytes.chunks_exact_mut(2).zip(*row) {
+            pair.copy_from_slice(&word.to_be_bytes());
+        }
+        convert.bits(&bytes)
+    };
+    rows.iter().map(bits).collect()
+}
+
+fn floats(values: &[u64], words: usize) -> Vec<f64> {
+    let float = |&bits: &u64| if words == 2 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) };
+    values.iter().map(float).collect()
+}
+
+/// Smallest and largest size, where they are those of quantities of plants: from hundredths of a milli to some hundred
+/// millions.
+fn sizes(numbers: &[f64]) -> Option<(f64, f64)> {
+    let (mut low, mut high) = (f64::MAX, 0.0f64);
+    for size in numbers.iter().filter(|&&number| number != 0.0).map(|number| number.abs()) {
+        if !(1e-5..1e9).contains(&size) {
+            return None;
+        }
+        (low, high) = (low.min(size), high.max(size));
+    }
+    (high > 0.0 && high / low <= 1e6).then_some((low, high))
 }
 
 /// What the values do as numbers of one order.
@@ -190,19 +221,8 @@ fn asked_for(asked: f64, reason: &mut String) -> f64 {
 
 fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
     let kind = if words == 2 { Type::F32 } else { Type::F64 };
-    let numbers: Vec<f64> = values
-        .iter()
-        .map(|&bits| if words == 2 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) })
-        .collect();
-    let sizes: Vec<f64> = numbers.iter().filter(|&&number| number != 0.0).map(|number| number.abs()).collect();
-    // Quantities of plants: from hundredths of a milli to some hundred millions.
-    if sizes.is_empty() || !sizes.iter().all(|size| (1e-5..1e9).contains(size)) {
-        return None;
-    }
-    let (low, high) = (sizes.iter().copied().fold(f64::MAX, f64::min), sizes.iter().copied().fold(0.0, f64::max));
-    if high / low > 1e6 {
-        return None;
-    }
+    let numbers = floats(values, words);
+    sizes(&numbers)?;
     let mut reason = String::new();
     let movement = movement(values, words, true);
     let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);

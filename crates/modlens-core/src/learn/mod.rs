@@ -12,7 +12,7 @@ use crate::columns::{read_data, read_range, row_of, write_data, write_range, Ite
 use crate::profile::{Order, Space};
 use crate::records::{Batch, Status, Transaction};
 
-pub use judge::{judge, Claim};
+pub use judge::{float_elsewhere, judge, Claim};
 
 /// Samples of a block that are kept: the first ones.
 const SAMPLES: usize = 512;

@@ -72,6 +72,9 @@ impl Masters {
 
     /// The meetings that are proven by now, if any.
     pub(super) fn proofs(&mut self) -> Vec<Meeting> {
+        if self.waiting.is_empty() {
+            return Vec::new();
+        }
         let (proven, waiting) = self.waiting.drain(..).collect::<Vec<_>>().into_iter().partition(|m| self.proven(m.clear));
         self.waiting = waiting;
         proven

@@ -189,6 +189,9 @@ impl Pairing {
 
     /// Time has come to `now`: gives up requests whose time-out has passed.
     pub fn tick(&mut self, now: Ns, done: &mut Vec<Box<Exchange>>) {
+        if self.open.is_empty() {
+            return;
+        }
         let patience = self.patience();
         for exchange in &mut self.open {
             exchange.given_up |= exchange.request.end.is_some_and(|end| now - end >= patience);

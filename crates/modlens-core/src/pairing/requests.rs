@@ -273,5 +273,5 @@ fn silent(functions: &Functions, exchange: &Exchange) -> bool {
 }
 
 fn echoes_whole(functions: &Functions, pdu: &[u8]) -> bool {
-    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.request == row.response)
+    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.mirrored)
 }

@@ -124,6 +124,16 @@ impl Plan {
         &self.profile.points[compiled.point as usize]
     }
 
+    /// The values that begin with this register or bit.
+    pub fn beginning(&self, space: Space, address: u16) -> impl Iterator<Item = u32> + '_ {
+        let (start, end) = self.spaces[space as usize];
+        let points = &self.compiled[start as usize..end as usize];
+        let first = points.partition_point(|point| point.address < address);
+        (first..)
+            .take_while(move |&at| points.get(at).is_some_and(|point| point.address == address))
+            .map(move |at| start + at as u32)
+    }
+
     /// What a block of `count` registers or bits holds, by address: values that it holds whole, and the registers that
     /// are in none of them.
     #[inline]
@@ -159,6 +169,17 @@ fn values(point: &Point, index: u32, factor: Option<u16>) -> impl Iterator<Item 
         factor,
         convert: Convert::new(point),
     })
+}
+
+impl Compiled {
+    /// The number of these registers at once, where it takes neither labels nor scale factors nor sentinels.
+    #[inline]
+    pub fn quick(&self, bytes: &[u8]) -> Option<f64> {
+        if self.factor.is_some() {
+            return None;
+        }
+        self.convert.quick(bytes)
+    }
 }
 
 impl Bound {

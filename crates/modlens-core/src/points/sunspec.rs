@@ -14,6 +14,11 @@ const MARKER: [u8; 4] = *b"SunS";
 /// The number that ends the chain.
 const END: u16 = 0xFFFF;
 
+/// Where the marker stands in a block of holding registers.
+pub fn marker(first: u16, bytes: &[u8]) -> Option<u16> {
+    BASES.into_iter().find(|&base| words(first, bytes, base).is_some_and(|words| words == MARKER))
+}
+
 /// What is known of a unit's models.
 #[derive(Debug, Default)]
 pub struct Chain {
@@ -25,8 +30,7 @@ impl Chain {
     /// A block of holding registers; whether a model was found that was not known before.
     pub fn see(&mut self, first: u16, bytes: &[u8]) -> bool {
         if self.next.is_none() && self.models.is_empty() {
-            let at = |base: &u16| words(first, bytes, *base).is_some_and(|words| words == MARKER);
-            self.next = BASES.iter().find(|base| at(base)).map(|base| base + 2);
+            self.next = marker(first, bytes).map(|base| base + 2);
         }
         let before = self.models.len();
         while let Some(at) = self.next {

@@ -12,7 +12,6 @@ mod recorded;
 mod rows;
 mod told;
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::check;
@@ -22,7 +21,7 @@ use crate::finding::Finding;
 use crate::framer::{Cut, Mode, Verdict};
 use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::pairing::{Exchange, Pairing, Seen};
-use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Place, Span, Status, Transaction};
+use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Place, Span, Spare, Status, Transaction};
 use crate::stats::Stats;
 use crate::Ns;
 
@@ -63,7 +62,8 @@ pub struct Session {
     buses: Vec<BusState>,
     bus_rows: Arc<Vec<Bus>>,
     batch: Batch,
-    held: VecDeque<Transaction>,
+    spare: Spare,
+    held: Vec<Transaction>,
     wanted: Wanted,
     live: bool,
     timeout: Option<Ns>,
@@ -102,7 +102,8 @@ impl Session {
             buses: Vec::new(),
             bus_rows: Arc::default(),
             batch: Batch::default(),
-            held: VecDeque::new(),
+            spare: Spare::default(),
+            held: Vec::new(),
             wanted,
             live,
             timeout,
@@ -253,16 +254,16 @@ impl Session {
     pub fn take(&mut self) -> Batch {
         let told = self.captures.iter().flatten().filter_map(CaptureState::oldest);
         let oldest = self.buses.iter().filter_map(|bus| bus.pairing.oldest()).chain(told).min().unwrap_or(u64::MAX);
-        let mut batch = std::mem::take(&mut self.batch);
-        if self.held.len() > HOLD_BACK || self.live {
-            batch.transactions.extend(self.held.drain(..));
-        } else {
+        let mut batch = std::mem::replace(&mut self.batch, self.spare.batch());
+        let mut ready = self.held.len();
+        if ready <= HOLD_BACK && !self.live {
             // Request order: numbers are given in it, and only finished ones are here.
-            self.held.make_contiguous().sort_by_key(|row| row.number);
-            let ready = self.held.partition_point(|row| row.number < oldest);
-            batch.transactions.extend(self.held.drain(..ready));
-            self.keep_held(&batch);
+            self.held.sort_by_key(|row| row.number);
+            ready = self.held.partition_point(|row| row.number < oldest);
         }
+        std::mem::swap(&mut batch.transactions, &mut self.held);
+        self.held.extend(batch.transactions.drain(ready..));
+        self.keep_held(&batch);
         self.release();
         batch.buses = Arc::clone(&self.bus_rows);
         batch.functions = Some(Arc::clone(&self.functions));
@@ -322,18 +323,19 @@ impl Session {
         let input = &state.lines[at].1.input;
         let char_ns = input.char_ns.unwrap_or(0);
         let last_end = state.lines[at].1.last_end;
-        let end = input.byte_time(cut.length - 1).filter(|_| clocked);
-        let first = input.byte_time(0).filter(|_| clocked).map(|ns| ns - char_ns);
+        let clocked = clocked && input.timed;
+        let time_of = |index: usize| if clocked { input.byte_time(index) } else { None };
+        let (end, first) = (time_of(cut.length - 1), time_of(0).map(|ns| ns - char_ns));
         // The estimate goes back from the read's time; it cannot lie before what was already on the line.
         let start = first.map(|ns| if jumped { ns } else { last_end.map_or(ns, |last| ns.max(last)) });
         // All messages of a packet came when it came.
         let clean_start = mode == Mode::Tcp || input.starts_read(0);
-        let gap = input.pause_before(0).filter(|&gap| clocked && clean_start && gap >= 2 * resolution && gap > 0);
-        let read_origin = input.read(0).map_or(0, |read| read.origin);
-        let origin = if place == Place::Offset { input.offset() } else { read_origin };
-        let last_origin = if place == Place::Offset { origin } else { input.read(cut.length - 1).map_or(0, |read| read.origin) };
-        let side = input.read(0).and_then(|read| read.side);
+        let gap = if clocked && clean_start { input.pause_before(0) } else { None };
+        let gap = gap.filter(|&gap| gap >= 2 * resolution && gap > 0);
+        let (read_origin, side) = input.read(0).map_or((0, None), |read| (read.origin, read.side));
         let offset = input.offset();
+        let origin = if place == Place::Offset { offset } else { read_origin };
+        let last_origin = if place == Place::Offset { origin } else { input.read(cut.length - 1).map_or(0, |read| read.origin) };
         let wire = &input.bytes()[..cut.length];
         let mut seen = Seen {
             frame: number,
@@ -555,7 +557,7 @@ impl Session {
                     points,
                     origin: exchange.origin,
                 };
-                self.held.push_back(row);
+                self.held.push(row);
             }
             self.buses[bus].pairing.recycle(exchange);
         }

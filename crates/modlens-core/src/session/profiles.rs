@@ -8,7 +8,7 @@ use crate::finding::Finding;
 use crate::functions::{Functions, Operation};
 use crate::pairing::Exchange;
 use crate::pdu::u16_at;
-use crate::points::sunspec::Chain;
+use crate::points::sunspec::{marker, Chain};
 use crate::points::watch::Watch;
 use crate::points::{Bound, Plan};
 use crate::profile::Space;
@@ -28,7 +28,7 @@ pub(super) struct Profiles {
     by_unit: Vec<Option<Arc<Bound>>>,
     /// `SunSpec` models of units that no profile was given for.
     chains: HashMap<u8, Chain>,
-    watches: HashMap<u8, Watch>,
+    watches: Vec<Watch>,
 }
 
 impl Session {
@@ -42,7 +42,7 @@ impl Session {
     pub(super) fn profiles_of(&self, bus: &str) -> Profiles {
         let mut profiles = Profiles::default();
         for one in self.assignments.iter().filter(|one| one.bus.as_deref().is_none_or(|name| name == bus)) {
-            profiles.by_unit.resize(256, None);
+            profiles.make_room();
             for &unit in &one.units {
                 profiles.by_unit[usize::from(unit)] = Some(Arc::new(Bound::new(Arc::clone(&one.plan))));
             }
@@ -60,13 +60,13 @@ impl Profiles {
         if self.by_unit.get(usize::from(unit)).is_none_or(Option::is_none) {
             let (_, first, bytes) = read().filter(|(space, ..)| *space == Space::Holding)?;
             self.discover(unit, first, bytes)?;
-        } else if self.chains.contains_key(&unit) {
+        } else if !self.chains.is_empty() && self.chains.contains_key(&unit) {
             if let Some((Space::Holding, first, bytes)) = read() {
                 self.discover(unit, first, bytes);
             }
         }
         let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
-        let watch = self.watches.entry(unit).or_default();
+        let watch = &mut self.watches[usize::from(unit)];
         if bound.has_factors() || !watch.done(&bound.plan) {
             if let Some((space, first, bytes)) = read() {
                 for one in watch.see(&bound.plan, space, first, bytes) {
@@ -83,19 +83,23 @@ impl Profiles {
         Some(Arc::clone(bound))
     }
 
+    fn make_room(&mut self) {
+        self.by_unit.resize(256, None);
+        self.watches.resize_with(256, Watch::default);
+    }
+
     /// Looks for `SunSpec` models in a block; `None` if none is known of this unit.
     fn discover(&mut self, unit: u8, first: u16, bytes: &[u8]) -> Option<()> {
-        let marked = bytes.windows(4).step_by(2).any(|words| words == b"SunS");
-        if !marked && !self.chains.contains_key(&unit) {
+        if marker(first, bytes).is_none() && (self.chains.is_empty() || !self.chains.contains_key(&unit)) {
             return None;
         }
         if self.chains.entry(unit).or_default().see(first, bytes) {
             let plan = Arc::new(Plan::new(self.chains[&unit].profile()));
-            self.by_unit.resize(256, None);
+            self.make_room();
             let slot = &mut self.by_unit[usize::from(unit)];
             let bound = slot.as_ref().map_or_else(|| Bound::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
             *slot = Some(Arc::new(bound));
-            self.watches.remove(&unit);
+            self.watches[usize::from(unit)] = Watch::default();
         }
         self.by_unit.get(usize::from(unit))?.as_ref().map(|_| ())
     }

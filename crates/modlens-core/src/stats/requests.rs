@@ -1,6 +1,6 @@
 //! The different requests of a bus: how often each is repeated, how often not answered, and what was about it then.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use serde_json::{json, Value as Json};
 
@@ -20,11 +20,14 @@ const REMEMBERED: usize = 64;
 const REPEATED: u64 = 3;
 
 /// Unit, function, address, quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 struct Key(u8, u8, Option<(u16, u16)>);
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Slot {
+    key: Key,
+    /// The slot of the request that came after this one the last time.
+    next: usize,
     asked: u64,
     unanswered: u64,
     damaged: u64,
@@ -38,7 +41,10 @@ struct Slot {
 /// Requests of one bus.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Requests {
-    slots: BTreeMap<Key, Slot>,
+    slots: Vec<Slot>,
+    places: HashMap<Key, usize>,
+    /// The slot of the last request.
+    latest: usize,
     waited: Times,
     missing: VecDeque<(u64, Key, Option<Ns>)>,
     previous: Option<(u8, Status)>,
@@ -61,10 +67,8 @@ impl Requests {
         }
         let key = key(functions, exchange);
         let previous = self.previous.replace((exchange.unit, exchange.status));
-        if !self.slots.contains_key(&key) && self.slots.len() >= MOST {
-            return;
-        }
-        let slot = self.slots.entry(key).or_default();
+        let Some(at) = self.place(key) else { return };
+        let slot = &mut self.slots[at];
         slot.asked += 1;
         if exchange.retry_of.is_none() {
             if let Some((last, start)) = slot.last.zip(exchange.request.start) {
@@ -91,9 +95,35 @@ impl Requests {
         self.missing.push_back((exchange.txn, key, exchange.waited));
     }
 
+    /// The slot of a request. A master asks in turn: the request that came next the last time is tried first.
+    fn place(&mut self, key: Key) -> Option<usize> {
+        let likely = self.slots.get(self.latest).map_or(0, |slot| slot.next);
+        let at = if self.slots.get(likely).is_some_and(|slot| slot.key == key) {
+            likely
+        } else if let Some(&at) = self.places.get(&key) {
+            at
+        } else if self.slots.len() < MOST {
+            self.places.insert(key, self.slots.len());
+            self.slots.push(Slot::new(key));
+            self.slots.len() - 1
+        } else {
+            return None;
+        };
+        self.slots[self.latest].next = at;
+        self.latest = at;
+        Some(at)
+    }
+
+    /// By key: the order of output must not depend on the traffic.
+    fn sorted(&self) -> Vec<&Slot> {
+        let mut slots: Vec<&Slot> = self.slots.iter().collect();
+        slots.sort_by_key(|slot| slot.key);
+        slots
+    }
+
     fn answered_late(&mut self, txn: u64, after: Option<Ns>) {
         let Some(&(_, key, waited)) = self.missing.iter().find(|(number, ..)| *number == txn) else { return };
-        let Some(slot) = self.slots.get_mut(&key) else { return };
+        let Some(slot) = self.places.get(&key).map(|&at| &mut self.slots[at]) else { return };
         slot.late += 1;
         if let Some((after, waited)) = after.zip(waited) {
             slot.late_by.add((after - waited).max(0));
@@ -102,8 +132,8 @@ impl Requests {
 
     /// The time between a request and its next turn: that of the request in the middle, of those that come again.
     pub fn cycle(&self) -> Json {
-        let mut repeated: Vec<&Times> =
-            self.slots.values().filter(|slot| slot.asked >= REPEATED && slot.cycle.count > 0).map(|slot| &slot.cycle).collect();
+        let slots = self.sorted().into_iter().filter(|slot| slot.asked >= REPEATED && slot.cycle.count > 0);
+        let mut repeated: Vec<&Times> = slots.map(|slot| &slot.cycle).collect();
         repeated.sort_by_key(|times| times.percentile(0.5));
         let Some(middle) = repeated.get(repeated.len() / 2) else { return Json::Null };
         let mut found = middle.json();
@@ -113,18 +143,34 @@ impl Requests {
 
     /// Requests that were not answered, the most frequent first; null where all were.
     pub fn timeouts(&self, functions: &Functions) -> Json {
-        let mut slots: Vec<(&Key, &Slot)> = self.slots.iter().filter(|(_, slot)| slot.unanswered > 0).collect();
+        let mut slots: Vec<&Slot> = self.slots.iter().filter(|slot| slot.unanswered > 0).collect();
         if slots.is_empty() {
             return Json::Null;
         }
-        slots.sort_by_key(|(key, slot)| (std::cmp::Reverse(slot.unanswered), **key));
-        let rows: Vec<Json> = slots.iter().map(|(key, slot)| slot.json(**key, functions)).collect();
+        slots.sort_by_key(|slot| (std::cmp::Reverse(slot.unanswered), slot.key));
+        let rows: Vec<Json> = slots.iter().map(|slot| slot.json(functions)).collect();
         json!({"waited": self.waited.json(), "requests": rows})
     }
 }
 
 impl Slot {
-    fn json(&self, Key(unit, function, range): Key, functions: &Functions) -> Json {
+    fn new(key: Key) -> Self {
+        Self {
+            key,
+            next: 0,
+            asked: 0,
+            unanswered: 0,
+            damaged: 0,
+            late: 0,
+            late_by: Times::default(),
+            before: BTreeMap::new(),
+            last: None,
+            cycle: Times::default(),
+        }
+    }
+
+    fn json(&self, functions: &Functions) -> Json {
+        let Key(unit, function, range) = self.key;
         let mut before: Vec<(&(u8, Status), &u64)> = self.before.iter().collect();
         before.sort_by_key(|(who, count)| (std::cmp::Reverse(**count), **who));
         let before: Vec<Json> =

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use arrow_array::builder::{
-    BooleanBuilder, Float64Builder, Int32Builder, Int64Builder, ListBuilder, StringBuilder, TimestampNanosecondBuilder,
+    BooleanBuilder, Float64Builder, Int64Builder, ListBuilder, StringBuilder, TimestampNanosecondBuilder,
 };
-use arrow_array::{ArrayRef, RecordBatch};
+use arrow_array::{ArrayRef, Int32Array, ListArray, RecordBatch, StringArray};
+use arrow_buffer::{Buffer, NullBufferBuilder, OffsetBuffer};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 
-use crate::columns::{Cell, Kind, Table, TableKind};
+use crate::columns::{Cell, Items, Kind, Table, TableKind};
 use crate::write::push_plain;
 
 /// The schema of a table.
@@ -80,20 +81,7 @@ fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
             Arc::new(out.finish())
         }
         Kind::Text | Kind::Map => texts(table.len(), cells),
-        Kind::Ints => {
-            let mut out = ListBuilder::new(Int32Builder::new());
-            for cell in cells {
-                let Cell::Ints(items) = cell else {
-                    out.append(false);
-                    continue;
-                };
-                for i in 0..items.len() {
-                    out.values().append_value(items.get(i));
-                }
-                out.append(true);
-            }
-            Arc::new(out.finish())
-        }
+        Kind::Ints => ints(table.len(), cells),
         Kind::Texts => {
             let mut out = ListBuilder::new(StringBuilder::new());
             for cell in cells {
@@ -109,21 +97,53 @@ fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
     }
 }
 
-fn texts<'a>(rows: usize, cells: impl Iterator<Item = Cell<'a>>) -> ArrayRef {
-    let mut out = StringBuilder::with_capacity(rows, rows * 16);
-    let mut scratch = Vec::new();
+/// Lists of numbers, with one look at the list for all of its numbers.
+fn ints<'a>(rows: usize, cells: impl Iterator<Item = Cell<'a>>) -> ArrayRef {
+    let mut values: Vec<i32> = Vec::new();
+    let mut offsets = Vec::with_capacity(rows + 1);
+    let mut nulls = NullBufferBuilder::new(rows);
+    offsets.push(0);
     for cell in cells {
         match cell {
-            Cell::Null => out.append_null(),
-            Cell::Word(text) | Cell::Text(text) => out.append_value(text),
+            Cell::Ints(Items::Words(bytes)) => {
+                values.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
+                nulls.append_non_null();
+            }
+            Cell::Ints(items) => {
+                values.extend((0..items.len()).map(|i| items.get(i)));
+                nulls.append_non_null();
+            }
+            _ => nulls.append_null(),
+        }
+        offsets.push(values.len() as i32);
+    }
+    let item = Arc::new(Field::new("item", DataType::Int32, true));
+    let values = Arc::new(Int32Array::from(values));
+    Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
+}
+
+/// Texts are written one behind the other, where they stay.
+fn texts<'a>(rows: usize, cells: impl Iterator<Item = Cell<'a>>) -> ArrayRef {
+    let mut values = Vec::with_capacity(rows * 16);
+    let mut offsets = Vec::with_capacity(rows + 1);
+    let mut nulls = NullBufferBuilder::new(rows);
+    offsets.push(0);
+    for cell in cells {
+        match cell {
+            Cell::Null => nulls.append_null(),
+            Cell::Word(text) | Cell::Text(text) => {
+                values.extend_from_slice(text.as_bytes());
+                nulls.append_non_null();
+            }
             other => {
-                scratch.clear();
-                push_plain(&other, &mut scratch);
-                out.append_value(std::str::from_utf8(&scratch).unwrap_or_default());
+                push_plain(&other, &mut values);
+                nulls.append_non_null();
             }
         }
+        offsets.push(values.len() as i32);
     }
-    Arc::new(out.finish())
+    let offsets = OffsetBuffer::new(offsets.into());
+    Arc::new(StringArray::new(offsets, Buffer::from_vec(values), nulls.finish()))
 }
 
 fn whole(cell: &Cell<'_>) -> Option<i64> {

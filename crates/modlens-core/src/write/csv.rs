@@ -19,11 +19,12 @@ pub fn header(keys: &[&str], out: &mut Vec<u8>) {
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
     for row in 0..table.len() {
+        let row = table.row(row);
         for (i, &column) in columns.iter().enumerate() {
             if i > 0 {
                 out.push(b',');
             }
-            push_cell(&table.cell(row, column), out);
+            push_cell(&row.cell(column), out);
         }
         out.extend_from_slice(b"\r\n");
     }

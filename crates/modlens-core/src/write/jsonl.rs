@@ -10,8 +10,9 @@ pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
     for row in 0..table.len() {
         out.push(b'{');
         let start = out.len();
+        let row = table.row(row);
         for (key, &column) in keys.iter().zip(columns) {
-            let cell = table.cell(row, column);
+            let cell = row.cell(column);
             if matches!(cell, Cell::Null) {
                 continue;
             }
@@ -52,17 +53,24 @@ fn push_cell(cell: &Cell<'_>, out: &mut Vec<u8>) {
             out.push(b']');
         }
         other => {
+            out.push(b'"');
             let start = out.len();
             push_plain(other, out);
-            let text = out.split_off(start);
-            push_string(&text, out);
+            if out[start..].iter().any(|&byte| special(byte)) {
+                let text = out.split_off(start);
+                push_escaped(&text, out);
+            }
+            out.push(b'"');
         }
     }
 }
 
+fn special(byte: u8) -> bool {
+    matches!(byte, b'"' | b'\\' | 0..0x20 | 0x7F)
+}
+
 /// Text is valid UTF-8 already; what JSON forbids raw is escaped.
-fn push_string(text: &[u8], out: &mut Vec<u8>) {
-    out.push(b'"');
+fn push_escaped(text: &[u8], out: &mut Vec<u8>) {
     for &byte in text {
         match byte {
             b'"' | b'\\' => out.extend_from_slice(&[b'\\', byte]),
@@ -71,5 +79,4 @@ fn push_string(text: &[u8], out: &mut Vec<u8>) {
             _ => out.push(byte),
         }
     }
-    out.push(b'"');
 }

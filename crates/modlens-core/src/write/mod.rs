@@ -60,18 +60,32 @@ fn push_entry(entry: [u8; 8], out: &mut Vec<u8>) {
 ///
 /// Most of a table is registers: each is one look-up and one copy of fixed size.
 pub fn push_items(items: &Items<'_>, between: u8, out: &mut Vec<u8>) {
-    let table = decimals();
-    let count = items.len();
-    out.reserve(8 * count);
-    for i in 0..count {
-        let value = items.get(i);
-        let Some(entry) = usize::try_from(value).ok().and_then(|value| table.get(value)) else {
+    let (start, count) = (out.len(), items.len());
+    match *items {
+        Items::Words(bytes) => {
+            let table = decimals();
+            // Copies of eight bytes go beyond the last number.
+            out.resize(start + 6 * count + 8, 0);
+            let mut at = start;
+            for word in bytes.chunks_exact(2) {
+                let entry = &table[usize::from(u16::from_be_bytes([word[0], word[1]]))];
+                out[at..at + 8].copy_from_slice(entry);
+                at += usize::from(entry[7]);
+                out[at] = between;
+                at += 1;
+            }
+            out.truncate(at);
+        }
+        Items::Bits(bytes, _) => {
+            out.resize(start + 2 * count, between);
+            for (i, digit) in out[start..].iter_mut().step_by(2).enumerate() {
+                *digit = b'0' + (bytes[i / 8] >> (i % 8) & 1);
+            }
+        }
+        Items::One(value) => {
             push_int(i64::from(value), out);
-            out.push(between);
-            continue;
-        };
-        push_entry(*entry, out);
-        out.push(between);
+            return;
+        }
     }
     if count > 0 {
         out.pop();
