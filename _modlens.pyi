@@ -42,6 +42,15 @@ class Dialects:
 
         [{name, title, clock, sample, bytes: [[side, hex]...], generic, checksum}].
         """
+    def read(
+        self, format: str, text: bytes
+    ) -> tuple[list[tuple[int, str | None, int | None, bytes]], list[tuple[int, bytes, str]], int]:
+        """What the rows of this name, joined by `+`, find in a text; nothing is decoded.
+
+        The byte strings as (line, `sent` or `received` where it is said, time in ns, bytes), those
+        that were left out as (line, bytes, reason), and the number of lines not understood.
+        `ValueError` for an unknown name.
+        """
     def detect(self, sample: bytes, name: str) -> list[tuple[str, float, str]]:
         """What these first bytes of a file are: (format, confidence 0..1, reason), best first.
 

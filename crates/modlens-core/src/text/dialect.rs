@@ -8,6 +8,7 @@ use serde_json::Value as Json;
 
 use crate::chunk::Side;
 use crate::functions::parse_toml;
+use crate::text::starts::Starts;
 use crate::text::template::Template;
 use crate::text::Reader;
 
@@ -99,7 +100,9 @@ pub struct Dialect {
     pub sample: String,
     /// What the sample holds: who sent it, and the bytes.
     pub bytes: Strings,
+    /// Those whose lines hold no bytes of frames come first.
     pub(super) rules: Vec<(Role, Template)>,
+    pub(super) starts: Starts,
     /// Any program may write it: rows that say more are preferred.
     pub generic: bool,
     /// Lines cut an endless stream; their ends mean nothing.
@@ -266,6 +269,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         no_checksum,
         wrap,
         short_fractions: flag(row, "short_fractions")?,
+        starts: Starts::of(&rules),
         has_heads: rules.iter().any(|(role, _)| matches!(role, Role::Head(_))),
         rules,
     })

@@ -12,7 +12,7 @@ use crate::text::dialect::{Dialect, Dialects, Role};
 use crate::text::evidence;
 use crate::text::notation::Notation;
 use crate::text::stamp::{ClockSettings, Kind, Stamps};
-use crate::text::template::{Match, Scratch};
+use crate::text::template::{Match, Scratch, Template};
 use crate::text::Record;
 use crate::Ns;
 
@@ -51,7 +51,6 @@ pub struct Reader {
     scratch: Vec<u8>,
     matches: Vec<(Role, Match, usize)>,
     found: Vec<u8>,
-    candidate: Vec<u8>,
     deliver: Deliver,
     /// Lines not understood.
     pub unparsed: u64,
@@ -78,7 +77,6 @@ impl Reader {
             scratch: Vec::new(),
             matches: Vec::new(),
             found: Vec::new(),
-            candidate: Vec::new(),
             deliver: Deliver::default(),
             unparsed: 0,
             first_unparsed: Vec::new(),
@@ -153,14 +151,14 @@ impl Reader {
             self.deliver.blank_line(&self.stamps);
             return;
         }
-        for i in 0..self.dialects.len() {
-            let dialect = Arc::clone(&self.dialects[i]);
-            if self.matches_of(&dialect, line) {
-                self.hand_over(&dialect);
-                return;
-            }
+        let dialects = std::mem::take(&mut self.dialects);
+        let row = dialects.iter().find(|dialect| self.matches_of(dialect, line));
+        if let Some(dialect) = row {
+            self.hand_over(dialect);
         }
-        if self.another_row(line) {
+        let read = row.is_some();
+        self.dialects = dialects;
+        if read || self.another_row(line) {
             return;
         }
         if !comment(text) {
@@ -215,23 +213,62 @@ impl Reader {
         read
     }
 
-    /// The match that begins first; of equal ones that of the first rule. Its bytes are in `self.bytes`.
+    /// The match of the first rule without bytes that fits; or else that of bytes which begins first, and of equal ones that
+    /// of the first rule. Its bytes are in `self.bytes`.
     fn first_rule(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, Match, bool)> {
-        let mut best: Option<(Role, Match, bool)> = None;
-        for (role, template) in &dialect.rules {
-            let seen = self.stamps.seen;
-            let mut scratch = Scratch::new(&mut self.stamps, &mut self.candidate, &mut self.preferred);
-            let found = template.find(line, from, &mut scratch);
-            let better =
-                |found: &Match| best.as_ref().is_none_or(|(role, other, _)| role.holds_bytes() && found.start < other.start);
-            if let Some(found) = found.filter(better) {
-                best = Some((*role, found, template.whole));
-                std::mem::swap(&mut self.bytes, &mut self.candidate);
-            } else {
-                self.stamps.seen = seen;
+        let starts = &dialect.starts;
+        for i in 0..starts.first {
+            let found = self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch));
+            if found.is_some() {
+                return found;
             }
         }
-        best
+        let mut tied = None;
+        for &i in &starts.tied {
+            tied = self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch)).map(|found| (i, found));
+            if tied.is_some() {
+                break;
+            }
+        }
+        let mut at = from;
+        while let Some(start) = starts.next(line, at) {
+            let before = |i: usize| tied.as_ref().is_none_or(|(rule, (_, found, _))| (start, i) < (found.start, *rule));
+            for i in starts.rules(line, start, dialect.rules.len()).take_while(|&i| before(i)) {
+                if !dialect.rules[i].1.may_begin(line, start) {
+                    continue;
+                }
+                let found = self.attempt(dialect, i, |template, scratch| template.at(line, start, scratch));
+                if found.is_some() {
+                    return found;
+                }
+            }
+            if !before(0) {
+                break;
+            }
+            at = start + 1;
+        }
+        let (i, found) = tied?;
+        // What was tried behind it may have left other bytes.
+        if at > from {
+            return self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch));
+        }
+        Some(found)
+    }
+
+    /// Tries a rule; what it learned of the clock is forgotten if it does not fit.
+    fn attempt(
+        &mut self,
+        dialect: &Dialect,
+        rule: usize,
+        find: impl FnOnce(&Template, &mut Scratch<'_>) -> Option<Match>,
+    ) -> Option<(Role, Match, bool)> {
+        let (role, template) = &dialect.rules[rule];
+        let seen = self.stamps.seen;
+        let found = find(template, &mut Scratch::new(&mut self.stamps, &mut self.bytes, &mut self.preferred));
+        if found.is_none() {
+            self.stamps.seen = seen;
+        }
+        found.map(|found| (*role, found, template.whole))
     }
 
     /// Looks for a row that reads a line of bytes which those in use cannot read; a checksum has to prove it.

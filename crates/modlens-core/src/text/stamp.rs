@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::records::Clock;
-use crate::text::date::{date, number, time_of_day, two, words_before, zone, Order};
+use crate::text::date::{date, fraction, number, time_of_day, two, words_before, zone, Order};
 use crate::Ns;
 
 const SECOND: Ns = 1_000_000_000;
@@ -58,6 +58,34 @@ impl Kind {
 pub struct Stamps {
     settings: Arc<ClockSettings>,
     pub(super) seen: Seen,
+    last: LastSecond,
+}
+
+/// A stamp up to its seconds, as it stood: most lines have the same as the line before.
+#[derive(Clone, Copy, Debug, Default)]
+struct LastSecond {
+    text: [u8; LAST_SECOND],
+    length: usize,
+    days: Option<i64>,
+    of_day: Ns,
+}
+
+/// The longest of them: a date, a time of day, what stands between.
+const LAST_SECOND: usize = 24;
+
+impl LastSecond {
+    fn of<'a>(&self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
+        let rest = line.strip_prefix(&self.text[..self.length])?;
+        (self.length > 0).then_some((self.days, self.of_day, rest))
+    }
+
+    fn keep(&mut self, text: &[u8], days: Option<i64>, of_day: Ns) {
+        self.length = 0;
+        if let Some(place) = self.text.get_mut(..text.len()) {
+            place.copy_from_slice(text);
+            (self.length, self.days, self.of_day) = (text.len(), days, of_day);
+        }
+    }
 }
 
 /// The part that changes: a line that turns out to be something else must not change it.
@@ -78,7 +106,7 @@ pub(super) struct Seen {
 impl Stamps {
     /// Stamps of a recording of which this is known.
     pub fn new(settings: Arc<ClockSettings>) -> Self {
-        Self { settings, seen: Seen::default() }
+        Self { settings, ..Self::default() }
     }
 
     /// The clock.
@@ -104,11 +132,12 @@ impl Stamps {
     pub fn look_ahead(&mut self, lines: &[u8]) {
         for line in lines.split(|&b| b == b'\n').take(2000) {
             let start = Seen { order: self.seen.order, short_fractions: self.seen.short_fractions, ..Seen::default() };
-            let mut ahead = Self { settings: Arc::clone(&self.settings), seen: start };
+            let mut ahead = Self { settings: Arc::clone(&self.settings), seen: start, ..Self::default() };
             ahead.find(line);
             self.seen.order = ahead.seen.order;
             self.seen.short_fractions = ahead.seen.short_fractions;
         }
+        self.last = LastSecond::default();
     }
 
     /// A number of seconds, since 1970 or since any start.
@@ -181,11 +210,12 @@ impl Stamps {
     }
 
     fn date_time<'a>(&mut self, line: &'a [u8], before: &[u8]) -> Option<(Ns, &'a [u8])> {
-        let (days, rest) = match date(line, &mut self.seen.order) {
-            Some((days, rest)) => (Some(days), rest),
-            None => (None, line),
+        let (days, of_day, rest) = match self.last.of(line) {
+            Some(known) => known,
+            None => self.second(line)?,
         };
-        let (of_day, digits, rest) = time_of_day(rest, &mut self.seen.short_fractions)?;
+        let (part, digits, rest) = fraction(rest, &mut self.seen.short_fractions)?;
+        let of_day = of_day + part;
         let (zone, rest) = zone(rest);
         // A colon with a digit behind it goes on: `11:03:00:6b` are bytes.
         let ends = match rest {
@@ -206,6 +236,21 @@ impl Stamps {
             (None, _) => self.of_day(of_day, digits),
         };
         Some((time, rest))
+    }
+
+    /// A date, where there is one, and a time of day in seconds.
+    fn second<'a>(&mut self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
+        let order = self.seen.order;
+        let (days, rest) = match date(line, &mut self.seen.order) {
+            Some((days, rest)) => (Some(days), rest),
+            None => (None, line),
+        };
+        let (of_day, rest) = time_of_day(rest)?;
+        // A date that tells which of day and month comes first is read anew, until that is known.
+        if self.seen.order == order {
+            self.last.keep(&line[..line.len() - rest.len()], days, of_day);
+        }
+        Some((days, of_day, rest))
     }
 
     /// A time of day: past midnight it begins again.
