@@ -404,6 +404,9 @@ class Session:
 
         `final` ends the last line.
         """
+    def settle_text(self, bus: int) -> None:
+        """Nothing more has come for a while: decide what waits for a further line or a silence."""
+
     def add_capture(
         self,
         source: str,
@@ -439,7 +442,8 @@ class Session:
     ) -> int:
         """Samples of a logic analyser; gives their number, from 0. Two lines that talk are one bus.
 
-        - `rate`: samples a second; `unit`: bytes of a sample, lowest first, a bit a channel
+        - `rate`: samples a second; `unit`: bytes of a sample, lowest first, a bit a channel;
+          0 for rows of text: a time in seconds and a level a channel, with a rate of 1e9
         - `channels`: those to look at, all by default; `inverted`: whether lines idle low
         - `line`: baud and the rest, found out where None
         """

@@ -322,6 +322,20 @@ def _saleae(said: Said) -> str:
     return "".join(f"{start + at * 0.001:.15f},0x{byte:02X},,\n" for at, byte in rows)
 
 
+def _logic2(said: Said) -> str:
+    start = said.ns % 10**12 / 1e9
+    head = 'name,type,start_time,duration,"data"\n'
+    rows = enumerate(said.data)
+    return head + "".join(
+        f'"Async Serial","data",{start + at * 0.001:.6f},0.000104,0x{byte:02X}\n'
+        for at, byte in rows
+    )
+
+
+def _sigrok(said: Said) -> str:
+    return "".join(f"{at}-{at + 834} uart-1: {byte:02X}\n" for at, byte in enumerate(said.data))
+
+
 def _table(said: Said) -> str:
     return "".join(f"byte {at} 0x{byte:02X}\n" for at, byte in enumerate(said.data))
 
@@ -347,6 +361,8 @@ _BLOCKS: dict[str, Callable[[Said], str]] = {
     "solarman": _solarman,
     "tracer": _tracer,
     "saleae-serial": _saleae,
+    "saleae-table": _logic2,
+    "sigrok-uart": _sigrok,
     "table": _table,
 }
 

@@ -133,7 +133,7 @@ def test_no_line_is_lost(name: str) -> None:
 
 def is_countable(line: bytes) -> bool:
     """Neither blank nor a comment, as the README has them."""
-    text = line.strip(b" \t\r\f\x0b")
+    text = line.strip(b" \t\r\f")
     return bool(text) and not text.startswith((b"#", b"//", b";", b"```"))
 
 

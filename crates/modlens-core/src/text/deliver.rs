@@ -250,6 +250,14 @@ impl Deliver {
         self.dump.all = bytes;
     }
 
+    /// The record that is gathered is whole, and came then.
+    pub fn stamp(&mut self, time: Ns, stamps: &Stamps) {
+        if let Some((_, head, _, _)) = &mut self.gathered {
+            head.time = head.time.or(Some(time));
+        }
+        self.end_gathered(stamps);
+    }
+
     fn end_gathered(&mut self, stamps: &Stamps) {
         let Some((dialect, head, bytes, number)) = self.gathered.take() else { return };
         let inner = match dialect.wrap {

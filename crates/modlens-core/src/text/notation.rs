@@ -270,7 +270,28 @@ fn word(text: &[u8], from: usize) -> &[u8] {
     &rest[..length]
 }
 
+/// Whether this is the line of a dump, offset first: `0010  05 03 ..`. No offset is read as bytes.
+fn begins_with_offset(text: &[u8]) -> bool {
+    let text = text.trim_ascii_start();
+    let (prefixed, text) = text.strip_prefix(b"0x").map_or((false, text), |rest| (true, rest));
+    // Nearly all text has a pair first.
+    if text.get(2).is_none_or(|&b| DIGITS[b as usize] == BAD) {
+        return false;
+    }
+    let offset = word(text, 0);
+    let behind = &text[offset.len()..];
+    let bytes = behind.trim_ascii_start();
+    let pairs = behind.starts_with(b" ") && pair(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
+    (4..=8).contains(&offset.len())
+        && offset.ends_with(b"0")
+        && offset.iter().all(|&b| DIGITS[b as usize] != BAD)
+        && ((pairs && !prefixed) || behind.starts_with(b": "))
+}
+
 fn hex(text: &[u8], loose: bool, out: &mut Vec<u8>, marks: &mut Marks) -> usize {
+    if begins_with_offset(text) {
+        return 0;
+    }
     let (mut at, mut end) = (0, 0);
     loop {
         // Most text is pairs with one separator behind each.
@@ -561,6 +582,10 @@ fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
             return token.len() + 2;
         }
     }
+    if let [b'"', byte, b'"', ..] = *text {
+        out.push(byte);
+        return 3;
+    }
     if text.starts_with(b"0x") || text.starts_with(b"0X") {
         return byte(text, out);
     }
@@ -643,6 +668,9 @@ mod tests {
         assert_eq!(read(Notation::Groups, "0503  dead"), (vec![5, 3], "  dead", false));
         assert_eq!(read(Notation::Escaped, "\\x05\\\"\", 2"), (vec![5, b'"'], "\", 2", false));
         assert!(read(Notation::Hex, "hello").0.is_empty());
+        assert!(read(Notation::Hex, "0010  05 03 00 10").0.is_empty());
+        assert!(read(Notation::Hex, "0x0010:  0503 0010").0.is_empty());
+        assert_eq!(read(Notation::Hex, "0503 0010 0002 c44a").0, FRAME);
     }
 
     #[test]

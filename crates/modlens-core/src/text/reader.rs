@@ -1,5 +1,6 @@
 //! Goes through the lines of a text, with the rows that it needs.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use memchr::memchr;
@@ -11,7 +12,7 @@ use crate::text::deliver::Deliver;
 use crate::text::dialect::{Dialect, Dialects, Role};
 use crate::text::evidence;
 use crate::text::notation::Notation;
-use crate::text::stamp::{ClockSettings, Kind, Stamps};
+use crate::text::stamp::{delta, ClockSettings, Kind, Stamps};
 use crate::text::template::{Match, Scratch, Template};
 use crate::text::Record;
 use crate::Ns;
@@ -28,6 +29,13 @@ const LONGEST_LINE: usize = 1 << 24;
 /// Lines with bytes that no row in use can read, which are tried with all rows.
 const TRIES: u32 = 4000;
 
+/// Lines that are tried together with those before them: this costs more.
+const TRIES_BEHIND: u32 = 1000;
+
+/// Lines without a reader that are kept for rows whose records have several, and as much of each.
+const LINES_BEHIND: usize = 12;
+const LONGEST_BEHIND: usize = 400;
+
 /// Records that one line may hold.
 const PER_LINE: usize = 64;
 
@@ -41,6 +49,9 @@ pub struct Reader {
     /// Rows to try where those in use do not fit.
     others: Option<Arc<Dialects>>,
     tries: u32,
+    tries_behind: u32,
+    /// The last lines, if nothing could read them.
+    unread: VecDeque<(u64, Vec<u8>)>,
     buffer: Vec<u8>,
     at: usize,
     number: u64,
@@ -67,6 +78,8 @@ impl Reader {
             dialects,
             others,
             tries: 0,
+            tries_behind: 0,
+            unread: VecDeque::new(),
             buffer: Vec::new(),
             at: 0,
             number: 0,
@@ -157,14 +170,56 @@ impl Reader {
             self.hand_over(dialect);
         }
         let read = row.is_some();
+        let deltas = dialects.iter().any(|dialect| dialect.deltas);
         self.dialects = dialects;
-        if read || self.another_row(line) {
-            return;
-        }
-        if !comment(text) {
-            self.deliver.end_of_head(&self.stamps);
+        if read {
+            self.unread.clear();
+        } else if !self.another_row(line) && !comment(text) && !self.rows_behind(line) {
+            if !deltas {
+                self.deliver.end_of_head(&self.stamps);
+            }
             self.note_unparsed(text);
         }
+        if let Some(delta) = delta(text).filter(|_| deltas) {
+            let time = self.stamps.after(delta);
+            self.deliver.stamp(time, &self.stamps);
+        }
+    }
+
+    /// Looks for a row of several lines a record that reads this line together with those before it, which none could read.
+    fn rows_behind(&mut self, line: &[u8]) -> bool {
+        let Some(others) = self.others.clone() else { return false };
+        if self.unread.len() >= LINES_BEHIND {
+            self.unread.pop_front();
+        }
+        self.unread.push_back((self.number, line[..line.len().min(LONGEST_BEHIND)].to_vec()));
+        if self.tries_behind >= TRIES_BEHIND || !line.iter().any(u8::is_ascii_digit) {
+            return false;
+        }
+        self.tries_behind += 1;
+        let mut text = Vec::new();
+        for (_, line) in &self.unread {
+            text.extend_from_slice(line);
+            text.push(b'\n');
+        }
+        let fits = |row: &&Arc<Dialect>| row.several_lines() && row.possible(&text) && reads_all(row, &text);
+        let used = |row: &Arc<Dialect>| self.dialects.iter().any(|one| one.name == row.name);
+        let Some(row) = others.rows().filter(|row| !used(row)).find(fits) else { return false };
+        self.dialects.push(Arc::clone(row));
+        self.stamps.seen.short_fractions |= row.short_fractions;
+        // They were counted, all but the last.
+        let lines = std::mem::take(&mut self.unread);
+        self.unparsed -= lines.len() as u64 - 1;
+        self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
+        for (number, line) in lines {
+            self.deliver.number = number;
+            if self.matches_of(row, &line) {
+                self.hand_over(row);
+            } else if !line.trim_ascii().is_empty() {
+                self.note_unparsed_at(number, line.trim_ascii());
+            }
+        }
+        true
     }
 
     fn hand_over(&mut self, dialect: &Arc<Dialect>) {
@@ -278,7 +333,8 @@ impl Reader {
         }
         let Some(others) = self.others.clone() else { return false };
         self.tries += 1;
-        for dialect in others.rows() {
+        // Those whose bytes other lines announce are tried with these (`rows_behind`).
+        for dialect in others.rows().filter(|row| !row.has_heads) {
             let used = self.dialects.iter().any(|one| one.name == dialect.name);
             let seen = self.stamps.seen;
             if !used
@@ -297,11 +353,20 @@ impl Reader {
     }
 
     fn note_unparsed(&mut self, line: &[u8]) {
+        self.note_unparsed_at(self.number, line);
+    }
+
+    fn note_unparsed_at(&mut self, number: u64, line: &[u8]) {
         self.unparsed += 1;
         if self.first_unparsed.len() < SHOWN {
             let text: String = String::from_utf8_lossy(line).chars().take(SHOWN_LENGTH).collect();
-            self.first_unparsed.push((self.number, text));
+            self.first_unparsed.push((number, text));
         }
+    }
+
+    /// Nothing more comes for a while: what waits for a further line is delivered.
+    pub fn settle(&mut self) {
+        self.deliver.finish(&self.stamps);
     }
 
     /// The rows in use.
@@ -353,6 +418,23 @@ impl Reader {
     pub fn resolution(&self) -> Option<Ns> {
         self.stamps.resolution()
     }
+}
+
+/// Whether the row reads bytes in these lines, and only such that checksums prove.
+fn reads_all(row: &Arc<Dialect>, text: &[u8]) -> bool {
+    let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
+    reader.push(text);
+    let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
+    while let Some((record, piece)) = reader.next(true) {
+        if record.record {
+            good += evidence::good(&burst);
+            burst.clear();
+        }
+        bytes += piece.len();
+        burst.extend_from_slice(piece);
+    }
+    good += evidence::good(&burst);
+    bytes > 0 && good == bytes && reader.announced()
 }
 
 /// Whether a line can hold bytes: some digits among some hex digits.

@@ -101,6 +101,8 @@ pub(super) struct Seen {
     pub(super) short_fractions: bool,
     /// Where the last stamp stood in its line.
     hint: usize,
+    /// Of the times between records, where only these are printed.
+    sum: Ns,
 }
 
 impl Stamps {
@@ -154,6 +156,13 @@ impl Stamps {
         Some(value)
     }
 
+    /// Time has gone on by so much since this was last said.
+    pub fn after(&mut self, delta: Ns) -> Ns {
+        self.shown(Kind::Relative, 3);
+        self.seen.sum = self.seen.sum.saturating_add(delta);
+        self.seen.sum
+    }
+
     /// A stamp at the start of the line, and what follows it.
     pub fn take<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
         if !line.first().is_some_and(|b| b.is_ascii_digit() || *b == b'[') {
@@ -165,6 +174,14 @@ impl Stamps {
         let found = self.date_time(inner, &[]).or_else(|| self.seconds_stamp(inner));
         match found.and_then(|(time, rest)| Some((time, end(rest)?))) {
             Some((time, rest)) => (Some(time), rest),
+            None => (None, line),
+        }
+    }
+
+    /// `-0.00125`: seconds before what a recorder calls its start.
+    pub fn before_start<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
+        match self.seconds_stamp(&line[1..]) {
+            Some((time, rest)) => (Some(-time), rest),
             None => (None, line),
         }
     }
@@ -289,6 +306,22 @@ impl Stamps {
     }
 }
 
+/// `+4ms` at the end of a line, as node's `debug` writes it: the time since its line before, rounded from seconds on.
+pub(super) fn delta(line: &[u8]) -> Option<Ns> {
+    let at = line.iter().rposition(|&b| b == b' ')?;
+    let text = line[at + 1..].strip_prefix(b"+")?;
+    let digits = text.iter().take_while(|b| b.is_ascii_digit()).count();
+    let unit = match &text[digits..] {
+        b"ms" => SECOND / 1000,
+        b"s" => SECOND,
+        b"m" => 60 * SECOND,
+        b"h" => 3600 * SECOND,
+        b"d" => DAY,
+        _ => return None,
+    };
+    number(&text[..digits])?.checked_mul(unit)
+}
+
 /// Seconds as ns, exactly, and the number of decimals.
 fn decimal(text: &[u8]) -> Option<(Ns, u32)> {
     let (sign, text) = text.strip_prefix(b"-").map_or((1, text), |rest| (-1, rest));
@@ -370,6 +403,13 @@ mod tests {
         assert_eq!(stamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND)); // the first of the two
         assert_eq!(stamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND));
         assert_eq!(stamps.kind(), Kind::Utc);
+    }
+
+    #[test]
+    fn times_between_lines() {
+        assert_eq!(delta(b"buffer: <Buffer 05> } +14ms"), Some(14_000_000));
+        assert_eq!(delta(b"x +2s"), Some(2 * SECOND));
+        assert_eq!((delta(b"x + 2s"), delta(b"x +2"), delta(b"+2s")), (None, None, None));
     }
 
     #[test]

@@ -271,7 +271,8 @@ fn walk(elements: &[Element], line: &[u8], start: usize, found: &mut Match, scra
                 length
             }
             Element::Time => {
-                let (time, behind) = scratch.stamps.take(rest);
+                let (time, behind) =
+                    if rest.first() == Some(&b'-') { scratch.stamps.before_start(rest) } else { scratch.stamps.take(rest) };
                 found.time = Some(time?);
                 rest.len() - behind.len()
             }
