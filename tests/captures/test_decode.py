@@ -30,6 +30,13 @@ def decoded(name: str, block: int = 1 << 20) -> list[dict[str, Any]]:
     facts = about(name)
     data = (CAPTURES / name / facts["file"]).read_bytes()
     session = _modlens.Session(_modlens.Functions())
+    if facts["format"] == "pcap":
+        capture = session.add_capture(name)
+        for start in range(0, len(data), block):
+            session.feed_capture(capture, data[start : start + block])
+        session.feed_capture(capture, b"", final=True)
+        session.flush()
+        return [row.as_dict() for row in session.take().frames]
     bus = session.add_bus(name, source=name, line=line_settings(facts["line"]))
     if facts["format"] != "raw":
         session.open_text(bus, facts["format"])

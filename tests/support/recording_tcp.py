@@ -17,8 +17,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Coroutine, Iterator
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from pymodbus.client import ModbusTcpClient
 from pymodbus.exceptions import ModbusException
@@ -37,13 +39,13 @@ SHOWS = (
 )
 
 
-def script(client: ModbusTcpClient) -> Iterator[Callable[[], object]]:
+def script(client: Any) -> Iterator[Callable[[], object]]:
     """What the client does."""
     for turn in range(4):
         yield lambda: client.read_holding_registers(0, count=10, device_id=UNIT)
         yield lambda: client.read_input_registers(FLOATS_ADDRESS, count=6, device_id=UNIT)
         yield lambda: client.read_coils(0, count=12, device_id=UNIT)
-        yield lambda turn=turn: client.write_register(6, 1400 + turn, device_id=UNIT)
+        yield partial(client.write_register, 6, 1400 + turn, device_id=UNIT)
     yield lambda: client.write_registers(6, [1, 2, 3], device_id=UNIT)
     yield lambda: client.write_coils(0, [True, False, True], device_id=UNIT)
     yield lambda: client.mask_write_register(address=6, and_mask=0xF2, or_mask=0x25, device_id=UNIT)
@@ -99,7 +101,7 @@ def record(into: Path) -> list[Frame]:
         assert capture.stderr is not None
         capture.stderr.readline()  # it listens
         with served(noted("response")):
-            client = ModbusTcpClient(
+            client: Any = ModbusTcpClient(
                 "127.0.0.1", port=PORT, trace_packet=noted("request"), retries=0
             )
             client.connect()

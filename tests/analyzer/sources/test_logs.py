@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import codecs
+import queue
+import subprocess
+import threading
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +15,7 @@ import pytest
 import _modlens
 from analyzer import decode
 from dissectors.errors import SourceError
-from tests.conftest import Modlens
+from tests.conftest import Modlens, command, environment
 from tests.support.logs import NOON, Said, write
 
 # The example of section 6.3 of the specification, with the checksums that go with unit 1.
@@ -258,7 +262,7 @@ def test_unparsed_lines_are_counted_and_shown(tmp_path: Path, modlens: Modlens) 
     chatter = "".join(f"what {number} is this\n" for number in range(5))
     path.write_text(chatter + LOG, encoding="utf-8")
     done = modlens("decode", path, "--to", "csv")
-    assert "5 lines" in done.err
+    assert "5 of 7 lines not understood" in done.err
     assert [f"what {number} is this" in done.err for number in range(5)] == [True] * 3 + [False] * 2
 
 
@@ -280,3 +284,35 @@ def test_the_table_reads_what_it_is_told() -> None:
     assert (left_out, unparsed) == ([], 1)
     with pytest.raises(ValueError, match="no text format"):
         table.read("nothing", b"")
+
+
+@pytest.mark.parametrize("name", ["hex", "socat", "emodbus", "node-modbus-serial"])
+def test_a_growing_log_is_followed(name: str, tmp_path: Path) -> None:
+    """What came last is told, though no further line shows that it is whole; then it goes on."""
+    path = tmp_path / "bus.log"
+    end = -2 if name == "emodbus" else None
+    text = write(name, [Said(one.ns, one.sent, one.data[:end]) for one in EXCHANGE])
+    path.write_text(text, encoding="utf-8")
+    words = ("decode", path, "--follow", "--to", "csv", "--columns", "status,data")
+    run = subprocess.Popen(
+        command(*words),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment(PYTHONUNBUFFERED="1"),
+    )
+    assert run.stdout is not None
+    try:
+        said: queue.Queue[str] = queue.Queue()
+        lines = iter(run.stdout.readline, "")
+        reading = threading.Thread(target=lambda: deque(map(said.put, lines)), daemon=True)
+        reading.start()
+        assert said.get(timeout=20) == "status,data\n"
+        assert said.get(timeout=20) == "ok,555 0 100\n"
+        with path.open("a", encoding="utf-8") as file:
+            file.write(text)
+        assert said.get(timeout=20) == "ok,555 0 100\n"
+    finally:
+        run.terminate()
+        run.wait()
+        run.stdout.close()

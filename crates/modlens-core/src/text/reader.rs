@@ -165,14 +165,18 @@ impl Reader {
             return;
         }
         let dialects = std::mem::take(&mut self.dialects);
-        let row = dialects.iter().find(|dialect| self.matches_of(dialect, line));
-        if let Some(dialect) = row {
-            self.hand_over(dialect);
-        }
-        let read = row.is_some();
+        // Bytes that a line before announced are those of its row.
+        let announced = self.deliver.expects_more();
+        let first = dialects.iter().filter(|row| announced && row.has_heads);
+        let row = first.chain(dialects.iter()).find(|dialect| self.matches_of(dialect, line)).cloned();
         let deltas = dialects.iter().any(|dialect| dialect.deltas);
         self.dialects = dialects;
-        if read {
+        if let Some(row) = row {
+            // Plain bytes may be what the line before announced.
+            let behind = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
+            if !(behind && self.rows_behind(line)) {
+                self.hand_over(&row);
+            }
             self.unread.clear();
         } else if !self.another_row(line) && !comment(text) && !self.rows_behind(line) {
             if !deltas {
@@ -208,6 +212,7 @@ impl Reader {
         self.dialects.push(Arc::clone(row));
         self.stamps.seen.short_fractions |= row.short_fractions;
         // They were counted, all but the last.
+        self.deliver.end_of_head(&self.stamps);
         let lines = std::mem::take(&mut self.unread);
         self.unparsed -= lines.len() as u64 - 1;
         self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
