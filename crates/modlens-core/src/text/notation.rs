@@ -299,7 +299,7 @@ fn hex(text: &[u8], loose: bool, out: &mut Vec<u8>, marks: &mut Marks) -> usize 
             let length = spaced(&text[at..], out);
             if length > 0 {
                 at += length;
-                end = at - usize::from(length % 3 == 0);
+                end = at - usize::from(length.is_multiple_of(3));
             }
             at += text[at..].iter().take_while(|&&b| b == b' ').count();
             while let Some((length, behind)) = spread(&text[at..], loose, out) {

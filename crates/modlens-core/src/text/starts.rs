@@ -32,10 +32,7 @@ impl Starts {
         for (i, (_, template)) in rules.iter().enumerate().skip(first) {
             let bit = 1 << (i - first).min(BITS - 1);
             match *template.begins() {
-                [] => {
-                    starts.tied.push(i);
-                    continue;
-                }
+                [] => starts.tied.push(i),
                 [one] => {
                     starts.masks[one as usize] |= bit;
                     starts.second.iter_mut().for_each(|mask| *mask |= bit);
