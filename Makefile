@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel load soak bench bench-readings bench-exports speed accuracy noise fuzz captures vectors corpus clean
+.PHONY: demo test lint recipes wheel load soak bench bench-text bench-readings bench-exports speed accuracy noise fuzz captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -35,6 +35,10 @@ wheel: $(BIN)/python
 bench: $(VENV)/.tested
 	$(BIN)/python bench/decode_speed.py
 	$(BIN)/python -m bench.capture_speed
+
+# Logs in every dialect, to byte strings and to transactions; two minutes.
+bench-text: $(VENV)/.tested
+	$(BIN)/python -m bench.text_speed
 
 # Framer, pairing and rows through the Rust API, and their memory; minutes.
 speed:

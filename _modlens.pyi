@@ -42,6 +42,15 @@ class Dialects:
 
         [{name, title, clock, sample, bytes: [[side, hex]...], generic, checksum}].
         """
+    def read(
+        self, format: str, text: bytes
+    ) -> tuple[list[tuple[int, str | None, int | None, bytes]], list[tuple[int, bytes, str]], int]:
+        """What the rows of this name, joined by `+`, find in a text; nothing is decoded.
+
+        The byte strings as (line, `sent` or `received` where it is said, time in ns, bytes), those
+        that were left out as (line, bytes, reason), and the number of lines not understood.
+        `ValueError` for an unknown name.
+        """
     def detect(self, sample: bytes, name: str) -> list[tuple[str, float, str]]:
         """What these first bytes of a file are: (format, confidence 0..1, reason), best first.
 
@@ -395,6 +404,9 @@ class Session:
 
         `final` ends the last line.
         """
+    def settle_text(self, bus: int) -> None:
+        """Nothing more has come for a while: decide what waits for a further line or a silence."""
+
     def add_capture(
         self,
         source: str,
@@ -430,7 +442,8 @@ class Session:
     ) -> int:
         """Samples of a logic analyser; gives their number, from 0. Two lines that talk are one bus.
 
-        - `rate`: samples a second; `unit`: bytes of a sample, lowest first, a bit a channel
+        - `rate`: samples a second; `unit`: bytes of a sample, lowest first, a bit a channel;
+          0 for rows of text: a time in seconds and a level a channel, with a rate of 1e9
         - `channels`: those to look at, all by default; `inverted`: whether lines idle low
         - `line`: baud and the rest, found out where None
         """

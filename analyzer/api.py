@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import _modlens
 from analyzer.columns import columns
@@ -19,6 +19,8 @@ from analyzer.times import transitions
 from dissectors.errors import UsageError
 
 __all__ = ["Decoding", "Rows", "Tap", "decode", "tap"]
+
+LAST_PORT = 65535
 
 Path = str | os.PathLike[str]
 
@@ -138,6 +140,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     dialects: _modlens.Dialects | None = None,
     timezone: str | None = None,
     date: str | None = None,
+    ports: Iterable[int] | Literal["any"] | None = None,
+    channels: Iterable[str] | None = None,
 ) -> Decoding:
     """Decode one recording, or several one after the other.
 
@@ -149,6 +153,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `profiles`: device profiles, each as `--profile` takes it (`1=mightyzap`, `2-7=pump.yaml`)
     - `dialects`: a table of text formats with further rows
     - `timezone`, `date`: of times in text that come without (see `analyzer.times.transitions`)
+    - `ports`: TCP and UDP ports of Modbus in captures, 502 by default; `any` looks everywhere
+    - `channels`: those of a logic analyser, as `["RX", "TX"]`, found by default; `!RX` idles low
 
     `UsageError` for settings that cannot be. Nothing is read yet: `SourceError` comes when somebody
     looks.
@@ -161,8 +167,20 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
         dialects=dialects,
         zone=transitions(timezone),
         date=date,
+        ports=_ports(ports),
+        channels=None if channels is None else tuple(channels),
     )
     return Decoding(tuple(os.fspath(name) for name in names), settings, read_as)
+
+
+def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | None:
+    if ports is None or ports == "any":
+        return None if ports is None else ()
+    listed = tuple(ports)
+    wrong = [port for port in listed if not 0 < port <= LAST_PORT]
+    if wrong or not listed:
+        raise UsageError(f"ports {list(listed)}: name some from 1 to {LAST_PORT}, or say 'any'")
+    return listed
 
 
 class Tap:

@@ -23,6 +23,7 @@ import _modlens
 from analyzer.line import Line
 from analyzer.profiles import Binding
 from analyzer.sources import FORMATS, is_binary
+from analyzer.sources.digital import Levels
 from analyzer.sources.files import STDIN, Recording, check
 from analyzer.sources.sigrok import Samples
 from analyzer.sources.unpack import Name, expand
@@ -31,6 +32,9 @@ from dissectors.errors import SourceError, UsageError
 __all__ = ["MODES", "FileRun", "Intake", "Run", "Settings", "Sink", "pump"]
 
 MODES = ("auto", "rtu", "ascii", "tcp")
+
+_QUIET = 5
+"""Looks in vain at a file that grows, half a second, after which what came last is decided."""
 
 EVERYTHING = ("frames", "transactions", "findings")
 
@@ -103,7 +107,7 @@ class Settings:
             name, ports=self.ports, mode=self.mode, line=line, silence_ns=self.silence_ns
         )
 
-    def add_logic(self, core: _modlens.Session, samples: Samples) -> int:
+    def add_logic(self, core: _modlens.Session, samples: Samples | Levels) -> int:
         """The samples of a logic analyser in the core; gives their number."""
         names = [name.removeprefix("!") for name in self.channels or ()]
         low = any(name.startswith("!") for name in self.channels or ())
@@ -242,10 +246,13 @@ class FileRun:
         binary = is_binary(form)
         if not binary:
             self._open_text(recording, bus)
-        first = True
+        first, idle = True, 0
         for block in recording.blocks():
+            idle = 0 if block else idle + 1
             if binary:
                 core.feed(bus, block)
+            elif idle == _QUIET and self._follow:
+                core.settle_text(bus)
             else:
                 core.feed_text(bus, block)
             if first:
@@ -279,7 +286,7 @@ class FileRun:
 
     def _samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core = self._core
-        with Samples(recording.name, recording.seekable()) as samples:
+        with _samples_of(recording) as samples:
             logic = self._settings.add_logic(core, samples)
             for block in samples.blocks():
                 core.feed_logic(logic, block)
@@ -334,6 +341,12 @@ class FileRun:
         if self._told is not None:
             reason = error.message.removeprefix(f"{name}: ")
             self._told(Intake(name, "", 0.0, reason, False, {}, ended=True))
+
+
+def _samples_of(recording: Recording) -> Samples | Levels:
+    if recording.detection.format == "sigrok":
+        return Samples(recording.name, recording.seekable())
+    return Levels(recording.name, recording.blocks())
 
 
 def _wire(names: dict[int, str], line: dict[str, Any]) -> str:

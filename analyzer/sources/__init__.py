@@ -95,6 +95,14 @@ _BYTES = {
             sample=("(binary; lines, baud rate, parity and polarity are found)",),
             samples=True,
         ),
+        Format(
+            "saleae-digital",
+            binary=True,
+            title="Saleae Logic: levels of channels as CSV, a line for each change",
+            clock="relative",
+            sample=("Time [s],RX,TX", "0.000000000,1,1", "0.010000000,0,1", "0.010104167,1,1"),
+            samples=True,
+        ),
     )
 }
 

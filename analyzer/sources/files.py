@@ -21,6 +21,7 @@ import stat
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, BinaryIO, Self
 
@@ -71,8 +72,10 @@ class Recording:
         self._transcode: Transcoder | None = None
         # Whether the file of this name holds the bytes as they are: it can be opened again.
         self._own = name != STDIN and os.path.isfile(name)
-        self._file = self._open(name)
+        # What `_file` is read from: archives, and the files under decompressors.
+        self._under = ExitStack()
         try:
+            self._file = self._open(name)
             self._waits = os.name == "posix" and not self._is_regular()
             self._sample = self._plain_sample()
             if not self._sample:
@@ -100,8 +103,10 @@ class Recording:
         return self._path if self._own else io.BytesIO(b"".join(self.blocks()))
 
     def close(self) -> None:
-        """Close the file; standard input stays open."""
-        self._file.close()
+        """Close the file, and what it is read from; standard input stays open."""
+        with self._under:
+            if hasattr(self, "_file"):
+                self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -116,7 +121,7 @@ class Recording:
 
     def _open(self, name: str) -> Any:
         try:
-            if (member := open_member(name)) is not None:
+            if (member := open_member(name, self._under)) is not None:
                 return member
             check(name)
             # unbuffered: the blocks are large, and a pipe must not wait for a full one
@@ -137,6 +142,7 @@ class Recording:
             plain = decompressed(_Joined(sample, self._file), sample, self.name)
             if plain is None:
                 break
+            self._under.enter_context(self._file)
             self._file, self._waits, self._follow, self._own = plain, False, False, False
             sample = self._read_sample()
         if (encoding := encodings.find(sample)) is not None:
@@ -185,7 +191,9 @@ class Recording:
         try:
             if self._waits and not select.select([self._file], [], [], PATIENCE)[0]:
                 return b""
-            return self._file.read(size) or None
+            # read1 of a decompressor gives what comes before a damaged place; read would lose it.
+            read = getattr(self._file, "read1", self._file.read)
+            return bytes(read(size)) or None
         except OSError as error:
             if isinstance(error, _gzip_error()):
                 self._damaged(error)

@@ -13,13 +13,13 @@ import io
 import re
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import BinaryIO, Self
 
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["Samples", "rate"]
+__all__ = ["Samples", "numbers", "rate"]
 
 BLOCK = 1 << 20
 
@@ -48,12 +48,7 @@ class Samples:
 
     def channels(self, names: Sequence[str]) -> list[int]:
         """The numbers of these channels; `UsageError` where there is no such."""
-        known = {name: number for number, name in self.names.items()}
-        for name in names:
-            if name not in known:
-                there = ", ".join(self.names.values())
-                raise UsageError(f"--channels {name}: {self.name} has {there}")
-        return [known[name] for name in names]
+        return numbers(self.names, names, self.name)
 
     def blocks(self) -> Iterator[bytes]:
         """The samples, `unit` bytes each."""
@@ -100,6 +95,16 @@ class Samples:
             if match is not None and stem in (part, match["stem"])
         ]
         self._parts = [part for _, part in sorted(parts)]
+
+
+def numbers(channels: Mapping[int, str], names: Sequence[str], recording: str) -> list[int]:
+    """The numbers of the channels of these names; `UsageError` where a recording has no such."""
+    known = {name: number for number, name in channels.items()}
+    for name in names:
+        if name not in known:
+            there = ", ".join(channels.values())
+            raise UsageError(f"--channels {name}: {recording} has {there}")
+    return [known[name] for name in names]
 
 
 def rate(text: str) -> float:

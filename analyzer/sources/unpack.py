@@ -9,6 +9,7 @@ import glob
 import importlib
 import os
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -77,59 +78,64 @@ def _inside(path: str) -> list[str] | None:
     if not os.path.isfile(path):
         return None
     try:
-        with open(path, "rb") as file:
-            return _members(file, path, DEEPEST)
+        with ExitStack() as opened:
+            return _members(opened.enter_context(open(path, "rb")), path, DEEPEST, opened)
     except OSError:
         return None  # the one who opens it says why it cannot be read
 
 
-def _members(file: IO[bytes], name: str, depth: int) -> list[str] | None:
-    found = _contents(file, name) if depth else None
+def _members(file: IO[bytes], name: str, depth: int, opened: ExitStack) -> list[str] | None:
+    found = _contents(file, name, opened) if depth else None
     if found is None:
         return None
     members = []
     for member, content in found:
-        inner = _members(content(), member, depth - 1)
+        with ExitStack() as inside:
+            inner = _members(inside.enter_context(content()), member, depth - 1, inside)
         members += [member] if inner is None else [f"{member}{MARK}{one}" for one in inner]
     return members
 
 
-def open_member(name: str) -> IO[bytes] | None:
-    """The bytes of `archive!member`; None if the name is not of that form."""
+def open_member(name: str, opened: ExitStack) -> IO[bytes] | None:
+    """The bytes of `archive!member`; None if the name is not of that form.
+
+    What they are read from has to stay open as long as they are read: closing `opened` closes it.
+    """
     path, *members = name.split(MARK)
     while members and not os.path.isfile(path):
         path = f"{path}{MARK}{members.pop(0)}"
     if not members or os.path.lexists(name):
         return None
-    file: IO[bytes] = open(path, "rb")
+    file: IO[bytes] = opened.enter_context(open(path, "rb"))
     rest = MARK.join(members)
     place = path
     while rest:
-        for member, content in _contents(file, place) or ():
+        for member, content in _contents(file, place, opened) or ():
             if rest == member or rest.startswith(member + MARK):
-                file, place, rest = content(), member, rest[len(member) + 1 :]
+                file, place = opened.enter_context(content()), member
+                rest = rest[len(member) + 1 :]
                 break
         else:
             raise SourceError(f"{name}: nothing of this name in {place}")
     return file
 
 
-def _contents(file: IO[bytes], name: str) -> list[tuple[str, Any]] | None:
+def _contents(file: IO[bytes], name: str, opened: ExitStack) -> list[tuple[str, Any]] | None:
     """Names and openers of what is in an archive or a mail; None for any other file."""
     head = file.read(4096)
     file.seek(0)
     if head.startswith(_ZIP) and not head[_ZIP_NAME:].startswith(_SIGROK):
-        return _zip(file, name)
+        return _zip(file, name, opened)
     if name.lower().endswith(".eml") or _is_mail(head):
         return _mail(file)
     return None
 
 
-def _zip(file: IO[bytes], name: str) -> list[tuple[str, Any]] | None:
+def _zip(file: IO[bytes], name: str, opened: ExitStack) -> list[tuple[str, Any]] | None:
     import zipfile  # noqa: PLC0415 - most files are none
 
     try:
-        archive = zipfile.ZipFile(file)
+        archive = opened.enter_context(zipfile.ZipFile(file))
         # A capture of sigrok is a zip, too, and one recording.
         if "metadata" in archive.namelist() and "version" in archive.namelist():
             return None
@@ -203,7 +209,10 @@ def _without_tags(text: str) -> str:
 
 
 def decompressed(file: Any, head: bytes, name: str) -> Any | None:
-    """What a compressed file that begins with `head` holds; None if it is not compressed."""
+    """What a compressed file that begins with `head` holds; None if it is not compressed.
+
+    Closing it leaves `file` open.
+    """
     kind = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
     if kind is None:
         return None

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import _modlens
-from analyzer import decode
+from analyzer import UsageError, decode
 from tests.conftest import Modlens
 from tests.support import captures
 
@@ -411,3 +411,47 @@ def test_captures_of_the_border(tmp_path: Path) -> None:
     assert '"resolution_ns":1000' in core.capture(number)
     with pytest.raises(IndexError, match="capture 7"):
         core.feed_capture(7, b"")
+
+
+def test_ports_of_the_api(tmp_path: Path) -> None:
+    """Some numbers, or everywhere; what cannot be a port is told."""
+    name = tmp_path / "other.pcap"
+    packets = [bytes(packet) for packet in exchange(lambda sent: ethernet() / ip(sent))]
+    moved = []
+    for packet in packets:
+        one = scapy.Ether(packet)
+        side = "dport" if one[scapy.TCP].dport == 502 else "sport"
+        setattr(one[scapy.TCP], side, 1502)
+        moved.append(bytes(one))
+    name.write_bytes(captures.pcap(1, moved))
+    assert list(decode(name)) == []
+    assert [txn.data for txn in decode(name, ports=[1502])] == [DATA]
+    assert [txn.data for txn in decode(name, ports="any")] == [DATA]
+    with pytest.raises(UsageError, match="65535"):
+        decode(name, ports=[0])
+
+
+@pytest.mark.parametrize("number", [0, 3])
+def test_late_answers_where_transactions_have_no_numbers(number: int, tmp_path: Path) -> None:
+    """Devices that send 0 or 3 for ever: unit, function, sizes and order tell what is answered."""
+
+    def adu(pdu: str) -> bytes:
+        body = bytes.fromhex(f"11 {pdu}")
+        return number.to_bytes(2) + b"\0\0" + len(body).to_bytes(2) + body
+
+    one, two = adu("03 0000 0001"), adu("03 0010 0002")
+    of_two, of_one = adu("03 04 0001 0002"), adu("03 02 0007")
+    sent = [(True, 100, 900, one), (True, 112, 900, two)]
+    sent += [(False, 900, 124, of_two), (False, 900 + len(of_two), 124, of_one)]
+    packets = [
+        bytes(ethernet() / ip(client) / tcp(client, sequence, acknowledged, data))
+        for client, sequence, acknowledged, data in sent
+    ]
+    # packets are 10 ms apart: the second is answered in time, the first behind it and too late
+    found = rows(tmp_path, captures.pcap(1, packets), timeout=0.015)
+    told = [(txn.status, txn.data, txn.late_for, txn.late_response_us) for txn in found]
+    assert told == [
+        ("no_response", None, None, None),
+        ("ok", [1, 2], None, None),
+        ("unrequested", [7], 1, 30_000.0),
+    ]

@@ -20,7 +20,7 @@ FOLDERS = sorted(path for path in CAPTURES.iterdir() if path.is_dir())
 ABOUT_KEYS = {
     "name": r"[a-z0-9_]+",
     "file": r"recording\.[a-z]+",
-    "format": r"chunks|hex|raw",
+    "format": r"chunks|hex|raw|pcap",
     "origin": r".+",
     "licence": r".+",
     "line": r"[1-9][0-9]+-[78][NEO][12]",
@@ -34,6 +34,7 @@ VERDICTS = {"ok", "bad_checksum", "incomplete", "noise"}
 LARGEST = 150_000
 CHUNK_LINE = re.compile(r'\{"t": \d+\.\d{6}, "hex": "([0-9a-f]{2})+"(, "line": "[A-Z]")?\}')
 CLOCK_TOLERANCE_S = 0.02
+PORT = 502
 
 pytestmark = pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 
@@ -61,10 +62,22 @@ def recorded(folder: Path) -> dict[str, str]:
     form, path = about(folder)["format"], folder / about(folder)["file"]
     if form == "raw":
         return {"": path.read_bytes().hex()}
+    if form == "pcap":
+        return segments(path)
     if form == "hex":
         lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
         return {"": bytes.fromhex(" ".join(lines)).hex()}
     return joined(chunks(folder))
+
+
+def segments(path: Path) -> dict[str, str]:
+    """Return what a connection's client (A) and its server (B) sent; nothing of it was lost."""
+    scapy = pytest.importorskip("scapy.all")
+    lines: dict[str, str] = defaultdict(str)
+    for packet in scapy.rdpcap(str(path)):
+        data = bytes(packet[scapy.TCP].payload)
+        lines["A" if packet[scapy.TCP].dport == PORT else "B"] += data.hex()
+    return lines
 
 
 def joined(pieces: list[dict[str, Any]]) -> dict[str, str]:
@@ -87,6 +100,9 @@ def crc16(data: bytes) -> int:
 
 def decoded(wire: bytes, mode: str) -> bytes | None:
     """Return the ADU without its checksum, or None where the checksum is wrong."""
+    if mode == "tcp":
+        right = wire[2:4] == b"\0\0" and int.from_bytes(wire[4:6]) == len(wire) - 6
+        return wire[6:] if right else None
     if mode == "rtu":
         right = len(wire) >= 4 and crc16(wire[:-2]) == int.from_bytes(wire[-2:], "little")
         return wire[:-2] if right else None
@@ -107,7 +123,7 @@ def test_the_folder_holds_three_files(folder: Path) -> None:
 def test_it_says_all_about_itself(folder: Path) -> None:
     """All keys, each of its form; the command names the capture's own file."""
     table = about(folder)
-    assert set(table) == set(ABOUT_KEYS)
+    assert set(table) == set(ABOUT_KEYS) - ({"line"} if table["mode"] == "tcp" else set())
     assert {key for key in table if not re.fullmatch(ABOUT_KEYS[key], table[key])} == set()
     assert table["name"] == folder.name
     assert f"captures/{folder.name}/{table['file']}" in table["command"].split()

@@ -30,11 +30,24 @@ def samples() -> bytes:
     return sigrok.session(sigrok.samples(LINE, [[byte for one in spaced for byte in one]]), ["BUS"])
 
 
+LEVELS = "Time [s],BUS\n" + "".join(
+    f"{time:.9f},{level}\n"
+    for time, level in sigrok.changes(
+        LINE,
+        [
+            one
+            for i, data in enumerate(EXCHANGE)
+            for one in sigrok.spaced(data, 0.01 + 0.04 * i, LINE)
+        ],
+    )
+)
+
 BINARY = {
     "raw": b"".join(EXCHANGE),
     "pcap": captures.pcap(147, EXCHANGE),
     "pcapng": captures.pcapng(147, EXCHANGE),
     "sigrok": samples(),
+    "saleae-digital": LEVELS.encode(),
 }
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from analyzer.line import Line
 
-__all__ = ["samples", "session", "spaced"]
+__all__ = ["changes", "samples", "session", "spaced"]
 
 RATE = 1_000_000
 """Samples a second."""
@@ -42,6 +42,16 @@ def samples(
         for n, level in enumerate(high):
             out[n] |= (level ^ inverted) << number
     return bytes(out)
+
+
+def changes(line: Line, wire: Wire) -> list[tuple[float, int]]:
+    """The levels of a wire where it changes, and at its start: seconds, level."""
+    found = [(0.0, 1)]
+    for start, byte in wire:
+        for n, level in enumerate(levels(line, byte)):
+            if level != found[-1][1]:
+                found.append((start + n / line.baud, level))
+    return found
 
 
 def session(data: bytes, names: Sequence[str], *, part: int = 30_000) -> bytes:

@@ -63,3 +63,25 @@ fn each_sample_is_detected_as_itself() {
         assert_eq!(among[0].0, row.name, "among other lines: {among:?}");
     }
 }
+
+/// Rows with records of several lines that checksums or headers prove.
+const SEVERAL_LINES: [&str; 8] =
+    ["text2pcap", "tcpdump", "socat", "jpnevulator", "eltima", "serialtool", "epics", "node-modbus-serial"];
+
+#[test]
+fn a_dialect_may_begin_anywhere() {
+    let table = Arc::new(Dialects::default());
+    for name in SEVERAL_LINES {
+        let row = table.get(name).expect("a row");
+        let mut reader =
+            Reader::new(vec![Arc::clone(table.get("hex").expect("a row"))], Some(Arc::clone(&table)), Arc::default());
+        let chatter = "a line of the program that holds nothing\n".repeat(2000);
+        reader.push(format!("05 03 00 10 00 02 C4 4A\n{chatter}{}\n", row.sample.trim_matches('\n')).as_bytes());
+        let mut strings: Strings = Vec::new();
+        while let Some((record, bytes)) = reader.next(true) {
+            strings.push((record.side, bytes.to_vec()));
+        }
+        assert_eq!(strings[1..], row.bytes[..], "{name}");
+        assert!(reader.unparsed <= 2001, "{name}: {}", reader.unparsed);
+    }
+}

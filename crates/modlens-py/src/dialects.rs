@@ -3,12 +3,26 @@
 use std::sync::Arc;
 
 use modlens_core::chunk::Side;
-use modlens_core::text::{detect, Dialects as Core};
+use modlens_core::text::{detect, Dialects as Core, Reader};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
 use crate::session::hex;
 use crate::wrong;
+
+/// A byte string of a log: line number, who sent it, when, the bytes.
+type Found = (u64, Option<&'static str>, Option<i64>, Vec<u8>);
+
+/// One that is not delivered: line number, the bytes, why.
+type LeftOut = (u64, Vec<u8>, &'static str);
+
+fn side(side: Option<Side>) -> &'static str {
+    match side {
+        Some(Side::Sent) => "sent",
+        Some(Side::Received) => "received",
+        None => "either",
+    }
+}
 
 /// The embedded rows and further ones.
 #[pyclass(module = "_modlens")]
@@ -32,11 +46,6 @@ impl Dialects {
     }
 
     fn rows(&self) -> String {
-        let side = |side: Option<Side>| match side {
-            Some(Side::Sent) => "sent",
-            Some(Side::Received) => "received",
-            None => "either",
-        };
         let row = |row: &modlens_core::text::Dialect| {
             let bytes: Vec<(&str, String)> = row.bytes.iter().map(|(who, bytes)| (side(*who), hex(bytes))).collect();
             json!({
@@ -45,6 +54,18 @@ impl Dialects {
             })
         };
         self.core.rows().map(|one| row(one)).collect::<Json>().to_string()
+    }
+
+    fn read(&self, format: &str, text: &[u8]) -> PyResult<(Vec<Found>, Vec<LeftOut>, u64)> {
+        let mut reader = Reader::new(self.core.named(format).map_err(wrong)?, None, Arc::default());
+        reader.look_ahead(text);
+        reader.push(text);
+        let mut found = Vec::new();
+        while let Some((record, bytes)) = reader.next(true) {
+            found.push((record.number, record.side.map(|who| side(Some(who))), record.time, bytes.to_vec()));
+        }
+        let left_out = reader.left_out().iter().map(|(line, bytes, reason)| (*line, bytes.clone(), *reason)).collect();
+        Ok((found, left_out, reader.unparsed))
     }
 
     fn detect(&self, sample: &[u8], name: &str) -> Vec<detect::Guess> {

@@ -181,6 +181,12 @@ impl Session {
         Ok(())
     }
 
+    fn settle_text(&mut self, py: Python<'_>, bus: usize) -> PyResult<()> {
+        self.check(bus)?;
+        py.detach(|| self.core.settle_text(bus));
+        Ok(())
+    }
+
     #[pyo3(signature = (source, *, ports=None, mode="auto", line=None, silence_ns=None))]
     fn add_capture(
         &mut self,

@@ -11,7 +11,7 @@ from analyzer import decode
 from analyzer.line import parse_line
 from dissectors.errors import SourceError
 from tests.conftest import CAPTURES, Modlens
-from tests.support.sigrok import samples, session, spaced
+from tests.support.sigrok import changes, samples, session, spaced
 
 REQUEST, RESPONSE = bytes.fromhex("0103006b00037417"), bytes.fromhex("010306022b00000064057a")
 
@@ -102,3 +102,37 @@ def test_standard_input(tmp_path: Path, modlens: Modlens) -> None:
     data = session(samples(line, [wire]), ["BUS"])
     done = modlens("decode", "-", "--to", "csv", "--columns", "status", stdin=data)
     assert done.out.splitlines() == ["status", "ok"]
+
+
+@pytest.mark.parametrize("settings", ["9600-8N1", "19200-8E1", "115200-8O1"])
+def test_levels_as_saleae_exports_them(settings: str, tmp_path: Path, modlens: Modlens) -> None:
+    """A line for each change of any channel, times that begin before the trigger."""
+    line = parse_line(settings)
+    ask, answer = spaced(REQUEST, 0.01, line), spaced(RESPONSE, 0.05, line)
+    wires = [changes(line, ask), changes(line, answer)]
+    rows = sorted((time, which, level) for which, wire in enumerate(wires) for time, level in wire)
+    now, text = [1, 1], "Time [s],TX,RX,SPARE\n"
+    for time, which, level in rows:
+        now[which] = level
+        text += f"{time - 0.005:.9f},{now[0]},{now[1]},0\n"
+    path = tmp_path / "digital.csv"
+    path.write_text(text, encoding="ascii")
+    done = modlens("decode", path, "--to", "csv", "--columns", "status,data,response_time_us")
+    status, data, response = done.out.splitlines()[1].split(",")
+    assert (status, data) == ("ok", "555 0 100")
+    end = 0.01 + len(REQUEST) * (ask[1][0] - ask[0][0])
+    assert abs(float(response) - (0.05 - end) * 1e6) < 2e6 / line.baud
+    assert f"channel TX: {settings}" in done.err
+    done = modlens("decode", path, "--channels", "NOWHERE")
+    assert done.status == 2
+    assert "has TX, RX, SPARE" in done.err
+
+
+def test_channels_of_the_api(tmp_path: Path) -> None:
+    """Named channels are the lines, in their order."""
+    line = parse_line("19200-8E1")
+    path = tmp_path / "bus.sr"
+    wires = [spaced(REQUEST, 0.01, line), spaced(RESPONSE, 0.05, line)]
+    path.write_bytes(session(samples(line, wires), ["TX", "RX"]))
+    assert [txn.status for txn in decode(path, channels=["TX", "RX"])] == ["ok"]
+    assert [txn.status for txn in decode(path, channels=["TX"])] == ["not_seen"]

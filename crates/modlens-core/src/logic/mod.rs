@@ -5,10 +5,12 @@
 
 mod edges;
 mod guess;
+mod table;
 mod uart;
 
 pub use edges::{Edge, Edges, CHANNELS};
 pub use guess::Settings;
+pub use table::{is_table, Table};
 pub use uart::Character;
 
 use crate::functions::Functions;
@@ -30,7 +32,7 @@ pub const LINES: usize = 2;
 pub struct Wiring {
     /// Samples a second.
     pub rate: f64,
-    /// Bytes of a sample.
+    /// Bytes of a sample; 0 for rows of text with a time in seconds and a level a channel, whose rate is 1e9.
     pub unit: usize,
     /// Channels to look at; all where `None`.
     pub channels: Option<Vec<usize>>,
@@ -63,6 +65,8 @@ struct Channel {
 pub struct Analyser {
     wiring: Wiring,
     edges: Edges,
+    /// In place of samples.
+    table: Option<Table>,
     channels: Vec<Channel>,
     /// The lines, once they are decided.
     found: Option<Vec<Found>>,
@@ -74,7 +78,8 @@ impl Analyser {
     /// An analyser with this wiring.
     pub fn new(wiring: Wiring) -> Self {
         let channels = (0..CHANNELS).map(|_| Channel::default()).collect();
-        Self { edges: Edges::new(wiring.unit), wiring, channels, found: None, copies: Vec::new() }
+        let table = (wiring.unit == 0).then(Table::default);
+        Self { edges: Edges::new(wiring.unit), table, wiring, channels, found: None, copies: Vec::new() }
     }
 
     /// The lines, once they are decided.
@@ -94,12 +99,16 @@ impl Analyser {
 
     /// Takes samples, cut anywhere; `heard` gets the characters that are whole, in the order of their ends.
     pub fn push(&mut self, functions: &Functions, block: &[u8], heard: &mut Vec<Heard>) {
-        let Self { edges, channels, wiring, .. } = self;
-        edges.push(block, &mut |channel, edge| {
+        let Self { edges, table, channels, wiring, .. } = self;
+        let mut each = |channel: usize, edge| {
             if wiring.channels.as_ref().is_none_or(|chosen| chosen.contains(&channel)) {
                 channels[channel].edges.push(edge);
             }
-        });
+        };
+        match table {
+            Some(table) => table.push(block, &mut each),
+            None => edges.push(block, &mut each),
+        }
         // A fixed number of changes decides, however the blocks are cut.
         if self.found.is_none() && self.channels.iter().any(|channel| channel.edges.len() >= ENOUGH) {
             self.decide(functions);
@@ -109,16 +118,29 @@ impl Analyser {
 
     /// The samples have ended.
     pub fn finish(&mut self, functions: &Functions, heard: &mut Vec<Heard>) {
+        let Self { table, channels, wiring, .. } = self;
+        if let Some(table) = table {
+            table.finish(&mut |channel, edge| {
+                if wiring.channels.as_ref().is_none_or(|chosen| chosen.contains(&channel)) {
+                    channels[channel].edges.push(edge);
+                }
+            });
+        }
         if self.found.is_none() {
             self.decide(functions);
         }
         self.characters(heard);
     }
 
+    /// How far the channels are known.
+    fn samples(&self) -> u64 {
+        self.table.as_ref().map_or(self.edges.samples, |table| table.samples)
+    }
+
     fn decide(&mut self, functions: &Functions) {
         // Everybody is judged up to the change that was enough for the busiest.
         let full = self.channels.iter().filter_map(|channel| channel.edges.get(ENOUGH - 1)).map(|edge| edge.sample).min();
-        let now = full.unwrap_or(self.edges.samples);
+        let now = full.unwrap_or_else(|| self.samples());
         let mut found: Vec<(Found, Vec<u8>)> = Vec::new();
         for (number, channel) in self.channels.iter().enumerate() {
             let count = channel.edges.partition_point(|edge| edge.sample < now);
@@ -160,7 +182,7 @@ impl Analyser {
         if self.found.is_none() {
             return;
         }
-        let now = self.edges.samples;
+        let now = self.samples();
         let before = heard.len();
         for channel in &mut self.channels {
             let edges = channel.edges.drain(..);

@@ -35,6 +35,21 @@ impl Session {
         self.buses[bus].reader = Some(reader);
     }
 
+    /// Nothing more has come for a while: what the text and the framer hold back for what may follow is decided.
+    pub fn settle_text(&mut self, bus: usize) {
+        if let Some(reader) = &mut self.buses[bus].reader {
+            reader.settle();
+        }
+        self.feed_text(bus, b"", false);
+        let devices: Vec<usize> = self.buses[bus].devices.iter().map(|(_, device)| *device).collect();
+        for bus in devices.into_iter().chain([bus]) {
+            for (_, line) in &mut self.buses[bus].lines {
+                line.input.closed = true;
+            }
+            self.frames_of(bus);
+        }
+    }
+
     fn feed_record(&mut self, bus: usize, record: &Record, bytes: &[u8]) {
         let row = &self.buses[bus].options.bus;
         if row.clock != record.clock || row.place != Place::Line {

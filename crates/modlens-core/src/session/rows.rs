@@ -56,16 +56,13 @@ pub(super) fn keep_half(batch: &mut Batch, kept: &Kept, mode: Mode) -> Half {
         return Half::default();
     }
     let wire = batch.keep(&kept.wire);
-    // In RTU and TCP the PDU stands in the wire bytes; in ASCII it has to be kept in binary.
-    let inside = match mode {
-        Mode::Rtu => Some(1),
-        Mode::Tcp => Some(7),
-        Mode::Ascii => None,
-    };
-    let length = kept.pdu.len() as u32;
+    // In RTU and TCP the PDU stands in the wire bytes, and the halves may differ in it; in ASCII it has to be kept in binary.
+    let length = kept.pdu.len();
+    let places = if mode == Mode::Tcp { [7, 1] } else { [1, 7] };
+    let inside = places.into_iter().find(|&at| kept.wire.get(at..at + length) == Some(&kept.pdu[..]));
     let pdu = match inside {
-        Some(at) if at + length <= wire.length => Span { start: wire.start + at, length },
-        _ => batch.keep(&kept.pdu),
+        Some(at) => Span { start: wire.start + at as u32, length: length as u32 },
+        None => batch.keep(&kept.pdu),
     };
     Half { frame: kept.frame, wire, pdu, start: kept.start }
 }

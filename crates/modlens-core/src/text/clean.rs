@@ -47,7 +47,8 @@ fn escape(text: &[u8]) -> usize {
 pub(super) fn is_quoted(text: &[u8]) -> bool {
     let lines = || text.split(|&b| b == b'\n').filter(|line| !line.trim_ascii().is_empty());
     let quoted = lines().filter(|line| line.starts_with(b">")).count();
-    let arrows = lines().any(|line| line.starts_with(b"<") || line.starts_with(b">>"));
+    // interceptty's mark of what a device sent has a tab behind it.
+    let arrows = lines().any(|line| line.starts_with(b"<") || line.starts_with(b">>") || line.starts_with(b"> \t"));
     quoted >= 3 && !arrows && quoted * 2 > lines().count()
 }
 
@@ -74,5 +75,6 @@ mod tests {
     fn quotes_are_seen_in_most_lines_only() {
         assert!(is_quoted(b"Hello,\n> 01 03\n> 02 03\n> 03 03\n"));
         assert!(!is_quoted(b"> 0x01\n> 0x02\n> 0x03\n< 0x01\n"));
+        assert!(!is_quoted(b"> \t0x01\n> \t0x02\n> \t0x03\n"));
     }
 }

@@ -4,6 +4,7 @@ use crate::write::day_number;
 use crate::Ns;
 
 const SECOND: Ns = 1_000_000_000;
+const TENS: [i64; 10] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
 const MONTHS: [&[u8]; 12] = [b"jan", b"feb", b"mar", b"apr", b"may", b"jun", b"jul", b"aug", b"sep", b"oct", b"nov", b"dec"];
 
 /// Which of day and month comes first where both stand with slashes.
@@ -26,7 +27,8 @@ pub(super) fn number(text: &[u8]) -> Option<i64> {
 
 /// Two digits as a number.
 pub(super) fn two(line: &[u8], at: usize) -> Option<i64> {
-    number(line.get(at..at + 2)?)
+    let (&tens, &ones) = (line.get(at)?, line.get(at + 1)?);
+    (tens.is_ascii_digit() && ones.is_ascii_digit()).then(|| i64::from(tens - b'0') * 10 + i64::from(ones - b'0'))
 }
 
 /// A date and what parts it from the time: days since 1970.
@@ -88,10 +90,8 @@ fn month(word: &[u8]) -> Option<i64> {
     MONTHS.iter().position(|month| start.eq_ignore_ascii_case(month)).map(|at| at as i64 + 1)
 }
 
-/// `16:20:34`, with `.123`, `,123` or `:123` behind it: ns, decimals, the rest.
-///
-/// `short` says that nine decimals may be microseconds; the first that are not end it.
-pub(super) fn time_of_day<'a>(line: &'a [u8], short: &mut bool) -> Option<(Ns, u32, &'a [u8])> {
+/// `16:20:34`: ns, the rest.
+pub(super) fn time_of_day(line: &[u8]) -> Option<(Ns, &[u8])> {
     if line.get(2) != Some(&b':') || line.get(5) != Some(&b':') {
         return None;
     }
@@ -99,21 +99,26 @@ pub(super) fn time_of_day<'a>(line: &'a [u8], short: &mut bool) -> Option<(Ns, u
     if hour > 23 || minute > 59 || second > 60 {
         return None;
     }
-    let ns = (hour * 3600 + minute * 60 + second) * SECOND;
-    let rest = &line[8..];
-    let Some(mark @ (b'.' | b',' | b':')) = rest.first() else { return Some((ns, 0, rest)) };
+    Some(((hour * 3600 + minute * 60 + second) * SECOND, &line[8..]))
+}
+
+/// `.123`, `,123` or `:123` behind a time of day, if anything: ns, decimals, the rest.
+///
+/// `short` says that nine decimals may be microseconds; the first that are not end it.
+pub(super) fn fraction<'a>(rest: &'a [u8], short: &mut bool) -> Option<(Ns, u32, &'a [u8])> {
+    let Some(mark @ (b'.' | b',' | b':')) = rest.first() else { return Some((0, 0, rest)) };
     let length = rest[1..].iter().take_while(|b| b.is_ascii_digit()).count();
     // Three digits behind a colon are milliseconds; two would be a byte.
     if length == 0 || (*mark == b':' && length < 3) {
-        return (length != 2 || *mark != b':').then_some((ns, 0, rest));
+        return (length != 2 || *mark != b':').then_some((0, 0, rest));
     }
     let digits = &rest[1..=length.min(9)];
     let rest = &rest[1 + length..];
     *short &= length != 9 || digits.starts_with(b"000");
     if *short && length == 9 {
-        return Some((ns + number(digits)? * 1000, 6, rest));
+        return Some((number(digits)? * 1000, 6, rest));
     }
-    Some((ns + number(digits)? * 10i64.pow(9 - digits.len() as u32), digits.len() as u32, rest))
+    Some((number(digits)? * TENS[9 - digits.len()], digits.len() as u32, rest))
 }
 
 /// `Z`, `+01:00`, `+0100`, ` UTC`.

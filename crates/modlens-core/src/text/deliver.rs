@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::checksum::crc_valid;
 use crate::chunk::Side;
 use crate::text::dialect::{Dialect, Role, Wrap};
-use crate::text::evidence::{closes, framing};
+use crate::text::evidence::closed;
 use crate::text::reader::LeftOut;
 use crate::text::stamp::Stamps;
 use crate::text::template::Match;
@@ -21,9 +21,6 @@ const LISTED: usize = 1000;
 
 /// Bytes of a frame in pieces that are kept to see its checksum close.
 const GROUP_LIMIT: usize = 1024;
-
-/// Bytes of a dump's line.
-const DUMP_LINE: usize = 16;
 
 const COPY: &str = "bytes that the program printed before";
 
@@ -51,6 +48,8 @@ struct Head {
 struct Dump {
     expected: Option<u64>,
     last: Vec<u8>,
+    /// Scratch: the lines that a star stands for, and the one behind it.
+    all: Vec<u8>,
     repeat: bool,
 }
 
@@ -112,9 +111,7 @@ impl Deliver {
     }
 
     pub fn take(&mut self, dialect: &Arc<Dialect>, role: Role, found: &Match, bytes: &[u8], stamps: &Stamps) {
-        if let Some(offset) = found.offset {
-            self.end_held(Some(offset), stamps);
-        }
+        self.end_held(found.offset, stamps);
         let key = found.key.map_or(0, |(key, _)| key);
         match role {
             Role::Skip => {}
@@ -192,7 +189,7 @@ impl Deliver {
             self.joins.push(Join::default());
         }
         let join = &mut self.joins[piece.key];
-        let closed = closes(piece.bytes);
+        let (closed, framing) = closed(piece.bytes);
         let no_checksum = piece.no_checksum && !closed;
         let edge = closed || no_checksum || !join.open || join.side != piece.side;
         if edge || join.group.len() + piece.bytes.len() > GROUP_LIMIT {
@@ -207,7 +204,7 @@ impl Deliver {
             line: piece.line,
             record: edge,
             no_checksum,
-            framing: if closed { framing(piece.bytes) } else { None },
+            framing,
             key: piece.key,
             number: piece.number,
             ..Record::default()
@@ -219,8 +216,9 @@ impl Deliver {
     fn dump_line(&mut self, piece: &Piece<'_>, found: &Match, stamps: &Stamps) {
         let plain = Record { side: piece.side, line: piece.line, time: piece.time, number: piece.number, ..Record::default() };
         let Some(offset) = found.offset else { return self.push(plain, piece.bytes, stamps) };
-        let mut all = Vec::new();
         let mut hole = false;
+        let mut all = std::mem::take(&mut self.dump.all);
+        all.clear();
         if let Some(expected) = self.dump.expected.filter(|_| offset != 0) {
             let missing = offset.saturating_sub(expected);
             let filled = self.dump.repeat && missing <= REPEAT_LIMIT && !self.dump.last.is_empty();
@@ -230,14 +228,16 @@ impl Deliver {
             hole = expected != offset && !filled;
         }
         self.dump.repeat = false;
-        self.dump.last = piece.bytes.to_vec();
+        self.dump.last.clear();
+        self.dump.last.extend_from_slice(piece.bytes);
         self.dump.expected = Some(offset + piece.bytes.len() as u64);
         all.extend_from_slice(piece.bytes);
         let record = Record { record: offset == 0, hole, ..plain };
-        if found.pads && piece.bytes.len() < DUMP_LINE {
+        if found.pads {
             self.held = Some((record, all, offset + piece.bytes.len() as u64));
         } else {
             self.push(record, &all, stamps);
+            self.dump.all = all;
         }
     }
 
@@ -247,6 +247,15 @@ impl Deliver {
             bytes.pop();
         }
         self.push(record, &bytes, stamps);
+        self.dump.all = bytes;
+    }
+
+    /// The record that is gathered is whole, and came then.
+    pub fn stamp(&mut self, time: Ns, stamps: &Stamps) {
+        if let Some((_, head, _, _)) = &mut self.gathered {
+            head.time = head.time.or(Some(time));
+        }
+        self.end_gathered(stamps);
     }
 
     fn end_gathered(&mut self, stamps: &Stamps) {
@@ -265,6 +274,7 @@ impl Deliver {
 
     /// A line that is no record: what a head announced is over.
     pub fn end_of_head(&mut self, stamps: &Stamps) {
+        self.end_held(None, stamps);
         self.end_gathered(stamps);
         self.head = None;
     }

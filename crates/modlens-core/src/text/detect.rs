@@ -47,6 +47,9 @@ pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<Guess> {
     if is_sigrok(sample) {
         return vec![("sigrok".into(), 1.0, String::from("a zip of samples"))];
     }
+    if crate::logic::is_table(sample) {
+        return vec![("saleae-digital".into(), 1.0, String::from("times, and levels of channels"))];
+    }
     let suffix = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     let control = sample.iter().filter(|b| **b < 0x20 && !matches!(b, b'\n' | b'\r' | b'\t' | 0x0B | 0x0C | 0x1B)).count();
     if sample.is_empty() || control > 0 {

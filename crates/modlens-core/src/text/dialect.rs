@@ -8,6 +8,7 @@ use serde_json::Value as Json;
 
 use crate::chunk::Side;
 use crate::functions::parse_toml;
+use crate::text::starts::Starts;
 use crate::text::template::Template;
 use crate::text::Reader;
 
@@ -84,6 +85,7 @@ const OTHER_KEYS: &[&str] = &[
     "short_fractions",
     "joined",
     "certain",
+    "deltas",
 ];
 
 /// A row of the table.
@@ -99,7 +101,9 @@ pub struct Dialect {
     pub sample: String,
     /// What the sample holds: who sent it, and the bytes.
     pub bytes: Strings,
+    /// Those whose lines hold no bytes of frames come first.
     pub(super) rules: Vec<(Role, Template)>,
+    pub(super) starts: Starts,
     /// Any program may write it: rows that say more are preferred.
     pub generic: bool,
     /// Lines cut an endless stream; their ends mean nothing.
@@ -112,6 +116,8 @@ pub struct Dialect {
     pub(super) joined: bool,
     pub(super) wrap: Option<Wrap>,
     pub(super) short_fractions: bool,
+    /// Lines that end a record say how long after the one before it came: `+4ms`.
+    pub(super) deltas: bool,
     /// Bytes follow a line that announces them.
     pub(super) has_heads: bool,
 }
@@ -120,6 +126,11 @@ impl Dialect {
     /// Whether any line with bytes can be in this text.
     pub(super) fn possible(&self, text: &[u8]) -> bool {
         self.rules.iter().any(|(_, template)| template.takes_bytes() && template.possible(text))
+    }
+
+    /// Whether a record of it may take several lines.
+    pub(super) fn several_lines(&self) -> bool {
+        self.has_heads || self.stream
     }
 
     /// How much fixed text its templates have: what fits more of it says more.
@@ -262,10 +273,12 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         generic: flag(row, "generic")?,
         stream: flag(row, "stream")?,
         certain: flag(row, "certain")?,
-        joined: flag(row, "joined")? || no_checksum || wrap == Some(Wrap::Network),
+        joined: flag(row, "joined")? || flag(row, "deltas")? || no_checksum || wrap == Some(Wrap::Network),
         no_checksum,
         wrap,
         short_fractions: flag(row, "short_fractions")?,
+        deltas: flag(row, "deltas")?,
+        starts: Starts::of(&rules),
         has_heads: rules.iter().any(|(role, _)| matches!(role, Role::Head(_))),
         rules,
     })

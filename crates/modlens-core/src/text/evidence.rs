@@ -1,28 +1,37 @@
 //! What speaks for bytes being Modbus: checksums that close, headers whose length is right, layouts that fit.
 
-use crate::checksum::{crc_valid, lrc};
+use crate::checksum::crc_valid;
 use crate::direction::readings;
 use crate::framer::tcp::announced;
 use crate::framer::Mode;
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
+use crate::text::notation::pair;
 
 /// Unit, function code and checksum.
 const SHORTEST: usize = 4;
 
 /// Whether the bytes end with what closes a frame: a checksum, or the length that their header announces.
 pub(super) fn closes(bytes: &[u8]) -> bool {
-    (bytes.len() >= SHORTEST && crc_valid(bytes)) || framing(bytes).is_some()
+    closed(bytes).0
 }
 
 /// The framing that the whole of the bytes proves; `None` if none or more than one does.
 pub(super) fn framing(bytes: &[u8]) -> Option<Mode> {
+    closed(bytes).1
+}
+
+/// Both at once: the checksum is gone through once.
+pub(super) fn closed(bytes: &[u8]) -> (bool, Option<Mode>) {
     let crc = bytes.len() >= SHORTEST && crc_valid(bytes);
     let mbap = announced(bytes) == Some(bytes.len()) && bytes.len() > 8;
     match (crc, mbap) {
-        (true, false) => Some(Mode::Rtu),
-        (false, true) => Some(Mode::Tcp),
-        (true, true) => None,
-        (false, false) => ascii(bytes).then_some(Mode::Ascii),
+        (true, false) => (true, Some(Mode::Rtu)),
+        (false, true) => (true, Some(Mode::Tcp)),
+        (true, true) => (true, None),
+        (false, false) => {
+            let ascii = ascii(bytes);
+            (ascii, ascii.then_some(Mode::Ascii))
+        }
     }
 }
 
@@ -39,8 +48,9 @@ pub(super) fn direction(bytes: &[u8], framing: Option<Mode>) -> i32 {
 
 fn ascii(bytes: &[u8]) -> bool {
     let Some(text) = bytes.strip_prefix(b":") else { return false };
-    let hex = std::str::from_utf8(text.trim_ascii_end()).ok().and_then(crate::pdu::parse_hex);
-    hex.is_some_and(|hex| hex.len() >= 3 && lrc(&hex) == 0)
+    let text = text.trim_ascii_end();
+    let sum = text.chunks(2).try_fold(0u8, |sum, two| pair(two, 0).map(|byte| sum.wrapping_add(byte)));
+    text.len() >= 6 && sum == Some(0)
 }
 
 /// Bytes of a burst that are in frames with a right checksum.

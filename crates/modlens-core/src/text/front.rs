@@ -72,7 +72,8 @@ fn word(line: &[u8]) -> (Option<Side>, &[u8]) {
         return (None, line);
     }
     let line = line.strip_prefix(b"[").unwrap_or(line);
-    for (word, side) in WORDS {
+    let Some(begins) = line.first().map(u8::to_ascii_lowercase) else { return (None, line) };
+    for (word, side) in WORDS.iter().filter(|(word, _)| word.as_bytes()[0] == begins) {
         let Some(start) = line.get(..word.len()) else { continue };
         let rest = &line[word.len()..];
         let ends = !rest.first().is_some_and(u8::is_ascii_alphanumeric) || !word.as_bytes()[0].is_ascii_alphabetic();

@@ -17,6 +17,7 @@ mod front;
 mod notation;
 mod reader;
 mod stamp;
+mod starts;
 pub mod suspicion;
 mod template;
 mod unwrap;

@@ -51,6 +51,14 @@ pub(super) struct Marks {
 const BAD: u8 = 0xFF;
 const DIGITS: [u8; 256] = digits();
 const SEPARATORS: [bool; 256] = separators();
+/// Beyond all bytes: a character is no digit, or no separator.
+const NO: u16 = 0x100;
+/// What a digit is worth as the first and as the second of a byte; what a separator is worth: nothing.
+static HIGH: [u16; 256] = worth(4);
+static LOW: [u16; 256] = worth(0);
+static BETWEEN: [u16; 256] = between();
+/// Bytes that are read at once where text is plain.
+const BLOCK: usize = 8;
 /// Most bytes on a line of a dump.
 const DUMP_LINE: usize = 16;
 
@@ -76,6 +84,43 @@ const fn separators() -> [bool; 256] {
     }
     table
 }
+
+const fn worth(shift: u32) -> [u16; 256] {
+    let mut table = [NO; 256];
+    let mut i = 0;
+    while i < 256 {
+        if DIGITS[i] != BAD {
+            table[i] = (DIGITS[i] as u16) << shift;
+        }
+        i += 1;
+    }
+    table
+}
+
+const fn between() -> [u16; 256] {
+    let mut table = [NO; 256];
+    let mut i = 0;
+    while i < 256 {
+        if SEPARATORS[i] {
+            table[i] = 0;
+        }
+        i += 1;
+    }
+    table
+}
+
+/// Base64 in both of its alphabets (RFC 4648).
+static SIXTY_FOUR: [u8; 256] = {
+    let mut table = [BAD; 256];
+    let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut i = 0;
+    while i < alphabet.len() {
+        table[alphabet[i] as usize] = i as u8;
+        i += 1;
+    }
+    (table[b'-' as usize], table[b'_' as usize]) = (62, 63);
+    table
+};
 
 /// Words that stand where a program, or a manual, does not print the checksum.
 const PLACEHOLDERS: &[&[u8]] =
@@ -151,9 +196,72 @@ fn digit(text: &[u8], at: usize) -> u8 {
     text.get(at).map_or(BAD, |&b| DIGITS[b as usize])
 }
 
-fn pair(text: &[u8], at: usize) -> Option<u8> {
-    let (high, low) = (digit(text, at), digit(text, at + 1));
-    ((high | low) <= 15).then_some(high << 4 | low)
+pub(super) fn pair(text: &[u8], at: usize) -> Option<u8> {
+    let two = text.get(at..at + 2)?;
+    let value = HIGH[two[0] as usize] | LOW[two[1] as usize];
+    (value < NO).then_some(value as u8)
+}
+
+/// Pairs with one separator behind each, as long as they go on so; gives the length of text.
+fn spaced(text: &[u8], out: &mut Vec<u8>) -> usize {
+    let mut blocks = text.chunks_exact(3 * BLOCK);
+    let (mut bytes, mut count) = ([0u8; BLOCK], 0);
+    for block in &mut blocks {
+        let mut bad = 0;
+        for (byte, three) in bytes.iter_mut().zip(block.chunks_exact(3)) {
+            let value = HIGH[three[0] as usize] | LOW[three[1] as usize];
+            bad |= value | BETWEEN[three[2] as usize];
+            *byte = value as u8;
+        }
+        if bad & NO != 0 {
+            break;
+        }
+        out.extend_from_slice(&bytes);
+        count += BLOCK;
+    }
+    for three in text[3 * count..].chunks_exact(3) {
+        let value = HIGH[three[0] as usize] | LOW[three[1] as usize];
+        if (value | BETWEEN[three[2] as usize]) & NO != 0 {
+            break;
+        }
+        out.push(value as u8);
+        count += 1;
+    }
+    // The last of a line has nothing behind it.
+    if let (2, Some(value)) = (text.len() - 3 * count, pair(text, 3 * count)) {
+        out.push(value);
+        return text.len();
+    }
+    3 * count
+}
+
+/// A byte with blanks behind it, or nothing: where it ends, and where they do. Digits may stand alone if `loose`.
+fn spread(text: &[u8], loose: bool, out: &mut Vec<u8>) -> Option<(usize, usize)> {
+    let (value, length) = match pair(text, 0) {
+        Some(value) => (value, 2),
+        None if loose => (Some(digit(text, 0)).filter(|&value| value != BAD)?, 1),
+        None => return None,
+    };
+    let blanks = text[length..].iter().take_while(|&&b| b == b' ').count();
+    if blanks == 0 && text.len() > length {
+        return None;
+    }
+    out.push(value);
+    Some((length, length + blanks))
+}
+
+/// Pairs without anything between; whether all are.
+pub(super) fn solid(digits: &[u8], out: &mut Vec<u8>) -> bool {
+    let (before, mut bad) = (out.len(), 0);
+    out.extend(digits.chunks_exact(2).map(|two| {
+        let value = HIGH[two[0] as usize] | LOW[two[1] as usize];
+        bad |= value;
+        value as u8
+    }));
+    if bad & NO != 0 {
+        out.truncate(before);
+    }
+    bad & NO == 0
 }
 
 fn word(text: &[u8], from: usize) -> &[u8] {
@@ -162,17 +270,42 @@ fn word(text: &[u8], from: usize) -> &[u8] {
     &rest[..length]
 }
 
+/// Whether this is the line of a dump, offset first: `0010  05 03 ..`. No offset is read as bytes.
+fn begins_with_offset(text: &[u8]) -> bool {
+    let text = text.trim_ascii_start();
+    let (prefixed, text) = text.strip_prefix(b"0x").map_or((false, text), |rest| (true, rest));
+    // Nearly all text has a pair first.
+    if text.get(2).is_none_or(|&b| DIGITS[b as usize] == BAD) {
+        return false;
+    }
+    let offset = word(text, 0);
+    let behind = &text[offset.len()..];
+    let bytes = behind.trim_ascii_start();
+    let pairs = behind.starts_with(b" ") && pair(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
+    (4..=8).contains(&offset.len())
+        && offset.ends_with(b"0")
+        && offset.iter().all(|&b| DIGITS[b as usize] != BAD)
+        && ((pairs && !prefixed) || behind.starts_with(b": "))
+}
+
 fn hex(text: &[u8], loose: bool, out: &mut Vec<u8>, marks: &mut Marks) -> usize {
+    if begins_with_offset(text) {
+        return 0;
+    }
     let (mut at, mut end) = (0, 0);
     loop {
         // Most text is pairs with one separator behind each.
-        while let (Some(value), Some(&behind)) = (pair(text, at), text.get(at + 2)) {
-            if !SEPARATORS[behind as usize] {
-                break;
+        if !marks.no_checksum {
+            let length = spaced(&text[at..], out);
+            if length > 0 {
+                at += length;
+                end = at - usize::from(length.is_multiple_of(3));
             }
-            out.push(value);
-            end = at + 2;
-            at += 3;
+            at += text[at..].iter().take_while(|&&b| b == b' ').count();
+            while let Some((length, behind)) = spread(&text[at..], loose, out) {
+                end = at + length;
+                at += behind;
+            }
         }
         let mut dashes = 0;
         while text.get(at).is_some_and(|&b| SEPARATORS[b as usize]) {
@@ -223,17 +356,7 @@ fn hex_token(token: &[u8], loose: bool, out: &mut Vec<u8>) -> bool {
             }
             value != BAD
         }
-        length if length >= 2 && length % 2 == 0 => {
-            let before = out.len();
-            for at in (0..length).step_by(2) {
-                let Some(value) = pair(digits, at) else {
-                    out.truncate(before);
-                    return false;
-                };
-                out.push(value);
-            }
-            true
-        }
+        length if length >= 2 && length % 2 == 0 => solid(digits, out),
         _ => false,
     }
 }
@@ -273,6 +396,11 @@ fn prefixed(text: &[u8], out: &mut Vec<u8>, marks: &mut Marks) -> usize {
         while text.get(at).is_some_and(|&b| SEPARATORS[b as usize]) {
             at += 1;
         }
+        if let Some(length) = prefixed_one(&text[at..], out) {
+            at += length;
+            end = at;
+            continue;
+        }
         let token = word(text, at);
         let digits = token.strip_prefix(b"0x").or_else(|| token.strip_prefix(b"0X"));
         if digits.is_none_or(|digits| digits.len() > 2) || !hex_token(token, false, out) {
@@ -285,10 +413,26 @@ fn prefixed(text: &[u8], out: &mut Vec<u8>, marks: &mut Marks) -> usize {
     }
 }
 
+/// `0x5` or `0x05` that a separator or the line's end follows.
+fn prefixed_one(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
+    let digits = text.strip_prefix(b"0x")?;
+    let ends = |at: usize| digits.get(at).is_none_or(|&b| SEPARATORS[b as usize]);
+    let (value, length) = match pair(digits, 0) {
+        Some(value) => (value, 2),
+        None => (Some(digit(digits, 0)).filter(|&value| value != BAD)?, 1),
+    };
+    ends(length).then(|| {
+        out.push(value);
+        2 + length
+    })
+}
+
 fn bracketed(text: &[u8], around: [u8; 2], out: &mut Vec<u8>) -> usize {
     let mut at = 0;
-    while text.get(at) == Some(&around[0]) && text.get(at + 3) == Some(&around[1]) {
-        let Some(value) = pair(text, at + 1) else { break };
+    while let Some(&[open, high, low, close]) = text.get(at..at + 4) {
+        let value = HIGH[high as usize] | LOW[low as usize];
+        let ([true, true], value @ 0..NO) = ([open == around[0], close == around[1]], value) else { break };
+        let value = value as u8;
         out.push(value);
         at += 4;
         if text.get(at) == Some(&b' ') && text.get(at + 1) == Some(&around[0]) {
@@ -406,21 +550,13 @@ fn words(text: &[u8], width: usize, radix: u32, out: &mut Vec<u8>) -> usize {
 
 /// Eight characters at least; whether they mean anything is the checksum's to say.
 fn base64(text: &[u8], out: &mut Vec<u8>) -> usize {
-    let value = |b: u8| match b {
-        b'A'..=b'Z' => Some(b - b'A'),
-        b'a'..=b'z' => Some(b - b'a' + 26),
-        b'0'..=b'9' => Some(b - b'0' + 52),
-        b'+' | b'-' => Some(62),
-        b'/' | b'_' => Some(63),
-        _ => None,
-    };
-    let length = text.iter().take_while(|&&b| value(b).is_some()).count();
+    let length = text.iter().take_while(|&&b| SIXTY_FOUR[b as usize] != BAD).count();
     let padding = text[length..].iter().take_while(|&&b| b == b'=').count();
     if length < 6 || (length + padding) % 4 != 0 || padding > 2 {
         return 0;
     }
     for four in text[..length].chunks(4) {
-        let bits = four.iter().fold(0u32, |bits, &b| bits << 6 | u32::from(value(b).unwrap_or(0))) << (6 * (4 - four.len()));
+        let bits = four.iter().fold(0u32, |bits, &b| bits << 6 | u32::from(SIXTY_FOUR[b as usize])) << (6 * (4 - four.len()));
         out.extend_from_slice(&bits.to_be_bytes()[1..four.len()]);
     }
     length + padding
@@ -445,6 +581,10 @@ fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
             out.push(value);
             return token.len() + 2;
         }
+    }
+    if let [b'"', byte, b'"', ..] = *text {
+        out.push(byte);
+        return 3;
     }
     if text.starts_with(b"0x") || text.starts_with(b"0X") {
         return byte(text, out);
@@ -528,6 +668,9 @@ mod tests {
         assert_eq!(read(Notation::Groups, "0503  dead"), (vec![5, 3], "  dead", false));
         assert_eq!(read(Notation::Escaped, "\\x05\\\"\", 2"), (vec![5, b'"'], "\", 2", false));
         assert!(read(Notation::Hex, "hello").0.is_empty());
+        assert!(read(Notation::Hex, "0010  05 03 00 10").0.is_empty());
+        assert!(read(Notation::Hex, "0x0010:  0503 0010").0.is_empty());
+        assert_eq!(read(Notation::Hex, "0503 0010 0002 c44a").0, FRAME);
     }
 
     #[test]

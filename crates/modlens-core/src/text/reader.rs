@@ -1,5 +1,6 @@
 //! Goes through the lines of a text, with the rows that it needs.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use memchr::memchr;
@@ -11,8 +12,8 @@ use crate::text::deliver::Deliver;
 use crate::text::dialect::{Dialect, Dialects, Role};
 use crate::text::evidence;
 use crate::text::notation::Notation;
-use crate::text::stamp::{ClockSettings, Kind, Stamps};
-use crate::text::template::{Match, Scratch};
+use crate::text::stamp::{delta, ClockSettings, Kind, Stamps};
+use crate::text::template::{Match, Scratch, Template};
 use crate::text::Record;
 use crate::Ns;
 
@@ -28,6 +29,13 @@ const LONGEST_LINE: usize = 1 << 24;
 /// Lines with bytes that no row in use can read, which are tried with all rows.
 const TRIES: u32 = 4000;
 
+/// Lines that are tried together with those before them: this costs more.
+const TRIES_BEHIND: u32 = 1000;
+
+/// Lines without a reader that are kept for rows whose records have several, and as much of each.
+const LINES_BEHIND: usize = 12;
+const LONGEST_BEHIND: usize = 400;
+
 /// Records that one line may hold.
 const PER_LINE: usize = 64;
 
@@ -41,6 +49,9 @@ pub struct Reader {
     /// Rows to try where those in use do not fit.
     others: Option<Arc<Dialects>>,
     tries: u32,
+    tries_behind: u32,
+    /// The last lines, if nothing could read them.
+    unread: VecDeque<(u64, Vec<u8>)>,
     buffer: Vec<u8>,
     at: usize,
     number: u64,
@@ -51,7 +62,6 @@ pub struct Reader {
     scratch: Vec<u8>,
     matches: Vec<(Role, Match, usize)>,
     found: Vec<u8>,
-    candidate: Vec<u8>,
     deliver: Deliver,
     /// Lines not understood.
     pub unparsed: u64,
@@ -68,6 +78,8 @@ impl Reader {
             dialects,
             others,
             tries: 0,
+            tries_behind: 0,
+            unread: VecDeque::new(),
             buffer: Vec::new(),
             at: 0,
             number: 0,
@@ -78,7 +90,6 @@ impl Reader {
             scratch: Vec::new(),
             matches: Vec::new(),
             found: Vec::new(),
-            candidate: Vec::new(),
             deliver: Deliver::default(),
             unparsed: 0,
             first_unparsed: Vec::new(),
@@ -153,20 +164,67 @@ impl Reader {
             self.deliver.blank_line(&self.stamps);
             return;
         }
-        for i in 0..self.dialects.len() {
-            let dialect = Arc::clone(&self.dialects[i]);
-            if self.matches_of(&dialect, line) {
-                self.hand_over(&dialect);
-                return;
+        let dialects = std::mem::take(&mut self.dialects);
+        // Bytes that a line before announced are those of its row.
+        let announced = self.deliver.expects_more();
+        let first = dialects.iter().filter(|row| announced && row.has_heads);
+        let row = first.chain(dialects.iter()).find(|dialect| self.matches_of(dialect, line)).cloned();
+        let deltas = dialects.iter().any(|dialect| dialect.deltas);
+        self.dialects = dialects;
+        if let Some(row) = row {
+            // Plain bytes may be what the line before announced.
+            let behind = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
+            if !(behind && self.rows_behind(line)) {
+                self.hand_over(&row);
             }
-        }
-        if self.another_row(line) {
-            return;
-        }
-        if !comment(text) {
-            self.deliver.end_of_head(&self.stamps);
+            self.unread.clear();
+        } else if !self.another_row(line) && !comment(text) && !self.rows_behind(line) {
+            if !deltas {
+                self.deliver.end_of_head(&self.stamps);
+            }
             self.note_unparsed(text);
         }
+        if let Some(delta) = delta(text).filter(|_| deltas) {
+            let time = self.stamps.after(delta);
+            self.deliver.stamp(time, &self.stamps);
+        }
+    }
+
+    /// Looks for a row of several lines a record that reads this line together with those before it, which none could read.
+    fn rows_behind(&mut self, line: &[u8]) -> bool {
+        let Some(others) = self.others.clone() else { return false };
+        if self.unread.len() >= LINES_BEHIND {
+            self.unread.pop_front();
+        }
+        self.unread.push_back((self.number, line[..line.len().min(LONGEST_BEHIND)].to_vec()));
+        if self.tries_behind >= TRIES_BEHIND || !line.iter().any(u8::is_ascii_digit) {
+            return false;
+        }
+        self.tries_behind += 1;
+        let mut text = Vec::new();
+        for (_, line) in &self.unread {
+            text.extend_from_slice(line);
+            text.push(b'\n');
+        }
+        let reads = |row: &&Arc<Dialect>| row.several_lines() && row.possible(&text) && reads_all(row, &text);
+        let used = |row: &Arc<Dialect>| self.dialects.iter().any(|one| one.name == row.name);
+        let Some(row) = others.rows().filter(|row| !used(row)).find(reads) else { return false };
+        self.dialects.push(Arc::clone(row));
+        self.stamps.seen.short_fractions |= row.short_fractions;
+        // They were counted, all but the last.
+        self.deliver.end_of_head(&self.stamps);
+        let lines = std::mem::take(&mut self.unread);
+        self.unparsed -= lines.len() as u64 - 1;
+        self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
+        for (number, line) in lines {
+            self.deliver.number = number;
+            if self.matches_of(row, &line) {
+                self.hand_over(row);
+            } else if !line.trim_ascii().is_empty() {
+                self.note_unparsed_at(number, line.trim_ascii());
+            }
+        }
+        true
     }
 
     fn hand_over(&mut self, dialect: &Arc<Dialect>) {
@@ -215,23 +273,62 @@ impl Reader {
         read
     }
 
-    /// The match that begins first; of equal ones that of the first rule. Its bytes are in `self.bytes`.
+    /// The match of the first rule without bytes that fits; or else that of bytes which begins first, and of equal ones that
+    /// of the first rule. Its bytes are in `self.bytes`.
     fn first_rule(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, Match, bool)> {
-        let mut best: Option<(Role, Match, bool)> = None;
-        for (role, template) in &dialect.rules {
-            let seen = self.stamps.seen;
-            let mut scratch = Scratch::new(&mut self.stamps, &mut self.candidate, &mut self.preferred);
-            let found = template.find(line, from, &mut scratch);
-            let better =
-                |found: &Match| best.as_ref().is_none_or(|(role, other, _)| role.holds_bytes() && found.start < other.start);
-            if let Some(found) = found.filter(better) {
-                best = Some((*role, found, template.whole));
-                std::mem::swap(&mut self.bytes, &mut self.candidate);
-            } else {
-                self.stamps.seen = seen;
+        let starts = &dialect.starts;
+        for i in 0..starts.first {
+            let found = self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch));
+            if found.is_some() {
+                return found;
             }
         }
-        best
+        let mut tied = None;
+        for &i in &starts.tied {
+            tied = self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch)).map(|found| (i, found));
+            if tied.is_some() {
+                break;
+            }
+        }
+        let mut at = from;
+        while let Some(start) = starts.next(line, at) {
+            let before = |i: usize| tied.as_ref().is_none_or(|(rule, (_, found, _))| (start, i) < (found.start, *rule));
+            for i in starts.rules(line, start, dialect.rules.len()).take_while(|&i| before(i)) {
+                if !dialect.rules[i].1.may_begin(line, start) {
+                    continue;
+                }
+                let found = self.attempt(dialect, i, |template, scratch| template.at(line, start, scratch));
+                if found.is_some() {
+                    return found;
+                }
+            }
+            if !before(0) {
+                break;
+            }
+            at = start + 1;
+        }
+        let (i, found) = tied?;
+        // What was tried behind it may have left other bytes.
+        if at > from {
+            return self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch));
+        }
+        Some(found)
+    }
+
+    /// Tries a rule; what it learned of the clock is forgotten if it does not fit.
+    fn attempt(
+        &mut self,
+        dialect: &Dialect,
+        index: usize,
+        find: impl FnOnce(&Template, &mut Scratch<'_>) -> Option<Match>,
+    ) -> Option<(Role, Match, bool)> {
+        let (role, template) = &dialect.rules[index];
+        let seen = self.stamps.seen;
+        let found = find(template, &mut Scratch::new(&mut self.stamps, &mut self.bytes, &mut self.preferred));
+        if found.is_none() {
+            self.stamps.seen = seen;
+        }
+        found.map(|found| (*role, found, template.whole))
     }
 
     /// Looks for a row that reads a line of bytes which those in use cannot read; a checksum has to prove it.
@@ -241,7 +338,8 @@ impl Reader {
         }
         let Some(others) = self.others.clone() else { return false };
         self.tries += 1;
-        for dialect in others.rows() {
+        // Those whose bytes other lines announce are tried with these (`rows_behind`).
+        for dialect in others.rows().filter(|row| !row.has_heads) {
             let used = self.dialects.iter().any(|one| one.name == dialect.name);
             let seen = self.stamps.seen;
             if !used
@@ -260,11 +358,20 @@ impl Reader {
     }
 
     fn note_unparsed(&mut self, line: &[u8]) {
+        self.note_unparsed_at(self.number, line);
+    }
+
+    fn note_unparsed_at(&mut self, number: u64, line: &[u8]) {
         self.unparsed += 1;
         if self.first_unparsed.len() < SHOWN {
             let text: String = String::from_utf8_lossy(line).chars().take(SHOWN_LENGTH).collect();
-            self.first_unparsed.push((self.number, text));
+            self.first_unparsed.push((number, text));
         }
+    }
+
+    /// Nothing more comes for a while: what waits for a further line is delivered.
+    pub fn settle(&mut self) {
+        self.deliver.finish(&self.stamps);
     }
 
     /// The rows in use.
@@ -316,6 +423,24 @@ impl Reader {
     pub fn resolution(&self) -> Option<Ns> {
         self.stamps.resolution()
     }
+}
+
+/// Whether the row reads bytes in these lines, and only such that checksums prove.
+fn reads_all(row: &Arc<Dialect>, text: &[u8]) -> bool {
+    let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
+    reader.push(text);
+    let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
+    while let Some((record, piece)) = reader.next(true) {
+        if record.record {
+            good += evidence::good(&burst);
+            burst.clear();
+        }
+        bytes += piece.len();
+        burst.extend_from_slice(piece);
+    }
+    good += evidence::good(&burst);
+    // Where a program prints no checksums, its words have to do.
+    bytes > 0 && (good == bytes || row.no_checksum) && reader.announced()
 }
 
 /// Whether a line can hold bytes: some digits among some hex digits.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::records::Clock;
-use crate::text::date::{date, number, time_of_day, two, words_before, zone, Order};
+use crate::text::date::{date, fraction, number, time_of_day, two, words_before, zone, Order};
 use crate::Ns;
 
 const SECOND: Ns = 1_000_000_000;
@@ -58,6 +58,34 @@ impl Kind {
 pub struct Stamps {
     settings: Arc<ClockSettings>,
     pub(super) seen: Seen,
+    last: LastSecond,
+}
+
+/// A stamp up to its seconds, as it stood: most lines have the same as the line before.
+#[derive(Clone, Copy, Debug, Default)]
+struct LastSecond {
+    text: [u8; LAST_SECOND],
+    length: usize,
+    days: Option<i64>,
+    of_day: Ns,
+}
+
+/// The longest of them: a date, a time of day, what stands between.
+const LAST_SECOND: usize = 24;
+
+impl LastSecond {
+    fn of<'a>(&self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
+        let rest = line.strip_prefix(&self.text[..self.length])?;
+        (self.length > 0).then_some((self.days, self.of_day, rest))
+    }
+
+    fn keep(&mut self, text: &[u8], days: Option<i64>, of_day: Ns) {
+        self.length = 0;
+        if let Some(place) = self.text.get_mut(..text.len()) {
+            place.copy_from_slice(text);
+            (self.length, self.days, self.of_day) = (text.len(), days, of_day);
+        }
+    }
 }
 
 /// The part that changes: a line that turns out to be something else must not change it.
@@ -73,12 +101,14 @@ pub(super) struct Seen {
     pub(super) short_fractions: bool,
     /// Where the last stamp stood in its line.
     hint: usize,
+    /// Of the times between records, where only these are printed.
+    sum: Ns,
 }
 
 impl Stamps {
     /// Stamps of a recording of which this is known.
     pub fn new(settings: Arc<ClockSettings>) -> Self {
-        Self { settings, seen: Seen::default() }
+        Self { settings, ..Self::default() }
     }
 
     /// The clock.
@@ -104,11 +134,12 @@ impl Stamps {
     pub fn look_ahead(&mut self, lines: &[u8]) {
         for line in lines.split(|&b| b == b'\n').take(2000) {
             let start = Seen { order: self.seen.order, short_fractions: self.seen.short_fractions, ..Seen::default() };
-            let mut ahead = Self { settings: Arc::clone(&self.settings), seen: start };
+            let mut ahead = Self { settings: Arc::clone(&self.settings), seen: start, ..Self::default() };
             ahead.find(line);
             self.seen.order = ahead.seen.order;
             self.seen.short_fractions = ahead.seen.short_fractions;
         }
+        self.last = LastSecond::default();
     }
 
     /// A number of seconds, since 1970 or since any start.
@@ -125,6 +156,13 @@ impl Stamps {
         Some(value)
     }
 
+    /// Time has gone on by so much since this was last said.
+    pub fn after(&mut self, delta: Ns) -> Ns {
+        self.shown(Kind::Relative, 3);
+        self.seen.sum = self.seen.sum.saturating_add(delta);
+        self.seen.sum
+    }
+
     /// A stamp at the start of the line, and what follows it.
     pub fn take<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
         if !line.first().is_some_and(|b| b.is_ascii_digit() || *b == b'[') {
@@ -136,6 +174,14 @@ impl Stamps {
         let found = self.date_time(inner, &[]).or_else(|| self.seconds_stamp(inner));
         match found.and_then(|(time, rest)| Some((time, end(rest)?))) {
             Some((time, rest)) => (Some(time), rest),
+            None => (None, line),
+        }
+    }
+
+    /// `-0.00125`: seconds before what a recorder calls its start.
+    pub fn before_start<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
+        match self.seconds_stamp(&line[1..]) {
+            Some((time, rest)) => (Some(-time), rest),
             None => (None, line),
         }
     }
@@ -181,11 +227,12 @@ impl Stamps {
     }
 
     fn date_time<'a>(&mut self, line: &'a [u8], before: &[u8]) -> Option<(Ns, &'a [u8])> {
-        let (days, rest) = match date(line, &mut self.seen.order) {
-            Some((days, rest)) => (Some(days), rest),
-            None => (None, line),
+        let (days, of_day, rest) = match self.last.of(line) {
+            Some(known) => known,
+            None => self.second(line)?,
         };
-        let (of_day, digits, rest) = time_of_day(rest, &mut self.seen.short_fractions)?;
+        let (part, digits, rest) = fraction(rest, &mut self.seen.short_fractions)?;
+        let of_day = of_day + part;
         let (zone, rest) = zone(rest);
         // A colon with a digit behind it goes on: `11:03:00:6b` are bytes.
         let ends = match rest {
@@ -206,6 +253,21 @@ impl Stamps {
             (None, _) => self.of_day(of_day, digits),
         };
         Some((time, rest))
+    }
+
+    /// A date, where there is one, and a time of day in seconds.
+    fn second<'a>(&mut self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
+        let order = self.seen.order;
+        let (days, rest) = match date(line, &mut self.seen.order) {
+            Some((days, rest)) => (Some(days), rest),
+            None => (None, line),
+        };
+        let (of_day, rest) = time_of_day(rest)?;
+        // A date that tells which of day and month comes first is read anew, until that is known.
+        if self.seen.order == order {
+            self.last.keep(&line[..line.len() - rest.len()], days, of_day);
+        }
+        Some((days, of_day, rest))
     }
 
     /// A time of day: past midnight it begins again.
@@ -242,6 +304,22 @@ impl Stamps {
         self.seen.kind = self.seen.kind.max(kind);
         self.seen.digits = self.seen.digits.max(digits);
     }
+}
+
+/// `+4ms` at the end of a line, as node's `debug` writes it: the time since its line before, rounded from seconds on.
+pub(super) fn delta(line: &[u8]) -> Option<Ns> {
+    let at = line.iter().rposition(|&b| b == b' ')?;
+    let text = line[at + 1..].strip_prefix(b"+")?;
+    let digits = text.iter().take_while(|b| b.is_ascii_digit()).count();
+    let unit = match &text[digits..] {
+        b"ms" => SECOND / 1000,
+        b"s" => SECOND,
+        b"m" => 60 * SECOND,
+        b"h" => 3600 * SECOND,
+        b"d" => DAY,
+        _ => return None,
+    };
+    number(&text[..digits])?.checked_mul(unit)
 }
 
 /// Seconds as ns, exactly, and the number of decimals.
@@ -325,6 +403,13 @@ mod tests {
         assert_eq!(stamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND)); // the first of the two
         assert_eq!(stamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND));
         assert_eq!(stamps.kind(), Kind::Utc);
+    }
+
+    #[test]
+    fn times_between_lines() {
+        assert_eq!(delta(b"buffer: <Buffer 05> } +14ms"), Some(14_000_000));
+        assert_eq!(delta(b"x +2s"), Some(2 * SECOND));
+        assert_eq!((delta(b"x + 2s"), delta(b"x +2"), delta(b"+2s")), (None, None, None));
     }
 
     #[test]

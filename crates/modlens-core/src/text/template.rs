@@ -3,6 +3,7 @@
 //! A template is found anywhere in a line, so that whatever a logger puts in front (times, hosts, levels, quote marks)
 //! does not matter. The fixed text that it begins with is searched first; lines without it cost next to nothing.
 
+use memchr::memchr;
 use memchr::memmem::Finder;
 
 use crate::chunk::Side;
@@ -128,6 +129,11 @@ impl Template {
         self.elements.iter().map(|element| if let Element::Text(text) = element { text.len() } else { 0 }).sum()
     }
 
+    /// The characters that a match begins with, where it may begin anywhere.
+    pub fn begins(&self) -> &[u8] {
+        self.anchor.as_ref().map_or(&[], |anchor| anchor.needle())
+    }
+
     /// Whether `text` can hold a match.
     pub fn possible(&self, text: &[u8]) -> bool {
         self.anchor.as_ref().is_none_or(|anchor| anchor.find(text).is_some())
@@ -138,9 +144,14 @@ impl Template {
         self.elements.iter().any(|element| matches!(element, Element::Bytes(..) | Element::Chunk))
     }
 
+    /// Whether the fixed text that it begins with stands here, and not inside of a word.
+    pub fn may_begin(&self, line: &[u8], start: usize) -> bool {
+        let begins = |anchor: &Finder<'static>| line[start..].starts_with(anchor.needle());
+        self.anchor.as_ref().is_some_and(begins) && !inside_word(line, start)
+    }
+
     /// The first match from `from` on; its bytes go to the scratch.
     pub fn find(&self, line: &[u8], from: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
-        scratch.steps = 0;
         if self.first && from > 0 {
             return None;
         }
@@ -151,8 +162,7 @@ impl Template {
         let mut at = from;
         while let Some(hit) = anchor.find(&line[at..]) {
             let start = at + hit;
-            let inside_word = start > 0 && line[start].is_ascii_alphanumeric() && line[start - 1].is_ascii_alphanumeric();
-            if !inside_word {
+            if !inside_word(line, start) {
                 if let Some(found) = self.at(line, start, scratch) {
                     return Some(found);
                 }
@@ -162,12 +172,18 @@ impl Template {
         None
     }
 
-    fn at(&self, line: &[u8], start: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
+    /// The match that begins here; its bytes go to the scratch.
+    pub fn at(&self, line: &[u8], start: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
         scratch.out.clear();
         let mut found = Match { start, ..Match::default() };
         found.end = walk(&self.elements, line, start, &mut found, scratch)?;
         (!self.last || line[found.end..].trim_ascii().is_empty()).then_some(found)
     }
+}
+
+/// Whether a word goes on here: nothing begins inside of one.
+fn inside_word(line: &[u8], start: usize) -> bool {
+    start > 0 && line[start].is_ascii_alphanumeric() && line[start - 1].is_ascii_alphanumeric()
 }
 
 fn known() -> String {
@@ -255,7 +271,8 @@ fn walk(elements: &[Element], line: &[u8], start: usize, found: &mut Match, scra
                 length
             }
             Element::Time => {
-                let (time, behind) = scratch.stamps.take(rest);
+                let (time, behind) =
+                    if rest.first() == Some(&b'-') { scratch.stamps.before_start(rest) } else { scratch.stamps.take(rest) };
                 found.time = Some(time?);
                 rest.len() - behind.len()
             }
@@ -284,10 +301,14 @@ fn walk(elements: &[Element], line: &[u8], start: usize, found: &mut Match, scra
 fn any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch: &mut Scratch<'_>) -> Option<usize> {
     let Some(next) = behind.first() else { return Some(line.len()) };
     let before = (*found, scratch.out.len());
-    for at in from..=line.len().min(from + ANY_LIMIT) {
-        if let Element::Text(text) = next {
-            if line.get(at) != text.first() {
-                continue;
+    let limit = line.len().min(from + ANY_LIMIT);
+    let first = if let Element::Text(text) = next { text.first() } else { None };
+    let mut at = from;
+    while at <= limit {
+        if let Some(&first) = first {
+            match memchr(first, &line[at..line.len().min(limit + 1)]) {
+                Some(hit) => at += hit,
+                None => break,
             }
         }
         if let Some(end) = walk(behind, line, at, found, scratch) {
@@ -298,6 +319,7 @@ fn any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch:
         }
         *found = before.0;
         scratch.out.truncate(before.1);
+        at += 1;
     }
     None
 }

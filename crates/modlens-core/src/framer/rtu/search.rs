@@ -213,7 +213,9 @@ impl Search {
         }
         match asked {
             Some(asked) if answers && (asked.unit, &asked.pdu) == (late.unit, &late.pdu) => self.model.learn_late(false),
-            None if direction::answers(context.functions, late.asked(), frame[0], pdu) == Match::Fully => self.model.learn_late(true),
+            None if direction::answers(context.functions, late.asked(), frame[0], pdu) == Match::Fully => {
+                self.model.learn_late(true)
+            }
             _ => {}
         }
     }

@@ -1,0 +1,446 @@
+r"""Logs as the programs of the table of dialects write them, from bytes, times and sides.
+
+Written from the rows' samples alone: nothing in here is shared with the reader. `write(name, said)`
+gives a text, `WRITERS` the names; `text_of_bytes` what the reader has to give back where a dialect
+does not hold the bytes themselves.
+
+>>> print(write("qmodmaster", [Said(NOON, True, b"\x05\x03")]), end="")
+[RTU]>Tx > 12:00:00:000 - 05  03
+"""
+
+from __future__ import annotations
+
+import base64
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+__all__ = ["NOON", "SINGLE_LINE", "WRITERS", "Said", "delivered", "write"]
+
+NOON = 1_795_262_400_000_000_000
+"""2026-11-21T12:00:00Z in ns since 1970; `date -ud 2026-11-21T12:00 +%s`."""
+
+_MS, _US = 1_000_000, 1_000
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What one side put on the line at a time, relative to the program that logs."""
+
+    ns: int
+    sent: bool
+    data: bytes
+
+    def time(self, form: str, digits: int = 3) -> str:
+        """The time; `%f` in the form is the fraction with so many digits."""
+        fraction = f"{self.ns % 1_000_000_000:09d}"[:digits]
+        return datetime.fromtimestamp(self.ns // 1_000_000_000, UTC).strftime(
+            form.replace("%f", fraction)
+        )
+
+
+def _hex(data: bytes, between: str = " ") -> str:
+    return data.hex(between).upper() if between else data.hex().upper()
+
+
+def _low(data: bytes, between: str = " ") -> str:
+    return data.hex(between) if between else data.hex()
+
+
+def _around(data: bytes, left: str, right: str) -> str:
+    return "".join(f"{left}{byte:02x}{right}" for byte in data)
+
+
+def _visible(data: bytes) -> str:
+    return "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in data)
+
+
+def _python(data: bytes) -> str:
+    """A literal; all of it in escapes where it would have none, which is text for people."""
+    text = repr(data)
+    return text if "\\" in text else "b'" + "".join(f"\\x{byte:02x}" for byte in data) + "'"
+
+
+def _octal(data: bytes) -> str:
+    """A C string as strace writes it: octal escapes, as short as they can be."""
+    names = {9: "\\t", 10: "\\n", 11: "\\v", 12: "\\f", 13: "\\r", 34: '\\"', 92: "\\\\"}
+    text = ""
+    for at, byte in enumerate(data):
+        digit_behind = data[at + 1 : at + 2].isdigit()
+        if byte in names:
+            text += names[byte]
+        elif 0x20 <= byte < 0x7F and at:
+            text += chr(byte)
+        else:
+            text += f"\\{byte:03o}" if digit_behind else f"\\{byte:o}"
+    return text
+
+
+def _lines(data: bytes, width: int = 16) -> Iterator[tuple[int, bytes]]:
+    for at in range(0, len(data), width):
+        yield at, data[at : at + width]
+
+
+def _dump(data: bytes, line: Callable[[int, bytes], str], width: int = 16) -> str:
+    return "".join(f"{line(at, row)}\n" for at, row in _lines(data, width))
+
+
+def _words(data: bytes, form: str) -> str:
+    padded = data + b"\0" * (len(data) % 2)
+    return " ".join(format(word, form) for (word,) in struct.iter_unpack("<H", padded))
+
+
+_NOTATIONS: dict[str, Callable[[bytes], str]] = {
+    "HEX": _hex,
+    "hex": _low,
+    "plain": lambda data: _low(data, ""),
+    "PLAIN": lambda data: _hex(data, ""),
+    "wide": lambda data: _hex(data).replace(" ", "  "),
+    "colons": lambda data: _hex(data, ":"),
+    "dashes": lambda data: _hex(data, "-"),
+    "prefixed": lambda data: " ".join(f"{byte:#x}" for byte in data),
+    "loose": lambda data: " ".join(f"{byte:X}" for byte in data),
+    "squares": lambda data: _around(data, "[", "]"),
+    "SQUARES": lambda data: _around(data, "[", "]").upper(),
+    "ANGLES": lambda data: _around(data, "<", ">").upper(),
+    "commas": lambda data: ", ".join(map(str, data)),
+    "numbers": lambda data: "-".join(map(str, data)),
+    "octal": _octal,
+    "python": _python,
+    "base64": lambda data: base64.b64encode(data).decode(),
+    "lrc": lambda data: _hex(data + bytes([-sum(data) & 0xFF]), ""),
+    "names": lambda data: " ".join(f"{_name(byte)} ({byte:02x})" for byte in data),
+    "count": lambda data: str(len(data)),
+}
+
+_TIMES: dict[str, tuple[str, int]] = {
+    "iso": ("%Y-%m-%d %H:%M:%S.%f", 3),
+    "isoT": ("%Y-%m-%dT%H:%M:%S.%f", 3),
+    "iso6": ("%Y-%m-%d %H:%M:%S.%f", 6),
+    "logging": ("%Y-%m-%d %H:%M:%S,%f", 3),
+    "day": ("%H:%M:%S.%f", 3),
+    "day6": ("%H:%M:%S.%f", 6),
+    "second": ("%H:%M:%S", 0),
+    "colon": ("%H:%M:%S:%f", 3),
+    "slashes": ("%Y/%m/%d %H:%M:%S", 0),
+    "slashes3": ("%Y/%m/%d %H:%M:%S.%f", 3),
+    "socat": ("%Y/%m/%d %H:%M:%S.000%f", 6),
+    "words": ("%d %b %Y %H:%M:%S", 0),
+    "dots": ("%d.%m.%Y %H:%M:%S.%f", 3),
+    "month": ("%d %H:%M:%S.%f", 3),
+    "dmy": ("%d/%m/%Y %H:%M:%S", 0),
+    "at": ("%d/%m/%Y@%H:%M:%S.%f", 3),
+    "epoch": ("%s.%f", 6),
+}
+
+
+class _Fields(dict[str, str]):
+    """What stands in a template, made when it is asked for."""
+
+    def __init__(self, said: Said) -> None:
+        super().__init__()
+        self._said = said
+
+    def __missing__(self, key: str) -> str:
+        if key in _TIMES:
+            return self._said.time(*_TIMES[key])
+        if key == "ms":
+            return str(self._said.ns // 1_000_000 % 10**9)
+        return _NOTATIONS[key](self._said.data)
+
+
+_MINIMAL = "MinimalModbus debug mode. "
+_LINES: dict[str, tuple[str, str]] = {
+    "hex": ("{iso} Tx: {HEX}", "{iso} Rx: {HEX}"),
+    "chunks": ('{{"t": {epoch}, "hex": "{plain}"}}',) * 2,
+    "strace": ('{day6} write(3, "{octal}", 99) = 9', '{day6} read(3, "{octal}", 99) = 9'),
+    "slsnif": ("Host   --> {names}", "Device --> {names}"),
+    "qmodmaster": ("[RTU]>Tx > {colon} - {wide}", "[RTU]>Rx > {colon} - {wide}"),
+    "modbus-poll": ("Tx:000001-{HEX}", "Rx:000002-{HEX}"),
+    "openmodscan": ("Tx: {isoT} << {HEX}", "Rx: {isoT} >> {HEX}"),
+    "qmodbus": ("Req >> : {hex}", "<< Resp: {hex}"),
+    "modrssim2": ("(socket)TX:{PLAIN}", "(socket)RX:{PLAIN}"),
+    "libmodbus": ("{SQUARES}", "{ANGLES}"),
+    "mbusd": ("{words} conn[10.0.0.1]: request: {squares}", "{words} tty: response: {squares}"),
+    "modbus-cli": ("Tx ({count} bytes): {squares}", "Rx ({count} bytes): {squares}"),
+    "pymodbus2": (
+        "{logging} MainThread DEBUG transaction :273 SEND: {prefixed}",
+        "{logging} MainThread DEBUG transaction :288 RECV: {prefixed}",
+    ),
+    "pymodbus": (
+        "{logging} DEBUG transport:329 send: {prefixed}",
+        "{logging} DEBUG transport:312 recv: {prefixed} old_data:  addr=None",
+    ),
+    "minimalmodbus": (
+        f"{_MINIMAL}Will write to instrument (expecting 9 bytes back): {{HEX}} ({{count}} bytes)",
+        f"{_MINIMAL}Response from instrument: {{HEX}} ({{count}} bytes), roundtrip time: 2.1 ms",
+    ),
+    "modbus-tk": (
+        "{logging} DEBUG modbus_rtu.py -> {numbers}",
+        "{logging} DEBUG modbus_rtu.py <- {numbers}",
+    ),
+    "umodbus": ("{logging} DEBUG umodbus --> b'{plain}'", "{logging} DEBUG umodbus <-- b'{plain}'"),
+    "nmodbus": (
+        "INFO Modbus.IO.ModbusSerialTransport - TX: {commas}",
+        "INFO Modbus.IO.ModbusSerialTransport - RX: {commas}",
+    ),
+    "j2mod": (
+        "{iso} [DEBUG] ModbusRTUTransport - Sent: {HEX}",
+        "{iso} [DEBUG] ModbusRTUTransport - Read: {HEX}",
+    ),
+    "goburrow": ("{slashes} modbus: sending {hex}", "{slashes} modbus: received {hex}"),
+    "esphome-uart": (
+        "[{second}][D][uart_debug:114]: >>> {colons}",
+        "[{second}][D][uart_debug:114]: <<< {colons}",
+    ),
+    "esp-idf": ("I ({ms}) MODBUS: {hex}",) * 2,
+    "wiren-board": ("port /dev/ttyS1: Write: {hex}", "port /dev/ttyS1: ReadFrame: {hex}"),
+    "docklight": ("{dots} [TX] - {HEX}", "{dots} [RX] - {HEX}"),
+    "sscom": (
+        "[{day}]\u53d1\u2192\u25c7{HEX} \u25a1",
+        "[{day}]\u6536\u2190\u25c6{HEX}",
+    ),
+    "modbus-serial-monitor": ("DATE={isoT};ERR=NO;FRAME={dashes};SLAVE=5;",) * 2,
+    "mdbus": ("{month} G  TX {HEX} ", "{month} G  RX {HEX} "),
+    "libmodbuspp": ("Tx-> {HEX}", "Rx-> {HEX}"),
+    "words": (
+        "{iso} INFO meter/port1 request >> {HEX}",
+        "{iso} INFO meter/port1 response << {HEX}",
+    ),
+    "loose": ("{loose}",) * 2,
+    "decimal": ("Tx: [{commas}]", "Rx: [{commas}]"),
+    "escaped": ("{day} sent {python}", "{day} received {python}"),
+    "base64": ("{day} {base64}",) * 2,
+    "ascii-lines": ("{day} Tx :{lrc}", "{day} Rx :{lrc}"),
+}
+
+
+def _line(name: str, said: Said) -> str:
+    sent, received = _LINES[name]
+    return (sent if said.sent else received).format_map(_Fields(said)) + "\n"
+
+
+def _head(said: Said, sent: str, received: str = "") -> str:
+    return (sent if said.sent or not received else received).format_map(_Fields(said))
+
+
+def _array(said: Said) -> str:
+    rows = (", ".join(f"0x{byte:02x}" for byte in row) for _, row in _lines(said.data, 12))
+    body = ",\n".join(f"  {row}" for row in rows)
+    end = f"unsigned int data_len = {len(said.data)};"
+    return f"unsigned char data[] = {{\n{body}\n}};\n{end}\n"
+
+
+def _text2pcap(said: Said) -> str:
+    rows = _dump(said.data, lambda at, row: f"{at:04x}  {_low(row):47}  {_visible(row)}")
+    return _head(said, "O {day6}\n", "I {day6}\n") + rows
+
+
+def _packet(said: Said) -> str:
+    there = (b"\x0a\0\0\1\x0a\0\0\2", b"\xc3\x50\x01\xf6")
+    back = (b"\x0a\0\0\2\x0a\0\0\1", b"\x01\xf6\xc3\x50")
+    ends, ports = there if said.sent else back
+    ip = struct.pack(">BBHHHBBH", 0x45, 0, 40 + len(said.data), 1, 0x4000, 64, 6, 0) + ends
+    packet = ip + ports + struct.pack(">IIBBHHH", 1, 1, 0x50, 0x18, 502, 0, 0) + said.data
+    flags = f"Flags [P.], seq 1:{1 + len(said.data)}, ack 1, win 9, length {len(said.data)}"
+    names = ("10.0.0.1.50000 > 10.0.0.2.502", "10.0.0.2.502 > 10.0.0.1.50000")[not said.sent]
+    rows = _dump(packet, lambda at, row: f"\t0x{at:04x}:  {row.hex(' ', -2):39}  {_visible(row)}")
+    return _head(said, f"{{day6}} IP {names}: {flags}\n") + rows
+
+
+def _socat(said: Said) -> str:
+    head = _head(said, "> {socat}", "< {socat}")
+    return f"{head}  length={len(said.data)} from=0 to=9\n {_low(said.data)}\n--\n"
+
+
+def _interceptty(said: Said) -> str:
+    mark = "< " if said.sent else "> \t"
+    seen = {byte: f" ({chr(byte)})" for byte in range(0x21, 0x7F)}
+    return "".join(f"{mark}0x{byte:02x}{seen.get(byte, '')}\n" for byte in said.data)
+
+
+def _jpnevulator(said: Said) -> str:
+    rows = _dump(said.data, lambda _, row: f"{_hex(row):48}\t{_visible(row)}")
+    return _head(said, "{iso6}: SEND\n", "{iso6}: RECEIVE\n") + rows
+
+
+def _node(said: Said) -> str:
+    action = "send serial rtu buffered" if said.sent else "receive serial rtu buffered port"
+    head = f"  modbus-serial {{ action: '{action}',\n"
+    return head + f"  modbus-serial   data: <Buffer {_low(said.data)}> }} +4ms\n"
+
+
+def _esphome(said: Said) -> str:
+    if said.sent:
+        size = len(said.data)
+        line = f"[modbus:184]: Modbus write: {_hex(said.data, '.')} ({size})\n"
+        return _head(said, "[{second}][V]") + line
+    head = _head(said, "[{second}][V][modbus:058]: Modbus received Byte ")
+    return "".join(f"{head} {byte} (0X{byte:x})\n" for byte in said.data)
+
+
+def _emodbus(said: Said) -> str:
+    head = f"{'Sent packet' if said.sent else 'Raw buffer received'}: @3FFB1E40/{len(said.data)}:\n"
+    rows = _dump(said.data, lambda at, row: f"  | {at:04x}: {_hex(row):48} |{_visible(row):16}|")
+    return f"[D] {head}{rows}"
+
+
+def _eltima(said: Said) -> str:
+    head = _head(said, "[{dmy}] Written data (COM3)\n", "[{dmy}] Read data (COM3)\n")
+    return head + _dump(said.data, lambda _, row: f"    {_low(row):49} {_visible(row)}")
+
+
+def _serialtool(said: Said) -> str:
+    size = f"{'Sent' if said.sent else 'Received'} {len(said.data)} bytes."
+    head = _head(said, "{at}") + f"::Packet[00000001l]>>Serial [1] COM3 {size}\n"
+    return head + _hex(said.data, "|") + "|\n"
+
+
+def _epics(said: Said) -> str:
+    head = _head(
+        said, "{slashes3} meters:502 write {count}\n", "{slashes3} meters:502 read {count}\n"
+    )
+    return f"{head}\n{_dump(said.data, lambda _, row: _low(row), 20)}"
+
+
+def _solarman(said: Said) -> str:
+    control, head = (b"\x10\x45", bytes(15)) if said.sent else (b"\x10\x15", bytes(14))
+    frame = b"\xa5" + struct.pack("<H", len(head) + len(said.data)) + control + b"\1\0\4\3\2\1"
+    frame += head + said.data
+    text = _low(frame + bytes([sum(frame[1:]) & 0xFF, 0x15]))
+    return f"DEBUG:pysolarmanv5.pysolarmanv5:{'SENT' if said.sent else 'RECD'}: {text}\n"
+
+
+def _tracer(said: Said) -> str:
+    return _dump(said.data, lambda at, row: f"  {at:04x} | {_hex(row)} | {_visible(row)}")
+
+
+def _saleae(said: Said) -> str:
+    start = said.ns % 10**12 / 1e9
+    rows = enumerate(said.data)
+    return "".join(f"{start + at * 0.001:.15f},0x{byte:02X},,\n" for at, byte in rows)
+
+
+def _logic2(said: Said) -> str:
+    start = said.ns % 10**12 / 1e9
+    head = 'name,type,start_time,duration,"data"\n'
+    rows = enumerate(said.data)
+    return head + "".join(
+        f'"Async Serial","data",{start + at * 0.001:.6f},0.000104,0x{byte:02X}\n'
+        for at, byte in rows
+    )
+
+
+def _sigrok(said: Said) -> str:
+    return "".join(f"{at}-{at + 834} uart-1: {byte:02X}\n" for at, byte in enumerate(said.data))
+
+
+def _table(said: Said) -> str:
+    return "".join(f"byte {at} 0x{byte:02X}\n" for at, byte in enumerate(said.data))
+
+
+def _name(byte: int) -> str:
+    """What slsnif calls a character."""
+    return chr(byte) if 0x21 <= byte < 0x7F else f"C{byte:02X}"
+
+
+_BLOCKS: dict[str, Callable[[Said], str]] = {
+    "c-array": _array,
+    "text2pcap": _text2pcap,
+    "tcpdump": _packet,
+    "socat": _socat,
+    "interceptty": _interceptty,
+    "jpnevulator": _jpnevulator,
+    "node-modbus-serial": _node,
+    "esphome-modbus": _esphome,
+    "emodbus": _emodbus,
+    "eltima": _eltima,
+    "serialtool": _serialtool,
+    "epics": _epics,
+    "solarman": _solarman,
+    "tracer": _tracer,
+    "saleae-serial": _saleae,
+    "saleae-table": _logic2,
+    "sigrok-uart": _sigrok,
+    "table": _table,
+}
+
+
+def _spy(said: Iterable[Said]) -> str:
+    text = ""
+    for one in said:
+        seconds, ms = divmod(one.ns // 1_000_000 % 10**9, 1000)
+        head = f"{seconds:06d}.{ms:03d} {'TX' if one.sent else 'RX'}   "
+        for at, row in _lines(one.data):
+            halves = f"{_hex(row[:8])}  {_hex(row[8:])}".rstrip()
+            text += f"{head}{at:04X}  {halves:49} {_visible(row)}\n"
+    return text
+
+
+def _stamped_dump(said: Iterable[Said]) -> str:
+    text, offset = "", 0
+    for one in said:
+        head = _head(one, "{iso}")
+        for at, row in _lines(one.data):
+            text += f"{head}  {offset + at:08x}  {_hex(row):49}  |{_visible(row)}|\n"
+        offset += len(one.data)
+    return text
+
+
+def _joined(line: Callable[[int, bytes], str], end: str) -> Callable[[Iterable[Said]], str]:
+    def whole(said: Iterable[Said]) -> str:
+        data = b"".join(one.data for one in said)
+        return _dump(data, line) + (format(len(data), end) + "\n" if end else "")
+
+    return whole
+
+
+def _canonical(at: int, row: bytes) -> str:
+    return f"{at:08x}  {_low(row[:8])}  {_low(row[8:])}".ljust(60) + f"|{_visible(row)}|"
+
+
+_WHOLE: dict[str, Callable[[Iterable[Said]], str]] = {
+    "hexdump": _joined(_canonical, "08x"),
+    "xxd": _joined(lambda at, row: f"{at:08x}: {row.hex(' ', -2):40} {_visible(row)}", ""),
+    "hexdump-words": _joined(lambda at, row: f"{at:07x} {_words(row, '04x')}", "07x"),
+    "od-words": _joined(lambda at, row: f"{at:07o} {_words(row, '04x')}", "07o"),
+    "od": _joined(lambda at, row: f"{at:07o} {_words(row, '06o')}", "07o"),
+    "od-bytes": _joined(lambda at, row: f"{at:07o} {_low(row):47}  >{_visible(row)}<", "07o"),
+    "serial-hexdump": _stamped_dump,
+    "pyserial-spy": _spy,
+}
+
+SINGLE_LINE = tuple(_LINES)
+"""Dialects that write a record into a line."""
+
+WRITERS = (*SINGLE_LINE, *_BLOCKS, *_WHOLE)
+"""The names of all dialects that can be written."""
+
+RESOLUTION = {
+    **dict.fromkeys(
+        ("hex", "qmodmaster", "openmodscan", "pymodbus2", "pymodbus", "modbus-tk"), _MS
+    ),
+    **dict.fromkeys(("umodbus", "j2mod", "docklight", "sscom", "modbus-serial-monitor"), _MS),
+    **dict.fromkeys(("mdbus", "words", "escaped", "base64", "ascii-lines", "serial-hexdump"), _MS),
+    **dict.fromkeys(("esp-idf", "pyserial-spy", "epics", "serialtool"), _MS),
+    **dict.fromkeys(("chunks", "strace", "text2pcap", "tcpdump", "socat", "jpnevulator"), _US),
+    **dict.fromkeys(("mbusd", "goburrow", "esphome-uart", "esphome-modbus", "eltima"), 1000 * _MS),
+}
+"""The steps of the clock of those that print times."""
+
+
+def write(name: str, said: Sequence[Said]) -> str:
+    """The log in this dialect."""
+    if name in _WHOLE:
+        return _WHOLE[name](said)
+    if name in _BLOCKS:
+        return "".join(map(_BLOCKS[name], said))
+    return "".join(_line(name, one) for one in said)
+
+
+def delivered(name: str, data: bytes) -> bytes:
+    """What a reader gives for these bytes: themselves, or the characters that are on the line."""
+    if name != "ascii-lines":
+        return data
+    return f":{_NOTATIONS['lrc'](data)}\r\n".encode()
