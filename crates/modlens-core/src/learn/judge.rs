@@ -29,14 +29,27 @@ pub struct Claim {
 /// Enough to claim a type.
 const ENOUGH: f64 = 6.0;
 
+/// Devices keep to an order, most of them.
+const USUAL: f64 = 3.0;
+
+/// What a carry is worth: that the upper part steps by one just where the lower one wraps, of all samples.
+const CARRY: f64 = 8.0;
+
+/// A number that only rises is a counter, not what a sensor gives.
+const RISING: f64 = 8.0;
+
+/// A total in four registers is not so large that more than these bits of the highest one are used.
+const TOP: u64 = 0x0200;
+
 /// What the best claim has to be ahead.
 const AHEAD: f64 = 2.0;
 
 /// A lower register that moves so far at a time is no quantity of its own.
 const WILD: f64 = 6_000.0;
 
-/// Judges windows of two or four registers; `asked` is the share of requests that asked for just them. Best claim first.
-pub fn judge(rows: &[&[u16]], asked: f64) -> Vec<Claim> {
+/// Judges windows of two or four registers; `asked` is the share of requests that asked for just them, `usual` the order
+/// that the device has shown elsewhere. Best claim first.
+pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
     let words = rows.first().map_or(0, |row| row.len());
     if !matches!(words, 2 | 4) || rows.iter().all(|row| row.iter().all(|&word| word == 0)) {
         return Vec::new();
@@ -53,6 +66,9 @@ pub fn judge(rows: &[&[u16]], asked: f64) -> Vec<Claim> {
         for claim in claims.iter_mut().filter(|claim| same(claim)) {
             claim.bits -= (claim.step.max(1.0) / least).log2().min(10.0);
         }
+    }
+    for claim in claims.iter_mut().filter(|claim| Some(claim.order) == usual) {
+        claim.bits += USUAL;
     }
     claims.retain(|claim| claim.bits > 0.0);
     claims.sort_by(|a, b| b.bits.total_cmp(&a.bits));
@@ -167,10 +183,10 @@ fn disorder(values: &[u64], words: usize) -> f64 {
 fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     let mut bits = 0.0;
     if movement.high_changes > 0 && movement.carries == movement.high_changes {
-        bits += (5.0 * f64::from(movement.carries)).min(20.0);
+        bits += (CARRY * f64::from(movement.carries)).min(24.0);
         let _ = write!(reason, "the upper part steps as the lower register wraps ({} times); ", movement.carries);
     }
-    if movement.distinct > 4 && movement.low_step > WILD && movement.high_step < movement.low_step / 32.0 {
+    if movement.distinct > 4 && movement.low_step > WILD && movement.high_step < movement.low_step / 16.0 {
         bits += 8.0;
         reason.push_str("the lower register jumps all over its range, the upper one hardly moves; ");
         if movement.next_step > WILD && movement.next_step.to_bits() != movement.low_step.to_bits() {
@@ -212,6 +228,9 @@ fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
         reason.push_str("the numbers are short in decimal; ");
     }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
+    if movement.distinct > 16 && numbers.windows(2).all(|pair| pair[0] <= pair[1]) && short == 0.0 {
+        bits -= RISING;
+    }
     if bits < ENOUGH {
         return None;
     }
@@ -256,14 +275,17 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     // Numbers whose upper half is empty are told as the shorter type they may be.
     let upper_half_empty = words == 4 && values.iter().all(|&value| value >> 32 == 0);
     let (any_negative, all_negative) =
-        (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0x8000));
+        (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0xF000));
     let any_small = values.iter().any(|&value| top(value) < 0x0100);
-    let signed = any_negative && (any_small || all_negative);
+    let signed = (any_negative && any_small) || all_negative;
     if movement.distinct < 2 || (upper_half_empty && asked < 0.5) {
         return None;
     }
     let mut reason = String::new();
     let mut bits = coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
+    if words == 4 && bits > 0.0 {
+        bits += upper_half(values, signed, &mut reason);
+    }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     if signed && any_small && bits > 0.0 {
         bits += 2.0;
@@ -298,6 +320,22 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
+/// Bits for what the upper half of a number of four registers does: the half below it does not explain it.
+fn upper_half(values: &[u64], signed: bool, reason: &mut String) -> f64 {
+    let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
+    if halves.windows(2).all(|pair| pair[0] == pair[1]) {
+        let total = !signed && halves[0] > 0 && halves[0] >> 16 < TOP;
+        return if total { 3.0 } else { -3.0 };
+    }
+    let mut unsaid = String::new();
+    let upper = coupling(&movement(&halves, 2, false), &mut unsaid);
+    if signed && halves.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
+        reason.push_str("the highest register is nothing but the sign; ");
+        return upper + 8.0;
+    }
+    upper
+}
+
 fn figure(number: f64) -> String {
     Value::Double(if number.abs() < 1e15 { (number * 1e4).round() / 1e4 } else { number }).text().unwrap_or_default()
 }
@@ -308,7 +346,7 @@ mod tests {
 
     fn best(rows: &[[u16; 2]]) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
-        let claims = judge(&rows, 0.0);
+        let claims = judge(&rows, 0.0, None);
         claims.first().filter(|claim| claim.sure).map(|claim| (claim.kind, claim.order))
     }
 

@@ -54,7 +54,7 @@ impl Watch {
 
     fn mismatch(&self, plan: &Plan, compiled: u32) -> Option<Mismatch> {
         let rows: Vec<&[u16]> = self.samples[&compiled].iter().map(Vec::as_slice).collect();
-        let claims = judge(&rows, 0.0);
+        let claims = judge(&rows, 0.0, None);
         let point = plan.point(plan.compiled(compiled));
         let best = claims.first().filter(|claim| claim.sure && claim.order != point.order)?;
         // A float is not told to be a counter: the type is the profile's, only the order is judged.
