@@ -1,4 +1,4 @@
-"""Devices that chance has made: registers of every kind, in blocks, orders and rates of a seed's own.
+"""Devices that chance has made: registers of every kind, in blocks and orders of a seed's own.
 
 For `modlens learn`: what it claims has to be right on devices that nobody had before his eyes when
 he wrote it. Nothing here was changed to suit it.
@@ -106,6 +106,19 @@ class Plant:
             for offset, word in enumerate(item.words(turn))
         }
 
+    def decidable(self, address: int) -> bool:
+        """Whether the recording shows that the value's registers are one.
+
+        Where the upper half never moves, every bit that was recorded is also that of a constant
+        beside a smaller number.
+        """
+        item = self.items[address]
+        if item.kind == "str":
+            return True
+        half = len(item.words(0)) // 2
+        high = slice(0, half) if item.order in ("ABCD", "BADC") else slice(half, None)
+        return len({tuple(item.words(turn)[high]) for turn in range(self.turns)}) > 1
+
     def _make(self, kind: str, order: str) -> Item:
         makers: dict[str, Callable[[], tuple[str, Callable[[int], float | str]]]] = {
             "wave": lambda: ("f32", self._wave()),
@@ -118,7 +131,7 @@ class Plant:
             "f64": lambda: ("f64", self._wave()),
             "s64": lambda: ("s64", self._whole(self._around(0, 10 ** self._rng.uniform(10, 14)))),
             "text": lambda: ("str", self._text()),
-            "parameter": lambda: self._parameter(),
+            "parameter": self._parameter,
             "word": lambda: ("u16", self._whole(self._wave(low=1.5, high=4.3))),
             "signed": lambda: ("s16", self._whole(self._around(0, self._rng.uniform(20, 9000)))),
             "enum": lambda: ("u16", self._states()),

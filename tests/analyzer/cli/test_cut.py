@@ -1,4 +1,4 @@
-"""`--where ... -o x.pcapng` on the command line: evidence out of pcap, pcapng and compressed files."""
+"""`--where ... -o x.pcapng` on the command line: out of pcap, pcapng and compressed files."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def hexdump(*frames: bytes) -> str:
 
 @pytest.mark.parametrize("form", ["pcapng", "pcap", "nsecpcap"])
 def test_text2pcap(form: str, tmp_path: Path) -> None:
-    """RTU for the dissector mbrtu (our style rtu comes from its bytes), and TCP with made headers."""
+    """RTU for the dissector mbrtu, as in our style rtu; and TCP with headers that it makes."""
     text, path = tmp_path / "hex.txt", tmp_path / "one.cap"
     text.write_text(hexdump(rtu(REQUEST), rtu(RESPONSE)))
     run(tmp_path, "text2pcap", "-F", form, "-P", "mbrtu", str(text), str(path))

@@ -32,6 +32,9 @@ const ENOUGH: f64 = 6.0;
 /// Devices keep to an order, most of them.
 const USUAL: f64 = 3.0;
 
+/// Hardly any device turns the bytes of its registers.
+const TURNED: f64 = 4.0;
+
 /// What a carry is worth: that the upper part steps by one just where the lower one wraps, of all samples.
 const CARRY: f64 = 8.0;
 
@@ -40,6 +43,10 @@ const RISING: f64 = 8.0;
 
 /// A total in four registers is not so large that more than these bits of the highest one are used.
 const TOP: u64 = 0x0200;
+
+/// Bits for a fit of registers, at least and at most.
+const LEAST_FIT: f64 = 8.0;
+const MOST_FIT: f64 = 16.0;
 
 /// What the best claim has to be ahead.
 const AHEAD: f64 = 2.0;
@@ -67,8 +74,12 @@ pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
             claim.bits -= (claim.step.max(1.0) / least).log2().min(10.0);
         }
     }
-    for claim in claims.iter_mut().filter(|claim| Some(claim.order) == usual) {
-        claim.bits += USUAL;
+    for claim in &mut claims {
+        if Some(claim.order) == usual {
+            claim.bits += USUAL;
+        } else if matches!(claim.order, Order::Badc | Order::Dcba) {
+            claim.bits -= TURNED;
+        }
     }
     claims.retain(|claim| claim.bits > 0.0);
     claims.sort_by(|a, b| b.bits.total_cmp(&a.bits));
@@ -103,6 +114,8 @@ struct Movement {
     disorder: f64,
     /// Mean step of the whole number.
     step: f64,
+    /// Bits for the lower registers as digits behind the highest one.
+    fit: f64,
 }
 
 fn movement(values: &[u64], words: usize, float: bool) -> Movement {
@@ -140,7 +153,27 @@ fn movement(values: &[u64], words: usize, float: bool) -> Movement {
         distinct: distinct.len(),
         disorder: disorder(values, words),
         step,
+        fit: fit(&numbers, 16 * (words as u32 - 1)),
     }
+}
+
+/// Whether the steps of a number are smoother than those of its highest register alone.
+///
+/// They are where the other registers are its digits: rounding them off adds the variance of rounding twice, 1/6. Where
+/// they belong to something else, they are noise, and it is the whole that has so much more.
+fn fit(numbers: &[i128], below: u32) -> f64 {
+    let unit = (1u128 << below) as f64;
+    let variance = |of: &dyn Fn(i128) -> f64| {
+        let steps: Vec<f64> = numbers.windows(2).map(|pair| of(pair[1]) - of(pair[0])).collect();
+        let count = steps.len().max(1) as f64;
+        let mean = steps.iter().sum::<f64>() / count;
+        steps.iter().map(|step| (step - mean) * (step - mean)).sum::<f64>() / count
+    };
+    let (top, whole) = (variance(&|number| (number >> below) as f64), variance(&|number| number as f64 / unit));
+    if top == 0.0 || whole == 0.0 {
+        return 0.0;
+    }
+    (numbers.len() as f64 / 2.0 * (top / whole).log2()).clamp(-LEAST_FIT, MOST_FIT)
 }
 
 /// The bits as a number that is larger where the value is.
@@ -186,6 +219,12 @@ fn coupling(movement: &Movement, reason: &mut String) -> f64 {
         bits += (CARRY * f64::from(movement.carries)).min(24.0);
         let _ = write!(reason, "the upper part steps as the lower register wraps ({} times); ", movement.carries);
     }
+    if movement.low_step > WILD {
+        bits += movement.fit;
+        if movement.fit > 2.0 {
+            reason.push_str("the lower registers tell what the steps of the highest one leave open; ");
+        }
+    }
     if movement.distinct > 4 && movement.low_step > WILD && movement.high_step < movement.low_step / 16.0 {
         bits += 8.0;
         reason.push_str("the lower register jumps all over its range, the upper one hardly moves; ");
@@ -222,6 +261,10 @@ fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     let mut reason = String::new();
     let movement = movement(values, words, true);
     let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
+    if words == 4 && bits > 2.0 {
+        let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
+        bits += coupling(&self::movement(&halves, 2, true), &mut String::new());
+    }
     let short = short_decimals(values, words);
     if short > 0.0 {
         bits += short;
@@ -287,6 +330,10 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
         bits += upper_half(values, signed, &mut reason);
     }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
+    if all_negative && !any_small && bits > 0.0 {
+        bits += 2.0;
+        reason.push_str("small below zero; ");
+    }
     if signed && any_small && bits > 0.0 {
         bits += 2.0;
         reason.push_str("the sign changes where the value passes zero; ");
@@ -325,7 +372,7 @@ fn upper_half(values: &[u64], signed: bool, reason: &mut String) -> f64 {
     let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
     if halves.windows(2).all(|pair| pair[0] == pair[1]) {
         let total = !signed && halves[0] > 0 && halves[0] >> 16 < TOP;
-        return if total { 3.0 } else { -3.0 };
+        return if total { 2.0 } else { -3.0 };
     }
     let mut unsaid = String::new();
     let upper = coupling(&movement(&halves, 2, false), &mut unsaid);

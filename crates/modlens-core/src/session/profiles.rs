@@ -66,7 +66,7 @@ impl Profiles {
             }
         }
         let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
-        let known = &bound.plan.profile.functions;
+        let known = &bound.plan.profile.device.functions;
         // A damaged request may have asked for anything.
         if !known.is_empty() && !known.contains(&exchange.function) && exchange.status != Status::BadRequest {
             let listed: Vec<String> = known.iter().map(u8::to_string).collect();
