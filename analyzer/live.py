@@ -45,11 +45,15 @@ _SETTINGS = re.compile(r"(.+)@(\d+-\d[A-Za-z][\d.]+)")
 
 @dataclass(frozen=True, slots=True)
 class Tap:
-    """A bus as the command line names it: its name, one or two ports, settings if given."""
+    """A bus as the command line or a bus file names it: name, one or two ports, settings if given.
+
+    `mode` is None where that of all holds.
+    """
 
     bus: str
     ports: tuple[str, ...]
     line: Line | None
+    mode: str | None = None
 
 
 def parse_tap(text: str) -> Tap:
@@ -89,7 +93,7 @@ class LiveRun:
 
     def __init__(  # noqa: PLR0913 - most by keyword
         self,
-        names: Sequence[str],
+        names: Sequence[str | Tap],
         settings: Settings,
         *,
         told: Callable[[str], None] = lambda _: None,
@@ -97,7 +101,7 @@ class LiveRun:
         reconnect: bool = True,
         detect: bool = False,
     ) -> None:
-        taps = [parse_tap(name) for name in names]
+        taps = [parse_tap(name) if isinstance(name, str) else name for name in names]
         self._settings = settings
         self._core = settings.core(live=True)
         self._told = told
@@ -201,7 +205,8 @@ class LiveRun:
                 self._feed(number, chunk)
 
     def _add(self, bus: _Bus, line: Line | None, mode: str | None = None) -> None:
-        settings = replace(self._settings, line=line, mode=mode or self._settings.mode)
+        mode = mode or bus.tap.mode or self._settings.mode
+        settings = replace(self._settings, line=line, mode=mode)
         bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
 
     def _feed(self, number: int, chunk: Chunk) -> None:

@@ -29,7 +29,7 @@ from analyzer.profiles import Binding, load, parse_units, read
 from dissectors.errors import ProfileError, UsageError
 from dissectors.words import near
 
-__all__ = ["Bus", "choose_bus", "load_plant"]
+__all__ = ["Bus", "choose_bus", "choose_buses", "load_plant"]
 
 _FILE = ("plant", "bus")
 _BUS = ("name", "port", "line", "mode", "units", "note")
@@ -52,18 +52,25 @@ def choose_bus(text: str) -> Bus:
 
     `SourceError`, `ProfileError` or `UsageError` if that cannot be.
     """
+    buses = choose_buses(text)
+    if len(buses) == 1:
+        return buses[0]
+    names = ", ".join(bus.name for bus in buses)
+    raise UsageError(f"--bus {text}: which one? --bus {text}:NAME; it has {names}")
+
+
+def choose_buses(text: str) -> list[Bus]:
+    """All buses of `--bus FILE`, or the one of `FILE:NAME`; errors as of `choose_bus`."""
     path, colon, name = text.rpartition(":")
     if not colon or Path(text).exists():
         path, name = text, ""
     buses = load_plant(path)
-    if not name and len(buses) == 1:
-        return buses[0]
+    if not name:
+        return buses
     names = [bus.name for bus in buses]
     for bus in buses:
         if bus.name == name:
-            return bus
-    if not name:
-        raise UsageError(f"--bus {path}: which one? --bus {path}:NAME; it has {', '.join(names)}")
+            return [bus]
     hint = near(name, names)
     question = f"did you mean {hint!r}?" if hint else f"it has {', '.join(names)}"
     raise UsageError(f"--bus {path}: no bus {name!r}; {question}")

@@ -6,6 +6,7 @@ One frame, or a request and its response with what lies between them.
 from __future__ import annotations
 
 import binascii
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,7 +16,7 @@ from analyzer.session import FileRun
 from analyzer.times import seconds
 from analyzer.views.cells import milliseconds
 from analyzer.views.detail import show_findings, show_frame, show_pause
-from analyzer.views.screen import Screen
+from analyzer.views.screen import Screen, visible, width_of
 from dissectors.describe import Mode, describe
 
 __all__ = ["Shown", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
@@ -45,6 +46,7 @@ class Shown:
     request: bytes | None
     findings: list[dict[str, Any]]
     title: str = ""
+    readings: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of_frame(cls, row: Any, *, request: bytes | None, findings: list[dict[str, Any]]) -> Shown:
@@ -59,15 +61,17 @@ class Shown:
         return cls((one,), "", _pdu(request, row.mode), findings)
 
     @classmethod
-    def of_transaction(cls, row: Any, findings: list[dict[str, Any]]) -> Shown:
-        """One row of the transactions table."""
+    def of_transaction(
+        cls, row: Any, findings: list[dict[str, Any]], readings: tuple[tuple[str, str], ...] = ()
+    ) -> Shown:
+        """One row of the transactions table; `readings` are its values by name."""
         title = f"transaction {row.txn}: {row.mode}, {row.status}{_when(row)}"
         request = One(f"request, frame {row.request_frame}", row.request_hex, row.mode, "request")
         answer = One(
             f"response, frame {row.response_frame}", row.response_hex, row.mode, "response"
         )
         frames = tuple(one for one in (request, answer) if one.data)
-        return cls(frames, _pause(row), _pdu(row.request_hex, row.mode), findings, title)
+        return cls(frames, _pause(row), _pdu(row.request_hex, row.mode), findings, title, readings)
 
 
 def show(
@@ -92,6 +96,11 @@ def show(
         show_frame(one.title, pieces, screen)
     if len(shown.frames) == 1 and shown.pause:
         show_pause(shown.pause, screen)
+    if shown.readings:
+        width = max(width_of(name) for name, _ in shown.readings)
+        screen.lines([[], [("readings", "head")]])
+        for name, value in shown.readings:
+            screen.line(f"  {name}{' ' * (width - width_of(name))}  {value}")
     show_findings(shown.findings, screen)
 
 
@@ -144,8 +153,17 @@ def lookup_transaction(run: FileRun, number: int) -> Shown | None:
     for batch in run.batches():
         findings += [found.as_dict() for found in batch.findings.where(mine)]
         for row in batch.transactions.where(wanted):
-            return Shown.of_transaction(row, findings)
+            values = batch.readings.where(parse(f"txn == {number}", "readings").predicate())
+            return Shown.of_transaction(row, findings, tuple(_readings(values)))
     return None
+
+
+def _readings(rows: Iterable[Any]) -> Iterator[tuple[str, str]]:
+    """What a profile names: the name, and the value with its unit."""
+    for row in rows:
+        if row.name is not None:
+            value = row.status if row.value_text is None else row.value_text
+            yield visible(row.name), visible(f"{value} {row.unit_of_measure or ''}".rstrip())
 
 
 def _what(direction: str) -> str:

@@ -17,7 +17,9 @@ from analyzer.cli.stopping import Stopping
 from analyzer.cli.triggers import Around, Hourly, Limits
 from analyzer.exports.recorder import Recorded, Recorder, keeping, rotation
 from analyzer.line import Line
-from analyzer.live import LINES, LiveRun, parse_tap
+from analyzer.live import LINES, LiveRun, Tap, parse_tap
+from analyzer.plant import choose_buses
+from analyzer.profiles import Binding, with_vendors
 from analyzer.session import Settings
 from analyzer.sources.serial import Chunk
 from analyzer.views.live import VIEWS
@@ -35,6 +37,7 @@ examples:
   modlens tap /dev/ttyUSB0 --line 19200-8E1 --view table
   modlens tap boiler=/dev/ttyUSB0@9600-8N1 pump=/dev/ttyUSB1@19200-8E1
   modlens tap /dev/ttyUSB0 -o event.jsonl --around 200 --where "exception"
+  modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
 
 Without line settings they are found by listening. A B are two buses; A+B is one
@@ -49,7 +52,9 @@ Ctrl-C ends.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("ports", nargs="+", metavar="PORT", help="a device or a URL, see below")
+    parser.add_argument(
+        "ports", nargs="*", metavar="PORT", help="a device or a URL, see below; or those of --bus"
+    )
     parser.add_argument("--view", choices=VIEWS, help="a screen instead of lines; keys switch it")
     parser.add_argument(
         "--no-reconnect",
@@ -100,14 +105,15 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Listen until a signal comes or what is asked for has happened; gives the exit status."""
-    settings = _settings(options)
+    taps, bound = _taps(options)
+    settings = _settings(options, bound)
     notes = Notes(quiet=False)
     voice = _Voice(notes)
     limits = Limits(options.count, _seconds(options.duration), options.stop_on)
     announce(settings, notes)
-    recording = _Recording(options, settings.line, notes, voice)
+    recording = _Recording(options, taps, settings.line, notes, voice)
     live = LiveRun(
-        options.ports,
+        taps,
         settings,
         told=voice.say,
         heard=recording.heard,
@@ -122,7 +128,8 @@ def run(options: argparse.Namespace) -> int:
         )
         outputs.watch(limits, Hourly(live.stats, voice.say))
         at = f" at {settings.line}" if settings.line is not None else ""
-        voice.say(f"listening to {', '.join(options.ports)}{at}; nothing is sent; Ctrl-C ends")
+        ports = ", ".join(options.ports or map(_port, taps))
+        voice.say(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")
         recording.begin(opened)  # the ports are open: there is something to record
         try:
             with voice.on_screen():
@@ -177,7 +184,12 @@ class _Recording:
     """The raw recording that the options ask for; it begins when the line settings are known."""
 
     def __init__(
-        self, options: argparse.Namespace, line: Line | None, notes: Notes, voice: _Voice
+        self,
+        options: argparse.Namespace,
+        taps: list[Tap],
+        line: Line | None,
+        notes: Notes,
+        voice: _Voice,
     ) -> None:
         self._options, self._notes, self._voice = options, notes, voice
         self._recorder: Recorder | None = None
@@ -188,7 +200,7 @@ class _Recording:
         self._rotate = None if options.rotate is None else rotation(options.rotate)
         self._keep = None if options.keep is None else keeping(options.keep)
         self._ports = []
-        for tap in map(parse_tap, options.ports):
+        for tap in taps:
             settings = tap.line or line
             if settings is None or options.detect:
                 raise UsageError("tap: --record needs the line settings: add --line")
@@ -221,9 +233,35 @@ class _Recording:
         self._notes.trouble(f"{error.message}; the recording has ended")
 
 
-def _settings(options: argparse.Namespace) -> Settings:
+def _taps(options: argparse.Namespace) -> tuple[list[Tap], tuple[Binding, ...]]:
+    """The buses to listen to; without ports those of the bus file, each with its own profiles."""
+    if options.ports:
+        return [parse_tap(port) for port in options.ports], ()
+    if options.bus is None:
+        raise UsageError("tap: which port? modlens ports lists them; or --bus FILE")
+    buses, options.bus = choose_buses(options.bus), None
+    taps = []
+    for bus in buses:
+        if bus.port is None:
+            raise UsageError(f"tap: bus {bus.name} of the bus file has no port")
+        mode = None if bus.mode == "auto" else bus.mode
+        taps.append(replace(parse_tap(bus.port), bus=bus.name, line=bus.line, mode=mode))
+    return taps, tuple(replace(one, bus=bus.name) for bus in buses for one in bus.profiles)
+
+
+def _port(tap: Tap) -> str:
+    at = "" if tap.line is None else f"@{tap.line}"
+    return f"{tap.bus}={'+'.join(tap.ports)}{at}"
+
+
+def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settings:
     """The settings, with the tables that screens, triggers and feeds need."""
     settings = run_settings(options)
+    settings = replace(
+        settings,
+        profiles=(*bound, *settings.profiles),
+        functions=with_vendors(settings.functions, bound),
+    )
     if options.around is not None and (options.where is None or not options.outputs):
         raise UsageError("tap: --around needs --where EXPR and -o FILE")
     if options.view is not None and options.to is not None:

@@ -10,10 +10,12 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Container, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import BinaryIO
 
 import _modlens
+from analyzer.sources.unpack import decompressed
 from dissectors.errors import SourceError
 
 __all__ = ["cut_out"]
@@ -40,12 +42,17 @@ LONGEST = 1 << 26
 def cut_out(name: str, wanted: Container[int]) -> Iterator[bytes]:
     """The packets of these numbers (from 1) of a capture, as blocks of a pcapng section.
 
+    A compressed file is read as what is in it; the sum is that of the file as it lies there.
     `SourceError` if the file cannot be read, or is no capture.
     """
     try:
-        with Path(name).open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-            file.seek(0)
+        with Path(name).open("rb") as stored, ExitStack() as opened:
+            digest = hashlib.file_digest(stored, "sha256").hexdigest()
+            stored.seek(0)
+            head = stored.read(6)
+            stored.seek(0)
+            content = decompressed(stored, head, name)
+            file = stored if content is None else opened.enter_context(content)
             words = (
                 f"packets cut out of {name} by modlens {_modlens.__version__}, byte for byte;"
                 f" SHA-256 of the whole file: {digest}"

@@ -97,7 +97,7 @@ def labels(names: Sequence[str]) -> dict[str, str]:
 def bus_field(names: Sequence[str], name_of: Callable[[Any], str]) -> Field:
     """The column that says the bus; `name_of` gives a row's."""
     short = labels(names)
-    width = max(map(width_of, short.values()))
+    width = max(map(width_of, short.values()), default=0)
     return Field(Head("bus", min(width, LABEL)), lambda row: short.get(name_of(row), name_of(row)))
 
 

@@ -124,10 +124,13 @@ def read(text: str, name: str, options: Options) -> Imported:
     head = [cell.strip() for cell in rows[heads]]
     kepware = all(word in map(plain, head) for word in KEPWARE)
     base, draft = _begin(name, options, kepware=kepware)
-    unknown = [cell for cell in head if cell and plain(cell) not in _BY_HEAD]
-    for cell in unknown:
-        if not (kepware and plain(cell) in _KEPWARE_ONLY):
+    known: dict[str, str] = {}
+    for cell in filter(None, head):
+        key = _BY_HEAD.get(plain(cell))
+        if key is None and not (kepware and plain(cell) in _KEPWARE_ONLY):
             draft.notes.append(f"column {cell!r} is not understood; left out")
+        elif key is not None and known.setdefault(key, cell) != cell:
+            draft.notes.append(f"column {cell!r} says the same as {known[key]!r}; left out")
     for number, row in enumerate(rows[heads + 1 :], heads + 2):
         cells: dict[str, str] = {}
         for column, cell in zip(head, row, strict=False):

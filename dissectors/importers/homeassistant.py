@@ -66,12 +66,17 @@ def _entities(hub: Any) -> Iterator[tuple[int | None, str, Mapping[str, Any]]]:
     if not isinstance(hub, Mapping):
         return
     for key in _LISTS:
-        for row in hub.get(key) or ():
-            if isinstance(row, Mapping):
-                yield _unit(row), key, row
+        for row in _rows(hub.get(key)):
+            yield _unit(row), key, row
     if hub.get("platform") == "modbus":
-        for row in hub.get("registers") or hub.get("coils") or ():
+        for row in _rows(hub.get("registers") or hub.get("coils")):
             yield _unit(row), "sensors" if "registers" in hub else "binary_sensors", row
+
+
+def _rows(listed: Any) -> Iterator[Mapping[str, Any]]:
+    """The mappings of a list; anything else has no entities in it."""
+    if isinstance(listed, list):
+        yield from (row for row in listed if isinstance(row, Mapping))
 
 
 def _unit(row: Mapping[str, Any]) -> int | None:
@@ -124,18 +129,19 @@ def _length(row: Mapping[str, Any], kind: str, count: int | None) -> int | None:
     """Registers: of a text as many as are counted, of an array as many as its values take."""
     if kind == "str":
         return count or 1
-    more = int(row.get("virtual_count", row.get("slave_count", 0)) or 0)
-    return WIDTHS[kind] * (more + 1) if more else None
+    more = tidy(row.get("virtual_count", row.get("slave_count")))
+    return WIDTHS[kind] * (int(more) + 1) if more else None
 
 
 def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None] | None:
     """Type, count and order of a sensor; None where it is not understood."""
     word = str(row.get("data_type", "int16"))
-    count = row.get("count")
+    told = tidy(row.get("count"))
+    count = None if told is None else int(told)
     if word in _KINDS:
         return _KINDS[word], count, None
     if word in _OLD:
-        kind = f"{_OLD[word]}{16 * int(count or (2 if word == 'float' else 1))}"
+        kind = f"{_OLD[word]}{16 * (count or (2 if word == 'float' else 1))}"
         return (kind, None, None) if kind in WIDTHS else None
     match = re.fullmatch(r"([<>!=@]?)(\w)", str(row.get("structure", "")))
     if word == "custom" and match and match[2] in _STRUCT:

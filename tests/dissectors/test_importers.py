@@ -297,6 +297,21 @@ def test_csv_head_words_and_orders() -> None:
     assert "column 'Colour' is not understood" in notes("csv", text)
 
 
+def test_csv_two_columns_for_one_thing() -> None:
+    """The first one counts, the other one is a note."""
+    said = notes("csv", table("40,flow,41", head="Address,Name,Register"))
+    assert "column 'Register' says the same as 'Address'; left out" in said
+
+
+def test_home_assistant_with_what_is_no_number() -> None:
+    """A person's slip in a file is no crash: what cannot be counted counts as nothing."""
+    text = (
+        "modbus:\n  - sensors:\n      - name: a\n        address: 1\n        virtual_count: many\n"
+        "        count: x\n      - just words\n    switches: none\n"
+    )
+    assert points("homeassistant", text)["a"]["at"] == "hr:1"
+
+
 def test_orders_have_one_table() -> None:
     """Section 1.3: every synonym."""
     for order, words in {

@@ -17,6 +17,7 @@ import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
@@ -28,6 +29,7 @@ from pymodbus.simulator import SimDevice
 from tests.support import scripts
 from tests.support.devices import ANY_ADDRESS, PROFILE_ADDRESS, Behaviour, demo_device
 from tests.support.expected import DisagreementError, Frame, Mode, expected_frames
+from tests.support.plant import Plant
 from tests.support.players import Play, play
 from tests.support.ptybus import flip_bit
 from tests.support.typed import poll_types, typed_device
@@ -97,6 +99,17 @@ def _two_units() -> Play:
 
 def _types() -> Play:
     return Play({"unit5": typed_device(5)}, poll_types, baud=57600, trigger=14)
+
+
+def _plant() -> Play:
+    plant = Plant(303)
+    return Play(
+        {"unit9": plant.device(9)},
+        partial(plant.poll, unit=9),
+        baud=57600,
+        trigger=14,
+        timeout_s=3.0,
+    )
 
 
 def _two_devices() -> dict[str, SimDevice]:
@@ -185,6 +198,13 @@ RECIPES: Mapping[str, Recipe] = {
         "(tests/support/typed.py), read 60 times as one block of 66 registers. The values are "
         "random walks and waves of our own, not those of a plant. Reads of up to 14 bytes.",
         _types,
+        line="57600-8E1",
+    ),
+    "pymodbus_plant": Recipe(
+        "Unit 9 is a device that chance has made (tests/support/plant.py, seed 303): floats in both "
+        "orders, totals that start big, signed and 64-bit numbers, text, states, constants, polled "
+        "in blocks 64 times. Reads of up to 14 bytes.",
+        _plant,
         line="57600-8E1",
     ),
     "pymodbus_two_units": Recipe(

@@ -227,6 +227,11 @@ findings! {
         "Floating point numbers and counters read in the wrong order are plausible-looking nonsense."
         "order in the profile, of the device or of the point; modlens show FILE --at UNIT:hr:ADDRESS --as all shows all readings."
         "4.2";
+    UnsupportedFunction "unsupported_function" Warning
+        "the device does not have this function, says its profile"
+        "The device refuses it, does not answer, or does something that nobody has described."
+        "The master's configuration; or the list of functions in the profile, if the device answers as it should."
+        "5";
     TransactionId "transaction_id" Warning
         "the answer carries another transaction identifier than its request"
         "A client that goes by the identifier drops the answer; with several requests at once answers are mixed up."

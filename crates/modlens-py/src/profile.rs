@@ -113,7 +113,7 @@ impl Survey {
 pub fn judge(rows: Vec<Vec<u16>>) -> String {
     let rows: Vec<&[u16]> = rows.iter().map(Vec::as_slice).collect();
     let claim = |claim: &learn::Claim| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.sure, "reason": claim.reason});
-    learn::judge(&rows, 0.0).iter().map(claim).collect::<Json>().to_string()
+    learn::judge(&rows, 0.0, None).iter().map(claim).collect::<Json>().to_string()
 }
 
 /// The `SunSpec` models that are shipped: number, TOML text.

@@ -123,6 +123,7 @@ def test_parquet_says_where_it_comes_from(tmp_path: Path, captures: Path) -> Non
     assert {"status", "unit", "function_name"} <= coded
     assert coded.isdisjoint({"data.list.item", "data.list.element", "request_hex", "txn", "source"})
     assert {one.compression for one in chunks} == {"ZSTD"}
+    assert str(file.schema_arrow.field("time").type) == "timestamp[ns, tz=UTC]"
 
 
 def test_a_style_has_to_be_known() -> None:

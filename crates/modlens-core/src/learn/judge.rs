@@ -29,14 +29,34 @@ pub struct Claim {
 /// Enough to claim a type.
 const ENOUGH: f64 = 6.0;
 
+/// Devices keep to an order, most of them.
+const USUAL: f64 = 3.0;
+
+/// Hardly any device turns the bytes of its registers.
+const TURNED: f64 = 4.0;
+
+/// What a carry is worth: that the upper part steps by one just where the lower one wraps, of all samples.
+const CARRY: f64 = 8.0;
+
+/// A number that only rises is a counter, not what a sensor gives.
+const RISING: f64 = 8.0;
+
+/// A total in four registers is not so large that more than these bits of the highest one are used.
+const TOP: u64 = 0x0200;
+
+/// Bits for a fit of registers, at least and at most.
+const LEAST_FIT: f64 = 8.0;
+const MOST_FIT: f64 = 16.0;
+
 /// What the best claim has to be ahead.
 const AHEAD: f64 = 2.0;
 
 /// A lower register that moves so far at a time is no quantity of its own.
 const WILD: f64 = 6_000.0;
 
-/// Judges windows of two or four registers; `asked` is the share of requests that asked for just them. Best claim first.
-pub fn judge(rows: &[&[u16]], asked: f64) -> Vec<Claim> {
+/// Judges windows of two or four registers; `asked` is the share of requests that asked for just them, `usual` the order
+/// that the device has shown elsewhere. Best claim first.
+pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
     let words = rows.first().map_or(0, |row| row.len());
     if !matches!(words, 2 | 4) || rows.iter().all(|row| row.iter().all(|&word| word == 0)) {
         return Vec::new();
@@ -52,6 +72,13 @@ pub fn judge(rows: &[&[u16]], asked: f64) -> Vec<Claim> {
         let least = claims.iter().filter(|claim| same(claim)).map(|claim| claim.step).fold(f64::MAX, f64::min).max(1.0);
         for claim in claims.iter_mut().filter(|claim| same(claim)) {
             claim.bits -= (claim.step.max(1.0) / least).log2().min(10.0);
+        }
+    }
+    for claim in &mut claims {
+        if Some(claim.order) == usual {
+            claim.bits += USUAL;
+        } else if matches!(claim.order, Order::Badc | Order::Dcba) {
+            claim.bits -= TURNED;
         }
     }
     claims.retain(|claim| claim.bits > 0.0);
@@ -118,6 +145,8 @@ struct Movement {
     disorder: f64,
     /// Mean step of the whole number.
     step: f64,
+    /// Bits for the lower registers as digits behind the highest one.
+    fit: f64,
 }
 
 fn movement(values: &[u64], words: usize, float: bool) -> Movement {
@@ -155,7 +184,27 @@ fn movement(values: &[u64], words: usize, float: bool) -> Movement {
         distinct: distinct.len(),
         disorder: disorder(values, words),
         step,
+        fit: fit(&numbers, 16 * (words as u32 - 1)),
     }
+}
+
+/// Whether the steps of a number are smoother than those of its highest register alone.
+///
+/// They are where the other registers are its digits: rounding them off adds the variance of rounding twice, 1/6. Where
+/// they belong to something else, they are noise, and it is the whole that has so much more.
+fn fit(numbers: &[i128], below: u32) -> f64 {
+    let unit = (1u128 << below) as f64;
+    let variance = |of: &dyn Fn(i128) -> f64| {
+        let steps: Vec<f64> = numbers.windows(2).map(|pair| of(pair[1]) - of(pair[0])).collect();
+        let count = steps.len().max(1) as f64;
+        let mean = steps.iter().sum::<f64>() / count;
+        steps.iter().map(|step| (step - mean) * (step - mean)).sum::<f64>() / count
+    };
+    let (top, whole) = (variance(&|number| (number >> below) as f64), variance(&|number| number as f64 / unit));
+    if top == 0.0 || whole == 0.0 {
+        return 0.0;
+    }
+    (numbers.len() as f64 / 2.0 * (top / whole).log2()).clamp(-LEAST_FIT, MOST_FIT)
 }
 
 /// The bits as a number that is larger where the value is.
@@ -198,10 +247,16 @@ fn disorder(values: &[u64], words: usize) -> f64 {
 fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     let mut bits = 0.0;
     if movement.high_changes > 0 && movement.carries == movement.high_changes {
-        bits += (5.0 * f64::from(movement.carries)).min(20.0);
+        bits += (CARRY * f64::from(movement.carries)).min(24.0);
         let _ = write!(reason, "the upper part steps as the lower register wraps ({} times); ", movement.carries);
     }
-    if movement.distinct > 4 && movement.low_step > WILD && movement.high_step < movement.low_step / 32.0 {
+    if movement.low_step > WILD {
+        bits += movement.fit;
+        if movement.fit > 2.0 {
+            reason.push_str("the lower registers tell what the steps of the highest one leave open; ");
+        }
+    }
+    if movement.distinct > 4 && movement.low_step > WILD && movement.high_step < movement.low_step / 16.0 {
         bits += 8.0;
         reason.push_str("the lower register jumps all over its range, the upper one hardly moves; ");
         if movement.next_step > WILD && movement.next_step.to_bits() != movement.low_step.to_bits() {
@@ -226,12 +281,19 @@ fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     let mut reason = String::new();
     let movement = movement(values, words, true);
     let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
+    if words == 4 && bits > 2.0 {
+        let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
+        bits += coupling(&self::movement(&halves, 2, true), &mut String::new());
+    }
     let short = short_decimals(values, words);
     if short > 0.0 {
         bits += short;
         reason.push_str("the numbers are short in decimal; ");
     }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
+    if movement.distinct > 16 && numbers.windows(2).all(|pair| pair[0] <= pair[1]) && short == 0.0 {
+        bits -= RISING;
+    }
     if bits < ENOUGH {
         return None;
     }
@@ -276,15 +338,22 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     // Numbers whose upper half is empty are told as the shorter type they may be.
     let upper_half_empty = words == 4 && values.iter().all(|&value| value >> 32 == 0);
     let (any_negative, all_negative) =
-        (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0x8000));
+        (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0xF000));
     let any_small = values.iter().any(|&value| top(value) < 0x0100);
-    let signed = any_negative && (any_small || all_negative);
+    let signed = (any_negative && any_small) || all_negative;
     if movement.distinct < 2 || (upper_half_empty && asked < 0.5) {
         return None;
     }
     let mut reason = String::new();
     let mut bits = coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
+    if words == 4 && bits > 0.0 {
+        bits += upper_half(values, signed, &mut reason);
+    }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
+    if all_negative && !any_small && bits > 0.0 {
+        bits += 2.0;
+        reason.push_str("small below zero; ");
+    }
     if signed && any_small && bits > 0.0 {
         bits += 2.0;
         reason.push_str("the sign changes where the value passes zero; ");
@@ -318,6 +387,22 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
+/// Bits for what the upper half of a number of four registers does: the half below it does not explain it.
+fn upper_half(values: &[u64], signed: bool, reason: &mut String) -> f64 {
+    let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
+    if halves.windows(2).all(|pair| pair[0] == pair[1]) {
+        let total = !signed && halves[0] > 0 && halves[0] >> 16 < TOP;
+        return if total { 2.0 } else { -3.0 };
+    }
+    let mut unsaid = String::new();
+    let upper = coupling(&movement(&halves, 2, false), &mut unsaid);
+    if signed && halves.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
+        reason.push_str("the highest register is nothing but the sign; ");
+        return upper + 8.0;
+    }
+    upper
+}
+
 fn figure(number: f64) -> String {
     Value::Double(if number.abs() < 1e15 { (number * 1e4).round() / 1e4 } else { number }).text().unwrap_or_default()
 }
@@ -328,7 +413,7 @@ mod tests {
 
     fn best(rows: &[[u16; 2]]) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
-        let claims = judge(&rows, 0.0);
+        let claims = judge(&rows, 0.0, None);
         claims.first().filter(|claim| claim.sure).map(|claim| (claim.kind, claim.order))
     }
 

@@ -164,7 +164,7 @@ fn claims(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<Found> {
         .filter(|(_, register)| register.values.windows(2).all(|pair| pair[0] == pair[1]))
         .filter_map(|(address, register)| Some((*address, *register.values.first()?)))
         .collect();
-    let mut all: Vec<Found> = text::runs(&constant)
+    let texts: Vec<Found> = text::runs(&constant)
         .into_iter()
         .map(|run| Found {
             address: run.address,
@@ -177,15 +177,31 @@ fn claims(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<Found> {
             rivals: Vec::new(),
         })
         .collect();
-    for &address in registers.keys() {
-        for width in [2u16, 4] {
-            all.extend(window(blocks, address, width));
+    let chosen = |usual: Option<Order>| {
+        let mut all = texts.clone();
+        for &address in registers.keys() {
+            for width in [2u16, 4] {
+                all.extend(window(blocks, address, width, usual));
+            }
         }
+        best_set(all)
+    };
+    let first = chosen(None);
+    match usual_order(&first) {
+        None => first,
+        usual => chosen(usual),
     }
-    best_set(all)
 }
 
-fn window(blocks: &Blocks, address: u16, width: u16) -> Option<Found> {
+/// The order that the device has for most of what is sure.
+fn usual_order(claims: &[Found]) -> Option<Order> {
+    let sure: Vec<Order> = claims.iter().filter(|claim| claim.sure && claim.kind != "str").map(|claim| claim.order).collect();
+    let votes = |order: Order| sure.iter().filter(|&&other| other == order).count();
+    let (order, _) = Order::ALL.into_iter().max_by_key(|(order, _)| votes(*order))?;
+    (votes(order) >= 3 && votes(order) * 3 >= sure.len() * 2).then_some(order)
+}
+
+fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Option<Found> {
     let holds = |first: u16, count: u16| {
         u32::from(first) <= u32::from(address) && u32::from(address) + u32::from(width) <= u32::from(first) + u32::from(count)
     };
@@ -205,7 +221,7 @@ fn window(blocks: &Blocks, address: u16, width: u16) -> Option<Found> {
     let (at, block) = best?;
     let end = at + usize::from(width);
     let rows: Vec<&[u16]> = block.rows.iter().filter_map(|row| row.get(at..end)).collect();
-    let claims = judge(&rows, just as f64 / all.max(1) as f64);
+    let claims = judge(&rows, just as f64 / all.max(1) as f64, usual);
     let claim = claims.first()?;
     let rivals = claims.iter().skip(1).take(2).map(|claim| (claim.kind.word(), claim.order)).collect();
     Some(Found {

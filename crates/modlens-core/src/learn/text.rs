@@ -14,8 +14,9 @@ pub struct Run {
     pub swapped: bool,
 }
 
-/// Letters that make a text; fewer may be numbers.
+/// Letters that make a text; fewer may be numbers, unless there are so many characters.
 const LETTERS: usize = 4;
+const CHARACTERS: usize = 8;
 
 /// The runs of registers that hold a text, from the constant ones.
 pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<Run> {
@@ -47,11 +48,13 @@ fn finish(run: &[(u16, u16)]) -> Option<Run> {
     let run = &run[run.iter().position(|(_, word)| !word.to_be_bytes().contains(&0))?..];
     let straight: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_be_bytes()).collect();
     let swapped: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_le_bytes()).collect();
-    let turned = disorder(&swapped) < disorder(&straight);
+    // Most devices have the first letter in front.
+    let turned = disorder(&swapped) + 1 < disorder(&straight);
     let bytes = if turned { &swapped } else { &straight };
     let letters = bytes.iter().filter(|byte| byte.is_ascii_alphabetic()).count();
     let usual = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric() || b" -_./\0".contains(byte)).count();
-    if letters < LETTERS || usual * 10 < bytes.len() * 9 {
+    let long = letters * 2 >= LETTERS && bytes.len() >= CHARACTERS && usual == bytes.len();
+    if !(letters >= LETTERS || long) || usual * 10 < bytes.len() * 9 {
         return None;
     }
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\0', ' ']).to_owned();

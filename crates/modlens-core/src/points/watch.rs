@@ -98,7 +98,7 @@ impl Watch {
         if point.kind.word().starts_with('f') && !float_elsewhere(&rows, point.order) {
             return None;
         }
-        let claims = judge(&rows, 0.0);
+        let claims = judge(&rows, 0.0, None);
         let best = claims.first().filter(|claim| claim.sure && claim.order != point.order)?;
         // A float is not told to be a counter: the type is the profile's, only the order is judged.
         let same = matches!(best.kind.word().as_bytes()[0], b'f') == matches!(point.kind.word().as_bytes()[0], b'f');

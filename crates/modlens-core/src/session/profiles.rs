@@ -66,6 +66,15 @@ impl Profiles {
             }
         }
         let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
+        let known = &bound.plan.profile.device.functions;
+        // A damaged request may have asked for anything.
+        if !known.is_empty() && !known.contains(&exchange.function) && exchange.status != Status::BadRequest {
+            let listed: Vec<String> = known.iter().map(u8::to_string).collect();
+            found.push((
+                Finding::UnsupportedFunction,
+                format!("function {}; the profile has {}", exchange.function, listed.join(", ")),
+            ));
+        }
         let watch = &mut self.watches[usize::from(unit)];
         if bound.has_factors() || !watch.done(&bound.plan) {
             if let Some((space, first, bytes)) = read() {
