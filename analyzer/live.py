@@ -30,8 +30,8 @@ PATIENCE = 0.05
 
 PATIENCE_NS = 50_000_000
 
-LINGER = 0.003
-"""Seconds that a read waits for the next ones: a busy line wakes this thread less often."""
+EVERY = 0.006
+"""Seconds between two looks at a busy line: more would be seen, fewer wake this thread less often."""
 
 LAG_NS = 30_000_000
 """So far behind the clock the core is told the time, because reads may still be on their way."""
@@ -113,7 +113,8 @@ class LiveRun:
             for port, line in zip(tap.ports, LINES, strict=False):
                 tapped.append(Tapped(port, tap.line or settings.line))
                 self._places.append((bus, line if len(tap.ports) > 1 else None))
-        self._listening = Listening(tapped, told, reconnect=reconnect, linger=LINGER)
+        self._routes: list[tuple[int, int] | None] = [None] * len(tapped)
+        self._listening = Listening(tapped, told, reconnect=reconnect, every=EVERY)
         for bus in self._buses:
             given = bus.tap.line or settings.line
             if (detect or given is None) and self._listening.tunable(bus.ports[0]):
@@ -132,7 +133,7 @@ class LiveRun:
             self._search(self._searched.pop(0))
         told = 0
         while True:
-            for number, chunk in self._listening.take(PATIENCE):
+            for number, chunk in self._listening.take(PATIENCE, self._core, self._routes):
                 self._take(number, chunk)
             now = self._listening.clock.now_ns() - LAG_NS
             for bus in self._buses:
@@ -196,6 +197,9 @@ class LiveRun:
     def _add(self, bus: _Bus, line: Line | None, mode: str | None = None) -> None:
         settings = replace(self._settings, line=line, mode=mode or self._settings.mode)
         bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
+        if self._heard is None:  # nobody here looks at its reads any more
+            for line, port in enumerate(bus.ports, start=len(bus.ports) - 1):
+                self._routes[port] = (bus.number, line)
 
     def _feed(self, number: int, chunk: Chunk) -> None:
         bus, line = self._places[number]

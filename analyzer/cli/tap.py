@@ -110,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
         options.ports,
         settings,
         told=voice.say,
-        heard=recording.heard,
+        heard=None if options.record is None else recording.heard,
         reconnect=not options.no_reconnect,
         detect=options.detect,
     )

@@ -308,7 +308,12 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 impl Session {
-    fn check(&self, bus: usize) -> PyResult<()> {
+    /// The engine, for those who feed it without Python.
+    pub(crate) fn core(&mut self) -> &mut Core {
+        &mut self.core
+    }
+
+    pub(crate) fn check(&self, bus: usize) -> PyResult<()> {
         if bus < self.buses {
             Ok(())
         } else {
