@@ -111,6 +111,11 @@ def recording_head(
     tap, line settings as `19200-8E1`; all that is not known is None.
     """
 
+def recording_port(
+    port: str, bus: int, name: str, line: str | None = None, settings: str | None = None
+) -> bytes:
+    """One more port of a raw recording that has begun, as in `recording_head`."""
+
 def recording_read(
     port: int,
     time_ns: int,

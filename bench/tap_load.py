@@ -71,7 +71,7 @@ def traffic() -> list[bytes]:
 
 
 class Lines:
-    """Reads the tap's lines from a file, and when each came; of a screen it takes the bytes away."""
+    """Reads the tap's lines from a file, and when each came; of a screen it only reads."""
 
     def __init__(self, fd: int, *, screen: bool) -> None:
         """Begin to read."""

@@ -17,7 +17,7 @@ from analyzer.cli.stopping import Stopping
 from analyzer.cli.triggers import Around, Hourly, Limits
 from analyzer.exports.recorder import Recorded, Recorder, keeping, rotation
 from analyzer.line import Line
-from analyzer.live import LINES, LiveRun, parse_tap
+from analyzer.live import LINES, LiveRun, Tap
 from analyzer.session import Settings
 from analyzer.sources.serial import Chunk
 from analyzer.views.live import VIEWS
@@ -105,12 +105,13 @@ def run(options: argparse.Namespace) -> int:
     voice = _Voice(notes)
     limits = Limits(options.count, _seconds(options.duration), options.stop_on)
     announce(settings, notes)
-    recording = _Recording(options, settings.line, notes, voice)
+    recording = _Recording(options, notes, voice)
     live = LiveRun(
         options.ports,
         settings,
         told=voice.say,
         heard=None if options.record is None else recording.heard,
+        known=recording.known,
         reconnect=not options.no_reconnect,
         detect=options.detect,
     )
@@ -174,27 +175,18 @@ class _Voice:
 
 
 class _Recording:
-    """The raw recording that the options ask for; it begins when the line settings are known."""
+    """The raw recording that the options ask for; a port joins it when its settings are known."""
 
-    def __init__(
-        self, options: argparse.Namespace, line: Line | None, notes: Notes, voice: _Voice
-    ) -> None:
+    def __init__(self, options: argparse.Namespace, notes: Notes, voice: _Voice) -> None:
         self._options, self._notes, self._voice = options, notes, voice
         self._recorder: Recorder | None = None
+        self._ports: list[Recorded] = []
         if options.record is None:
             if options.rotate or options.keep:
                 raise UsageError("--rotate and --keep are for --record FILE")
             return
         self._rotate = None if options.rotate is None else rotation(options.rotate)
         self._keep = None if options.keep is None else keeping(options.keep)
-        self._ports = []
-        for tap in map(parse_tap, options.ports):
-            settings = tap.line or line
-            if settings is None or options.detect:
-                raise UsageError("tap: --record needs the line settings: add --line")
-            for port, letter in zip(tap.ports, LINES, strict=False):
-                which = letter if len(tap.ports) > 1 else None
-                self._ports.append(Recorded(tap.bus, which, port, str(settings)))
 
     def begin(self, opened: ExitStack) -> None:
         """Open the file; it is closed with `opened`."""
@@ -211,6 +203,15 @@ class _Recording:
                     )
                 )
             )
+
+    def known(self, tap: Tap, settings: Line | None) -> None:
+        """A bus is going to be heard, with these settings."""
+        for port, letter in zip(tap.ports, LINES, strict=False):
+            which = letter if len(tap.ports) > 1 else None
+            one = Recorded(tap.bus, which, port, None if settings is None else str(settings))
+            self._ports.append(one)
+            if self._recorder is not None:
+                self._recorder.join(one)
 
     def heard(self, bus: str, line: str | None, chunk: Chunk) -> None:
         """A read, before anything else is done with it."""

@@ -143,6 +143,13 @@ class Listening:
         """What the driver has counted since the beginning; empty where it counts nothing."""
         return dict(self._places[number].damage)
 
+    def begin_damage(self, number: int) -> None:
+        """What was counted until now came of wrong settings."""
+        place = self._places[number]
+        if place.port is not None:
+            place.counts = dict(place.port.counters())
+        place.damage.clear()
+
     def close(self) -> None:
         """End the readers and close the ports."""
         self._inbox.close()
