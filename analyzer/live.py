@@ -82,9 +82,10 @@ class LiveRun:
     The ports are open from the beginning; use it in `closing`. `told` hears in words what happens
     to them, `heard` gets every read before anything else is done with it: bus, line of a two-line
     tap, chunk; while settings are searched nothing but what was read with the right ones. `known`
-    hears of each bus before its first read, with its settings. Settings that are not given are found by listening, or with `detect` in any case. A port that goes away
-    is waited for, unless `reconnect` is False. `PortError` if one cannot be opened, `UsageError`
-    for names that mean nothing.
+    hears of each bus before its first read, with its settings. Settings that are not given are
+    found by listening, or with `detect` in any case. A port that goes away is waited for, unless
+    `reconnect` is False. `PortError` if one cannot be opened, `UsageError` for names that mean
+    nothing.
     """
 
     def __init__(  # noqa: PLR0913 - most by keyword
