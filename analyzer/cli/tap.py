@@ -225,6 +225,10 @@ class _Recording:
 def _settings(options: argparse.Namespace) -> Settings:
     """The settings, with the tables that screens, triggers and feeds need."""
     settings = run_settings(options)
+    for name in ("count", "around"):
+        number = getattr(options, name)
+        if number is not None and number < 1:
+            raise UsageError(f"tap: --{name} {number}: write a number from 1 on")
     if options.around is not None and (options.where is None or not options.outputs):
         raise UsageError("tap: --around needs --where EXPR and -o FILE")
     if options.view is not None and options.to is not None:

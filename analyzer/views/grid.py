@@ -41,12 +41,13 @@ class Items:
             whole = " ".join(texts)
             if width_of(whole) <= width:
                 return whole
-        counts = self.counts or [1] * len(self.values)
-        fitting, rest = 0, sum(counts)
-        used, left = 0, rest
-        for text, count in zip(texts, counts, strict=False):
-            used, left = used + width_of(text) + 1, left - count
-            if used + len(f"… +{left}") > width:
+        rest = len(self.values) if self.counts is None else sum(self.counts)
+        widest = len(f"… +{rest}")  # fewer are left each time, so that it never gets wider
+        fitting, used, left = 0, 0, rest
+        for place, text in enumerate(texts):
+            used += width_of(text) + 1
+            left -= 1 if self.counts is None else self.counts[place]
+            if used + widest > width and used + len(f"… +{left}") > width:
                 break
             fitting, rest = fitting + 1, left
         return " ".join([*texts[:fitting], f"… +{rest}"])
