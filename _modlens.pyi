@@ -120,6 +120,11 @@ def recording_head(
     tap, line settings as `19200-8E1`; all that is not known is None.
     """
 
+def recording_port(
+    port: str, bus: int, name: str, line: str | None = None, settings: str | None = None
+) -> bytes:
+    """One more port of a raw recording that has begun, as in `recording_head`."""
+
 def recording_read(
     port: int,
     time_ns: int,
@@ -289,15 +294,30 @@ class Inbox:
     def end(self, port: int) -> None:
         """End the thread of a port; what it has read stays in the queue."""
     def take(
-        self, timeout: float, linger: float = 0.0
+        self, timeout: float, every: float = 0.0
     ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
         """Everything that has come in, waiting at most `timeout` seconds for the first of it.
 
-        After that it waits `linger` seconds more, so that a busy line wakes the caller less often.
+        Calls that give something are at least `every` seconds apart: so a busy line wakes the caller
+        less often.
 
         Each is (port, CLOCK_MONOTONIC ns right after the read, bytes, places of marked bytes,
         whether bytes were lost before). Where a port has ended, bytes are None and the places hold
         the system's number of the error, 0 for the end of the stream.
+        """
+    def feed(
+        self,
+        session: Session,
+        routes: Sequence[tuple[int, int] | None],
+        shift_ns: int,
+        timeout: float,
+        every: float = 0.0,
+    ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
+        """As `take`, but reads go straight to the session, their times with `shift_ns` added.
+
+        `routes` says for each port to which bus and line (0, or 1 and 2 for A and B), None for a
+        port whose reads the caller wants. The first read that has no route, the end of a port, and
+        all behind it come back as `take` gives them. IndexError for a bus that is not there.
         """
     def lost(self) -> int:
         """Bytes that did not fit into `limit`."""

@@ -30,8 +30,8 @@ PATIENCE = 0.05
 
 PATIENCE_NS = 50_000_000
 
-LINGER = 0.003
-"""Seconds that a read waits for the next ones: a busy line wakes this thread less often."""
+EVERY = 0.006
+"""Seconds between two looks at a busy line: each costs the waking of a thread."""
 
 LAG_NS = 30_000_000
 """So far behind the clock the core is told the time, because reads may still be on their way."""
@@ -85,10 +85,11 @@ class LiveRun:
 
     The ports are open from the beginning; use it in `closing`. `told` hears in words what happens
     to them, `heard` gets every read before anything else is done with it: bus, line of a two-line
-    tap, chunk; while settings are searched nothing but what was read with the right ones. Settings
-    that are not given are found by listening, or with `detect` in any case. A port that goes away
-    is waited for, unless `reconnect` is False. `PortError` if one cannot be opened, `UsageError`
-    for names that mean nothing.
+    tap, chunk; while settings are searched nothing but what was read with the right ones. `known`
+    hears of each bus before its first read, with its settings. Settings that are not given are
+    found by listening, or with `detect` in any case. A port that goes away is waited for, unless
+    `reconnect` is False. `PortError` if one cannot be opened, `UsageError` for names that mean
+    nothing.
     """
 
     def __init__(  # noqa: PLR0913 - most by keyword
@@ -98,6 +99,7 @@ class LiveRun:
         *,
         told: Callable[[str], None] = lambda _: None,
         heard: Callable[[str, str | None, Chunk], None] | None = None,
+        known: Callable[[Tap, Line | None], None] = lambda _, __: None,
         reconnect: bool = True,
         detect: bool = False,
     ) -> None:
@@ -106,6 +108,7 @@ class LiveRun:
         self._core = settings.core(live=True)
         self._told = told
         self._heard = heard
+        self._known = known
         self._buses: list[_Bus] = []
         self._searched: list[_Bus] = []
         self._places: list[tuple[_Bus, str | None]] = []
@@ -117,7 +120,8 @@ class LiveRun:
             for port, line in zip(tap.ports, LINES, strict=False):
                 tapped.append(Tapped(port, tap.line or settings.line))
                 self._places.append((bus, line if len(tap.ports) > 1 else None))
-        self._listening = Listening(tapped, told, reconnect=reconnect, linger=LINGER)
+        self._routes: list[tuple[int, int] | None] = [None] * len(tapped)
+        self._listening = Listening(tapped, told, reconnect=reconnect, every=EVERY)
         for bus in self._buses:
             given = bus.tap.line or settings.line
             if (detect or given is None) and self._listening.tunable(bus.ports[0]):
@@ -136,7 +140,7 @@ class LiveRun:
             self._search(self._searched.pop(0))
         told = 0
         while True:
-            for number, chunk in self._listening.take(PATIENCE):
+            for number, chunk in self._listening.take(PATIENCE, self._core, self._routes):
                 self._take(number, chunk)
             now = self._listening.clock.now_ns() - LAG_NS
             for bus in self._buses:
@@ -160,6 +164,13 @@ class LiveRun:
     def stats(self) -> dict[str, Any]:
         """Statistics so far; for the keys see analyzer/views/stats.py."""
         found: dict[str, Any] = json.loads(self._core.stats())
+        for bus in self._buses:
+            if bus.number is not None:
+                driver: dict[str, int] = {}
+                for port in bus.ports:
+                    for name, count in self._listening.damage(port).items():
+                        driver[name] = driver.get(name, 0) + count
+                found["buses"][bus.number]["driver"] = driver
         return found
 
     def close(self) -> None:
@@ -199,6 +210,8 @@ class LiveRun:
             self._tune(bus, line)
         if found is not None:
             bus.tuner = None
+            for port in bus.ports:
+                self._listening.begin_damage(port)
             self._told(f"{bus.tap.bus}: found {found.evidence}")
             self._add(bus, found.line, mode=found.mode)
             for number, chunk in found.chunks:
@@ -208,6 +221,10 @@ class LiveRun:
         mode = mode or bus.tap.mode or self._settings.mode
         settings = replace(self._settings, line=line, mode=mode)
         bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
+        self._known(bus.tap, line)
+        if self._heard is None:  # nobody here looks at its reads any more
+            for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
+                self._routes[port] = (bus.number, side)
 
     def _feed(self, number: int, chunk: Chunk) -> None:
         bus, line = self._places[number]

@@ -23,6 +23,7 @@ import statistics
 import struct
 import subprocess
 import sys
+import tempfile
 import termios
 import threading
 import time
@@ -70,25 +71,33 @@ def traffic() -> list[bytes]:
 
 
 class Lines:
-    """Reads the tap's lines, and when each came; of a screen it only takes the bytes away."""
+    """Reads the tap's lines from a file, and when each came; of a screen it only reads."""
 
     def __init__(self, fd: int, *, screen: bool) -> None:
         """Begin to read."""
         self.times: list[float] = []
         self._fd, self._screen = fd, screen
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
     def join(self) -> None:
-        """Until the tap has closed its side."""
+        """When the tap has ended: the rest."""
+        self._ended.set()
         self._thread.join(30)
 
     def _read(self) -> None:
         with contextlib.suppress(OSError):
-            while data := os.read(self._fd, 1 << 16):
+            while True:
+                ended = self._ended.is_set()
+                data = os.read(self._fd, 1 << 16)
                 if not self._screen:
                     now = time.monotonic()
                     self.times += [now] * data.count(b"\n")
+                if not data:
+                    if ended:
+                        return
+                    time.sleep(TICK_S / 2)
 
 
 def feed(
@@ -140,7 +149,9 @@ def run(seconds: float, baud: int = 115200, load: float = 1.0, view: str | None 
     words = [sys.executable, "-m", "analyzer", "tap", os.ttyname(near), "--line", f"{baud}-8E1"]
     words += ["--times", "elapsed"]
     if view is None:
-        reader, writer = os.pipe()
+        writer, path = tempfile.mkstemp(suffix=".log")
+        reader = os.open(path, os.O_RDONLY)
+        os.unlink(path)
     else:
         reader, writer = pty.openpty()
         fcntl.ioctl(writer, termios.TIOCSWINSZ, SIZE)
@@ -159,7 +170,7 @@ def run(seconds: float, baud: int = 115200, load: float = 1.0, view: str | None 
     sent, done, memory = feed(far, baud, load, seconds, tap.pid)
     used = cpu_s(tap.pid) - before
     time.sleep(1.0)
-    tap.send_signal(signal.SIGINT)
+    tap.send_signal(signal.SIGTERM)  # SIGINT is ignored in the background of a shell
     said = tap.communicate()[1].decode()
     lines.join()
     for fd in (far, near, reader):

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from itertools import islice
 
-from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows
+from analyzer.cli.notes import Notes
+from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows, settings
 from analyzer.cli.running import TABLE, run_files
+from analyzer.sources.files import STDIN, Recording
+from analyzer.sources.hindsight import judge, made_at, reads
+from dissectors.errors import UsageError
 
 __all__ = ["add_arguments", "run"]
+
+BLOCKS = 4
+"""Of a recording, to judge it by: a MiB."""
 
 EPILOG = """\
 examples:
@@ -37,10 +45,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="decode as a live tap would, without looking ahead: gives its rows",
     )
+    parser.add_argument(
+        "--detect",
+        action="store_true",
+        help="say which line settings the bytes and their marks of line errors speak for",
+    )
     parser.epilog = EPILOG
 
 
 def run(options: argparse.Namespace) -> int:
     """Decode; gives the exit status."""
+    if options.detect:
+        _say_settings(options)
     to = options.to or (None if options.outputs else TABLE)
     return run_files(options, to=to, quiet=False, follow=options.follow)
+
+
+def _say_settings(options: argparse.Namespace) -> None:
+    """What recordings of bytes tell of the line; text has lost it."""
+    notes, given = Notes(quiet=False), settings(options).line
+    for name in options.files:
+        if name == STDIN:
+            raise UsageError("--detect reads a file twice; give it a name instead of -")
+        with Recording(name, read_as=options.read_as) as recording:
+            data = b"".join(islice(recording.blocks(), BLOCKS))
+            kind = recording.detection.format
+        if kind == "raw" or data.startswith(b"\x0a\x0d\x0d\x0a"):
+            for line in judge(list(reads(data)), given or made_at(data)):
+                notes.say(f"{name}: {line}")
+        else:
+            notes.say(f"{name}: {kind} has no line errors; --detect is for bytes and --record")

@@ -111,12 +111,13 @@ def run(options: argparse.Namespace) -> int:
     voice = _Voice(notes)
     limits = Limits(options.count, _seconds(options.duration), options.stop_on)
     announce(settings, notes)
-    recording = _Recording(options, taps, settings.line, notes, voice)
+    recording = _Recording(options, notes, voice)
     live = LiveRun(
         taps,
         settings,
         told=voice.say,
-        heard=recording.heard,
+        heard=None if options.record is None else recording.heard,
+        known=recording.known,
         reconnect=not options.no_reconnect,
         detect=options.detect,
     )
@@ -181,32 +182,18 @@ class _Voice:
 
 
 class _Recording:
-    """The raw recording that the options ask for; it begins when the line settings are known."""
+    """The raw recording that the options ask for; a port joins it when its settings are known."""
 
-    def __init__(
-        self,
-        options: argparse.Namespace,
-        taps: list[Tap],
-        line: Line | None,
-        notes: Notes,
-        voice: _Voice,
-    ) -> None:
+    def __init__(self, options: argparse.Namespace, notes: Notes, voice: _Voice) -> None:
         self._options, self._notes, self._voice = options, notes, voice
         self._recorder: Recorder | None = None
+        self._ports: list[Recorded] = []
         if options.record is None:
             if options.rotate or options.keep:
                 raise UsageError("--rotate and --keep are for --record FILE")
             return
         self._rotate = None if options.rotate is None else rotation(options.rotate)
         self._keep = None if options.keep is None else keeping(options.keep)
-        self._ports = []
-        for tap in taps:
-            settings = tap.line or line
-            if settings is None or options.detect:
-                raise UsageError("tap: --record needs the line settings: add --line")
-            for port, letter in zip(tap.ports, LINES, strict=False):
-                which = letter if len(tap.ports) > 1 else None
-                self._ports.append(Recorded(tap.bus, which, port, str(settings)))
 
     def begin(self, opened: ExitStack) -> None:
         """Open the file; it is closed with `opened`."""
@@ -223,6 +210,15 @@ class _Recording:
                     )
                 )
             )
+
+    def known(self, tap: Tap, settings: Line | None) -> None:
+        """A bus is going to be heard, with these settings."""
+        for port, letter in zip(tap.ports, LINES, strict=False):
+            which = letter if len(tap.ports) > 1 else None
+            one = Recorded(tap.bus, which, port, None if settings is None else str(settings))
+            self._ports.append(one)
+            if self._recorder is not None:
+                self._recorder.join(one)
 
     def heard(self, bus: str, line: str | None, chunk: Chunk) -> None:
         """A read, before anything else is done with it."""
@@ -262,6 +258,10 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
         profiles=(*bound, *settings.profiles),
         functions=with_vendors(settings.functions, bound),
     )
+    for name in ("count", "around"):
+        number = getattr(options, name)
+        if number is not None and number < 1:
+            raise UsageError(f"tap: --{name} {number}: write a number from 1 on")
     if options.around is not None and (options.where is None or not options.outputs):
         raise UsageError("tap: --around needs --where EXPR and -o FILE")
     if options.view is not None and options.to is not None:

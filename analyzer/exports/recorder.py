@@ -117,7 +117,7 @@ class Recorder:
         if keep is not None and rotate is None:
             raise UsageError("--keep is for segments; add --rotate, as --rotate 1h")
         self._path = path if path.endswith(".pcapng") else f"{path}.pcapng"
-        self._ports = ports
+        self._ports = list(ports)
         self._rotate, self._keep = rotate or Rotation(), keep or Keeping()
         self._told, self._failed, self._clock = told, failed, clock
         self._numbered = rotate is not None or os.path.lexists(self._path)
@@ -126,6 +126,13 @@ class Recorder:
         self._places = {(one.bus, one.line): at for at, one in enumerate(ports)}
         self._file: GrowingFile | None = None
         self._begin()
+
+    def join(self, port: Recorded) -> None:
+        """One more port: its line settings have been found."""
+        self._places[port.bus, port.line] = len(self._ports)
+        self._ports.append(port)
+        if self._file is not None:
+            self._write(_modlens.recording_port(*self._described(port)), turn=False)
 
     def heard(self, bus: str, line: str | None, read: Read) -> None:
         """Write a read of a port."""
@@ -139,9 +146,13 @@ class Recorder:
             errors=errors,
             hole=getattr(read, "hole", False),
         )
+        self._write(block, turn=True)
+
+    def _write(self, block: bytes, *, turn: bool) -> None:
         try:
-            if self._due(len(block)):
+            if turn and self._due(len(block)):
                 self._begin()
+            assert self._file is not None
             self._file.append(block)
             self._size += len(block)
         except SourceError as error:
@@ -174,15 +185,16 @@ class Recorder:
         self._since = self._clock()
         self.name = self._next_name() if self._numbered else self._path
         self._file = GrowingFile(self.name)
-        buses = list(dict.fromkeys(one.bus for one in self._ports))
-        ports = [
-            (one.port, buses.index(one.bus), one.bus, one.line, one.settings) for one in self._ports
-        ]
+        ports = [self._described(one) for one in self._ports]
         head = _modlens.recording_head(self._session, self._segment, ports)
         self._file.append(head)
         self._head = self._size = len(head)
         self._told(f"recording to {self.name}")
         self._tidy()
+
+    def _described(self, port: Recorded) -> tuple[str, int, str, str | None, str | None]:
+        buses = list(dict.fromkeys(one.bus for one in self._ports))
+        return port.port, buses.index(port.bus), port.bus, port.line, port.settings
 
     def _next_name(self) -> str:
         """The name behind those that are there, as dumpcap makes it: number and time (UTC)."""

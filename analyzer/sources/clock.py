@@ -35,6 +35,11 @@ class Clock:
         self._shift = time.time_ns() - monotonic_ns()
         self._behind = False
 
+    @property
+    def shift_ns(self) -> int:
+        """What is to be added to the monotonic clock."""
+        return self._shift
+
     def at(self, monotonic: int) -> int:
         """Nanoseconds since 1970 of a moment of the monotonic clock."""
         return monotonic + self._shift

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from _modlens import Inbox
+from _modlens import Inbox, Session
 from analyzer.line import Line
 from analyzer.sources.clock import Clock, monotonic_ns
 from analyzer.sources.serial import Chunk, Port, lost
@@ -63,16 +63,17 @@ class Listening:
         told: Callable[[str], None],
         *,
         reconnect: bool = True,
-        linger: float = 0.0,
+        every: float = 0.0,
     ) -> None:
         self.clock = Clock()
         self.reconnects = 0
         self._told = told
         self._reconnect = reconnect
-        self._linger = linger
+        self._every = every
         self._inbox = Inbox()
         self._dropped = 0
         self._next_check_ns = 0
+        self._away = False
         self._places: list[_Place] = []
         try:
             for one in ports:
@@ -83,13 +84,29 @@ class Listening:
             self.close()
             raise
 
-    def take(self, timeout: float) -> list[Arrival]:
-        """What has come in, waiting at most `timeout` seconds; empty when nothing came.
+    def take(
+        self,
+        timeout: float,
+        core: Session | None = None,
+        routes: Sequence[tuple[int, int] | None] = (),
+    ) -> list[Arrival]:
+        """Wait at most `timeout` seconds for reads; hand those of ports with a route to the core.
 
-        `PortError` if a port was lost and is not to be waited for.
+        `routes` says for each port which bus and line of `core`; the others' reads come back, and
+        all that needs more than to be fed. `PortError` if a port was lost and is not to be waited
+        for.
         """
+        if core is None:
+            taken = self._inbox.take(timeout, self._every)
+        else:
+            straight = [
+                None if place.hole else route
+                for place, route in zip(self._places, routes, strict=True)
+            ]
+            shift = self.clock.shift_ns
+            taken = self._inbox.feed(core, straight, shift, timeout, self._every)
         arrivals: list[Arrival] = []
-        for number, time_ns, data, errors, hole in self._inbox.take(timeout, self._linger):
+        for number, time_ns, data, errors, hole in taken:
             place = self._places[number]
             if data is None:
                 self._gone(number, errors[0] if errors else 0)
@@ -126,6 +143,13 @@ class Listening:
         """What the driver has counted since the beginning; empty where it counts nothing."""
         return dict(self._places[number].damage)
 
+    def begin_damage(self, number: int) -> None:
+        """What was counted until now came of wrong settings."""
+        place = self._places[number]
+        if place.port is not None:
+            place.counts = dict(place.port.counters())
+        place.damage.clear()
+
     def close(self) -> None:
         """End the readers and close the ports."""
         self._inbox.close()
@@ -150,16 +174,18 @@ class Listening:
             place.port.close()
         if not self._reconnect:
             raise error
-        place.port = None
+        place.port, self._away = None, True
         place.lost_ns = monotonic_ns()
         place.next_try_ns = place.lost_ns + FIRST_TRY_NS
         self._told(f"{error.message}; waiting for it to come back")
 
     def _look_after(self) -> None:
         now = monotonic_ns()
-        for number, place in enumerate(self._places):
-            if place.port is None and now >= place.next_try_ns:
-                self._try_again(number)
+        if self._away:
+            for number, place in enumerate(self._places):
+                if place.port is None and now >= place.next_try_ns:
+                    self._try_again(number)
+            self._away = any(place.port is None for place in self._places)
         if now >= self._next_check_ns:
             self._next_check_ns = now + CHECK_NS
             self._check()

@@ -3,7 +3,7 @@
 The evidence is frames whose checksums fit: nothing else is believed. Which settings are tried next
 comes from the bytes that the wrong ones gave. A receiver begins a character with a falling edge, so
 the zeros at a byte's low end tell how long the line was low, in bits of the receiver's rate; that
-length is a multiple of the line's bit (`_likelihood`). At a rate nine times too high every
+length is a multiple of the line's bit (`likelihood`). At a rate nine times too high every
 byte is 00. So a guess or two lead to the rate.
 
 At the right rate the shapes of characters are tried; `analyzer.sources.characters` has them.
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -26,7 +26,7 @@ from analyzer.line import Line
 from analyzer.sources.characters import SHAPES, WIDE, Shaping, Trial
 from analyzer.sources.serial import Chunk
 
-__all__ = ["BAUDS", "Found", "Tuner", "pulses"]
+__all__ = ["BAUDS", "MASKS", "Found", "Tuner", "evidence", "likelihood", "listener", "pulses"]
 
 BAUDS: Mapping[int, float] = MappingProxyType(
     {
@@ -138,7 +138,7 @@ class Tuner:
 
     def _begin(self, line: Line) -> None:
         self._trial = Trial(line)
-        self._scores = {mode: (_core(mode, line), mask) for mode, mask in _MASKS.items()}
+        self._scores = {mode: (listener(mode, line), mask) for mode, mask in MASKS.items()}
 
     def _decide(self) -> None:
         trial = self._trial
@@ -156,9 +156,9 @@ class Tuner:
     def _best(self) -> tuple[str, str]:
         """The framing that something speaks for, and what."""
         for mode, (core, _) in self._scores.items():
-            evidence = _evidence(mode, core)
-            if evidence:
-                return mode, evidence
+            proof = evidence(mode, core)
+            if proof:
+                return mode, proof
         return "", ""
 
     def _go_on(self, trial: Trial) -> None:
@@ -185,7 +185,7 @@ class Tuner:
             vain = sum(_line(baud, shape) in self._tried for shape in SHAPES)
             odds[baud] = math.log(prior) - _REFUSED * vain
             for rate, counts in self._pulses.items():
-                odds[baud] += _likelihood(counts, rate / baud)
+                odds[baud] += likelihood(counts, rate / baud)
         return odds
 
     def _leave(self, why: str) -> None:
@@ -239,7 +239,8 @@ class Tuner:
         self.found = Found(shaping.line, shaping.mode, text, tuple(self._kept))
 
 
-_MASKS = {"rtu": 0xFF, "ascii": 0x7F}
+MASKS: Mapping[str, int] = MappingProxyType({"rtu": 0xFF, "ascii": 0x7F})
+"""Framing -> the bits of a character that count."""
 
 
 _LENGTHS = bytes((byte & -byte).bit_length() if byte else LONGEST for byte in range(256))
@@ -258,7 +259,7 @@ def pulses(data: bytes) -> list[int]:
     return [lengths.count(length) for length in range(LONGEST + 1)]
 
 
-def _likelihood(counts: list[int], ratio: float) -> float:
+def likelihood(counts: Sequence[int], ratio: float) -> float:
     """The logarithm of how well pulses fit a line whose bits are `ratio` bits of the receiver."""
     if ratio < _SAME:
         return sum(counts) * math.log(1 / LONGEST)
@@ -273,13 +274,14 @@ def _line(baud: int, shape: tuple[int, str, float]) -> Line:
     return Line(baud, *shape)
 
 
-def _core(mode: str, line: Line) -> _modlens.Session:
+def listener(mode: str, line: Line) -> _modlens.Session:
+    """A core with one bus, that looks for frames of this framing."""
     core = _modlens.Session(_modlens.Functions(), live=True, tables=())
     core.add_bus("tuning", source="tuning", mode=mode, line=line.settings, clock="utc")
     return core
 
 
-def _evidence(mode: str, core: _modlens.Session) -> str:
+def evidence(mode: str, core: _modlens.Session) -> str:
     """What speaks for these settings, in words; nothing if not enough."""
     stats = json.loads(core.stats())
     frames = stats["buses"][0]["frames"]["ok"]

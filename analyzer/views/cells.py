@@ -6,6 +6,7 @@ Addresses, values, times in milliseconds, states and their colours.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from analyzer.addresses import LAST, SHORT, render
@@ -124,8 +125,11 @@ def span(first: int | None, quantity: int | None, kind: str | None, base: str) -
     >>> span(107, 3, "holding_register", "wire"), span(107, 1, "holding_register", "5digit")
     ('107-109', '40108')
     """
-    if first is None:
-        return ""
+    return "" if first is None else _span(first, quantity, kind, base)
+
+
+@lru_cache(maxsize=4096)  # a poll list comes round and round
+def _span(first: int, quantity: int | None, kind: str | None, base: str) -> str:
     start = render(first, kind, base)
     if not quantity or quantity == 1:
         return start
@@ -137,15 +141,25 @@ def function(row: Any, *, long: bool) -> str:
 
     Code and name, or code and what it does to which registers (`3 read hr`).
     """
-    if row.function is None:
+    code = row.function
+    if code is None:
         return ""
-    name = visible(row.function_name or "unknown")
-    if not long:
-        operation = _OPERATIONS.get(getattr(row, "operation", None) or "")
-        kind = SHORT.get(getattr(row, "register_type", None) or "")
-        if operation and kind:
-            name = f"{operation} {kind}"
-    return f"{row.function:{3 if long else 2}d} {name}"
+    if long:
+        return _named(code, row.function_name)
+    does, kind = getattr(row, "operation", None), getattr(row, "register_type", None)
+    return _doing(code, row.function_name, does, kind)
+
+
+@lru_cache(maxsize=1024)
+def _named(code: int, name: str | None) -> str:
+    return f"{code:3d} {visible(name or 'unknown')}"
+
+
+@lru_cache(maxsize=1024)
+def _doing(code: int, name: str | None, does: str | None, kind: str | None) -> str:
+    operation, short = _OPERATIONS.get(does or ""), SHORT.get(kind or "")
+    text = f"{operation} {short}" if operation and short else visible(name or "unknown")
+    return f"{code:2d} {text}"
 
 
 def function_name(row: Mapping[str, Any]) -> str:
@@ -170,8 +184,9 @@ def values(row: Any, base: str) -> Items:
     named = row.readings
     if named:
         return Items([visible(f"{name}={_reading(value)}") for name, value in named.items()])
-    if row.operation == "read" and row.data is not None and row.register_type not in _BITS:
-        return Items(list(map(str, row.data)))  # nearly every row
+    data = row.data
+    if data is not None and row.operation == "read" and row.register_type not in _BITS:
+        return Items(data)  # nearly every row
     items: list[str] = []
     counts: list[int] = []
 
@@ -179,8 +194,8 @@ def values(row: Any, base: str) -> Items:
         items.extend(texts)
         counts.extend(how_many or [1] * len(texts))
 
-    if row.data is not None:
-        add(*_block(row, row.data))
+    if data is not None:
+        add(*_block(row, data))
     if row.operation == "read_write":
         where = span(row.write_address, row.write_quantity, row.register_type, base)
         add([f"{where}:"], [0])
@@ -228,8 +243,11 @@ def text_of(value: Any) -> str:
 
 def findings(row: Any) -> str:
     """The codes of a row's findings, with commas; what its status says already is left out."""
+    found = row.findings
+    if not found:
+        return ""
     said = (getattr(row, "status", None), getattr(row, "verdict", None))
-    return visible(",".join(dict.fromkeys(code for code in row.findings or () if code not in said)))
+    return visible(",".join(dict.fromkeys(code for code in found if code not in said)))
 
 
 def hex_items(data: bytes | None) -> Items:

@@ -21,9 +21,9 @@ ROOMY = 120
 """From this width on: two spaces between columns, longer names, microseconds."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: one is made for each row, and that is three times as fast
 class Items:
-    """A list of values, shown as far as it fits: `555 0 100 … +12`.
+    """A list of texts or numbers, shown as far as it fits: `555 0 100 … +12`.
 
     `counts` says how many values each text stands for, where that is not one.
 
@@ -31,26 +31,29 @@ class Items:
     '555 0 … +2'
     """
 
-    values: Sequence[str]
+    values: Sequence[str | int]
     counts: Sequence[int] | None = None
 
     def within(self, width: int) -> str:
         """As many values as fit, and how many more there are."""
-        whole = " ".join(self.values)
-        if width_of(whole) <= width:
-            return whole
-        counts = self.counts or [1] * len(self.values)
-        fitting, rest = 0, sum(counts)
-        used, left = 0, rest
-        for value, count in zip(self.values, counts, strict=True):
-            used, left = used + width_of(value) + 1, left - count
-            if used + len(f"… +{left}") > width:
+        texts = list(map(str, self.values[: width // 2 + 1]))  # each takes two columns at least
+        if len(texts) == len(self.values):
+            whole = " ".join(texts)
+            if width_of(whole) <= width:
+                return whole
+        rest = len(self.values) if self.counts is None else sum(self.counts)
+        widest = len(f"… +{rest}")  # fewer are left each time, so that it never gets wider
+        fitting, used, left = 0, 0, rest
+        for place, text in enumerate(texts):
+            used += width_of(text) + 1
+            left -= 1 if self.counts is None else self.counts[place]
+            if used + widest > width and used + len(f"… +{left}") > width:
                 break
             fitting, rest = fitting + 1, left
-        return " ".join([*self.values[:fitting], f"… +{rest}"])
+        return " ".join([*texts[:fitting], f"… +{rest}"])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Run:
     """Texts one behind the other in one cell, each in its own style; what does not fit is cut.
 
@@ -64,13 +67,17 @@ class Run:
         """The parts, at most `width` columns together."""
         parts: list[Part] = []
         for piece, style in self.pieces:
+            if not piece:
+                continue
             text = piece.within(width) if isinstance(piece, Items) else piece
             if width_of(text) > width:
                 text = "" if isinstance(piece, Items) or width < _STUB else fit(text, width)
             if text:
                 parts.append((f"{text} ", style))
                 width -= width_of(text) + 1
-        return [*parts[:-1], (parts[-1][0][:-1], parts[-1][1])] if parts else []
+        if parts:
+            parts[-1] = (parts[-1][0][:-1], parts[-1][1])
+        return parts
 
 
 Cell = str | Items | Run
@@ -135,6 +142,17 @@ class Grid:
         """One row as parts to print."""
         return self._join([(field.cell(row), field.style(row)) for field in self._fields])
 
+    def text(self, row: Any) -> str:
+        """One row without styles: the same as `line`, at half the cost."""
+        cells = []
+        for field, width in zip(self._fields, self._widths, strict=True):
+            cell = field.cell(row)
+            if isinstance(cell, Run):
+                cells.append("".join([text for text, _ in cell.within(width)]))
+            else:
+                cells.append(_fitted(cell, field.head, width))
+        return self._gap.join(cells)
+
     def _join(self, cells: Sequence[tuple[Cell, str]]) -> list[Part]:
         parts: list[Part] = []
         for field, width, (cell, style) in zip(self._fields, self._widths, cells, strict=True):
@@ -148,6 +166,8 @@ class Grid:
 
 def _fitted(cell: str | Items, head: Head, width: int) -> str:
     text = cell.within(width) if isinstance(cell, Items) else cell
+    if len(text) <= width and text.isascii():
+        return text.rjust(width) if head.right else text.ljust(width)
     if width_of(text) > width and not (head.share or head.most):
         return text
     return fit(text, width, right=head.right)
@@ -156,4 +176,4 @@ def _fitted(cell: str | Items, head: Head, width: int) -> str:
 def _whole(cell: Cell) -> str:
     if isinstance(cell, Run):
         return " ".join(_whole(piece) for piece, _ in cell.pieces)
-    return " ".join(cell.values) if isinstance(cell, Items) else cell
+    return " ".join(map(str, cell.values)) if isinstance(cell, Items) else cell

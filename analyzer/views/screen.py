@@ -84,8 +84,8 @@ class _Terminal(Console):
 class Screen:
     """One stream to print to.
 
-    Colour only on a terminal, and not under `NO_COLOR` (rich sees to both). `width` is for what is
-    no terminal.
+    Colour only on a terminal, and not under `NO_COLOR` (rich sees to both); `is_plain` where there
+    is none. `width` is for what is no terminal.
     """
 
     def __init__(self, stream: TextIO, *, width: int | None = None) -> None:
@@ -93,7 +93,7 @@ class Screen:
         self._console = _Terminal(
             file=stream, width=width, highlight=False, markup=False, emoji=False
         )
-        self._plain = not self._console.is_terminal or self._console.color_system is None
+        self.is_plain = not self._console.is_terminal or self._console.color_system is None
 
     @property
     def is_terminal(self) -> bool:
@@ -118,7 +118,7 @@ class Screen:
             raise SourceError(f"standard output: cannot be written: {error.strerror}") from error
 
     def _print(self, lines: Iterable[Iterable[Part]]) -> None:
-        if self._plain:
+        if self.is_plain:
             text = "".join("".join(part for part, _ in line).rstrip() + "\n" for line in lines)
             self._stream.write(text)
         else:

@@ -27,7 +27,8 @@ object:
                                        "count": int, "asked": int, "late": int,
                                        "late_by": as response_time, "damaged": int,
                                        "before": [{"unit": int, "status": text, "count": int}]}]}
-                        | null}]}
+                        | null,
+            "driver": {counter: int}}]}      of a tap only, where the driver counts damage
 ```
 
 Maps are sorted by key, so that the same recording prints the same lines everywhere.
@@ -42,7 +43,7 @@ from typing import Any
 from analyzer.views import cells
 from analyzer.views.grid import ROOMY, Field, Grid, Head
 from analyzer.views.screen import Part, Screen, visible
-from analyzer.views.troubles import explained, ranked
+from analyzer.views.troubles import counted, explained, ranked
 
 __all__ = ["show_stats"]
 
@@ -64,6 +65,11 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
     for bus in buses:
         yield from _silence(bus, width)
+        driver = counted(bus)
+        if driver:
+            yield []
+            name = f"{short[bus['bus']]}: " if len(short) > 1 else ""
+            yield from _wrapped(f"{name}{driver}", width)
     rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
     if rows:
         yield []

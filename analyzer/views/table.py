@@ -69,5 +69,5 @@ class TableSink:
             day = self._moments.day(row)
             if day is not None:
                 yield [(day, "dim")]
-            yield self._grid.line(row)
+            yield [(self._grid.text(row), "")] if self._screen.is_plain else self._grid.line(row)
             self._moments.advance(row)

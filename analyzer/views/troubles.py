@@ -15,8 +15,16 @@ from analyzer.views import cells
 from analyzer.views.cells import function_name
 from dissectors.vocabulary import findings
 
-__all__ = ["explained", "ranked"]
+__all__ = ["counted", "explained", "ranked"]
 
+_DRIVER = {
+    "overrun": "overruns of the chip (bytes lost)",
+    "buf_overrun": "overruns of the system's buffer (bytes lost)",
+    "dropped": "bytes that did not fit into memory (lost)",
+    "frame": "framing errors",
+    "parity": "parity errors",
+    "brk": "breaks",
+}
 _WEIGHT = {"error": 0, "warning": 1, "info": 2}
 _SHOWN = 8
 _PLACES = 3
@@ -29,6 +37,17 @@ def ranked(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str]]:
         (code, count, *known.get(code, ("info", ""))) for code, count in stats["findings"].items()
     ]
     yield from sorted(found, key=lambda one: (_WEIGHT[one[2]], -one[1], one[0]))
+
+
+def counted(bus: Mapping[str, Any]) -> str:
+    """What the driver of a tapped port has counted, in words; nothing where it has nothing to say.
+
+    >>> counted({"driver": {"overrun": 2, "parity": 1}})
+    'the driver counted 2 overruns of the chip (bytes lost), 1 parity errors'
+    """
+    counts = bus.get("driver") or {}
+    words = [f"{counts[name]:,} {text}" for name, text in _DRIVER.items() if counts.get(name)]
+    return f"the driver counted {', '.join(words)}" if words else ""
 
 
 def explained(bus: Mapping[str, Any]) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import Any
 from analyzer.views import cells
 from analyzer.views.live.board import Board
 from analyzer.views.screen import Part, fit, visible
-from analyzer.views.troubles import explained, ranked
+from analyzer.views.troubles import counted, explained, ranked
 
 __all__ = ["lines"]
 
@@ -48,6 +48,9 @@ def _bus(bus: dict[str, Any], width: int) -> Iterator[list[Part]]:
         (f"noise {frames.get('noise', 0):,}   ", "odd" if frames.get("noise") else ""),
         (f"retries {sum(row['retries'] for row in bus['units']):,}", ""),
     ]
+    driver = counted(bus)
+    if driver:
+        yield [(fit(f"  {driver}", width).rstrip(), "bad" if "lost" in driver else "odd")]
     for line in explained(bus):
         yield [(fit(f"  {line}", width).rstrip(), "bad" if line.startswith("unit") else "")]
 

@@ -259,6 +259,22 @@ impl Input {
         longest
     }
 
+    /// Of the pauses between the reads of the first `to` bytes: how many are longer than `least`, and how many there are.
+    pub fn later_reads(&self, to: usize, least: Ns) -> (usize, usize) {
+        let (mut at, mut later, mut all) = (0, 0, 0);
+        while let Some(i) = self.read_of(at) {
+            at = (self.reads[i].end - self.offset) as usize;
+            if at >= to {
+                break;
+            }
+            if let Some(pause) = self.pause_before(at) {
+                all += 1;
+                later += usize::from(pause > least);
+            }
+        }
+        (later, all)
+    }
+
     /// Whether the receiver marked a line error in `from..to`.
     pub fn line_error(&self, from: usize, to: usize) -> bool {
         let Some(first) = self.read_of(from) else { return false };

@@ -62,11 +62,30 @@ pub fn recording_head<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let mut out = Vec::new();
     recording::head(&format!("modlens {}", env!("CARGO_PKG_VERSION")), session, segment, &mut out);
-    for (port, bus, name, line, settings) in &ports {
-        let settings = settings.as_deref().map(str::parse::<Line>).transpose().map_err(wrong)?;
-        recording::port(port, (*bus, name), line.as_deref(), settings.as_ref(), &mut out);
-    }
+    ports.iter().try_for_each(|port| describe(port, &mut out))?;
     Ok(PyBytes::new(py, &out))
+}
+
+/// One more port of a raw recording that has begun.
+#[pyfunction]
+#[pyo3(signature = (port, bus, name, line=None, settings=None))]
+pub fn recording_port(
+    py: Python<'_>,
+    port: String,
+    bus: usize,
+    name: String,
+    line: Option<String>,
+    settings: Option<String>,
+) -> PyResult<Bound<'_, PyBytes>> {
+    let mut out = Vec::new();
+    describe(&(port, bus, name, line, settings), &mut out)?;
+    Ok(PyBytes::new(py, &out))
+}
+
+fn describe((port, bus, name, line, settings): &RecordedPort, out: &mut Vec<u8>) -> PyResult<()> {
+    let settings = settings.as_deref().map(str::parse::<Line>).transpose().map_err(wrong)?;
+    recording::port(port, (*bus, name), line.as_deref(), settings.as_ref(), out);
+    Ok(())
 }
 
 /// One read as a block of a raw recording.

@@ -9,10 +9,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use modlens_core::chunk::{Chunk, Times};
 use modlens_core::marks::Unmark;
 use modlens_core::Ns;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+
+use crate::session::Session;
 
 /// Bytes that a read takes at most.
 const READ_SIZE: usize = 4096;
@@ -38,6 +41,10 @@ struct Queue {
     lost: u64,
     /// Ports of which something was thrown away since their last item.
     holes: Vec<usize>,
+    /// Somebody waits for the first item; to wake a thread costs more than all else that a reader does.
+    awaited: bool,
+    /// When items were last taken.
+    taken: Option<Instant>,
 }
 
 struct Shared {
@@ -68,8 +75,11 @@ impl Shared {
         }
         queue.size += cost;
         queue.items.push_back(item);
+        let awaited = std::mem::take(&mut queue.awaited);
         drop(queue);
-        self.arrived.notify_one();
+        if awaited {
+            self.arrived.notify_one();
+        }
     }
 }
 
@@ -126,11 +136,35 @@ impl Inbox {
         self.shared.push(Item { port, time: time_ns, data, errors: Vec::new(), hole: false });
     }
 
-    #[pyo3(signature = (timeout, linger=0.0))]
-    fn take<'py>(&self, py: Python<'py>, timeout: f64, linger: f64) -> Vec<Arrival<'py>> {
-        let items = py.detach(|| self.wait(timeout, linger));
-        let bytes = |data: Vec<u8>| PyBytes::new(py, &data);
-        items.into_iter().map(|item| (item.port, item.time, item.data.map(bytes), item.errors, item.hole)).collect()
+    #[pyo3(signature = (timeout, every=0.0))]
+    fn take<'py>(&self, py: Python<'py>, timeout: f64, every: f64) -> Vec<Arrival<'py>> {
+        arrivals(py, py.detach(|| self.wait(timeout, every)))
+    }
+
+    #[pyo3(signature = (session, routes, shift_ns, timeout, every=0.0))]
+    fn feed<'py>(
+        &self,
+        py: Python<'py>,
+        mut session: PyRefMut<'_, Session>,
+        routes: Vec<Option<(usize, u8)>>,
+        shift_ns: i64,
+        timeout: f64,
+        every: f64,
+    ) -> PyResult<Vec<Arrival<'py>>> {
+        routes.iter().flatten().try_for_each(|(bus, _)| session.check(*bus))?;
+        let core = session.core();
+        let rest = py.detach(|| {
+            let mut items = self.wait(timeout, every);
+            while let Some(item) = items.front() {
+                let (Some(data), Some(Some((bus, line)))) = (&item.data, routes.get(item.port)) else { break };
+                let times = Times::Read(item.time + shift_ns);
+                let chunk = Chunk { bytes: data, line: *line, times, errors: &item.errors, hole: item.hole, ..Chunk::default() };
+                core.feed(*bus, &chunk);
+                items.pop_front();
+            }
+            items
+        });
+        Ok(arrivals(py, rest))
     }
 
     fn lost(&self) -> u64 {
@@ -145,26 +179,38 @@ impl Inbox {
     }
 }
 
+fn arrivals(py: Python<'_>, items: VecDeque<Item>) -> Vec<Arrival<'_>> {
+    let bytes = |data: Vec<u8>| PyBytes::new(py, &data);
+    items.into_iter().map(|item| (item.port, item.time, item.data.map(bytes), item.errors, item.hole)).collect()
+}
+
 impl Inbox {
     fn listeners(&self) -> MutexGuard<'_, Vec<Listener>> {
         self.listeners.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn wait(&self, timeout: f64, linger: f64) -> VecDeque<Item> {
-        let until = Instant::now() + Duration::from_secs_f64(timeout.clamp(0.0, 3600.0));
+    /// A busy line is looked at every so many seconds, which wakes one thread once; the first bytes after a silence
+    /// are handed over as they come.
+    fn wait(&self, timeout: f64, every: f64) -> VecDeque<Item> {
+        let begun = Instant::now();
         let mut queue = self.shared.queue();
+        let due = queue.taken.map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
+        if let Some(left) = due.and_then(|due| due.checked_duration_since(begun)) {
+            drop(queue);
+            std::thread::sleep(left);
+            queue = self.shared.queue();
+        }
+        let until = begun + Duration::from_secs_f64(timeout.clamp(0.0, 3600.0));
         while queue.items.is_empty() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return VecDeque::new();
             }
+            queue.awaited = true;
             queue = self.shared.arrived.wait_timeout(queue, left).unwrap_or_else(PoisonError::into_inner).0;
         }
-        if linger > 0.0 {
-            drop(queue);
-            std::thread::sleep(Duration::from_secs_f64(linger.min(1.0)));
-            queue = self.shared.queue();
-        }
+        queue.awaited = false;
+        queue.taken = Some(Instant::now());
         queue.size = 0;
         std::mem::take(&mut queue.items)
     }

@@ -98,6 +98,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(profile::shipped_profiles, module)?)?;
     module.add_function(wrap_pyfunction!(profile::convert, module)?)?;
     module.add_function(wrap_pyfunction!(capture::recording_head, module)?)?;
+    module.add_function(wrap_pyfunction!(capture::recording_port, module)?)?;
     module.add_function(wrap_pyfunction!(capture::recording_read, module)?)?;
     module.add_class::<capture::Capture>()?;
     module.add_class::<dialects::Dialects>()?;

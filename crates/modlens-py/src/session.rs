@@ -118,9 +118,10 @@ impl Session {
         };
         let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
         let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };
-        self.buses += 1;
         let line = line.map(crate::line).transpose()?;
-        Ok(self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule }))
+        let number = self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule });
+        self.buses = number + 1; // captures and logs of several devices have added theirs
+        Ok(number)
     }
 
     #[allow(clippy::too_many_arguments)] // The keywords of one Python call.
@@ -317,7 +318,12 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 impl Session {
-    fn check(&self, bus: usize) -> PyResult<()> {
+    /// The engine, for those who feed it without Python.
+    pub(crate) fn core(&mut self) -> &mut Core {
+        &mut self.core
+    }
+
+    pub(crate) fn check(&self, bus: usize) -> PyResult<()> {
         if bus < self.buses {
             Ok(())
         } else {

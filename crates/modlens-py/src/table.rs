@@ -9,8 +9,9 @@ use modlens_core::predicate::Predicate as CorePredicate;
 use modlens_core::records::Frame;
 use modlens_core::write;
 use pyo3::exceptions::{PyAttributeError, PyIndexError, PyRuntimeError};
+use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList, PyTuple};
+use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList, PyString, PyTuple};
 use pyo3::IntoPyObjectExt;
 
 use crate::stream::{stream_capsule, Batches};
@@ -227,6 +228,16 @@ pub struct Row {
 
 #[pymethods]
 impl Row {
+    /// Columns first: to look for a name among the methods, in vain, costs more than a column.
+    fn __getattribute__<'py>(slf: &Bound<'py, Self>, name: &Bound<'py, PyString>) -> PyResult<Bound<'py, PyAny>> {
+        let row = slf.get();
+        let found = row.table.kind.columns().iter().position(|column| name == column.key.as_str());
+        match found {
+            Some(column) => row.value(slf.py(), column),
+            None => slf.py().get_type::<PyAny>().call_method1(intern!(slf.py(), "__getattribute__"), (slf, name)),
+        }
+    }
+
     fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let column = self.table.kind.column(name).map_err(PyAttributeError::new_err)?;
         self.value(py, column)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -214,3 +216,29 @@ def test_a_tap_finds_the_rate_and_goes_on(tmp_path: Path) -> None:
     found = [json.loads(line) for line in rows.read_text().splitlines()]
     assert [row["status"] for row in found[1:]] == ["ok"] * (len(found) - 1)
     assert len(found) >= 30
+
+
+def test_a_recording_begins_when_the_settings_are_found(tmp_path: Path) -> None:
+    """With the reads that were the evidence, and the settings; `decode` gives the tap's rows."""
+    model, rows, raw = Model(parse_line("19200-8N1")), tmp_path / "rows.csv", tmp_path / "r.pcapng"
+    words = ("-o", rows, "--record", raw, "--count", "20")
+    running = subprocess.Popen(
+        command("tap", model.wired.name, *words),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env=environment(),
+        cwd=ROOT,
+        text=True,
+    )
+    _, said = running.communicate(timeout=60)
+    model.close()
+    assert running.returncode == 0, said
+    assert re.search(rb"settings=19200-8E?N?\d name=", raw.read_bytes())
+    again = subprocess.run(
+        command("decode", raw, "--replay", "--line", "19200-8N1", "--to", "csv"),
+        capture_output=True, check=True, env=environment(), cwd=ROOT, text=True,
+    )  # fmt: skip
+    with rows.open(newline="") as file:
+        live = [(row["request_hex"], row["response_hex"]) for row in csv.DictReader(file)]
+    found = list(csv.DictReader(again.stdout.splitlines()))
+    assert [(row["request_hex"], row["response_hex"]) for row in found] == live

@@ -289,3 +289,23 @@ def test_a_recording_cut_anywhere_is_read_up_to_there(tmp_path: Path) -> None:
         timeout=60,
     )
     assert len(done.stdout.splitlines()) == 3
+
+
+def test_a_port_may_join_later(tmp_path: Path) -> None:
+    """Its settings had to be found; Wireshark knows its name, and each segment has all ports."""
+    path = tmp_path / "bus.pcapng"
+    recorder = Recorder(str(path), [], rotate=Rotation(bytes=400))
+    late = Recorded("late", None, "/dev/ttyUSB7", "9600-8N1")
+    recorder.join(PORTS[0])
+    recorder.heard("bus one", None, Read(b"\x01", 1))
+    recorder.join(late)
+    for at in range(6):
+        recorder.heard("late", None, Read(b"\x02" * 40, 2 + at))
+        recorder.heard("bus one", None, Read(b"\x03", 2 + at))
+    recorder.close()
+    segments = sorted(tmp_path.glob("*.pcapng"))
+    assert len(segments) > 1
+    for segment in segments:
+        for packet in fields(segment, ["frame.interface_name", "data.data"]):
+            named = "/dev/ttyUSB7" if packet["data.data"].startswith("02") else "/dev/ttyUSB0"
+            assert packet["frame.interface_name"] == named

@@ -85,7 +85,7 @@ def test_a_time_does_not_wait_for_python(wire: tuple[int, str]) -> None:
         writer.stdout.close()
         read = []
         while (one := hearing.read(0.1)) is not None:
-            read.append(one[1])
+            read += [one[1]] * len(one[0])  # on a busy machine one read may hold two writes
     late = sorted(got - sent for got, sent in zip(read, written, strict=True))
     assert late[len(late) // 2] < 4_000_000  # Python changes threads every 5 ms
 

@@ -129,6 +129,16 @@ def test_other_receivers_find_them_too(settings: str, resync: bool, seed: int) -
     assert seconds < MOST_S
 
 
+@pytest.mark.parametrize(("settings", "said"), [("9600-8E2", "9600-8E1"), ("9600-8O2", "9600-8O1")])
+def test_a_second_stop_bit_behind_parity_is_heard_as_silence(settings: str, said: str) -> None:
+    """Characters of twelve bits: receivers look at one stop bit, and read them whole."""
+    tuner = Tuner()
+    seconds = listen(tuner, traffic(parse_line(settings), "rtu", 8))
+    assert tuner.found is not None
+    assert str(tuner.found.line) == said
+    assert seconds < MOST_S
+
+
 @pytest.mark.parametrize("settings", ["9600-8E1", "9600-8O1", "19200-8N1", "19200-8N2"])
 def test_marks_of_whole_packets_are_enough(settings: str) -> None:
     """As FTDI's driver gives them: 62 bytes at a time or after 16 ms, all marked or none."""

@@ -41,8 +41,12 @@ impl Lateness {
         if !input.coarse {
             return;
         }
-        let Some(pause) = input.longest_pause(0, length) else { return };
-        let step = if pause as f64 > self.ns { 1.0 - LATER } else { -LATER };
+        let (later, all) = input.later_reads(length, self.ns as Ns);
+        if all == 0 {
+            return;
+        }
+        // Every read counts: the longest pause of a long frame is one of a hundred, and says little of the others.
+        let step = later as f64 / all as f64 - LATER;
         self.ns = (self.ns * (RATE * step).exp()).clamp(READ_RESOLUTION as f64, MOST_LATENESS);
     }
 
@@ -90,6 +94,22 @@ mod tests {
     #[test]
     fn reads_in_time_have_the_clock_of_a_scheduler() {
         assert_eq!(learned(|_| 0), READ_RESOLUTION);
+    }
+
+    #[test]
+    fn a_late_read_among_many_does_not_spoil_the_clock() {
+        let mut clock = Lateness::default();
+        for _ in 0..200 {
+            let mut input = Input::new(Some(1_000_000));
+            for read in 0..40 {
+                let late = if read == 20 { 3_000_000 } else { 0 };
+                let bytes: &[u8] = if read == 0 { &[0; 2] } else { &[0] };
+                let time = (read + 1) * 1_000_000 + late;
+                input.push(&Chunk { bytes, times: Times::Read(time), ..Chunk::default() });
+            }
+            clock.learn(&input, 41);
+            assert_eq!(clock.resolution(&input), READ_RESOLUTION);
+        }
     }
 
     #[test]

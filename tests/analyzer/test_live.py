@@ -1,0 +1,71 @@
+"""A tap through the API: what its statistics say of the ports."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import closing
+
+import pytest
+
+if sys.platform != "linux":
+    pytest.skip("the line is one of Linux' ptys", allow_module_level=True)
+
+from analyzer.line import parse_line
+from analyzer.live import LiveRun
+from analyzer.session import Settings
+from analyzer.sources import live as sources
+from analyzer.sources.serial import Chunk, Port
+from analyzer.views.live.board import Board
+from analyzer.views.live.health import lines
+from analyzer.views.tables import Look
+
+PAIR = bytes.fromhex("010300000001840a0103020007f986")
+
+
+def test_what_the_driver_counts_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ptys count nothing, so the counters are ours; what they had before the tap is not its own."""
+    monkeypatch.setattr(sources, "CHECK_NS", 0)
+    counts = iter([{"overrun": 5, "frame": 1}, {"overrun": 5, "frame": 1}])
+    monkeypatch.setattr(Port, "counters", lambda _: next(counts, {"overrun": 7, "frame": 4}))
+    far, near = os.openpty()
+    with closing(LiveRun([os.ttyname(near)], Settings(line=parse_line("19200-8E1")))) as run:
+        batches = run.batches()
+        next(batches)
+        next(batches)
+        os.write(far, PAIR)
+        codes = [one.code for _ in range(8) for one in next(batches).findings]
+        stats = run.stats()
+        board = Board(Look(buses=run.buses), run.stats)
+        board.refresh()
+        shown = ["".join(text for text, _ in line) for line in lines(board, 100, 20)]
+    assert stats["buses"][0]["driver"] == {"overrun": 2, "frame": 3}
+    assert "lost_bytes" in codes
+    assert "  the driver counted 2 overruns of the chip (bytes lost), 3 framing errors" in shown
+    for fd in (far, near):
+        os.close(fd)
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_reads_go_to_the_engine_by_themselves_or_to_who_wants_them(wanted: bool) -> None:
+    """With and without a listener to raw reads the rows are the same, and A+B keeps its lines."""
+    pairs = [os.openpty() for _ in range(2)]
+    name = "+".join(os.ttyname(near) for _, near in pairs)
+    heard: list[tuple[str | None, bytes]] = []
+
+    def hear(bus: str, line: str | None, chunk: Chunk) -> None:
+        heard.append((line, chunk.data))
+
+    settings = Settings(line=parse_line("19200-8E1"))
+    with closing(LiveRun([name], settings, heard=hear if wanted else None)) as run:
+        batches = run.batches()
+        os.write(pairs[0][0], PAIR[:8])
+        next(batches)
+        os.write(pairs[1][0], PAIR[8:])
+        found = [row for _ in range(6) for row in next(batches).frames]
+        found += list(run.finish().frames)
+    rows = [(row.line, row.direction, row.hex) for row in found]
+    assert rows == [("A", "request", PAIR[:8]), ("B", "response", PAIR[8:])]
+    assert heard == ([("A", PAIR[:8]), ("B", PAIR[8:])] if wanted else [])
+    for fd in (fd for pair in pairs for fd in pair):
+        os.close(fd)
