@@ -8,6 +8,7 @@
 
 use std::collections::VecDeque;
 
+pub mod align;
 mod answers;
 mod exchange;
 mod masters;
