@@ -40,18 +40,23 @@ impl LineState {
         }
     }
 
-    /// Frames what has come, a window of it.
-    pub(super) fn look_ahead(&mut self, context: &Context<'_>) {
-        let Self { ahead: Some(ahead), input, framer, votes, .. } = self else { return };
-        while ahead.heard.len() < WINDOW && !input.bytes().is_empty() {
-            let mut adu = Vec::new();
-            let Some(cut) = framer.next(input, context, &mut adu) else { return };
-            input.consume(cut.length);
-            let adu = if cut.verdict == Verdict::Noise { Vec::new() } else { adu };
-            *votes = voted(*votes, context.functions, &adu);
-            ahead.heard.push_back(Heard { direction: cut.direction, good: cut.verdict.good(), adu });
-            ahead.cuts.push_back(cut);
+    /// Finds one more frame in what has come, unless a window is full; says whether there was one.
+    pub(super) fn look_ahead(&mut self, context: &Context<'_>) -> bool {
+        let Self { ahead: Some(ahead), input, framer, votes, .. } = self else { return false };
+        if ahead.heard.len() >= WINDOW || input.bytes().is_empty() {
+            return false;
         }
+        let mut adu = Vec::new();
+        let Some(cut) = framer.next(input, context, &mut adu) else { return false };
+        input.consume(cut.length);
+        let adu = if cut.verdict == Verdict::Noise { Vec::new() } else { adu };
+        let good = cut.verdict.good();
+        if good {
+            *votes = voted(*votes, context.functions, &adu);
+        }
+        ahead.heard.push_back(Heard { direction: cut.direction, good, adu });
+        ahead.cuts.push_back(cut);
+        true
     }
 
     /// Now that it is known who speaks here, frames that either side may send are this side's.

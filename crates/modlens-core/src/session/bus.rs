@@ -185,7 +185,9 @@ impl BusState {
     /// The next frame of two lines without a clock.
     fn next_heard(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
         if self.order.is_empty() {
-            for at in 0..self.lines.len() {
+            let mut at = 0;
+            let mut quiet = 0;
+            while quiet < self.lines.len() {
                 let context = Context {
                     functions,
                     asked: None,
@@ -198,7 +200,9 @@ impl BusState {
                     pause: &|_| 0.0,
                     said: &|side| said(self.sides, side),
                 };
-                self.lines[at].1.look_ahead(&context);
+                let found = self.lines[at].1.look_ahead(&context);
+                quiet = if found { 0 } else { quiet + 1 };
+                at = (at + 1) % self.lines.len();
             }
             for at in 0..self.lines.len() {
                 if let Some(speaker) = self.speaker(at) {

@@ -425,7 +425,7 @@ impl Session {
         let input = &mut state.lines[at].1;
         if cut.verdict.good() {
             input.lateness.learn(&input.input, cut.length);
-            if input.ahead.is_none() {
+            if input.ahead.is_none() && !cut.tentative {
                 input.votes = voted(input.votes, &self.functions, adu);
             }
         }
