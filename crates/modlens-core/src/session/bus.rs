@@ -273,3 +273,33 @@ fn said(sides: [i32; 2], side: Side) -> Direction {
         Direction::Response
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::checksum::crc16;
+    use crate::chunk::Chunk;
+    use crate::framer::Mode;
+    use crate::input::Input;
+    use crate::session::{BusOptions, Session};
+
+    #[test]
+    fn offsets_beyond_four_gib_are_told_whole() {
+        const START: u64 = (1 << 32) - 20;
+        let mut session = Session::default();
+        let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+        let line = session.buses[bus].line(0);
+        line.input = Input::at(START);
+        line.framer.jump(START);
+        let framed = |body: &[u8]| [body, &crc16(body).to_le_bytes()].concat();
+        let round = [framed(&[1, 3, 0, 0, 0, 1]), framed(&[1, 3, 2, 0, 7])].concat();
+        for _ in 0..10 {
+            session.feed(bus, &Chunk { bytes: &round, ..Chunk::default() });
+        }
+        session.flush();
+        let batch = session.take();
+        let places: Vec<u64> = batch.frames.iter().map(|frame| frame.offset).collect();
+        let wanted: Vec<u64> = (0..10).flat_map(|at| [START + 15 * at, START + 15 * at + 8]).collect();
+        assert_eq!(places, wanted);
+        assert!(batch.frames.iter().all(|frame| frame.verdict.good()));
+    }
+}
