@@ -21,7 +21,7 @@ def silences(
 ) -> tuple[int, int] | None:
     """t3.5 and t1.5 in nanoseconds, the specification's where they are not given; None for joint.
 
-    `dashes` stand before the names of settings in messages. `UsageError` where the two are not known.
+    `dashes` stand before the names of settings in messages. `UsageError` where they are not known.
     """
     if segmentation not in WORDS:
         raise UsageError(f"segmentation {segmentation!r}; it is one of {', '.join(WORDS)}")
@@ -29,7 +29,8 @@ def silences(
         if t35 is not None or t15 is not None:
             raise UsageError(f"{dashes}t35 and {dashes}t15 go with {dashes}segmentation silence")
         return None
-    char, inside, ends = (None, None, None) if line is None else _modlens.line_timing(*line.settings)
+    timing = (None, None, None) if line is None else _modlens.line_timing(*line.settings)
+    char, inside, ends = timing
     if t35 is not None:
         ends = duration(f"{dashes}t35", t35, char)
     if ends is None:
