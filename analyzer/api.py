@@ -15,6 +15,7 @@ from analyzer.line import Line, parse_line
 from analyzer.live import LiveRun
 from analyzer.profiles import Binding, binding, with_vendors
 from analyzer.session import FileRun, Settings
+from analyzer.silences import silences
 from analyzer.times import transitions
 from dissectors.errors import UsageError
 
@@ -142,6 +143,9 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     date: str | None = None,
     ports: Iterable[int] | Literal["any"] | None = None,
     channels: Iterable[str] | None = None,
+    segmentation: str = "joint",
+    t35: str | None = None,
+    t15: str | None = None,
 ) -> Decoding:
     """Decode one recording, or several one after the other.
 
@@ -152,6 +156,9 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `functions`: a table of functions with further rows
     - `profiles`: device profiles, each as `--profile` takes it (`1=mightyzap`, `2-7=pump.yaml`)
     - `dialects`: a table of text formats with further rows
+    - `segmentation`: `joint` goes by all evidence; `silence` by silences of `t35` only, with those
+      above `t15` inside a frame as findings, both as `1750us` or `3.5chars`; the specification's
+      for `line` by default
     - `timezone`, `date`: of times in text that come without (see `analyzer.times.transitions`)
     - `ports`: TCP and UDP ports of Modbus in captures, 502 by default; `any` looks everywhere
     - `channels`: those of a logic analyser, as `["RX", "TX"]`, found by default; `!RX` idles low
@@ -162,8 +169,10 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     names = (recordings,) if isinstance(recordings, str | os.PathLike) else tuple(recordings)
     if not names:
         raise UsageError("no recording to decode")
+    settings = _settings(line, mode, timeout, functions, profiles)
     settings = replace(
-        _settings(line, mode, timeout, functions, profiles),
+        settings,
+        silence_ns=silences(segmentation, t35, t15, settings.line),
         dialects=dialects,
         zone=transitions(timezone),
         date=date,

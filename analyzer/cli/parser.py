@@ -11,12 +11,13 @@ from typing import NoReturn
 
 import _modlens
 from analyzer.addresses import BASES
-from analyzer.cli.segmentation import add_segmentation, silences
+from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
 from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
 from analyzer.plant import choose_bus
 from analyzer.profiles import binding, with_vendors
 from analyzer.session import MODES, Settings
+from analyzer.silences import silences
 from analyzer.times import transitions
 from dissectors.errors import ProfileError, SourceError, UsageError
 
@@ -222,7 +223,7 @@ def settings(options: argparse.Namespace) -> Settings:
         else duration(options.timeout, longest_s=_LONGEST_TIMEOUT_S),
         functions=with_vendors(load_functions(options.functions), profiles),
         profiles=profiles,
-        silence_ns=silences(options, line),
+        silence_ns=silences(options.segmentation, options.t35, options.t15, line, dashes="--"),
         ports=_ports(options.tcp_ports),
         channels=tuple(options.channels.split(",")) if options.channels else None,
         dialects=load_dialects(getattr(options, "dialects", [])),

@@ -66,6 +66,12 @@ impl Input {
         Self { char_ns, ..Self::default() }
     }
 
+    /// An empty input whose first byte will have this offset.
+    #[cfg(test)]
+    pub fn at(offset: u64) -> Self {
+        Self { offset, front_start: offset, ..Self::default() }
+    }
+
     /// Takes the bytes of a chunk.
     pub fn push(&mut self, chunk: &Chunk<'_>) {
         if chunk.bytes.is_empty() {

@@ -4,7 +4,7 @@ use modlens_core::checksum::crc16;
 use modlens_core::chunk::Chunk;
 use modlens_core::finding::Finding;
 use modlens_core::framer::{Mode, Verdict};
-use modlens_core::records::Batch;
+use modlens_core::records::{Batch, Status};
 use modlens_core::session::{BusOptions, Session};
 
 fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
@@ -131,4 +131,15 @@ fn noise_between_whole_frames_is_no_damaged_frame() {
         let bytes = [&before[..], &read(1, 0x6B, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
         assert_eq!(damaged(&before, &decode(&bytes)), [], "{strays:02x?}");
     }
+}
+
+#[test]
+fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_answer() {
+    let (request, response) = (read(1, 10, 2), answer(1, &[7, 8]));
+    let bytes = [&cycle()[..], &request[..5], &response, &read(2, 20, 1), &answer(2, &[1])].concat();
+    let batch = decode(&bytes);
+    let bad: Vec<_> = batch.transactions.iter().filter(|row| row.status == Status::BadRequest).collect();
+    assert_eq!(bad.len(), 1);
+    assert_eq!(bad[0].response.wire.of(&batch.arena), response);
+    assert!(bad[0].request.frame > 0);
 }

@@ -221,3 +221,58 @@ fn silence_bounds_the_wait_of_a_live_tap() {
     let statuses: Vec<Status> = live.take().transactions.iter().map(|row| row.status).collect();
     assert_eq!(statuses, [Status::NoResponse]);
 }
+
+/// Familiar exchanges, then a response that stalls for so many ms in its middle, then one more exchange.
+fn stalled(live: bool, stall: i64) -> Batch {
+    let (mut session, bus) = session(live, Clock::Utc);
+    let mut now = START;
+    let mut feed = |session: &mut Session, pause: i64, bytes: &[u8]| {
+        now += pause * MS;
+        session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+    };
+    for i in 0..10u8 {
+        feed(&mut session, 20, &ask(1, 10, 20));
+        feed(&mut session, 20, &tell(1, 20, i));
+    }
+    feed(&mut session, 20, &ask(1, 10, 20));
+    feed(&mut session, 20, &tell(1, 20, 77)[..21]);
+    feed(&mut session, stall, &tell(1, 20, 77)[21..]);
+    feed(&mut session, 30, &ask(1, 10, 20));
+    feed(&mut session, 20, &tell(1, 20, 99));
+    session.flush();
+    session.take()
+}
+
+#[test]
+fn a_read_that_comes_late_inside_a_frame_live_and_not() {
+    for live in [false, true] {
+        // Adapters and schedulers hold bytes back for as long as this.
+        assert_eq!(all_good(&stalled(live, 80)).len(), 24, "live {live}");
+        // No frame crosses a longer silence: it costs this frame, and no other one.
+        let batch = stalled(live, 120);
+        let found = good(&batch);
+        assert_eq!(found.len(), 23, "live {live}");
+        assert_eq!(found[21..], pair(ask(1, 10, 20), tell(1, 20, 99)), "live {live}");
+        assert!(batch.frames.iter().any(|frame| frame.verdict == Verdict::Incomplete), "live {live}");
+    }
+}
+
+#[test]
+fn the_baud_rate_changes_in_the_middle_of_a_recording() {
+    let (mut session, bus) = session(false, Clock::Utc);
+    let mut now = START;
+    let mut feed = |bytes: &[u8], char_ns: i64, pause: i64| {
+        now += pause;
+        let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| now + at * char_ns).collect();
+        now = times[times.len() - 1];
+        session.feed(bus, &Chunk { bytes, times: Times::Bytes(&times), ..Chunk::default() });
+    };
+    let pairs: Vec<_> = (0..40u16).flat_map(|at| pair(ask(1, at % 4, 2), tell(1, 2, at as u8))).collect();
+    let (before, after) = pairs.split_at(40);
+    before.iter().for_each(|(bytes, _)| feed(bytes, 572_916, 8 * MS));
+    // At the old rate the receiver sees nonsense of the new one, until it is set anew.
+    feed(&[0xF8, 0x00, 0xE6, 0x80, 0x00, 0x66, 0xFE, 0x98, 0xE0, 0x00, 0x1E, 0x80, 0xF8, 0x06], 572_916, 8 * MS);
+    after.iter().for_each(|(bytes, _)| feed(bytes, 95_486, 3 * MS));
+    session.flush();
+    assert_eq!(good(&session.take()), pairs);
+}

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import _modlens
+from analyzer import UsageError, decode
 from analyzer.line import parse_line
 from analyzer.session import FileRun, Settings
 from tests.conftest import CAPTURES, Modlens
@@ -39,6 +40,20 @@ def test_other_silences_cut_elsewhere(modlens: Modlens) -> None:
     assert len(longer.out.splitlines()) < 132
     strict = modlens(*words, "--table", "findings", "--to", "jsonl", "--t15", "100us")
     assert '"code":"gap_inside"' in strict.out.replace(" ", "")
+
+
+def test_decode_in_python_cuts_by_silence_as_the_command_does() -> None:
+    told = (FLOWMETER.parent / "frames.jsonl").read_text().splitlines()
+    textbook = decode(FLOWMETER, line="9600-8N1", segmentation="silence")
+    assert [row.hex for row in textbook.frames] == [json.loads(line)["hex"] for line in told]
+    longer = decode(FLOWMETER, line="9600-8N1", segmentation="silence", t35="20chars", t15="100us")
+    assert sum(1 for _ in longer.frames) < len(told)
+    with pytest.raises(UsageError, match=r"t35 and t15 go with segmentation silence"):
+        decode(FLOWMETER, t35="1750us")
+    with pytest.raises(UsageError, match=r"how long is t3.5\? Add line 19200-8E1, or t35 1750us"):
+        decode(FLOWMETER, segmentation="silence")
+    with pytest.raises(UsageError, match="it is one of joint, silence"):
+        decode(FLOWMETER, segmentation="textbook")
 
 
 @pytest.mark.parametrize(

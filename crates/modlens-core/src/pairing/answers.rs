@@ -26,7 +26,9 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<Exchange>>,
     ) -> Placed {
-        let Some(at) = self.answered(functions, seen) else {
+        let partial = self.partial.take();
+        let Some(at) = self.answered(functions, seen).or_else(|| self.answers_partial(functions, partial, seen, next_txn, done))
+        else {
             return self.unrequested(functions, seen, next_txn, done);
         };
         let mut exchange = self.open.remove(at).expect("found above");
@@ -58,6 +60,26 @@ impl Pairing {
         }
         done.push(exchange);
         placed
+    }
+
+    /// Opens the request that lacks bytes, if this is the answer to it.
+    fn answers_partial(
+        &mut self,
+        functions: &Functions,
+        partial: Option<Box<Exchange>>,
+        seen: &Seen<'_>,
+        next_txn: &mut u64,
+        done: &mut Vec<Box<Exchange>>,
+    ) -> Option<usize> {
+        let mut request = partial.filter(|request| (request.unit, request.function) == (seen.unit(), seen.function()))?;
+        self.settle_stray(None, done);
+        while !self.open.is_empty() {
+            self.give_up_oldest(functions, seen, done);
+        }
+        request.txn = *next_txn;
+        *next_txn += 1;
+        self.open.push_back(request);
+        Some(0)
     }
 
     /// Which open request the response answers.

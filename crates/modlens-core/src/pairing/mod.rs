@@ -8,6 +8,7 @@
 
 use std::collections::VecDeque;
 
+pub mod align;
 mod answers;
 mod exchange;
 mod masters;
@@ -52,6 +53,8 @@ pub struct Pairing {
     /// A meeting of two masters that lacks its second answer.
     halfway: Option<Meeting>,
     stray: Option<Stray>,
+    /// A request that lacks bytes: if an answer follows, the unit could read it.
+    partial: Option<Box<Exchange>>,
     /// Units that have answered.
     present: Box<[bool; 256]>,
     /// What shows only now of earlier frames.
@@ -102,6 +105,7 @@ impl Pairing {
             masters: Masters::default(),
             halfway: None,
             stray: None,
+            partial: None,
             present: Box::new([false; 256]),
             notes: Vec::new(),
             resolution: 0,
@@ -142,7 +146,10 @@ impl Pairing {
     pub fn take(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
         match (seen.verdict.good(), seen.direction) {
             (_, _) if seen.verdict == Verdict::Noise || seen.adu.len() < 2 => Placed::default(),
-            (true, Direction::Request) => self.request(functions, seen, next_txn, done),
+            (true, Direction::Request) => {
+                self.partial = None;
+                self.request(functions, seen, next_txn, done)
+            }
             (true, Direction::Response) => self.response(functions, seen, next_txn, done),
             (true, Direction::Unknown) => Placed::default(),
             (false, _) => self.damaged(functions, seen, next_txn, done),

@@ -230,7 +230,16 @@ impl Pairing {
         done: &mut Vec<Box<Exchange>>,
     ) -> Placed {
         let request_like = seen.direction == Direction::Request && functions.name(seen.function()).is_some();
-        if seen.mode == Mode::Tcp || !request_like || seen.verdict != Verdict::BadChecksum {
+        if seen.mode == Mode::Tcp || !request_like {
+            return Placed::default();
+        }
+        if seen.verdict != Verdict::BadChecksum {
+            let mut partial = Box::new(Exchange::new(seen.mode));
+            (partial.unit, partial.function, partial.origin) = (seen.unit(), seen.function(), seen.origin);
+            (partial.gap, partial.status) = (seen.gap, Status::BadRequest);
+            partial.request.fill(seen);
+            partial.findings.extend_from_slice(seen.codes);
+            self.partial = Some(partial);
             return Placed::default();
         }
         self.settle_stray(None, done);
@@ -248,7 +257,7 @@ impl Pairing {
     }
 
     /// Closes the oldest open request: another one came.
-    fn give_up_oldest(&mut self, functions: &Functions, next: &Seen<'_>, done: &mut Vec<Box<Exchange>>) {
+    pub(super) fn give_up_oldest(&mut self, functions: &Functions, next: &Seen<'_>, done: &mut Vec<Box<Exchange>>) {
         let Some(mut exchange) = self.open.pop_front() else { return };
         let waited = exchange.waited.or(next.start.zip(exchange.request.end).map(|(next, end)| next - end));
         exchange.waited = waited.filter(|&ns| ns >= 2 * self.resolution);

@@ -1,7 +1,9 @@
 //! The state of one bus: its lines, its framers, what it has shown.
 
-use crate::chunk::Side;
-use crate::direction::Direction;
+use std::collections::VecDeque;
+
+use crate::chunk::{Chunk, Side, Times};
+use crate::direction::{readings, Direction};
 use crate::framer::auto::{make, Auto};
 use crate::framer::silence::Rule;
 use crate::framer::{Context, Cut, Framer, Mode};
@@ -10,6 +12,7 @@ use crate::input::Input;
 use crate::line::Line;
 use crate::pairing::{Pairing, Seen};
 use crate::records::{Bus, Clock, Place};
+use crate::session::ahead::{next_lines, Ahead};
 use crate::session::clock::Lateness;
 use crate::session::profiles::Profiles;
 use crate::text::Reader;
@@ -37,6 +40,8 @@ pub(super) struct LineState {
     pub(super) framer: Box<dyn Framer>,
     pub(super) last_end: Option<Ns>,
     pub(super) lateness: Lateness,
+    /// Where the order of two lines is to be found.
+    pub(super) ahead: Option<Box<Ahead>>,
 }
 
 pub(super) struct BusState {
@@ -57,6 +62,8 @@ pub(super) struct BusState {
     pub(super) devices: Vec<(usize, usize)>,
     /// What the stamps of a recording can express.
     pub(super) stamps_resolution: Option<Ns>,
+    /// The lines that the next frames are of, where no clock tells it.
+    order: VecDeque<usize>,
 }
 impl BusOptions {
     /// A bus without clock or settings.
@@ -87,6 +94,7 @@ impl BusState {
             reader: None,
             devices: Vec::new(),
             stamps_resolution: None,
+            order: VecDeque::new(),
             profiles,
             options,
         }
@@ -103,8 +111,21 @@ impl BusState {
         };
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());
-        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None, lateness: Lateness::default() }));
+        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None, lateness: Lateness::default(), ahead: None }));
         &mut self.lines.last_mut().expect("just pushed").1
+    }
+
+    /// The line of a chunk. Without a clock, the order of two lines is found by what they say.
+    pub(super) fn line_for(&mut self, chunk: &Chunk<'_>, live: bool) -> &mut LineState {
+        let fresh = self.lines.iter().all(|(line, _)| *line != chunk.line);
+        let first = self.lines.iter().all(|(_, line)| line.ahead.is_some());
+        let two = chunk.line != 0 && self.options.bus.network.is_none();
+        let untimed = matches!(chunk.times, Times::None) && !live && !chunk.record;
+        let line = self.line(chunk.line);
+        if fresh && first && two && untimed {
+            line.ahead = Some(Box::new(Ahead::new(Input::new(line.input.char_ns))));
+        }
+        line
     }
 
     /// What the clock of a line can tell apart.
@@ -135,6 +156,9 @@ impl BusState {
 
     /// The next frame: of the line whose first unframed byte is the oldest, so that two lines are told in time order.
     pub(super) fn next_cut(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+        if self.lines.first().is_some_and(|(_, line)| line.ahead.is_some()) {
+            return self.next_heard(functions, live, adu);
+        }
         let settings = self.options.line;
         let waiting = self.lines.iter().enumerate().filter(|(_, (_, line))| !line.input.bytes().is_empty());
         let at = match self.lines.len() {
@@ -150,7 +174,7 @@ impl BusState {
             asked: self.pairing.asked(),
             ahead: !live,
             shared: !one_line,
-            speaker: if one_line { None } else { speaker(self.lines[at].1.votes) },
+            speaker: if one_line { None } else { self.speaker(at) },
             certain: self.options.bus.network.as_ref().and_then(|_| side_of(self.lines[at].0)),
             known_units: &self.known_units,
             paired_units: &self.paired_units,
@@ -164,20 +188,67 @@ impl BusState {
     }
 }
 
+impl BusState {
+    /// The next frame of two lines without a clock.
+    fn next_heard(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+        if self.order.is_empty() {
+            let mut at = 0;
+            let mut quiet = 0;
+            while quiet < self.lines.len() {
+                let context = Context {
+                    functions,
+                    asked: None,
+                    ahead: !live,
+                    shared: true,
+                    speaker: self.speaker(at),
+                    certain: None,
+                    known_units: &self.known_units,
+                    paired_units: &self.paired_units,
+                    pause: &|_| 0.0,
+                    said: &|side| said(self.sides, side),
+                };
+                let found = self.lines[at].1.look_ahead(&context);
+                quiet = if found { 0 } else { quiet + 1 };
+                at = (at + 1) % self.lines.len();
+            }
+            for at in 0..self.lines.len() {
+                if let Some(speaker) = self.speaker(at) {
+                    self.lines[at].1.all_said_by(functions, speaker);
+                }
+            }
+            self.order = next_lines(functions, &mut self.lines).into();
+        }
+        let at = self.order.pop_front()?;
+        Some((at, self.lines[at].1.next_heard(adu)?))
+    }
+
+    /// Who has a line of a two-line tap for himself, once both lines have shown it.
+    fn speaker(&self, at: usize) -> Option<Direction> {
+        let votes: i32 = self.lines.iter().enumerate().map(|(line, (_, state))| if line == at { state.votes } else { -state.votes }).sum();
+        match votes {
+            3.. => Some(Direction::Request),
+            ..=-3 => Some(Direction::Response),
+            _ => None,
+        }
+    }
+}
+
+/// Votes for the master, less those for the units, with those of one more frame. What either may send has none.
+pub(super) fn voted(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
+    const MOST: i32 = 50;
+    let vote = match readings(functions, adu.get(1..).unwrap_or(&[])) {
+        (true, false) => 1,
+        (false, true) => -1,
+        _ => 0,
+    };
+    (votes + vote).clamp(-MOST, MOST)
+}
+
 /// Who speaks on a line of a connection: the client's is 1, the server's 2.
 fn side_of(line: u8) -> Option<Direction> {
     match line {
         1 => Some(Direction::Request),
         2 => Some(Direction::Response),
-        _ => None,
-    }
-}
-
-/// Who has a line of a two-line tap for himself, once he has shown it twice.
-fn speaker(votes: i32) -> Option<Direction> {
-    match votes {
-        2.. => Some(Direction::Request),
-        ..=-2 => Some(Direction::Response),
         _ => None,
     }
 }
@@ -207,5 +278,35 @@ fn said(sides: [i32; 2], side: Side) -> Direction {
         Direction::Request
     } else {
         Direction::Response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::checksum::crc16;
+    use crate::chunk::Chunk;
+    use crate::framer::Mode;
+    use crate::input::Input;
+    use crate::session::{BusOptions, Session};
+
+    #[test]
+    fn offsets_beyond_four_gib_are_told_whole() {
+        const START: u64 = (1 << 32) - 20;
+        let mut session = Session::default();
+        let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+        let line = session.buses[bus].line(0);
+        line.input = Input::at(START);
+        line.framer.jump(START);
+        let framed = |body: &[u8]| [body, &crc16(body).to_le_bytes()].concat();
+        let round = [framed(&[1, 3, 0, 0, 0, 1]), framed(&[1, 3, 2, 0, 7])].concat();
+        for _ in 0..10 {
+            session.feed(bus, &Chunk { bytes: &round, ..Chunk::default() });
+        }
+        session.flush();
+        let batch = session.take();
+        let places: Vec<u64> = batch.frames.iter().map(|frame| frame.offset).collect();
+        let wanted: Vec<u64> = (0..10).flat_map(|at| [START + 15 * at, START + 15 * at + 8]).collect();
+        assert_eq!(places, wanted);
+        assert!(batch.frames.iter().all(|frame| frame.verdict.good()));
     }
 }

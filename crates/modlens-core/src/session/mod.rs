@@ -3,6 +3,7 @@
 // See pairing/mod.rs.
 #![allow(clippy::vec_box)]
 
+mod ahead;
 mod bus;
 mod capture;
 mod clock;
@@ -16,7 +17,6 @@ use std::sync::Arc;
 
 use crate::check;
 use crate::chunk::{Chunk, Times};
-use crate::direction::Direction;
 use crate::finding::Finding;
 use crate::framer::{Cut, Mode, Verdict};
 use crate::functions::{Functions, EXCEPTION_BIT};
@@ -28,7 +28,7 @@ use crate::Ns;
 pub use bus::BusOptions;
 pub use capture::CaptureOptions;
 
-use bus::{learn, BusState};
+use bus::{learn, voted, BusState};
 use capture::CaptureState;
 use clock::Lateness;
 use logic::LogicState;
@@ -169,8 +169,11 @@ impl Session {
             self.flush_bus(bus);
         }
         let state = &mut self.buses[bus];
-        let line = state.line(chunk.line);
+        let line = state.line_for(chunk, self.live);
         line.input.push(chunk);
+        if let Some(ahead) = &mut line.ahead {
+            ahead.input.push(chunk);
+        }
         if let Some(time) = time {
             state.jumped |= state.newest.is_some_and(|newest| time < newest);
             state.newest = Some(time);
@@ -320,7 +323,7 @@ impl Session {
         let place = state.options.bus.place;
         let clocked = state.options.bus.clock != Clock::None;
         let (line, mode) = (state.lines[at].0, state.lines[at].1.framer.mode());
-        let input = &state.lines[at].1.input;
+        let input = state.lines[at].1.untold();
         let char_ns = input.char_ns.unwrap_or(0);
         let last_end = state.lines[at].1.last_end;
         let clocked = clocked && input.timed;
@@ -450,9 +453,11 @@ impl Session {
         let input = &mut state.lines[at].1;
         if cut.verdict.good() {
             input.lateness.learn(&input.input, cut.length);
-            input.votes += i32::from(cut.direction == Direction::Request) - i32::from(cut.direction == Direction::Response);
+            if input.ahead.is_none() && !cut.tentative {
+                input.votes = voted(input.votes, &self.functions, adu);
+            }
         }
-        input.input.consume(cut.length);
+        input.consume(cut.length);
         input.last_end = end.or(input.last_end);
         if noted || !self.done.is_empty() {
             self.write_done(bus);

@@ -36,6 +36,9 @@ pub const ORPHAN: f32 = 5.9;
 /// The old answer behind the answer to a retry: behind one retry in ten at first.
 const FIRST_LATES: f32 = 1.0 / 10.0;
 
+/// A unit that did not answer a request and its retry may well be silent once more: one in four.
+pub const STILL_SILENT: f32 = 2.0;
+
 /// A request as soon behind another one as answers come is a second master's, or an answer that looks like one.
 pub const TOO_SOON: f32 = 6.0;
 

@@ -183,6 +183,8 @@ pub fn context(
         let repeated = model.repeated(frame);
         let Some(asked) = asked else { return (repeated - unanswered, false) };
         if asked.unit == unit && asked.pdu == pdu {
+            let twice = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
+            let unanswered = if twice { unanswered.min(costs::STILL_SILENT) } else { unanswered };
             // A retry comes after a time-out; the echo of the tap's own adapter comes once, at once.
             let retry = unanswered - pause.min(0.0);
             let again = if asked.copied { retry } else { retry.min(model.copied().0) };

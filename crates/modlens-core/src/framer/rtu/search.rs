@@ -121,6 +121,8 @@ pub struct Search {
     calm: u64,
     /// The frame that was last seen to be possible still: the node behind which it begins, and where.
     threat: Option<(usize, u64)>,
+    /// What was told last was tentative, or noise that goes on.
+    doubtful: bool,
     /// What was learned.
     pub model: Model,
 }
@@ -149,6 +151,7 @@ impl Default for Search {
             wake: 0,
             calm: 0,
             threat: None,
+            doubtful: false,
             model: Model::default(),
         }
     }
@@ -199,7 +202,7 @@ impl Search {
         root.direction = direction;
         root.pending = std::mem::take(&mut root.pending).after(frame, direction, direction == RESPONSE, true);
         self.next = root.end;
-        self.running = false;
+        (self.running, self.doubtful) = (false, false);
         // In the certain case there is a request, or the answer to one, and its layout is known.
         self.model.learn(frame, direction, Setting { waiting: direction == RESPONSE, junk: 0 }, copy);
     }
@@ -462,6 +465,7 @@ impl Search {
                 self.calm = if self.next < newest { 0 } else { limit + REACH + 1 };
                 return None;
             }
+            self.doubtful |= !closed;
             let to = if closed { self.next } else { limit };
             let junk = (self.told() - input.offset()) as usize..(to - input.offset()) as usize;
             self.model.learn_noise(&input.bytes()[junk]);
@@ -576,7 +580,9 @@ impl Search {
         let frame = &self.nodes[first];
         let strays = frame.start > self.told();
         let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
-        let tentative = strays && !asked_for && !context.paired_units[bytes[0] as usize];
+        // Right behind a frame that is one by chance perhaps, another one may be so, too; not its answer.
+        let alone = strays || (self.doubtful && !frame.answers);
+        let tentative = alone && !asked_for && !context.paired_units[bytes[0] as usize];
         // Noise must not teach units.
         if !tentative {
             let again = frame.pending.asked.as_ref().is_some_and(|asked| asked.copied);
@@ -592,6 +598,7 @@ impl Search {
             confidence: lead.clamp(0.0, 60.0) as u8,
             tentative,
         };
+        self.doubtful = tentative;
         if strays {
             let junk = &input.bytes()[(self.told() - input.offset()) as usize..(frame.start - input.offset()) as usize];
             self.model.learn_noise(junk);

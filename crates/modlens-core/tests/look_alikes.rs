@@ -1,0 +1,248 @@
+//! Frames that look like others: echoes and retries, layouts that differ by direction, frames inside frames.
+
+use modlens_core::checksum::crc16;
+use modlens_core::chunk::{Chunk, Times};
+use modlens_core::direction::Direction::{self, Request, Response};
+use modlens_core::finding::Finding;
+use modlens_core::framer::{Mode, Verdict};
+use modlens_core::functions::Functions;
+use modlens_core::records::{Batch, Clock, Status};
+use modlens_core::session::{BusOptions, Session, Wanted};
+
+const MS: i64 = 1_000_000;
+
+fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut frame = vec![unit];
+    frame.extend(pdu);
+    frame.extend(crc16(&frame).to_le_bytes());
+    frame
+}
+
+fn read(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
+    let [high, low] = address.to_be_bytes();
+    frame(unit, &[3, high, low, 0, quantity])
+}
+
+fn answer(unit: u8, values: &[u16]) -> Vec<u8> {
+    let mut pdu = vec![3, 2 * values.len() as u8];
+    pdu.extend(values.iter().flat_map(|value| value.to_be_bytes()));
+    frame(unit, &pdu)
+}
+
+/// Exchanges that make units 1 and 2 familiar.
+fn known() -> Vec<Vec<u8>> {
+    (0..8u16).flat_map(|i| [read(1 + (i % 2) as u8, 100 * i, 2), answer(1 + (i % 2) as u8, &[i, 7 * i])]).collect()
+}
+
+fn session(live: bool, clock: Clock) -> (Session, usize) {
+    let wanted = Wanted { frames: true, transactions: true, findings: true };
+    let mut session = Session::new(std::sync::Arc::new(Functions::default()), wanted, live, None);
+    let mut options = BusOptions::named("bus");
+    options.mode = Some(Mode::Rtu);
+    options.line = Some("19200-8E1".parse().unwrap());
+    options.bus.clock = clock;
+    let bus = session.add_bus(options);
+    (session, bus)
+}
+
+/// All frames in one read, behind familiar ones.
+fn untimed(frames: &[Vec<u8>]) -> Batch {
+    let (mut session, bus) = session(false, Clock::None);
+    let bytes: Vec<u8> = known().iter().chain(frames).flatten().copied().collect();
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+/// Each frame a read of its own, so many ms behind the one before.
+fn timed(live: bool, frames: &[(i64, Vec<u8>)]) -> Batch {
+    let (mut session, bus) = session(live, Clock::Utc);
+    let mut now = 1_700_000_000_000_000_000;
+    for (pause, bytes) in known().into_iter().map(|frame| (12, frame)).chain(frames.iter().cloned()) {
+        now += pause * MS;
+        session.feed(bus, &Chunk { bytes: &bytes, times: Times::Read(now), ..Chunk::default() });
+    }
+    session.poll(now + 5_000 * MS);
+    session.flush();
+    session.take()
+}
+
+/// The good frames behind the familiar ones.
+fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
+    let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
+    good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).skip(known().len()).collect()
+}
+
+fn pair(request: &[u8], response: &[u8]) -> [(Vec<u8>, Direction); 2] {
+    [(request.to_vec(), Request), (response.to_vec(), Response)]
+}
+
+/// Requests that are answered by the same bytes.
+fn echoed() -> Vec<Vec<u8>> {
+    let pdus: [&[u8]; 5] = [
+        &[5, 0x12, 0x34, 0xFF, 0],
+        &[6, 0x12, 0x34, 0x56, 0x78],
+        &[8, 0, 0, 0xA5, 0x37],
+        &[21, 11, 6, 0, 4, 0, 7, 0, 2, 6, 0xAF, 4, 0xBE],
+        &[22, 0x12, 0x34, 0x7C, 0x58, 0x8A, 0x06],
+    ];
+    pdus.iter().map(|pdu| frame(1, pdu)).collect()
+}
+
+#[test]
+fn two_three_and_four_copies_of_an_echoed_request_without_a_clock() {
+    for write in echoed() {
+        for copies in 2..=4 {
+            let mut frames = vec![write.clone(); copies];
+            frames.extend([read(2, 9, 1), answer(2, &[3])]);
+            let batch = untimed(&frames);
+            let mut wanted = vec![Request; copies - 1];
+            wanted.push(Response);
+            let told: Vec<Direction> = good(&batch)[..copies].iter().map(|frame| frame.1).collect();
+            assert_eq!(told, wanted, "function {} {copies} times", write[1]);
+        }
+    }
+}
+
+#[test]
+fn two_three_and_four_copies_of_an_echoed_request_with_a_clock() {
+    // Two time-outs teach how long this master waits.
+    let lesson = [(30, read(9, 0, 1)), (300, read(9, 0, 1)), (300, read(1, 9, 1)), (10, answer(1, &[3]))];
+    for live in [false, true] {
+        for write in echoed() {
+            for copies in 2..=4 {
+                let mut frames = lesson.to_vec();
+                frames.extend((1..copies).map(|_| (300, write.clone())));
+                frames.extend([(10, write.clone()), (30, read(2, 9, 1)), (10, answer(2, &[3]))]);
+                let batch = timed(live, &frames);
+                let told: Vec<Direction> = good(&batch)[lesson.len()..][..copies].iter().map(|frame| frame.1).collect();
+                assert_eq!(told[..copies - 1], vec![Request; copies - 1], "function {} {copies} times", write[1]);
+                assert_eq!(told[copies - 1], Response, "function {} {copies} times", write[1]);
+            }
+        }
+    }
+}
+
+#[test]
+fn an_address_that_looks_like_a_byte_count() {
+    // Registers from 0x0401 on: read as a response, four bytes of data.
+    let (ask, tell) = (read(1, 0x0401, 2), answer(1, &[8, 9]));
+    assert_eq!(good(&untimed(&[ask.clone(), tell.clone()])), pair(&ask, &tell));
+    // And where the whole frame could be both: three bytes of coils, or a request for 8 from 0x0300 on.
+    let (ask, tell) = (frame(1, &[1, 3, 0, 0, 8]), frame(1, &[1, 1, 0x55]));
+    assert_eq!(good(&untimed(&[ask.clone(), tell.clone()])), pair(&ask, &tell));
+}
+
+#[test]
+fn functions_without_layout_of_every_length_filled_with_zeros_and_with_strays_behind() {
+    for code in [65u8, 72, 90, 100, 110, 125, 126, 127] {
+        for length in [4usize, 5, 8, 9, 33, 256] {
+            let body = |value: u8| vec![value; length - 4];
+            let once = |value: u8| frame(1, &[&[code][..], &body(value)].concat());
+            // Some exchanges teach the length; then only zeros, and a stray zero behind each frame.
+            let (ask, tell) = (once(0), frame(1, &[code, 2, 0, 0]));
+            let lesson: Vec<Vec<u8>> = (0x51..0x55).flat_map(|at| [once(at), frame(1, &[code, 2, at, 9])]).collect();
+            let strays = vec![vec![0]];
+            let frames = [&lesson[..], &[ask.clone()], &strays, &[tell.clone()], &strays, &[read(2, 0, 1)]].concat();
+            let found = good(&untimed(&frames));
+            // With a zero behind it, such a frame is as valid: which it was, nobody can tell.
+            let whole = |(bytes, way): &(Vec<u8>, Direction)| *way == Request && [&bytes[..], &[0]].concat().starts_with(&ask);
+            let told = found.iter().any(|frame| whole(frame) && frame.0.len().abs_diff(length) <= 1);
+            assert!(told, "function {code}, {length} bytes: {found:02x?}");
+            assert!(found.contains(&(read(2, 0, 1), Request)), "function {code}, {length} bytes");
+        }
+    }
+}
+
+#[test]
+fn functions_whose_length_stands_in_the_frame() {
+    let long = |count: usize| (0..count).map(|at| (at * 29 + 3) as u8).collect::<Vec<u8>>();
+    let mut pairs: Vec<(Vec<u8>, Vec<u8>)> = Vec::new();
+    for count in [2usize, 4, 80, 250] {
+        let loopback = frame(1, &[&[8, 0, 0][..], &long(count)].concat());
+        pairs.push((loopback.clone(), loopback));
+    }
+    // File records: two groups asked for, two answered; a write of two groups.
+    let ask = frame(1, &[20, 14, 6, 0, 4, 0, 1, 0, 2, 6, 0, 3, 0, 9, 0, 1]);
+    pairs.push((ask, frame(1, &[20, 10, 5, 6, 0x0D, 0xFE, 0, 0x20, 3, 6, 0x33, 0xCD])));
+    let write = frame(1, &[21, 20, 6, 0, 4, 0, 7, 0, 2, 6, 0xAF, 4, 0xBE, 6, 0, 3, 0, 9, 0, 1, 0x10, 0x0D]);
+    pairs.push((write.clone(), write));
+    // FIFO queue: a count of two bytes, none and two values.
+    pairs.push((frame(1, &[24, 4, 0xDE]), frame(1, &[24, 0, 2, 0, 0])));
+    pairs.push((frame(1, &[24, 4, 0xDE]), frame(1, &[24, 0, 6, 0, 2, 1, 0xB8, 0x12, 0x84])));
+    // Identification: two objects, and more follows.
+    let objects = [&[43, 14, 1, 1, 0xFF, 2, 2, 0, 3][..], b"abc", &[1, 2], b"de"].concat();
+    pairs.push((frame(1, &[43, 14, 1, 0]), frame(1, &objects)));
+    for (ask, tell) in pairs {
+        let batch = untimed(&[ask.clone(), tell.clone(), read(2, 0, 1), answer(2, &[1])]);
+        assert_eq!(good(&batch)[..2], pair(&ask, &tell), "function {}", ask[1]);
+    }
+}
+
+#[test]
+fn answers_that_do_not_keep_to_their_requests_are_frames_with_findings() {
+    let cases = [
+        // Fewer registers than asked for, a value that is not echoed, 2001 coils.
+        (read(1, 0, 5), answer(1, &[1, 2]), Finding::ResponseLength),
+        (frame(1, &[6, 0, 1, 0, 3]), frame(1, &[6, 0, 1, 0, 9]), Finding::EchoMismatch),
+        (frame(1, &[1, 0, 0, 0x07, 0xD1]), frame(1, &[&[1, 251][..], &[0x5A; 251]].concat()), Finding::QuantityLimit),
+    ];
+    for (ask, tell, finding) in cases {
+        let batch = untimed(&[ask.clone(), tell.clone(), read(2, 0, 1), answer(2, &[1])]);
+        assert_eq!(good(&batch)[..2], pair(&ask, &tell), "{finding:?}");
+        assert!(batch.findings.iter().any(|row| row.finding == finding), "{finding:?}");
+    }
+}
+
+#[test]
+fn frames_inside_payloads_of_files_and_tunnels_live_too() {
+    let inner = read(2, 0, 1);
+    let file = [&[21, 7 + inner.len() as u8, 6, 0, 4, 0, 7, 0, inner.len() as u8 / 2][..], &inner].concat();
+    let tunnel = [&[43, 13][..], &inner, &[1, 2, 3]].concat();
+    let outer = frame(1, &file);
+    let frames = [(12, outer.clone()), (12, outer.clone()), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+    for live in [false, true] {
+        assert_eq!(good(&timed(live, &frames))[..2], pair(&outer, &outer));
+    }
+    let outer = frame(1, &tunnel);
+    let frames = [(12, outer.clone()), (12, frame(1, &[43, 13, 9, 9])), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+    for live in [false, true] {
+        assert_eq!(good(&timed(live, &frames))[0], (outer.clone(), Request));
+    }
+}
+
+#[test]
+fn the_same_request_again_at_once_is_neither_echo_nor_retry_before_the_line_has_shown_which() {
+    // The recording begins with a request that stands there twice, without a clock.
+    let (mut session, bus) = session(false, Clock::None);
+    let bytes = [read(1, 0, 1), read(1, 0, 1), answer(1, &[5]), read(2, 0, 1), answer(2, &[6])].concat();
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    let batch = session.take();
+    let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
+    assert_eq!(statuses, [Status::NotSeen, Status::Ok, Status::Ok]);
+    assert_eq!(batch.transactions[1].retry_of, None);
+}
+
+#[test]
+fn a_line_with_echo_is_known_by_its_third_request_without_a_clock() {
+    let (mut session, bus) = session(false, Clock::None);
+    let round = |at: u16| [read(1, at, 1), read(1, at, 1), answer(1, &[at])].concat();
+    let bytes: Vec<u8> = (0..8).flat_map(round).collect();
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    let batch = session.take();
+    let echoes = batch.findings.iter().filter(|row| row.finding == Finding::LocalEcho).count();
+    assert!((6..=8).contains(&echoes), "{echoes}");
+    assert!(batch.findings.iter().all(|row| row.finding != Finding::NoResponse && row.finding != Finding::Retry));
+}
+
+#[test]
+fn the_same_answer_to_the_same_request_again_is_no_duplicate() {
+    let ask = read(1, 0, 4);
+    let tell = answer(1, &[0xFFF8, 0xD92F, 0x4240, 0]);
+    let frames = [ask.clone(), tell.clone(), ask.clone(), tell.clone(), read(2, 0, 1), answer(2, &[1])];
+    let batch = untimed(&frames);
+    assert_eq!(good(&batch)[..4], [pair(&ask, &tell), pair(&ask, &tell)].concat());
+    assert!(batch.findings.iter().all(|row| row.finding != Finding::Duplicate));
+}
