@@ -64,7 +64,7 @@ def test_every_dialect_has_a_writer() -> None:
 def test_any_bytes_come_back(name: str) -> None:
     """In order, with their sides, and nothing is left over."""
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=12, deadline=None)
     @given(records)
     def check(drawn: list[tuple[int, bool, bytes]]) -> None:
         moments = said(drawn)
@@ -80,7 +80,7 @@ def test_any_bytes_come_back(name: str) -> None:
 def test_times_come_back(name: str) -> None:
     """As finely as the dialect prints them; a date and a zone are other tests' matter."""
 
-    @settings(max_examples=10, deadline=None)
+    @settings(max_examples=6, deadline=None)
     @given(records.filter(lambda drawn: len(drawn) > 1))
     def check(drawn: list[tuple[int, bool, bytes]]) -> None:
         moments = said(drawn)
@@ -104,7 +104,7 @@ garbage = st.one_of(
 def test_no_line_is_lost(name: str) -> None:
     """Lines cut short, doubled, or of other things: delivered, left out or counted."""
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=12, deadline=None)
     @given(records, st.data())
     def check(drawn: list[tuple[int, bool, bytes]], data: st.DataObject) -> None:
         lines: list[tuple[bytes, bytes | None]] = []
@@ -141,7 +141,7 @@ def is_countable(line: bytes) -> bool:
 def test_damaged_files_do_not_crash(name: str) -> None:
     """Cut anywhere, a part twice, bytes between: what is read is still made of lines."""
 
-    @settings(max_examples=10, deadline=None)
+    @settings(max_examples=6, deadline=None)
     @given(records, st.data())
     def check(drawn: list[tuple[int, bool, bytes]], data: st.DataObject) -> None:
         text = write(name, said(drawn)).encode()
