@@ -181,8 +181,9 @@ impl Pairing {
             let before = self.past.broadcast.take().filter(|before| before.is(seen));
             return before.map_or(Same::No, |before| self.echo_or_retry(seen, before.end, before.txn));
         }
-        let again = |open: &&Box<Exchange>| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed;
-        let same = self.open.back().filter(again).map(|open| (open.request.end, open.txn));
+        let open = self.open.back();
+        let same = open.filter(|open| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed);
+        let same = same.map(|open| (open.request.end, open.txn));
         if !echoes_whole(functions, seen.pdu()) {
             // Of each request in turn: was it heard twice? On a line with time-outs some are, on one with echo all.
             if same.is_some() {

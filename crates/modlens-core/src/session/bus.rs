@@ -115,12 +115,12 @@ impl BusState {
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
-    /// The line of a chunk. Without a clock, the order of two lines is found by what they say.
-    pub(super) fn line_for(&mut self, chunk: &Chunk<'_>, live: bool) -> &mut LineState {
+    /// The line of a chunk. Without a clock, the order of two lines is found by what they say, unless somebody waits.
+    pub(super) fn line_for(&mut self, chunk: &Chunk<'_>, waiting: bool) -> &mut LineState {
         let fresh = self.lines.iter().all(|(line, _)| *line != chunk.line);
         let first = self.lines.iter().all(|(_, line)| line.ahead.is_some());
         let two = chunk.line != 0 && self.options.bus.network.is_none();
-        let untimed = matches!(chunk.times, Times::None) && !live && !chunk.record;
+        let untimed = matches!(chunk.times, Times::None) && !waiting && !chunk.record;
         let line = self.line(chunk.line);
         if fresh && first && two && untimed {
             line.ahead = Some(Box::new(Ahead::new(Input::new(line.input.char_ns))));
@@ -224,7 +224,8 @@ impl BusState {
 
     /// Who has a line of a two-line tap for himself, once both lines have shown it.
     fn speaker(&self, at: usize) -> Option<Direction> {
-        let votes: i32 = self.lines.iter().enumerate().map(|(line, (_, state))| if line == at { state.votes } else { -state.votes }).sum();
+        let votes: i32 =
+            self.lines.iter().enumerate().map(|(line, (_, state))| if line == at { state.votes } else { -state.votes }).sum();
         match votes {
             3.. => Some(Direction::Request),
             ..=-3 => Some(Direction::Response),

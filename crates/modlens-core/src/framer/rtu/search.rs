@@ -217,7 +217,7 @@ impl Search {
         match asked {
             Some(asked) if answers && (asked.unit, &asked.pdu) == (late.unit, &late.pdu) => self.model.learn_late(false),
             None if direction::answers(context.functions, late.asked(), frame[0], pdu) == Match::Fully => {
-                self.model.learn_late(true)
+                self.model.learn_late(true);
             }
             _ => {}
         }
@@ -588,7 +588,9 @@ impl Search {
             let again = frame.pending.asked.as_ref().is_some_and(|asked| asked.copied);
             let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk: frame.start - self.told() };
             let (direction, copy) = (frame.direction, copy(context, bytes, again && frame.direction == REQUEST));
-            learn(&mut self.model, context, bytes, direction, setting, copy);
+            // A response to nobody may be a request that looks like one.
+            let sure = direction == REQUEST || frame.answers;
+            learn(&mut self.model, context, bytes, direction, setting, copy, sure);
             self.model.settle();
         }
         let told = Told::Frame {
@@ -665,10 +667,10 @@ fn begun(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
 }
 
 /// Learns from a frame that is certain.
-fn learn(model: &mut Model, context: &Context<'_>, frame: &[u8], direction: usize, setting: Setting, copy: Copy) {
+fn learn(model: &mut Model, context: &Context<'_>, frame: &[u8], direction: usize, setting: Setting, copy: Copy, sure: bool) {
     model.learn(frame, direction, setting, copy);
     let (code, body) = (frame[1], &frame[2..frame.len() - 2]);
-    if code & EXCEPTION_BIT == 0 {
+    if sure && code & EXCEPTION_BIT == 0 {
         let row = context.functions.row(code, body);
         let layout = row.map(|row| if direction == REQUEST { &row.request } else { &row.response });
         if layout.is_none_or(|layout| *layout == Layout::Unknown) {
