@@ -71,7 +71,7 @@ class Recording:
         self._transcode: Transcoder | None = None
         # Whether the file of this name holds the bytes as they are: it can be opened again.
         self._own = name != STDIN and os.path.isfile(name)
-        self._file = self._open(name)
+        self._file = self._opened = self._open(name)
         try:
             self._waits = os.name == "posix" and not self._is_regular()
             self._sample = self._plain_sample()
@@ -102,6 +102,7 @@ class Recording:
     def close(self) -> None:
         """Close the file; standard input stays open."""
         self._file.close()
+        self._opened.close()  # what is decompressed does not close what it is read from
 
     def __enter__(self) -> Self:
         return self
