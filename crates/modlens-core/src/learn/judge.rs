@@ -145,7 +145,7 @@ struct Movement {
     disorder: f64,
     /// Mean step of the whole number.
     step: f64,
-    /// Bits for the lower registers as digits behind the highest one.
+    /// Bits for the lower half as digits behind the upper one.
     fit: f64,
 }
 
@@ -184,13 +184,13 @@ fn movement(values: &[u64], words: usize, float: bool) -> Movement {
         distinct: distinct.len(),
         disorder: disorder(values, words),
         step,
-        fit: fit(&numbers, 16 * (words as u32 - 1)),
+        fit: fit(&numbers, 8 * words as u32),
     }
 }
 
-/// Whether the steps of a number are smoother than those of its highest register alone.
+/// Whether the steps of a number are smoother than those of its upper half alone.
 ///
-/// They are where the other registers are its digits: rounding them off adds the variance of rounding twice, 1/6. Where
+/// They are where the lower half are its digits: rounding them off adds the variance of rounding twice, 1/6. Where
 /// they belong to something else, they are noise, and it is the whole that has so much more.
 fn fit(numbers: &[i128], below: u32) -> f64 {
     let unit = (1u128 << below) as f64;
@@ -253,7 +253,7 @@ fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     if movement.low_step > WILD {
         bits += movement.fit;
         if movement.fit > 2.0 {
-            reason.push_str("the lower registers tell what the steps of the highest one leave open; ");
+            reason.push_str("the lower register tells what the steps of the upper one leave open; ");
         }
     }
     if movement.distinct > 4 && movement.low_step > WILD && movement.high_step < movement.low_step / 16.0 {
@@ -281,7 +281,9 @@ fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     let mut reason = String::new();
     let movement = movement(values, words, true);
     let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
-    if words == 4 && bits > 2.0 {
+    if words == 4 && (movement.low_step < WILD || movement.next_step < WILD) {
+        bits = 0.0;
+    } else if words == 4 {
         let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
         bits += coupling(&self::movement(&halves, 2, true), &mut String::new());
     }
@@ -345,10 +347,8 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
         return None;
     }
     let mut reason = String::new();
-    let mut bits = coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
-    if words == 4 && bits > 0.0 {
-        bits += upper_half(values, signed, &mut reason);
-    }
+    let mut bits = asked_for(asked, &mut reason);
+    bits += if words == 4 { halves(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     if all_negative && !any_small && bits > 0.0 {
         bits += 2.0;
@@ -387,20 +387,31 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
-/// Bits for what the upper half of a number of four registers does: the half below it does not explain it.
-fn upper_half(values: &[u64], signed: bool, reason: &mut String) -> f64 {
-    let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
-    if halves.windows(2).all(|pair| pair[0] == pair[1]) {
-        let total = !signed && halves[0] > 0 && halves[0] >> 16 < TOP;
-        return if total { 2.0 } else { -3.0 };
+/// Bits for a whole number of four registers: its halves are judged as numbers of two.
+fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
+    let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
+    let changes = upper.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if changes * 20 <= upper.len() {
+        // A total whose upper half hardly moves; or a shorter one behind constants.
+        let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
+        let bits = coupling(&movement(&lower, 2, false), reason);
+        let carries = (1..upper.len()).filter(|&at| upper[at] == upper[at - 1] + 1 && lower[at] < lower[at - 1]).count();
+        let total = !signed && upper[0] > 0 && upper[0] >> 16 < TOP;
+        return match (bits > 0.0, carries == changes) {
+            (true, true) => bits + CARRY * changes as f64 + if total { 2.0 } else { -3.0 },
+            _ => 0.0,
+        };
     }
-    let mut unsaid = String::new();
-    let upper = coupling(&movement(&halves, 2, false), &mut unsaid);
-    if signed && halves.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
+    // An upper half that moves leaves nothing smooth below it.
+    if whole.low_step < WILD || whole.next_step < WILD {
+        return 0.0;
+    }
+    let bits = coupling(whole, reason) + coupling(&movement(&upper, 2, false), &mut String::new());
+    if signed && upper.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
         reason.push_str("the highest register is nothing but the sign; ");
-        return upper + 8.0;
+        return bits + 8.0;
     }
-    upper
+    bits
 }
 
 fn figure(number: f64) -> String {

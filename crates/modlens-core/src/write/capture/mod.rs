@@ -90,8 +90,8 @@ pub struct Capture {
     /// Frames that the filter left out, for the context of the next one.
     before: VecDeque<(Arc<Batch>, usize)>,
     behind: usize,
-    /// Transactions whose words no packet has yet: the number of their last frame, and the words.
-    told: HashMap<u64, (u64, Vec<u8>)>,
+    /// Transactions whose words no packet has yet: where their row is.
+    told: HashMap<u64, (Arc<Batch>, usize)>,
     /// Transactions that have packets, but were not complete then: those of a live tap.
     untold: BTreeSet<u64>,
     /// Name and line of the bus of each.
@@ -150,10 +150,9 @@ impl Capture {
                 self.notes.entry(frame).or_default().push((row.finding, row.detail.clone()));
             }
         }
-        for row in &batch.transactions {
+        for (at, row) in batch.transactions.iter().enumerate() {
             if !self.options.classic && self.options.style != Style::Tcp {
-                let last = row.request.frame.max(row.response.frame);
-                self.told.insert(row.number, (last, words::transaction(batch, row)));
+                self.told.insert(row.number, (Arc::clone(batch), at));
             }
             if self.options.live && self.filtered.is_some() {
                 self.done.insert(row.number);
@@ -227,11 +226,12 @@ impl Capture {
         if self.waiting.is_empty() {
             self.notes.clear();
         }
-        if self.told.len() > REMEMBERED {
-            // Of frames that a filter has left out.
+        if self.filtered.is_some() {
+            // Of frames that were left out.
             let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
             let next = self.before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
-            self.told.retain(|txn, (last, _)| *last >= next || self.untold.contains(txn));
+            let untold = &self.untold;
+            self.told.retain(|txn, (batch, at)| last_frame(batch, *at) >= next || untold.contains(txn));
         }
         if self.kept.len() + self.done.len() < REMEMBERED {
             return;
@@ -300,7 +300,7 @@ impl Capture {
     fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
             match self.told.get(&txn) {
-                Some((last, _)) if frame.number < *last => {}
+                Some((batch, at)) if frame.number < last_frame(batch, *at) => {}
                 Some(_) => self.tell(txn, out),
                 None => {
                     self.untold.insert(txn);
@@ -317,8 +317,8 @@ impl Capture {
     }
 
     fn tell(&mut self, txn: u64, out: &mut Vec<u8>) {
-        if let Some((_, words)) = self.told.remove(&txn) {
-            blocks::custom(out, |out| out.extend_from_slice(&words));
+        if let Some((batch, at)) = self.told.remove(&txn) {
+            blocks::custom(out, |out| words::transaction(&batch, &batch.transactions[at], out));
         }
     }
 
@@ -381,6 +381,12 @@ impl Capture {
         self.latest = Some((key, at));
         at
     }
+}
+
+/// The last frame of a transaction.
+fn last_frame(batch: &Batch, at: usize) -> u64 {
+    let row = &batch.transactions[at];
+    row.request.frame.max(row.response.frame)
 }
 
 /// The first moment of the recording.

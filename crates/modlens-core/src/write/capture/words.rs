@@ -126,38 +126,37 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
 }
 
 /// The same of a transaction, for the packet of its last frame.
-pub fn transaction(batch: &Batch, row: &Transaction) -> Vec<u8> {
-    let mut out = Vec::with_capacity(80);
-    number("transaction=", row.number, &mut out);
-    word(" status=", row.status.text(), &mut out);
-    for (key, half) in [("request", &row.request), ("response", &row.response)] {
+pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
+    number("transaction=", row.number, out);
+    word(" status=", row.status.text(), out);
+    let halves = [(" request=", " request_pdu=", &row.request), (" response=", " response_pdu=", &row.response)];
+    for (key, bytes, half) in halves {
         if half.frame > 0 {
-            number(&format!(" {key}="), half.frame, &mut out);
+            number(key, half.frame, out);
             let pdu = half.pdu.of(&batch.arena);
             if pdu != usual_pdu(batch, row.mode, half) {
-                word(&format!(" {key}_pdu="), &hex(pdu), &mut out);
+                word(bytes, &hex(pdu), out);
             }
         }
     }
     let times = [(" response_us=", row.response_time), (" waited_us=", row.waited), (" late_us=", row.late_response)];
     for (key, ns) in times.into_iter().chain([(" gap_us=", row.gap)]) {
         if let Some(ns) = ns {
-            us(key, ns, &mut out);
+            us(key, ns, out);
         }
     }
     for (key, value) in [(" retry_of=", row.retry_of), (" late_for=", row.late_for)] {
         if let Some(value) = value {
-            number(key, value, &mut out);
+            number(key, value, out);
         }
     }
     if let Some(code) = row.exception {
-        number(" exception=", u64::from(code), &mut out);
+        number(" exception=", u64::from(code), out);
     }
     if let Some(id) = row.mbap_id {
-        number(" mbap_id=", u64::from(id), &mut out);
+        number(" mbap_id=", u64::from(id), out);
     }
-    codes(row.findings.of(&batch.codes), &mut out);
-    out
+    codes(row.findings.of(&batch.codes), out);
 }
 
 /// The PDU that stands in the bytes of a whole frame.
