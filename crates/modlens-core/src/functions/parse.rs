@@ -84,6 +84,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
         register_type,
         echo: strings(row.get("echo"))?,
         permits: [permits(row, &request)?, permits(row, &response)?],
+        mirrored: request == response,
         request,
         response,
         source,

@@ -87,6 +87,8 @@ pub struct Row {
     pub operation: Operation,
     /// To what: `coil`, `discrete_input`, `holding_register`, `input_register`.
     pub register_type: Option<String>,
+    /// Whether request and response have the same layout: then they can look the same.
+    pub mirrored: bool,
     /// Fields that the response repeats.
     pub echo: Vec<String>,
     /// What the specification permits, of the request and of the response.

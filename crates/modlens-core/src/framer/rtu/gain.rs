@@ -1,77 +1,13 @@
 //! What a substring with a right CRC is worth as a request or as a response.
 
-use std::sync::Arc;
-
-use crate::direction::{answers, consistent, expected_block, Asked, Direction, Match, Pause};
+use crate::direction::{answers, consistent, expected_block, Direction, Match, Pause};
 use crate::framer::rtu::announced;
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs::{self, Model, Setting};
+use crate::framer::rtu::pending::{print, Open, Request};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
 use crate::pairing::BROADCAST;
-
-/// A request that may be answered.
-#[derive(Clone, Debug)]
-pub struct Request {
-    /// Unit asked.
-    pub unit: u8,
-    /// Its PDU.
-    pub pdu: Vec<u8>,
-    /// Its checksum was wrong: what the answer repeats may differ.
-    pub damaged: bool,
-    /// It was already heard twice.
-    pub copied: bool,
-    /// It is isolated in noise.
-    pub tentative: bool,
-}
-
-/// The requests that a frame may answer.
-#[derive(Clone, Debug, Default)]
-pub struct Pending {
-    /// The one that waits.
-    pub asked: Option<Arc<Request>>,
-    /// The one before it, if it was not answered: its answer may come late.
-    pub late: Option<Arc<Request>>,
-    /// The one that was answered last, and what tells its answer from others (length and checksum): it may come again.
-    pub last: Option<(Arc<Request>, [u8; 4])>,
-}
-
-/// What tells a frame from others: length and checksum.
-fn print(frame: &[u8]) -> [u8; 4] {
-    let [length, more] = (frame.len() as u16).to_le_bytes();
-    [length, more, frame[frame.len() - 2], frame[frame.len() - 1]]
-}
-
-impl Pending {
-    /// Equal for those that hold the same requests.
-    pub fn identity(&self) -> [Option<*const Request>; 3] {
-        let last = self.last.as_ref().map(|(request, _)| Arc::as_ptr(request));
-        [self.asked.as_ref().map(Arc::as_ptr), self.late.as_ref().map(Arc::as_ptr), last]
-    }
-
-    /// The requests that may be answered behind this frame.
-    pub fn after(self, frame: &[u8], direction: usize, answered: bool, whole: bool) -> Self {
-        if direction == RESPONSE {
-            return match self.asked {
-                Some(asked) if answered => Self { asked: None, late: self.late, last: Some((asked, print(frame))) },
-                asked => Self { asked, ..self },
-            };
-        }
-        let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-        let copied = self.asked.as_ref().is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
-        // A broadcast is never answered.
-        let asked =
-            (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied, tentative: false }));
-        Self { asked, late: self.asked, last: None }
-    }
-}
-
-impl Request {
-    /// The same as the rest of the core knows it.
-    pub fn asked(&self) -> Asked<'_> {
-        Asked { unit: self.unit, pdu: &self.pdu }
-    }
-}
 
 /// 0 for requests, 1 for responses: the index of learned counts.
 pub const REQUEST: usize = 0;
@@ -168,14 +104,14 @@ pub fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
 pub fn context(
     model: &Model,
     context: &Context<'_>,
-    pending: &Pending,
+    pending: Open<'_>,
     frame: &[u8],
     direction: usize,
     pause: Pause,
     (junk, begun): (u64, bool),
 ) -> (f32, bool) {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let asked = pending.asked.as_ref();
+    let asked = pending.asked;
     let (unanswered, orphan) = model.turn(Setting { waiting: asked.is_some(), junk });
     if direction == REQUEST {
         let repeated = model.repeated(frame);
@@ -187,7 +123,7 @@ pub fn context(
             return (repeated.max(model.bits_of(&pdu[1..]) - 1.0) - again, false);
         }
         // The request before the one that waits, again: another frame was taken for the one between.
-        let late = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
+        let late = pending.late.is_some_and(|late| late.unit == unit && late.pdu == pdu);
         let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
         return (repeated.max(known) - unanswered, false);
     }
@@ -218,15 +154,15 @@ pub fn context(
 }
 
 /// Bits of an answer that nobody waits for any more: the late one, or the last one once more.
-fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], pause: Pause) -> f32 {
+fn again(model: &Model, context: &Context<'_>, pending: Open<'_>, frame: &[u8], pause: Pause) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let fits = |request: &&Arc<Request>| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
-    let late = pending.late.as_ref().filter(fits).map(|request| {
+    let fits = |request: &&Request| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
+    let late = pending.late.filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
         (request, costs::LATE + retry, false)
     });
     // An echo once more is rather the same request again.
-    let last = pending.last.as_ref().filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
+    let last = pending.last.filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
     let again = last.map(|(request, _)| request).filter(fits).map(|request| (request, costs::AGAIN, true));
     let bits = late.into_iter().chain(again).map(|(request, cost, same)| {
         let row = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0);
@@ -253,7 +189,7 @@ fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], 
 pub fn damaged(
     model: &Model,
     context: &Context<'_>,
-    asked: Option<&Arc<Request>>,
+    asked: Option<&Request>,
     frame: &[u8],
     direction: usize,
 ) -> Option<f32> {
@@ -277,7 +213,7 @@ pub fn damaged(
 }
 
 /// Bits that an unfinished frame may claim by its header, if it can still go on beyond `seen` bytes.
-pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Arc<Request>>, seen: &[u8]) -> Option<f32> {
+pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8]) -> Option<f32> {
     if seen.len() < 2 {
         return Some(model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH);
     }

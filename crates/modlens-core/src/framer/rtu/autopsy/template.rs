@@ -59,7 +59,7 @@ fn request_of(scene: &Scene<'_, '_>, response: &[u8]) -> Template {
     let mut length = None;
     if let Some(row) = scene.context.functions.row(bytes[1], body) {
         if code & EXCEPTION_BIT == 0 && !row.echo.is_empty() {
-            let repeated = if row.request == row.response { body.len() } else { body.len().min(REPEATED) };
+            let repeated = if row.mirrored { body.len() } else { body.len().min(REPEATED) };
             bytes.extend_from_slice(&body[..repeated]);
         }
         if let Extent::Exactly(body) = row.request.extent(&bytes[2..]) {
@@ -90,7 +90,7 @@ fn answers(scene: &Scene<'_, '_>, asked: Asked<'_>, templates: &mut Vec<Template
     let mut bytes = vec![asked.unit, code];
     let mut length = None;
     if let Some(row) = scene.context.functions.row(code, body) {
-        if row.request == row.response && !row.echo.is_empty() {
+        if row.mirrored && !row.echo.is_empty() {
             bytes.extend_from_slice(body);
         } else if let Some(block) = expected_block(row, asked.pdu).and_then(|block| u8::try_from(block).ok()) {
             bytes.push(block);

@@ -3,13 +3,13 @@
 //! Nodes stand at ends of frames only. What lies between two frames costs the same however it is read, so nothing has
 //! to be kept for single bytes. A frame is told once no rival reading within `THETA` bits is left without it.
 
-use std::sync::Arc;
-
-use crate::direction::Direction;
+use crate::direction::{Asked, Direction};
 use crate::framer::rtu::announced;
+use crate::framer::rtu::certain::answer;
 use crate::framer::rtu::costs::{self, Copy, Model, Setting};
-use crate::framer::rtu::gain::{self, Pending, Request, REQUEST, RESPONSE};
+use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
+use crate::framer::rtu::pending::{Open, Pending, Request, Requests};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
@@ -121,6 +121,7 @@ pub struct Search {
     calm: u64,
     /// The frame that was last seen to be possible still: the node behind which it begins, and where.
     threat: Option<(usize, u64)>,
+    requests: Requests,
     /// What was learned.
     pub model: Model,
 }
@@ -149,6 +150,7 @@ impl Default for Search {
             wake: 0,
             calm: 0,
             threat: None,
+            requests: Requests::default(),
             model: Model::default(),
         }
     }
@@ -156,6 +158,7 @@ impl Default for Search {
 
 impl Search {
     /// The end of what was told.
+    #[inline]
     pub fn told(&self) -> u64 {
         self.nodes[0].end
     }
@@ -166,39 +169,75 @@ impl Search {
     }
 
     /// Whether nothing behind what was told speaks against a frame that begins there.
-    pub fn admits(&self, length: usize, direction: usize) -> bool {
+    pub fn admits(&self, length: usize) -> bool {
+        if self.nodes.len() == 1 {
+            return true;
+        }
+        let direction = if self.asked().is_some() { RESPONSE } else { REQUEST };
         let first = self.nodes[self.best().0].first;
         let frame = &self.nodes[first];
         first == 0 || (frame.start, frame.end, frame.direction) == (self.told(), self.told() + length as u64, direction)
     }
 
+    /// Who sent the frame that was told last.
+    #[inline]
+    pub fn direction(&self) -> Direction {
+        gain::direction(self.nodes[0].direction)
+    }
+
     /// The request that waits.
-    pub fn asked(&self) -> Option<&Arc<Request>> {
-        self.nodes[0].pending.asked.as_ref()
+    #[inline]
+    pub fn asked(&self) -> Option<&Request> {
+        self.nodes[0].pending.asked.map(|slot| self.requests.get(slot))
     }
 
     /// All that may be answered.
-    pub fn pending(&self) -> &Pending {
-        &self.nodes[0].pending
+    pub fn pending(&self) -> Open<'_> {
+        self.requests.open(self.nodes[0].pending)
     }
 
     /// The request that waits is known from elsewhere: the other line of a two-line tap.
-    pub fn set_asked(&mut self, asked: Option<Arc<Request>>) {
-        self.nodes[0].pending.asked = asked;
+    pub fn set_asked(&mut self, asked: Option<Asked<'_>>) {
+        self.make_room();
+        let slot = asked.map(|asked| self.requests.keep(asked.unit, asked.pdu));
+        self.nodes[0].pending.asked = slot;
     }
 
-    /// A frame was found without search, right behind what was told.
-    pub fn skip(&mut self, context: &Context<'_>, frame: &[u8], direction: usize) {
-        let copy = copy(context, frame, false);
-        self.nodes.truncate(1);
+    #[inline]
+    fn make_room(&mut self) {
+        self.requests.make_room(self.nodes.iter().map(|node| &node.pending));
+    }
+
+    /// A frame was found without search, right behind what was told: the first `length` of these bytes. It is the answer
+    /// to the request that waits, or a request where none does.
+    #[inline]
+    pub fn pass(&mut self, context: &Context<'_>, bytes: &[u8], length: usize) {
+        if self.nodes.len() > 1 {
+            self.nodes.truncate(1);
+        }
+        let frame = &bytes[..length];
+        let waiting = self.nodes[0].pending.asked.is_some();
+        let mut copy = Copy::Unclear;
+        if !waiting {
+            self.make_room();
+        }
         let root = &mut self.nodes[0];
-        (root.start, root.end) = (root.end, root.end + frame.len() as u64);
-        root.direction = direction;
-        root.pending = std::mem::take(&mut root.pending).after(frame, direction, direction == RESPONSE, true);
+        if waiting {
+            self.requests.answered(&mut root.pending, frame);
+        } else {
+            let row = context.functions.row(frame[1], &frame[2..]);
+            let answer = row.and_then(|row| answer(row, &frame[1..length - 2]));
+            if row.is_some_and(|row| !row.mirrored) {
+                copy = Copy::First;
+            }
+            self.requests.ask(&mut root.pending, bytes, length, answer);
+        }
+        root.direction = if waiting { RESPONSE } else { REQUEST };
+        (root.start, root.end) = (root.end, root.end + length as u64);
         self.next = root.end;
         self.running = false;
         // In the certain case there is a request, or the answer to one, and its layout is known.
-        self.model.learn(frame, direction, Setting { waiting: direction == RESPONSE, junk: 0 }, copy);
+        self.model.learn(frame, root.direction, Setting { waiting, junk: 0 }, copy);
     }
 
     /// Bytes up to here belong to no frame, as somebody else decided.
@@ -288,10 +327,13 @@ impl Search {
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
                 let junk = start - node.end;
                 let begun = begun.is_some_and(|place| place >= node.end);
-                let key = (node.pending.identity(), junk >= costs::MAY_HOLD_A_FRAME, begun);
+                let key = (node.pending, junk >= costs::MAY_HOLD_A_FRAME, begun);
                 let (around, answered) = match known {
                     Some((before, worth)) if before == key => worth,
-                    _ => gain::context(&self.model, context, &node.pending, frame, direction, pause, (junk, begun)),
+                    _ => {
+                        let open = self.requests.open(node.pending);
+                        gain::context(&self.model, context, open, frame, direction, pause, (junk, begun))
+                    }
                 };
                 known = Some((key, (around, answered)));
                 let gain = own + timing - told + around;
@@ -304,7 +346,8 @@ impl Search {
             for (answered, found) in best.into_iter().enumerate() {
                 let Some((score, parent, gain)) = found else { continue };
                 let answers = answered == 1;
-                let pending = self.nodes[parent].pending.clone().after(frame, direction, answers, true);
+                self.make_room();
+                let pending = self.requests.after(self.nodes[parent].pending, frame, direction, answers, true);
                 self.push(Node { direction, score, gain, parent, answers, pending, ..self.node(start) });
             }
         }
@@ -364,12 +407,13 @@ impl Search {
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
                     let damaged = alone && frame[1] & EXCEPTION_BIT == 0;
-                    let asked = self.nodes[parent].pending.asked.as_ref().filter(|_| damaged);
+                    let asked = self.nodes[parent].pending.asked.filter(|_| damaged).map(|slot| self.requests.get(slot));
                     let gain = if damaged { gain::damaged(&self.model, context, asked, frame, direction) } else { None };
                     if let Some(gain) = gain {
                         let score = self.nodes[parent].score + gain;
                         let answers = direction == RESPONSE;
-                        let pending = self.nodes[parent].pending.clone().after(frame, direction, answers, false);
+                        self.make_room();
+                        let pending = self.requests.after(self.nodes[parent].pending, frame, direction, answers, false);
                         self.push(Node { direction, score, gain, parent, answers, whole: false, pending, ..self.node(start) });
                     }
                 }
@@ -534,7 +578,8 @@ impl Search {
         }
         let base = input.offset();
         let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
-        gain::header(&self.model, context, node.pending.asked.as_ref(), seen).is_some_and(|header| way + header > bar)
+        let asked = node.pending.asked.map(|slot| self.requests.get(slot));
+        gain::header(&self.model, context, asked, seen).is_some_and(|header| way + header > bar)
     }
 
     /// Tells a frame: it becomes the root of all that is left.
@@ -553,7 +598,7 @@ impl Search {
         let tentative = strays && !asked_for && !context.paired_units[bytes[0] as usize];
         // Noise must not teach units.
         if !tentative {
-            let again = frame.pending.asked.as_ref().is_some_and(|asked| asked.copied);
+            let again = frame.pending.asked.is_some_and(|slot| self.requests.get(slot).copied);
             let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk: frame.start - self.told() };
             let (direction, copy) = (frame.direction, copy(context, bytes, again && frame.direction == REQUEST));
             learn(&mut self.model, context, bytes, direction, setting, copy);
@@ -571,8 +616,9 @@ impl Search {
             self.model.learn_noise(junk);
         }
         self.reroot(first);
-        if let Some(asked) = self.nodes[0].pending.asked.as_mut().filter(|_| tentative) {
-            Arc::make_mut(asked).tentative = true;
+        if let Some(asked) = self.nodes[0].pending.asked.filter(|_| tentative) {
+            self.make_room();
+            self.nodes[0].pending.asked = Some(self.requests.keep_doubted(asked));
         }
         told
     }
@@ -660,7 +706,7 @@ fn timing(input: &Input, from: usize, to: usize, silence: Ns) -> f32 {
 fn copy(context: &Context<'_>, frame: &[u8], again: bool) -> Copy {
     let row = context.functions.row(frame[1] & !EXCEPTION_BIT, &frame[2..]);
     match row {
-        Some(row) if row.request != row.response => {
+        Some(row) if !row.mirrored => {
             if again {
                 Copy::Again
             } else {
