@@ -5,6 +5,7 @@
 //! zeros cannot fake evidence.
 
 use crate::framer::rtu::bits::log2;
+use crate::framer::rtu::polls::Polls;
 use crate::framer::rtu::shapes::Shapes;
 use crate::functions::{Functions, EXCEPTION_BIT};
 
@@ -70,9 +71,6 @@ pub const BROADCAST_READ: f32 = 9.0;
 /// A request seen before in this poll cycle is worth so much at most.
 pub const REPEATED_AT_MOST: f32 = 12.0;
 
-/// Places in the dictionary of requests seen.
-const SEEN: usize = 1024;
-
 /// Frames follow each other without strays but for one in forty at first.
 const FIRST_JUNK: f32 = 1.0 / 40.0;
 
@@ -97,10 +95,8 @@ pub struct Model {
     /// By direction and function code, the exception bit off.
     functions: [[f32; 128]; 2],
     function_totals: [f32; 2],
-    seen: Box<[(u64, u32)]>,
-    /// The bytes of those requests, if they are short, and the places of those that came again.
-    texts: Box<[Text]>,
-    polls: Vec<u16>,
+    /// The requests seen.
+    pub polls: Polls,
     frames: f32,
     junk: f32,
     requests: f32,
@@ -109,6 +105,8 @@ pub struct Model {
     glued: f32,
     strays: f32,
     bits: [f32; 256],
+    /// The shares of all bytes before any noise was seen.
+    usual: Box<[f32; 256]>,
     noise: Box<[f32; 256]>,
     noise_total: f32,
     noise_due: f32,
@@ -127,12 +125,6 @@ pub struct Setting {
     /// Bytes before it that are no frame.
     pub junk: u64,
 }
-
-/// A request that is remembered with its bytes: those of a poll cycle are short.
-type Text = [u8; 24];
-
-/// So many requests of a poll cycle are remembered with their bytes.
-const POLLS: usize = 64;
 
 /// Bytes of noise that weigh as much as the usual bits, after which the bits are worked out again, and half forgotten.
 const NOISE_WEIGHT: f32 = 256.0;
@@ -160,9 +152,7 @@ impl Default for Model {
             unit_total: 0.0,
             functions: [[0.0; 128]; 2],
             function_totals: [0.0; 2],
-            seen: vec![(0, 0); SEEN].into_boxed_slice(),
-            texts: vec![[0; 24]; SEEN].into_boxed_slice(),
-            polls: Vec::new(),
+            polls: Polls::default(),
             frames: 0.0,
             junk: 0.0,
             requests: 0.0,
@@ -170,6 +160,7 @@ impl Default for Model {
             glued: 0.0,
             strays: 0.0,
             bits: std::array::from_fn(|byte| usual_bits(byte as u8)),
+            usual: Box::new(std::array::from_fn(|byte| (-usual_bits(byte as u8)).exp2())),
             noise: Box::new([0.0; 256]),
             noise_total: 0.0,
             noise_due: NOISE_STEP,
@@ -234,19 +225,22 @@ impl Model {
             self.noise[byte as usize] += 1.0;
         }
         self.noise_total += bytes.len() as f32;
-        if self.noise_total < self.noise_due {
-            return;
+        if self.noise_total >= self.noise_due {
+            self.weigh_noise();
         }
+    }
+
+    /// Works out the bits of all bytes. Without branches: then it takes a few operations for many of them at once.
+    fn weigh_noise(&mut self) {
         if self.noise_total > NOISE_FORGET {
             self.noise.iter_mut().for_each(|count| *count /= 2.0);
             self.noise_total /= 2.0;
         }
         self.noise_due = self.noise_total + NOISE_STEP;
-        let weight = self.noise_total / (self.noise_total + NOISE_WEIGHT);
-        for (byte, bits) in self.bits.iter_mut().enumerate() {
-            let usual = (-usual_bits(byte as u8)).exp2();
-            let share = self.noise[byte] / self.noise_total;
-            *bits = -log2((1.0 - weight) * usual + weight * share.max(usual));
+        let total = self.noise_total;
+        let weight = total / (total + NOISE_WEIGHT);
+        for ((bits, &seen), &usual) in self.bits.iter_mut().zip(self.noise.iter()).zip(self.usual.iter()) {
+            *bits = -log2((1.0 - weight) * usual + weight * (seen / total).max(usual));
         }
     }
 
@@ -276,9 +270,7 @@ impl Model {
 
     /// What a request that was seen before is worth.
     pub fn repeated(&self, frame: &[u8]) -> f32 {
-        let (key, slot) = key(frame);
-        let (known, count) = self.seen[slot];
-        if known != key || count == 0 {
+        if !self.polls.knows(frame) {
             return 0.0;
         }
         let body = self.bits_of(&frame[2..frame.len() - 2]);
@@ -358,38 +350,10 @@ impl Model {
         self.frames += 1.0;
         self.junk += f32::from(u8::from(setting.junk > 0));
         if direction == 0 {
-            let (key, slot) = key(frame);
-            self.remember(frame, key, slot);
+            self.polls.remember(frame);
         }
         if self.unit_total > FORGET {
             self.forget();
-        }
-    }
-
-    fn remember(&mut self, frame: &[u8], key: u64, slot: usize) {
-        let (known, count) = &mut self.seen[slot];
-        // A newcomer takes the place of a request that has not come back for long.
-        if *known != key {
-            if *count > 0 {
-                *count -= 1;
-                return;
-            }
-            (*known, *count) = (key, 1);
-            let text = &mut self.texts[slot];
-            text[0] = 0;
-            if frame.len() < text.len() {
-                text[0] = frame.len() as u8;
-                text[1..=frame.len()].copy_from_slice(frame);
-            }
-            return;
-        }
-        *count = (*count + 1).min(15);
-        let place = slot as u16;
-        if *count == 2 && self.texts[slot][0] > 0 && !self.polls.contains(&place) {
-            if self.polls.len() == POLLS {
-                self.polls.remove(0);
-            }
-            self.polls.push(place);
         }
     }
 
@@ -401,12 +365,6 @@ impl Model {
         } else {
             2
         }
-    }
-
-    /// The requests that come again and again.
-    pub fn polls(&self) -> impl Iterator<Item = &[u8]> {
-        let texts = self.polls.iter().map(|&place| &self.texts[usize::from(place)]);
-        texts.filter(|text| text[0] > 0).map(|text| &text[1..=usize::from(text[0])])
     }
 
     fn forget(&mut self) {
@@ -423,18 +381,4 @@ impl Model {
 /// A learned share: of counts (those, all), with a prior.
 fn share(counts: [f32; 2], prior: f32) -> f32 {
     ((counts[0] + PRIOR_WEIGHT * prior) / (counts[1] + PRIOR_WEIGHT)).clamp(0.004, 0.9)
-}
-
-/// What tells a request from others, and its place in the dictionary: its first and last bytes, the checksum among
-/// them, and its length. That is quicker than to go through all of its bytes.
-fn key(frame: &[u8]) -> (u64, usize) {
-    let head = frame.first_chunk().map_or_else(
-        || frame.iter().fold(0, |head, &byte| head << 8 | u64::from(byte)),
-        |head: &[u8; 8]| u64::from_le_bytes(*head),
-    );
-    let tail = frame.last_chunk().map_or(0, |tail: &[u8; 4]| u64::from(u32::from_le_bytes(*tail)));
-    let tail = tail << 16 ^ frame.len() as u64;
-    // Odd numbers without pattern (the golden ratio's and the square root of two's bits) spread what differs in few bits.
-    let hash = head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485).rotate_left(32);
-    (hash, (hash >> 48) as usize % SEEN)
 }
