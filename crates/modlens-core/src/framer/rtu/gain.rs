@@ -186,13 +186,7 @@ fn again(model: &Model, context: &Context<'_>, pending: Open<'_>, frame: &[u8], 
 }
 
 /// Bits that a frame with a wrong checksum saves, where its header announces just its length and is no stranger here.
-pub fn damaged(
-    model: &Model,
-    context: &Context<'_>,
-    asked: Option<&Request>,
-    frame: &[u8],
-    direction: usize,
-) -> Option<f32> {
+pub fn damaged(model: &Model, context: &Context<'_>, asked: Option<&Request>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code, body) = (frame[0], frame[1], &frame[2..frame.len() - 2]);
     let row = context.functions.row(code, body)?;
     if direction == REQUEST {
@@ -212,43 +206,72 @@ pub fn damaged(
     Some(model.bits(unit) + model.bits(code) + count - costs::ANSWERED - costs::DAMAGED)
 }
 
-/// Bits that an unfinished frame may claim by its header, if it can still go on beyond `seen` bytes.
-pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8]) -> Option<f32> {
+/// What an unfinished frame may claim by its header.
+pub struct Header {
+    /// Bits.
+    pub gain: f32,
+    /// It claims as much until so many bytes of it are seen.
+    pub until: u64,
+}
+
+/// The bytes of a frame that its header is judged by, one that begins like this.
+pub fn most_of_a_header(context: &Context<'_>, frame: &[u8]) -> u64 {
+    let &[_, code, ref body @ ..] = frame else { return 2 };
+    let function = code & !EXCEPTION_BIT;
+    let leading = context.functions.leading_bytes(function);
+    let judged = context.functions.row(function, body).map_or(1, |row| row.judged.max(1));
+    2 + leading.max(judged) as u64
+}
+
+/// What the header of an unfinished frame may claim, if the frame can still go on beyond `seen` bytes.
+pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8]) -> Option<Header> {
     if seen.len() < 2 {
-        return Some(model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH);
+        return Some(Header { gain: model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH, until: 2 });
     }
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let row = context.functions.row(code & !EXCEPTION_BIT, body);
     let mut best: Option<f32> = None;
+    let mut until = u64::MAX >> 1;
     for (way, extent) in announced(context, seen).into_iter().flatten() {
         let index = if way == Direction::Response { RESPONSE } else { REQUEST };
         let open = match extent {
             Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
+            Extent::Exactly(length) | Extent::AtLeast(length) => {
+                until = until.min(length as u64);
+                0.0
+            }
             Extent::Open(_) if !model.familiar(unit, code, index) => continue,
             Extent::Open(_) => costs::OPEN_LENGTH,
-            _ => 0.0,
         };
-        let mut gain =
-            model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, index) - open;
-        let row = context.functions.row(code & !EXCEPTION_BIT, body);
-        if let Some(row) = row {
-            gain += row.permits[index].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
-            if index == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
-                gain += costs::OPEN_LENGTH;
-            }
-        }
-        if index == RESPONSE {
-            let ours = asked.filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
-            gain += match ours {
-                Some(asked) => {
-                    let expected = row.and_then(|row| expected_block(row, &asked.pdu));
-                    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
-                    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
-                    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -costs::BROKEN_RULE }
-                }
-                None => -costs::ORPHAN,
-            };
-        }
+        let gain = claim(model, context, row, seen, index) - open
+            + if index == RESPONSE { due(model, context, row, asked, seen) } else { 0.0 };
         best = Some(best.map_or(gain, |best| best.max(gain)));
     }
-    best
+    if (seen.len() as u64) < most_of_a_header(context, seen) {
+        until = seen.len() as u64 + 1;
+    }
+    best.map(|gain| Header { gain, until })
+}
+
+/// What unit, function and limits are worth in a direction.
+fn claim(model: &Model, context: &Context<'_>, row: Option<&Row>, seen: &[u8], direction: usize) -> f32 {
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let mut gain = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
+    if let Some(row) = row {
+        gain += row.permits[direction].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
+        if direction == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
+            gain += costs::OPEN_LENGTH;
+        }
+    }
+    gain
+}
+
+/// What the request that waits makes of the header of a response.
+fn due(model: &Model, context: &Context<'_>, row: Option<&Row>, asked: Option<&Request>, seen: &[u8]) -> f32 {
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let Some(asked) = asked.filter(|asked| asked.is_of(unit, code & !EXCEPTION_BIT)) else { return -costs::ORPHAN };
+    let expected = row.and_then(|row| expected_block(row, &asked.pdu));
+    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
+    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
+    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -costs::BROKEN_RULE }
 }

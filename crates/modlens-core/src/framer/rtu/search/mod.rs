@@ -3,6 +3,9 @@
 //! Nodes stand at ends of frames only. What lies between two frames costs the same however it is read, so nothing has
 //! to be kept for single bytes. A frame is told once no rival reading within `THETA` bits is left without it.
 
+mod decide;
+mod paths;
+
 use crate::direction::{Asked, Direction};
 use crate::framer::rtu::announced;
 use crate::framer::rtu::certain::answer;
@@ -10,73 +13,14 @@ use crate::framer::rtu::costs::{self, Copy, Model, Setting};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
 use crate::framer::rtu::pending::{Open, Pending, Request, Requests};
+use crate::framer::rtu::search::paths::{Node, HOPELESS};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::Ns;
 
-/// The chance of telling a frame too early is about 2 to the minus this.
-const THETA: f32 = 14.0;
-
-/// The same where nobody waits: in a recording.
-const THETA_AHEAD: f32 = 30.0;
-
-/// The same for frames that have only begun: they are many, and each costs time.
-const THREAT_AHEAD: f32 = 18.0;
-
-/// Readings that stay equally good for so many bytes will not be told apart: the better one is taken.
-const PATIENCE: u64 = 640;
-const PATIENCE_AHEAD: u64 = 1280;
-
-/// Without a clock the frame behind tells an echoed answer from a retry; readings the other way round so near wait for it.
-const LOOK_ALIKE: f32 = 40.0;
-
-/// What it is worth for a frame that has begun to have begun right behind another one.
-const DUE: f32 = 14.0;
-
-/// No header is worth more.
-const MOST_HEADER: f32 = 60.0;
-
-/// A frame right behind another one with this many bits cannot be overtaken by any header alone.
-const SURE: f32 = 34.0;
-
-/// More readings than this at once are no traffic; the best one is taken.
-const CROWD: usize = 96;
-
-/// So many readings are kept when they are thinned out.
-const KEPT: usize = 16;
-
-/// Readings that are so many bits behind are dropped.
-const HOPELESS: f32 = 60.0;
-
-/// Paths stand still so many bytes behind their last frame: only what is found then changes anything.
-const STILL: u64 = 8;
-
 /// The shortest frame with a length of its own is a request of eight bytes, or its answer of five.
 const SHORTEST_DAMAGED: u64 = 5;
-
-/// Bytes without any frame are given out in such pieces.
-const NOISE: u64 = 4096;
-
-/// A frame on a path.
-struct Node {
-    start: u64,
-    end: u64,
-    direction: usize,
-    score: f32,
-    /// Of this frame alone.
-    gain: f32,
-    parent: usize,
-    /// The frame behind the root on the way to this one.
-    first: usize,
-    /// Where damaged frames behind this one are to be looked for next.
-    wake: u64,
-    /// Whether it answers the request that waited.
-    answers: bool,
-    /// Whether its checksum is right.
-    whole: bool,
-    pending: Pending,
-}
 
 /// What was decided.
 pub enum Told {
@@ -122,27 +66,16 @@ pub struct Search {
     /// The frame that was last seen to be possible still: the node behind which it begins, and where.
     threat: Option<(usize, u64)>,
     requests: Requests,
+    /// Before this place nothing has begun that may still be worth more, as far as the paths have not changed.
+    cleared: u64,
     /// What was learned.
     pub model: Model,
 }
 
 impl Default for Search {
     fn default() -> Self {
-        let root = Node {
-            start: 0,
-            end: 0,
-            direction: RESPONSE,
-            score: 0.0,
-            gain: 0.0,
-            parent: 0,
-            first: 0,
-            wake: 0,
-            answers: false,
-            whole: true,
-            pending: Pending::default(),
-        };
         Self {
-            nodes: vec![root],
+            nodes: vec![Node::root()],
             join: Join::default(),
             found: Vec::new(),
             next: 0,
@@ -151,6 +84,7 @@ impl Default for Search {
             calm: 0,
             threat: None,
             requests: Requests::default(),
+            cleared: 0,
             model: Model::default(),
         }
     }
@@ -287,7 +221,7 @@ impl Search {
             }
             self.found = found;
             if self.nodes.len() > before {
-                self.calm = 0;
+                (self.calm, self.cleared) = (0, 0);
             }
             if self.next >= self.calm {
                 if let Some(told) = self.decide(input, context, false) {
@@ -425,247 +359,6 @@ impl Search {
             }
         }
         wake
-    }
-
-    /// Crafted bytes and some noise make readings without end: the worst of them go.
-    fn thin(&mut self) {
-        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
-        let standings: Vec<f32> = self.nodes.iter().map(|node| self.standing(node)).collect();
-        order.sort_by(|&a, &b| standings[b].total_cmp(&standings[a]).then(b.cmp(&a)));
-        let floor = standings[order[0]] - HOPELESS;
-        let mut keep = vec![false; self.nodes.len()];
-        for &i in order.iter().take(KEPT) {
-            keep[i] = standings[i] >= floor;
-        }
-        keep[0] = true;
-        for i in (1..self.nodes.len()).rev() {
-            let parent = self.nodes[i].parent;
-            keep[parent] |= keep[i];
-        }
-        self.retain(&keep);
-        self.renumber();
-    }
-
-    /// Keeps some of the nodes, and with a node those that it stands on.
-    fn retain(&mut self, keep: &[bool]) {
-        let mut places = vec![0; self.nodes.len()];
-        let mut kept = 0;
-        for (place, &keep) in places.iter_mut().zip(keep) {
-            *place = kept;
-            kept += usize::from(keep);
-        }
-        let mut i = 0;
-        self.nodes.retain_mut(|node| {
-            node.parent = places[node.parent];
-            i += 1;
-            keep[i - 1]
-        });
-    }
-
-    /// The score of a path that ends with this node, at the next byte.
-    fn standing(&self, node: &Node) -> f32 {
-        node.score - self.model.astray(self.next - node.end)
-    }
-
-    fn best(&self) -> (usize, f32) {
-        let standings = self.nodes.iter().enumerate().map(|(i, node)| (i, self.standing(node)));
-        standings.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
-    }
-
-    fn decide(&mut self, input: &Input, context: &Context<'_>, closed: bool) -> Option<Told> {
-        let (best, standing) = self.best();
-        let first = self.nodes[best].first;
-        if first == 0 {
-            let limit = self.told() + NOISE;
-            if !closed && self.next <= limit + REACH {
-                if self.nodes.len() >= 2 * KEPT {
-                    self.thin();
-                }
-                let newest = self.nodes[self.nodes.len() - 1].end + STILL;
-                self.calm = if self.next < newest { 0 } else { limit + REACH + 1 };
-                return None;
-            }
-            let to = if closed { self.next } else { limit };
-            let junk = (self.told() - input.offset()) as usize..(to - input.offset()) as usize;
-            self.model.learn_noise(&input.bytes()[junk]);
-            return Some(self.junk(to));
-        }
-        let frame = &self.nodes[first];
-        let (theta, patience) = if context.ahead { (THETA_AHEAD, PATIENCE_AHEAD) } else { (THETA, PATIENCE) };
-        let patient = !closed && self.next < frame.end + patience && self.nodes.len() < CROWD;
-        if patient {
-            let bar = standing - theta;
-            let rival = (0..self.nodes.len()).any(|i| self.nodes[i].first != first && self.standing(&self.nodes[i]) > bar);
-            let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
-            let look_alike = clockless
-                && context.speaker.is_none()
-                && first == best
-                && self.next < frame.end + REACH
-                && self.turned(first, standing - LOOK_ALIKE);
-            // Only what follows shows that a frame was damaged rather than none.
-            let doubtful = !frame.whole && first == best && self.next < frame.end + REACH;
-            let begun = standing - if context.ahead { THREAT_AHEAD } else { THETA };
-            if rival || look_alike || doubtful || (self.next < frame.end + REACH && self.threatened(input, context, first, begun))
-            {
-                return None;
-            }
-        }
-        Some(self.tell(input, context, first, standing))
-    }
-
-    /// Tells bytes without frames. Readings behind them stay.
-    fn junk(&mut self, to: u64) -> Told {
-        let mut index = 0;
-        self.nodes.retain(|node| {
-            index += 1;
-            index == 1 || (node.parent == 0 && node.start >= to)
-        });
-        (self.nodes[0].start, self.nodes[0].end) = (to, to);
-        if self.next <= to {
-            self.running = false;
-        }
-        self.renumber();
-        Told::Junk(to)
-    }
-
-    /// Whether a frame that has begun before the end of `first` may still turn out to be worth more.
-    fn threatened(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> bool {
-        let frame = &self.nodes[first];
-        if frame.start == self.told() && frame.gain >= SURE {
-            return false;
-        }
-        let within = self.told().max(self.next.saturating_sub(REACH))..frame.end;
-        // What was possible a byte ago mostly still is.
-        let known = self.threat.take().filter(|&(node, start)| {
-            let behind = &self.nodes[node];
-            let counts = within.contains(&start) || (start == behind.end && node != 0 && behind.first != first);
-            counts && self.promises(input, context, behind, start, bar)
-        });
-        self.threat = known.or_else(|| self.find_threat(input, context, first, within, bar));
-        self.threat.is_some()
-    }
-
-    fn find_threat(
-        &self,
-        input: &Input,
-        context: &Context<'_>,
-        first: usize,
-        within: std::ops::Range<u64>,
-        bar: f32,
-    ) -> Option<(usize, u64)> {
-        let behind = |start: u64| {
-            let node = self.nodes.iter().position(|node| self.promises(input, context, node, start, bar))?;
-            Some((node, start))
-        };
-        within.into_iter().find_map(behind).or_else(|| {
-            // The rival path may be in the middle of its next frame.
-            let rivals = (1..self.nodes.len()).filter(|&i| self.nodes[i].first != first);
-            let mut rivals = rivals.map(|i| (i, self.nodes[i].end));
-            rivals.find(|&(i, end)| self.promises(input, context, &self.nodes[i], end, bar))
-        })
-    }
-
-    /// Whether a frame that has begun at `start`, behind this node, may come out above the bar.
-    fn promises(&self, input: &Input, context: &Context<'_>, node: &Node, start: u64, bar: f32) -> bool {
-        if node.end > start || start >= self.next {
-            return false;
-        }
-        // A frame that begins where one is due may well contain another one: its end is waited for.
-        let due = if start == node.end { DUE } else { 0.0 };
-        let way = node.score - self.model.between(start - node.end) + due;
-        if way <= bar - MOST_HEADER {
-            return false;
-        }
-        let base = input.offset();
-        let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
-        let asked = node.pending.asked.map(|slot| self.requests.get(slot));
-        gain::header(&self.model, context, asked, seen).is_some_and(|header| way + header > bar)
-    }
-
-    /// Tells a frame: it becomes the root of all that is left.
-    fn tell(&mut self, input: &Input, context: &Context<'_>, first: usize, standing: f32) -> Told {
-        let rival = (0..self.nodes.len()).filter(|&i| self.nodes[i].first != first).map(|i| self.standing(&self.nodes[i]));
-        let lead = standing - rival.fold(f32::MIN, f32::max);
-        let frame = &self.nodes[first];
-        if !frame.whole {
-            let told = Told::Damaged { start: frame.start, end: frame.end, direction: gain::direction(frame.direction) };
-            self.reroot(first);
-            return told;
-        }
-        let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
-        let strays = frame.start > self.told();
-        let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
-        let tentative = strays && !asked_for && !context.paired_units[bytes[0] as usize];
-        // Noise must not teach units.
-        if !tentative {
-            let again = frame.pending.asked.is_some_and(|slot| self.requests.get(slot).copied);
-            let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk: frame.start - self.told() };
-            let (direction, copy) = (frame.direction, copy(context, bytes, again && frame.direction == REQUEST));
-            learn(&mut self.model, context, bytes, direction, setting, copy);
-            self.model.settle();
-        }
-        let told = Told::Frame {
-            start: frame.start,
-            end: frame.end,
-            direction: if lead < 1.0 { self.undecided(first) } else { gain::direction(frame.direction) },
-            confidence: lead.clamp(0.0, 60.0) as u8,
-            tentative,
-        };
-        if strays {
-            let junk = &input.bytes()[(self.told() - input.offset()) as usize..(frame.start - input.offset()) as usize];
-            self.model.learn_noise(junk);
-        }
-        self.reroot(first);
-        if let Some(asked) = self.nodes[0].pending.asked.filter(|_| tentative) {
-            self.make_room();
-            self.nodes[0].pending.asked = Some(self.requests.keep_doubted(asked));
-        }
-        told
-    }
-
-    /// The direction of a frame whose rival is nearly as good: unknown, if the rival is the same bytes the other way round.
-    fn undecided(&self, first: usize) -> Direction {
-        if self.turned(first, f32::MIN) {
-            Direction::Unknown
-        } else {
-            gain::direction(self.nodes[first].direction)
-        }
-    }
-
-    /// Whether the same bytes are also read the other way round, by a path above the bar.
-    fn turned(&self, first: usize, bar: f32) -> bool {
-        let frame = &self.nodes[first];
-        let same = |node: &Node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction;
-        self.nodes.iter().any(|node| same(node) && self.standing(node) > bar)
-    }
-
-    fn reroot(&mut self, first: usize) {
-        let score = self.nodes[first].score;
-        let mut keep = vec![false; self.nodes.len()];
-        keep[first] = true;
-        for i in first + 1..self.nodes.len() {
-            keep[i] = keep[self.nodes[i].parent];
-        }
-        self.nodes[first].parent = first;
-        self.retain(&keep);
-        for node in &mut self.nodes {
-            node.score -= score;
-        }
-        self.renumber();
-    }
-
-    /// The root is another one: what was worked out from the old one is worked out again.
-    fn renumber(&mut self) {
-        (self.calm, self.threat) = (0, None);
-        let root = self.told();
-        self.nodes[0].wake = root + SHORTEST_DAMAGED;
-        self.wake = u64::MAX;
-        for i in 0..self.nodes.len() {
-            let parent = self.nodes[i].parent;
-            self.nodes[i].first = if i == 0 || parent != 0 { self.nodes[parent].first } else { i };
-            self.wake = self.wake.min(self.nodes[i].wake);
-        }
-        self.nodes[0].first = 0;
     }
 }
 
