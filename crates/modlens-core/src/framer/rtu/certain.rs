@@ -17,6 +17,9 @@ const HEADER: usize = 3;
 /// Unit, function code, exception code and checksum.
 const REFUSAL: usize = 5;
 
+/// Fewer bytes than any frame has.
+const MOST_STRAYS: usize = 3;
+
 /// A silence that is so much more like an answer than like a time-out, in bits.
 const SURELY_AN_ANSWER: f32 = -10.0;
 
@@ -68,15 +71,49 @@ impl Length {
 /// What the first bytes are, if that is beyond doubt.
 #[inline]
 pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain {
+    certain_at(search, input, context, 0)
+}
+
+/// The same behind a few strays: how many of them, and the frame behind them.
+///
+/// Drivers that are switched leave one to three bytes behind, fewer than the shortest frame has. Where no frame can have
+/// begun with one of them, there is nothing to be weighed.
+pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, Certain) {
     let bytes = input.bytes();
+    for strays in 1..=MOST_STRAYS {
+        if bytes.len() > strays && search.model.has_seen(bytes[strays - 1], bytes[strays]) {
+            break;
+        }
+        match certain_at(search, input, context, strays) {
+            Certain::No => {}
+            Certain::Frame(length) if search.asked().is_none() && !asks(&bytes[strays..][..length.bytes()], context) => break,
+            other => return (strays, other),
+        }
+    }
+    (0, Certain::No)
+}
+
+/// Whether a frame that looks like a request asks for what may be asked for; else it is rather an answer whose request
+/// was lost, and the zeros behind it, over which a right checksum stays right.
+fn asks(frame: &[u8], context: &Context<'_>) -> bool {
+    let body = &frame[2..frame.len() - 2];
+    let row = context.functions.row(frame[1], body);
+    let permitted = row.is_some_and(|row| row.permits[REQUEST].iter().all(|permit| permit.violated_by(body).is_none()));
+    permitted && frame[frame.len() - 1] != 0
+}
+
+#[inline]
+fn certain_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Certain {
+    let bytes = input.bytes().get(at..).unwrap_or(&[]);
     if bytes.len() < HEADER && !input.closed {
         return Certain::Wait;
     }
-    let Some(length) = expected(search, input, context) else { return Certain::No };
-    if bytes.len() < length.bytes() {
+    let Some(length) = expected(search, input, context, at) else { return Certain::No };
+    let all = length.bytes();
+    if bytes.len() < all {
         return if input.closed { Certain::No } else { Certain::Wait };
     }
-    let whole = crc_valid_at(bytes, length.bytes()) && input.edge_after(0, length.bytes() - 1, input.break_ns).is_none();
+    let whole = crc_valid_at(bytes, all) && input.edge_after(0, at + all - 1, input.break_ns).is_none();
     if whole {
         Certain::Frame(length)
     } else {
@@ -85,21 +122,21 @@ pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain
 }
 
 #[inline]
-fn expected(search: &Search, input: &Input, context: &Context<'_>) -> Option<Length> {
-    let bytes = input.bytes();
+fn expected(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+    let bytes = input.bytes().get(at..)?;
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
     match search.asked() {
         Some(asked) if asked.is_of(unit, code & !EXCEPTION_BIT) => match asked.answer {
             Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(Length::exactly(length)),
-            _ => response(asked, input, context),
+            _ => response(asked, input, context, at),
         },
         None if code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST) => request(search, bytes, context),
         _ => None,
     }
 }
 
-fn response(asked: &Request, input: &Input, context: &Context<'_>) -> Option<Length> {
-    let bytes = input.bytes();
+fn response(asked: &Request, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+    let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
         return Some(Length::exactly(REFUSAL)).filter(|_| bytes.get(2).is_some_and(|&exception| exception != 0));
@@ -108,7 +145,10 @@ fn response(asked: &Request, input: &Input, context: &Context<'_>) -> Option<Len
     let length = Length::of(row.response.extent(body))?;
     let same = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
     // An echoed answer and a retry look the same; where neither the clock nor what follows tells, they are weighed.
-    if same && row.mirrored && (context.pause)(input.pause_before(0)) > SURELY_AN_ANSWER {
+    if same && row.mirrored && (context.pause)(input.pause_before(at)) > SURELY_AN_ANSWER {
+        if at > 0 {
+            return None;
+        }
         match third_copy(bytes, asked.pdu.len() + 3) {
             Some(false) if !input.timed => {}
             Some(_) => return None,

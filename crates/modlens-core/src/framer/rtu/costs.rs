@@ -268,6 +268,12 @@ impl Model {
         self.units[unit as usize] >= OFTEN && self.functions[direction][(code & !EXCEPTION_BIT) as usize] >= OFTEN
     }
 
+    /// Whether a unit that has been seen may begin a frame with this function code.
+    pub fn has_seen(&self, unit: u8, code: u8) -> bool {
+        let function = usize::from(code & !EXCEPTION_BIT);
+        self.units[usize::from(unit)] > 0.0 && self.functions.iter().any(|seen| seen[function] > 0.0)
+    }
+
     /// What a request that was seen before is worth.
     pub fn repeated(&self, frame: &[u8]) -> f32 {
         if !self.polls.knows(frame) {

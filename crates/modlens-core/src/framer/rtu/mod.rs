@@ -128,12 +128,33 @@ impl Rtu {
         }
     }
 
+    /// Looks behind a few strays, in a recording: for the next frame, without doubt.
+    fn look_behind_strays(&mut self, input: &Input, context: &Context<'_>) -> Certain {
+        let silent = context.speaker.is_none() && context.certain.is_none() && !context.shared;
+        let plain = input.first_read().is_some_and(|read| read.side.is_none() && !read.record);
+        if !(context.ahead && silent && plain && self.search.told() == input.offset() && self.search.is_plain()) {
+            return Certain::No;
+        }
+        let (strays, certain) = certain::behind_strays(&self.search, input, context);
+        if let Certain::Frame(length) = certain {
+            let unit = input.bytes()[strays];
+            if self.search.asked().is_none() && !context.paired_units[usize::from(unit)] {
+                return Certain::No;
+            }
+            let start = input.offset() + strays as u64;
+            self.search.pass(context, input.bytes(), strays, length.bytes());
+            let (end, direction) = (self.search.told(), self.search.direction());
+            self.told = Some(Told::Frame { start, end, direction, confidence: SURE, tentative: false });
+        }
+        certain
+    }
+
     /// Gives out a frame that left no doubt.
     #[inline]
     fn pass(&mut self, input: &Input, context: &Context<'_>, length: Length, adu: &mut Vec<u8>) -> Cut {
         let bytes = input.bytes();
         self.after_damage = false;
-        self.search.pass(context, bytes, length.bytes());
+        self.search.pass(context, bytes, 0, length.bytes());
         let direction = self.search.direction();
         if !length.exact() {
             return self.cut(input, context, length.bytes(), direction, SURE, adu);
@@ -296,6 +317,11 @@ impl Rtu {
             }
             match self.look(input, context) {
                 Certain::Frame(length) => return Some(self.pass(input, context, length, adu)),
+                Certain::Wait => return None,
+                Certain::No => {}
+            }
+            match self.look_behind_strays(input, context) {
+                Certain::Frame(_) => continue,
                 Certain::Wait => return None,
                 Certain::No => {}
             }

@@ -142,13 +142,19 @@ impl Search {
         self.requests.make_room(self.nodes.iter().map(|node| &node.pending));
     }
 
-    /// A frame was found without search, right behind what was told: the first `length` of these bytes. It is the answer
-    /// to the request that waits, or a request where none does.
+    /// Nothing is open, so a frame behind a few strays needs no weighing if it leaves no doubt by itself.
+    pub fn is_plain(&self) -> bool {
+        self.nodes.len() == 1 && self.asked().is_none_or(|asked| !asked.tentative && !asked.damaged)
+    }
+
+    /// A frame was found without search, right behind what was told and some strays: the first `length` of these bytes.
+    /// It is the answer to the request that waits, or a request where none does.
     #[inline]
-    pub fn pass(&mut self, context: &Context<'_>, bytes: &[u8], length: usize) {
+    pub fn pass(&mut self, context: &Context<'_>, bytes: &[u8], strays: usize, length: usize) {
         if self.nodes.len() > 1 {
             self.nodes.truncate(1);
         }
+        let (junk, bytes) = bytes.split_at(strays);
         let frame = &bytes[..length];
         let waiting = self.nodes[0].pending.asked.is_some();
         let mut copy = Copy::Unclear;
@@ -167,11 +173,15 @@ impl Search {
             self.requests.ask(&mut root.pending, bytes, length, answer);
         }
         root.direction = if waiting { RESPONSE } else { REQUEST };
-        (root.start, root.end) = (root.end, root.end + length as u64);
+        root.start = root.end + strays as u64;
+        root.end = root.start + length as u64;
         self.next = root.end;
         self.running = false;
         // In the certain case there is a request, or the answer to one, and its layout is known.
-        self.model.learn(frame, root.direction, Setting { waiting, junk: 0 }, copy);
+        self.model.learn(frame, root.direction, Setting { waiting, junk: strays as u64 }, copy);
+        if strays > 0 {
+            self.model.learn_noise(junk);
+        }
     }
 
     /// Bytes up to here belong to no frame, as somebody else decided.
