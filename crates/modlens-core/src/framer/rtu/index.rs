@@ -28,6 +28,34 @@ pub fn may_be(known: &[u8], place: usize, byte: u8) -> bool {
     known.get(place).map_or(place == known.len(), |&known| known == byte)
 }
 
+/// The values that `possible` looks for, of a few frames.
+#[derive(Default)]
+pub struct Values {
+    /// In a first byte.
+    first: [u64; 4],
+    /// In a second one.
+    second: [u64; 4],
+}
+
+impl Values {
+    /// Of one more frame of which the first bytes are known.
+    pub fn add(&mut self, known: &[u8]) {
+        let put = |set: &mut [u64; 4], byte: u8| set[usize::from(byte >> 6)] |= 1 << (byte & 63);
+        for &byte in known.iter().take(MOST_LOST + 1) {
+            put(&mut self.first, byte);
+        }
+        if let Some(&byte) = known.get(1) {
+            put(&mut self.second, byte);
+        }
+    }
+
+    /// Whether any of the frames may begin here; `possible` says which.
+    pub fn admit(&self, bytes: &[u8]) -> bool {
+        let has = |set: &[u64; 4], byte: u8| set[usize::from(byte >> 6)] >> (byte & 63) & 1 == 1;
+        bytes.first().is_some_and(|&byte| has(&self.first, byte)) || bytes.get(1).is_some_and(|&byte| has(&self.second, byte))
+    }
+}
+
 /// For the first bytes of many frames and every value: the frames that have it there.
 pub struct Index {
     values: Box<[[Set; 256]; MOST_LOST + 2]>,
@@ -74,6 +102,9 @@ mod tests {
         ) {
             let index = Index::of(frames.iter().map(Vec::as_slice));
             let single = |frame: &[u8]| possible(&bytes, |place, byte| Set::from(may_be(frame, place, byte))) != 0;
+            let mut values = Values::default();
+            frames.iter().filter(|frame| frame.len() >= 2).for_each(|frame| values.add(frame));
+            prop_assert!(values.admit(&bytes) || frames.iter().all(|frame| frame.len() < 2 || !single(frame)));
             let one_by_one = frames.iter().enumerate().filter(|(_, frame)| !frame.is_empty() && single(frame));
             prop_assert_eq!(index.possible(&bytes), one_by_one.fold(0, |set, (at, _)| set | 1 << at));
         }

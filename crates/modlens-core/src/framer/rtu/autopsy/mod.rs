@@ -13,7 +13,7 @@ use crate::direction::{Asked, Direction};
 use crate::framer::harm::Harm;
 use crate::framer::rtu::costs::{self, Model};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::index::{may_be, possible, Set};
+use crate::framer::rtu::index::{may_be, possible, Set, Values};
 use crate::framer::{Context, RTU_LIMIT};
 use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
@@ -112,6 +112,8 @@ impl Scene<'_, '_> {
     /// The damaged frames of this gap, in order.
     pub fn pieces(&self) -> Vec<Piece> {
         let around = template::around(self);
+        let mut values = Values::default();
+        around.iter().for_each(|template| values.add(&template.bytes));
         let mut candidates = Vec::new();
         for start in 0..self.length {
             if start == NEAR && self.length > 2 * NEAR {
@@ -120,7 +122,11 @@ impl Scene<'_, '_> {
             if (NEAR..self.length.saturating_sub(NEAR)).contains(&start) {
                 continue;
             }
-            self.candidates(&around, start, &mut candidates);
+            let bytes = &self.bytes()[start..];
+            if values.admit(bytes) {
+                self.expected(&around, start, &mut candidates);
+            }
+            self.candidates(start, &mut candidates);
         }
         let mut pieces = self.pick(&candidates);
         let first = pieces.first().map_or(self.length, |piece| piece.start);
@@ -163,42 +169,46 @@ impl Scene<'_, '_> {
         Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true })
     }
 
-    fn candidates(&self, around: &[Template<'_>], start: usize, candidates: &mut Vec<Candidate>) {
-        let place = self.place(start);
+    /// What the frames around let one expect.
+    fn expected(&self, around: &[Template<'_>], start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
         let has = |place: usize, byte: u8| {
             let of = around.iter().enumerate();
             of.fold(0, |set: Set, (at, template)| set | Set::from(may_be(&template.bytes, place, byte)) << at)
         };
         for at in members(possible(bytes, has)) {
-            candidates.extend(self.candidate(&around[at], bytes, start, place));
+            candidates.extend(self.candidate(&around[at], start));
         }
+    }
+
+    /// What the poll cycle, and the units and functions of the line let one expect.
+    fn candidates(&self, start: usize, candidates: &mut Vec<Candidate>) {
+        let bytes = &self.bytes()[start..];
         for at in members(self.model.polls.possible(bytes)) {
-            candidates.extend(self.candidate(&template::poll(self.model.polls.get(at)), bytes, start, place));
+            candidates.extend(self.candidate(&template::poll(self.model.polls.get(at)), start));
         }
-        for direction in [REQUEST, RESPONSE] {
-            candidates.extend(self.stranger(bytes, start, direction, place));
+        if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
+            candidates.extend([REQUEST, RESPONSE].into_iter().filter_map(|direction| self.stranger(start, direction)));
         }
     }
 
     /// The frame of this template that may begin here.
-    fn candidate(&self, template: &Template<'_>, bytes: &[u8], start: usize, place: f32) -> Option<Candidate> {
-        let fit = align(self.model, template, bytes)?;
+    fn candidate(&self, template: &Template<'_>, start: usize) -> Option<Candidate> {
+        let fit = align(self.model, template, &self.bytes()[start..])?;
         let end = fit.length.map(|length| start + length);
-        let score = fit.score - place + self.ends_well(end);
+        let score = fit.score - self.place(start) + self.ends_well(end);
         (score > 0.0).then(|| Candidate::new(template, &fit, start, end, score))
     }
 
     /// A frame that nothing lets one expect, from a unit and with a function that the line has shown.
-    fn stranger(&self, bytes: &[u8], start: usize, direction: usize, place: f32) -> Option<Candidate> {
-        let &[unit, code, ref body @ ..] = bytes else { return None };
+    fn stranger(&self, start: usize, direction: usize) -> Option<Candidate> {
+        let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        let known = self.context.known_units[usize::from(unit)] || self.input.offset() == 0;
-        if !known || function == 0 || (code != function && direction == REQUEST) {
+        if function == 0 || (code != function && direction == REQUEST) {
             return None;
         }
         let novelty = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
-        let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - place;
+        let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - self.place(start);
         if direction == RESPONSE {
             score -= costs::ORPHAN;
         }

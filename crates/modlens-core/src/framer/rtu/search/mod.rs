@@ -13,7 +13,7 @@ use crate::framer::rtu::costs::{self, Copy, Model, Setting};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
 use crate::framer::rtu::pending::{Open, Pending, Request, Requests};
-use crate::framer::rtu::search::paths::{Node, HOPELESS};
+use crate::framer::rtu::search::paths::Node;
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
@@ -222,7 +222,7 @@ impl Search {
             let bytes = &input.bytes()[index..(quiet - base) as usize];
             self.next += self.join.scan(self.next, bytes, &mut found) as u64;
             let before = self.nodes.len();
-            let floor = if found.is_empty() { 0.0 } else { self.best().1 - HOPELESS };
+            let floor = if found.is_empty() { 0.0 } else { self.floor() };
             for &start in &found {
                 self.consider(input, context, start, silence, floor);
             }
@@ -265,7 +265,8 @@ impl Search {
             };
             // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
             let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
-            let begun = if direction == RESPONSE { begun(input, from, frame) } else { None };
+            let nobody = self.nodes.iter().any(|node| node.pending.asked.is_none());
+            let begun = if direction == RESPONSE && nobody { begun(input, from, frame) } else { None };
             // Most readings have the same request waiting.
             let mut known = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
@@ -374,10 +375,12 @@ impl Search {
 
 /// Where unit and function of a frame last stand among the bytes before it: perhaps its request was damaged.
 fn begun(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
-    let header = [frame[0], frame[1] & !EXCEPTION_BIT];
-    let window = from.saturating_sub(REACH as usize)..from;
-    let place = input.bytes()[window.clone()].windows(2).rposition(|bytes| bytes == header)?;
-    Some(input.offset() + (window.start + place) as u64)
+    let function = frame[1] & !EXCEPTION_BIT;
+    let first = from.saturating_sub(REACH as usize);
+    let before = &input.bytes()[first..from];
+    let mut units = memchr::memrchr_iter(frame[0], before);
+    let place = units.find(|&place| before.get(place + 1) == Some(&function))?;
+    Some(input.offset() + (first + place) as u64)
 }
 
 /// Learns from a frame that is certain.

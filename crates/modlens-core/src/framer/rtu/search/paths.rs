@@ -8,7 +8,10 @@ use crate::framer::rtu::search::{Search, Told, SHORTEST_DAMAGED};
 pub const KEPT: usize = 16;
 
 /// Readings that are so many bits behind are dropped.
-pub const HOPELESS: f32 = 60.0;
+const HOPELESS: f32 = 60.0;
+
+/// The same where no frame is better than none: noise makes such readings all the time.
+const UNLIKELY: f32 = 30.0;
 
 /// A frame on a path.
 pub struct Node {
@@ -65,6 +68,12 @@ impl Search {
     pub(super) fn best(&self) -> (usize, f32) {
         let standings = self.nodes.iter().enumerate().map(|(i, node)| (i, self.standing(node)));
         standings.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+    }
+
+    /// Readings below this are not kept.
+    pub(super) fn floor(&self) -> f32 {
+        let (best, standing) = self.best();
+        standing - if self.nodes[best].first == 0 { UNLIKELY } else { HOPELESS }
     }
 
     /// Crafted bytes and some noise make readings without end: the worst of them go.
