@@ -20,12 +20,15 @@ const REFUSAL: usize = 5;
 /// Fewer bytes than any frame has.
 const MOST_STRAYS: usize = 3;
 
+/// Requests of a poll cycle are short; nobody has to wait long for the rest of one.
+const MOST_POLL: usize = 16;
+
 /// A silence that is so much more like an answer than like a time-out, in bits.
 const SURELY_AN_ANSWER: f32 = -10.0;
 
 /// What a look at the next header says.
 pub enum Certain {
-    /// A frame: the answer to the request that waits, or a request where none does.
+    /// A frame: the answer to the request that waits, or a request.
     Frame(Length),
     /// More bytes are needed to tell.
     Wait,
@@ -33,19 +36,27 @@ pub enum Certain {
     No,
 }
 
-/// How many of the first bytes are a frame, if their checksum is right, and whether their header announces just so many.
+/// How many of the first bytes are a frame, if their checksum is right, whether their header announces just so many, and
+/// whether they are a request.
 ///
 /// In one number: it goes from function to function for every frame.
 #[derive(Clone, Copy)]
 pub struct Length(u32);
 
 impl Length {
+    const EXACT: u32 = 1;
+    const REQUEST: u32 = 2;
+
     fn exactly(length: usize) -> Self {
-        Self((length as u32) << 1 | 1)
+        Self((length as u32) << 2 | Self::EXACT)
     }
 
     fn at_least(length: usize) -> Self {
-        Self((length as u32) << 1)
+        Self((length as u32) << 2)
+    }
+
+    fn as_request(self) -> Self {
+        Self(self.0 | Self::REQUEST)
     }
 
     /// What an extent of the body says of the frame.
@@ -59,12 +70,17 @@ impl Length {
 
     /// So many bytes.
     pub fn bytes(self) -> usize {
-        (self.0 >> 1) as usize
+        (self.0 >> 2) as usize
+    }
+
+    /// Whether they are a request.
+    pub fn request(self) -> bool {
+        self.0 & Self::REQUEST != 0
     }
 
     /// Whether the header announces just so many.
     pub fn exact(self) -> bool {
-        self.0 & 1 == 1
+        self.0 & Self::EXACT != 0
     }
 }
 
@@ -79,15 +95,18 @@ pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain
 /// Drivers that are switched leave one to three bytes behind, fewer than the shortest frame has. Where no frame can have
 /// begun with one of them, there is nothing to be weighed.
 pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, Certain) {
-    let bytes = input.bytes();
     for strays in 1..=MOST_STRAYS {
-        if bytes.len() > strays && search.model.has_seen(bytes[strays - 1], bytes[strays]) {
-            break;
-        }
         match certain_at(search, input, context, strays) {
             Certain::No => {}
-            Certain::Frame(length) if search.asked().is_none() && !asks(&bytes[strays..][..length.bytes()], context) => break,
-            other => return (strays, other),
+            Certain::Wait => return (strays, Certain::Wait),
+            Certain::Frame(length) => {
+                let frame = &input.bytes()[strays..strays + length.bytes()];
+                let doubtful = length.request() && !asks(frame, context);
+                if doubtful || search.may_begin_before(input, context, strays, length.bytes()) {
+                    break;
+                }
+                return (strays, Certain::Frame(length));
+            }
         }
     }
     (0, Certain::No)
@@ -125,12 +144,19 @@ fn certain_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) 
 fn expected(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
     let bytes = input.bytes().get(at..)?;
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
+    let ask = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
     match search.asked() {
         Some(asked) if asked.is_of(unit, code & !EXCEPTION_BIT) => match asked.answer {
             Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(Length::exactly(length)),
             _ => response(asked, input, context, at),
         },
-        None if code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST) => request(search, bytes, context),
+        // Nobody answered, and the master goes on with its cycle.
+        Some(asked) if ask && at == 0 && asked.unit != unit => {
+            let length = request(search, bytes, context).filter(|length| length.bytes() <= MOST_POLL)?;
+            let other = |frame: &[u8]| !(asks(frame, context) && search.model.polls.knows(frame));
+            Some(length).filter(|length| !bytes.get(..length.bytes()).is_some_and(other))
+        }
+        None if ask => request(search, bytes, context),
         _ => None,
     }
 }
@@ -177,7 +203,7 @@ fn request(search: &Search, bytes: &[u8], context: &Context<'_>) -> Option<Lengt
             return None;
         }
     }
-    Some(length)
+    Some(length.as_request())
 }
 
 /// The count that the answer to a request begins with, and the answer's whole length, where the table says so.

@@ -27,16 +27,17 @@ pub fn direction(index: usize) -> Direction {
 pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
+    // Runs of zeros and ones are full of these.
+    if code == 0 || (code & EXCEPTION_BIT != 0 && (direction == REQUEST || body.len() != 1)) {
+        return None;
+    }
     let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
     let mut gain = model.bits_of(&frame[frame.len() - 2..]) + header;
     if direction == RESPONSE && unit == BROADCAST {
         gain -= costs::BROADCAST_READ;
     }
     if code & EXCEPTION_BIT != 0 {
-        return exception(model, code, body, direction).map(|exception| gain + exception);
-    }
-    if code == 0 {
-        return None;
+        return Some(gain + exception(model, code, body[0]));
     }
     let Some(row) = context.functions.row(code, body) else { return Some(gain - model.open_length(code, direction, body)) };
     if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
@@ -45,11 +46,7 @@ pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usiz
     Some(gain + layout(model, row, body, direction))
 }
 
-fn exception(model: &Model, code: u8, body: &[u8], direction: usize) -> Option<f32> {
-    let &[exception] = body else { return None };
-    if direction == REQUEST {
-        return None;
-    }
+fn exception(model: &Model, code: u8, exception: u8) -> f32 {
     // The specification has codes 1 to 11; vendors have their own, but none of them is 0.
     let usual = match exception {
         1..=6 | 8 | 10 | 11 => 3.5,
@@ -57,7 +54,7 @@ fn exception(model: &Model, code: u8, body: &[u8], direction: usize) -> Option<f
         _ => 9.0,
     };
     let function = if code & !EXCEPTION_BIT == 0 { costs::BROKEN_RULE } else { 0.0 };
-    Some(model.bits(exception) - usual - function - costs::EXCEPTION)
+    model.bits(exception) - usual - function - costs::EXCEPTION
 }
 
 fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {

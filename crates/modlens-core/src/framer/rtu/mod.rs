@@ -119,7 +119,7 @@ impl Rtu {
             return Certain::No;
         }
         match certain::certain(&self.search, input, context) {
-            Certain::Frame(length) if self.search.admits(length.bytes()) => Certain::Frame(length),
+            Certain::Frame(length) if self.search.admits(length) => Certain::Frame(length),
             Certain::Wait => Certain::Wait,
             _ => {
                 self.doubted = Some(input.offset());
@@ -142,7 +142,7 @@ impl Rtu {
                 return Certain::No;
             }
             let start = input.offset() + strays as u64;
-            self.search.pass(context, input.bytes(), strays, length.bytes());
+            self.search.pass(context, input.bytes(), strays, length);
             let (end, direction) = (self.search.told(), self.search.direction());
             self.told = Some(Told::Frame { start, end, direction, confidence: SURE, tentative: false });
         }
@@ -154,7 +154,7 @@ impl Rtu {
     fn pass(&mut self, input: &Input, context: &Context<'_>, length: Length, adu: &mut Vec<u8>) -> Cut {
         let bytes = input.bytes();
         self.after_damage = false;
-        self.search.pass(context, bytes, 0, length.bytes());
+        self.search.pass(context, bytes, 0, length);
         let direction = self.search.direction();
         if !length.exact() {
             return self.cut(input, context, length.bytes(), direction, SURE, adu);

@@ -159,12 +159,12 @@ impl Requests {
         pending.last = pending.asked.take().map(|asked| (asked, print(frame)));
     }
 
-    /// The first `length` of these bytes are a request without doubt, and none waited. There must be room.
+    /// The first `length` of these bytes are a request without doubt, another one than waits. There must be room.
     ///
     /// `answer`: see `Request`.
     #[inline]
     pub fn ask(&mut self, pending: &mut Pending, bytes: &[u8], length: usize, answer: Option<(u8, usize)>) {
-        *pending = Pending::default();
+        (pending.late, pending.last) = (pending.asked.take(), None);
         if bytes[0] != BROADCAST {
             let slot = self.keep_first(bytes[0], &bytes[1..], length - 3);
             self.get_mut(slot).answer = answer;

@@ -34,7 +34,7 @@ const DUE: f32 = 14.0;
 /// No header is worth more.
 const MOST_HEADER: f32 = 60.0;
 
-/// A frame right behind another one with this many bits cannot be overtaken by any header alone.
+/// A frame with this many bits cannot be overtaken by a header alone that begins in it.
 const SURE: f32 = 34.0;
 
 /// More readings than this at once are no traffic; the best one is taken.
@@ -112,10 +112,12 @@ impl Search {
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
     fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> Option<u64> {
         let frame = &self.nodes[first];
-        if frame.start == self.told() && frame.gain >= SURE {
+        // What begins inside a sure one is no threat to it.
+        let end = if frame.gain >= SURE { frame.start } else { frame.end };
+        let within = self.told().max(self.next.saturating_sub(REACH))..end;
+        if within.is_empty() && frame.gain >= SURE {
             return None;
         }
-        let within = self.told().max(self.next.saturating_sub(REACH))..frame.end;
         // What was possible a byte ago mostly still is.
         let known = self.threat.take().and_then(|(node, start)| {
             let behind = &self.nodes[node];
@@ -171,6 +173,18 @@ impl Search {
         let asked = node.pending.asked.map(|slot| self.requests.get(slot));
         let header = gain::header(&self.model, context, asked, seen).filter(|header| way + header.gain > bar)?;
         Some(start + header.until)
+    }
+
+    /// Whether a frame may have begun with one of some strays that would outweigh the sure one behind them.
+    pub fn may_begin_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> bool {
+        let root = &self.nodes[0];
+        let bytes = &input.bytes()[..strays + length];
+        (0..strays).any(|at| {
+            let due = if at == 0 { DUE } else { 0.0 };
+            let way = due - self.model.between(at as u64);
+            let asked = root.pending.asked.map(|slot| self.requests.get(slot));
+            gain::header(&self.model, context, asked, &bytes[at..]).is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD)
+        })
     }
 
     /// Tells a frame: it becomes the root of all that is left.

@@ -8,7 +8,7 @@ mod paths;
 
 use crate::direction::{Asked, Direction};
 use crate::framer::rtu::announced;
-use crate::framer::rtu::certain::answer;
+use crate::framer::rtu::certain::{answer, Length};
 use crate::framer::rtu::costs::{self, Copy, Model, Setting};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::{Join, REACH};
@@ -103,14 +103,14 @@ impl Search {
     }
 
     /// Whether nothing behind what was told speaks against a frame that begins there.
-    pub fn admits(&self, length: usize) -> bool {
+    pub fn admits(&self, length: Length) -> bool {
         if self.nodes.len() == 1 {
             return true;
         }
-        let direction = if self.asked().is_some() { RESPONSE } else { REQUEST };
+        let direction = if length.request() { REQUEST } else { RESPONSE };
         let first = self.nodes[self.best().0].first;
         let frame = &self.nodes[first];
-        first == 0 || (frame.start, frame.end, frame.direction) == (self.told(), self.told() + length as u64, direction)
+        first == 0 || (frame.start, frame.end, frame.direction) == (self.told(), self.told() + length.bytes() as u64, direction)
     }
 
     /// Who sent the frame that was told last.
@@ -147,38 +147,36 @@ impl Search {
         self.nodes.len() == 1 && self.asked().is_none_or(|asked| !asked.tentative && !asked.damaged)
     }
 
-    /// A frame was found without search, right behind what was told and some strays: the first `length` of these bytes.
-    /// It is the answer to the request that waits, or a request where none does.
+    /// A frame was found without search, right behind what was told and some strays, at the beginning of these bytes.
     #[inline]
-    pub fn pass(&mut self, context: &Context<'_>, bytes: &[u8], strays: usize, length: usize) {
+    pub fn pass(&mut self, context: &Context<'_>, bytes: &[u8], strays: usize, length: Length) {
         if self.nodes.len() > 1 {
             self.nodes.truncate(1);
         }
         let (junk, bytes) = bytes.split_at(strays);
-        let frame = &bytes[..length];
+        let frame = &bytes[..length.bytes()];
         let waiting = self.nodes[0].pending.asked.is_some();
         let mut copy = Copy::Unclear;
-        if !waiting {
+        let direction = if length.request() { REQUEST } else { RESPONSE };
+        if length.request() {
             self.make_room();
-        }
-        let root = &mut self.nodes[0];
-        if waiting {
-            self.requests.answered(&mut root.pending, frame);
-        } else {
             let row = context.functions.row(frame[1], &frame[2..]);
-            let answer = row.and_then(|row| answer(row, &frame[1..length - 2]));
+            let answer = row.and_then(|row| answer(row, &frame[1..frame.len() - 2]));
             if row.is_some_and(|row| !row.mirrored) {
                 copy = Copy::First;
             }
-            self.requests.ask(&mut root.pending, bytes, length, answer);
+            self.requests.ask(&mut self.nodes[0].pending, bytes, frame.len(), answer);
+        } else {
+            self.requests.answered(&mut self.nodes[0].pending, frame);
         }
-        root.direction = if waiting { RESPONSE } else { REQUEST };
+        let root = &mut self.nodes[0];
+        root.direction = direction;
         root.start = root.end + strays as u64;
-        root.end = root.start + length as u64;
+        root.end = root.start + frame.len() as u64;
         self.next = root.end;
         self.running = false;
-        // In the certain case there is a request, or the answer to one, and its layout is known.
-        self.model.learn(frame, root.direction, Setting { waiting, junk: strays as u64 }, copy);
+        // In the certain case its layout is known.
+        self.model.learn(frame, direction, Setting { waiting, junk: strays as u64 }, copy);
         if strays > 0 {
             self.model.learn_noise(junk);
         }
@@ -266,7 +264,11 @@ impl Search {
             // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
             let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
             let nobody = self.nodes.iter().any(|node| node.pending.asked.is_none());
-            let begun = if direction == RESPONSE && nobody { begun(input, from, frame) } else { None };
+            let begun = if direction == RESPONSE && nobody && self.model.has_seen(frame[0], frame[1]) {
+                begun(input, from, frame)
+            } else {
+                None
+            };
             // Most readings have the same request waiting.
             let mut known = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
