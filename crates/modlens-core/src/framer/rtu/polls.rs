@@ -119,6 +119,6 @@ fn key(frame: &[u8]) -> (u64, usize) {
     let tail = frame.last_chunk().map_or(0, |tail: &[u8; 4]| u64::from(u32::from_le_bytes(*tail)));
     let tail = tail << 16 ^ frame.len() as u64;
     // Odd numbers without pattern (the golden ratio's and the square root of two's bits) spread what differs in few bits.
-    let hash = head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485).rotate_left(32);
+    let hash = head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485);
     (hash, (hash >> 48) as usize % SEEN)
 }
