@@ -22,6 +22,9 @@ struct Poll {
     flipped: Option<(usize, u8)>,
 }
 
+/// A whole frame: where it begins, its bytes, who sent it.
+type Sent = (u64, Vec<u8>, Direction);
+
 fn framed(mut adu: Vec<u8>) -> Vec<u8> {
     adu.extend(crc16(&adu).to_le_bytes());
     adu
@@ -34,12 +37,14 @@ impl Poll {
 
     fn answer(&self) -> Vec<u8> {
         let mut adu = vec![self.unit, 3, 2 * self.unit];
-        (0..self.unit).for_each(|_| adu.extend(self.value.to_be_bytes()));
+        for _ in 0..self.unit {
+            adu.extend(self.value.to_be_bytes());
+        }
         framed(adu)
     }
 
     /// The bytes, and the frames among them that are whole.
-    fn put(&self, bytes: &mut Vec<u8>, frames: &mut Vec<(u64, Vec<u8>, Direction)>) {
+    fn put(&self, bytes: &mut Vec<u8>, frames: &mut Vec<Sent>) {
         let mut request = self.request();
         bytes.extend(std::iter::repeat_n(self.strays[0].0, self.strays[0].1));
         if let Some((at, flip)) = self.flipped {
@@ -70,7 +75,7 @@ fn poll(strays: bool, damage: bool) -> impl Strategy<Value = Poll> {
 }
 
 /// Rounds of the cycle without trouble, then these.
-fn recording(polls: &[Poll]) -> (Vec<u8>, Vec<(u64, Vec<u8>, Direction)>) {
+fn recording(polls: &[Poll]) -> (Vec<u8>, Vec<Sent>) {
     let (mut bytes, mut frames) = (Vec::new(), Vec::new());
     for round in 0..8u8 {
         for unit in 1..6 {
@@ -78,7 +83,9 @@ fn recording(polls: &[Poll]) -> (Vec<u8>, Vec<(u64, Vec<u8>, Direction)>) {
             Poll { unit, value, answered: true, strays: [(0, 0); 2], flipped: None }.put(&mut bytes, &mut frames);
         }
     }
-    polls.iter().for_each(|poll| poll.put(&mut bytes, &mut frames));
+    for poll in polls {
+        poll.put(&mut bytes, &mut frames);
+    }
     // The last frames have something behind them, too.
     Poll { unit: 1, value: 0, answered: true, strays: [(0, 0); 2], flipped: None }.put(&mut bytes, &mut frames);
     (bytes, frames)
@@ -104,7 +111,7 @@ fn shown(batch: &Batch) -> Vec<String> {
     shown.collect()
 }
 
-fn good(batch: &Batch) -> Vec<(u64, Vec<u8>, Direction)> {
+fn good(batch: &Batch) -> Vec<Sent> {
     let good = batch.frames.iter().filter(|frame| frame.verdict.good());
     good.map(|frame| (frame.offset, frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
 }

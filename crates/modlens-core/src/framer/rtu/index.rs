@@ -103,7 +103,9 @@ mod tests {
             let index = Index::of(frames.iter().map(Vec::as_slice));
             let single = |frame: &[u8]| possible(&bytes, |place, byte| Set::from(may_be(frame, place, byte))) != 0;
             let mut values = Values::default();
-            frames.iter().filter(|frame| frame.len() >= 2).for_each(|frame| values.add(frame));
+            for frame in frames.iter().filter(|frame| frame.len() >= 2) {
+                values.add(frame);
+            }
             prop_assert!(values.admit(&bytes) || frames.iter().all(|frame| frame.len() < 2 || !single(frame)));
             let one_by_one = frames.iter().enumerate().filter(|(_, frame)| !frame.is_empty() && single(frame));
             prop_assert_eq!(index.possible(&bytes), one_by_one.fold(0, |set, (at, _)| set | 1 << at));

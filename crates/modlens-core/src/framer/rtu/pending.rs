@@ -51,6 +51,12 @@ pub struct Pending {
 }
 
 impl Pending {
+    /// The request that waits was answered by this frame, without doubt.
+    #[inline]
+    pub fn answer(&mut self, frame: &[u8]) {
+        self.last = self.asked.take().map(|asked| (asked, print(frame)));
+    }
+
     fn slots(&self) -> impl Iterator<Item = Slot> {
         [self.asked, self.late, self.last.map(|(slot, _)| slot)].into_iter().flatten()
     }
@@ -151,12 +157,6 @@ impl Requests {
         request.unit = unit;
         (request.damaged, request.copied, request.tentative, request.answer) = (false, false, false, None);
         slot
-    }
-
-    /// The request that waits was answered by this frame, without doubt.
-    #[inline]
-    pub fn answered(&self, pending: &mut Pending, frame: &[u8]) {
-        pending.last = pending.asked.take().map(|asked| (asked, print(frame)));
     }
 
     /// The first `length` of these bytes are a request without doubt, another one than waits. There must be room.

@@ -113,7 +113,9 @@ impl Scene<'_, '_> {
     pub fn pieces(&self) -> Vec<Piece> {
         let around = template::around(self);
         let mut values = Values::default();
-        around.iter().for_each(|template| values.add(&template.bytes));
+        for template in &around {
+            values.add(&template.bytes);
+        }
         let mut candidates = Vec::new();
         for start in 0..self.length {
             if start == NEAR && self.length > 2 * NEAR {

@@ -167,7 +167,7 @@ impl Search {
             }
             self.requests.ask(&mut self.nodes[0].pending, bytes, frame.len(), answer);
         } else {
-            self.requests.answered(&mut self.nodes[0].pending, frame);
+            self.nodes[0].pending.answer(frame);
         }
         let root = &mut self.nodes[0];
         root.direction = direction;
