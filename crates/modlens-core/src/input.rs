@@ -138,6 +138,7 @@ impl Input {
     }
 
     /// Stream offset of the first unframed byte.
+    #[inline]
     pub fn offset(&self) -> u64 {
         self.offset
     }
@@ -152,9 +153,18 @@ impl Input {
     }
 
     /// Forgets the first `length` bytes: they are framed.
+    #[inline]
     pub fn consume(&mut self, length: usize) {
         self.head += length;
         self.offset += length as u64;
+        if self.reads.front().is_none_or(|first| first.end > self.offset) && self.errors.is_empty() && self.holes.is_empty() {
+            return;
+        }
+        self.forget();
+    }
+
+    /// Forgets reads and marks in front of the first byte.
+    fn forget(&mut self) {
         while let Some(first) = self.reads.front() {
             if first.end > self.offset {
                 break;
@@ -181,6 +191,12 @@ impl Input {
         }
         let i = self.reads.partition_point(|read| read.end <= at);
         (i < self.reads.len()).then_some(i)
+    }
+
+    /// The read that holds the first byte.
+    #[inline]
+    pub fn first_read(&self) -> Option<&Read> {
+        self.reads.front()
     }
 
     /// The read that holds the byte.
@@ -237,7 +253,16 @@ impl Input {
     }
 
     /// The first place from `from` + 1 to `to` where a pause of at least `least` or a record's start stands.
+    #[inline]
     pub fn edge_after(&self, from: usize, to: usize, least: Ns) -> Option<usize> {
+        let within = |read: &Read| read.end > self.offset + to as u64;
+        if self.reads.front().is_some_and(within) {
+            return None;
+        }
+        self.later_edge(from, to, least)
+    }
+
+    fn later_edge(&self, from: usize, to: usize, least: Ns) -> Option<usize> {
         let mut i = self.read_of(from)?;
         loop {
             let end = (self.reads[i].end - self.offset) as usize;

@@ -76,14 +76,17 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     let mut source = row.clone();
     source["vendor"] = vendor.map_or(Json::Null, Json::from);
     let roles = roles(&request, &response, operation);
+    let permits = [permits(row, &request)?, permits(row, &response)?];
+    let limits = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
     Ok(Row {
+        judged: limits.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
         code,
         name,
         when,
         operation,
         register_type,
         echo: strings(row.get("echo"))?,
-        permits: [permits(row, &request)?, permits(row, &response)?],
+        permits,
         mirrored: request == response,
         request,
         response,

@@ -89,6 +89,8 @@ pub struct Row {
     pub register_type: Option<String>,
     /// Whether request and response have the same layout: then they can look the same.
     pub mirrored: bool,
+    /// Bytes of a body that its limits and counts stand in: behind them nothing tells more of it.
+    pub judged: usize,
     /// Fields that the response repeats.
     pub echo: Vec<String>,
     /// What the specification permits, of the request and of the response.

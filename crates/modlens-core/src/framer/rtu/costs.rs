@@ -5,6 +5,7 @@
 //! zeros cannot fake evidence.
 
 use crate::framer::rtu::bits::log2;
+use crate::framer::rtu::polls::Polls;
 use crate::framer::rtu::shapes::Shapes;
 use crate::functions::{Functions, EXCEPTION_BIT};
 
@@ -76,9 +77,6 @@ pub const BROADCAST_READ: f32 = 9.0;
 /// A request seen before in this poll cycle is worth so much at most.
 pub const REPEATED_AT_MOST: f32 = 12.0;
 
-/// Places in the dictionary of requests seen.
-const SEEN: usize = 1024;
-
 /// Frames follow each other without strays but for one in forty at first.
 const FIRST_JUNK: f32 = 1.0 / 40.0;
 
@@ -103,10 +101,8 @@ pub struct Model {
     /// By direction and function code, the exception bit off.
     functions: [[f32; 128]; 2],
     function_totals: [f32; 2],
-    seen: Box<[(u64, u32)]>,
-    /// The bytes of those requests, if they are short, and the places of those that came again.
-    texts: Box<[Text]>,
-    polls: Vec<u16>,
+    /// The requests seen.
+    pub polls: Polls,
     frames: f32,
     junk: f32,
     /// Frames behind so few bytes that these were no frame.
@@ -119,6 +115,8 @@ pub struct Model {
     glued: f32,
     strays: f32,
     bits: [f32; 256],
+    /// The shares of all bytes before any noise was seen.
+    usual: Box<[f32; 256]>,
     noise: Box<[f32; 256]>,
     noise_total: f32,
     noise_due: f32,
@@ -139,12 +137,6 @@ pub struct Setting {
     /// Bytes before it that are no frame.
     pub junk: u64,
 }
-
-/// A request that is remembered with its bytes: those of a poll cycle are short.
-type Text = [u8; 24];
-
-/// So many requests of a poll cycle are remembered with their bytes.
-const POLLS: usize = 64;
 
 /// Bytes of noise that weigh as much as the usual bits, after which the bits are worked out again, and half forgotten.
 const NOISE_WEIGHT: f32 = 256.0;
@@ -172,9 +164,7 @@ impl Default for Model {
             unit_total: 0.0,
             functions: [[0.0; 128]; 2],
             function_totals: [0.0; 2],
-            seen: vec![(0, 0); SEEN].into_boxed_slice(),
-            texts: vec![[0; 24]; SEEN].into_boxed_slice(),
-            polls: Vec::new(),
+            polls: Polls::default(),
             frames: 0.0,
             junk: 0.0,
             few: 0.0,
@@ -184,6 +174,7 @@ impl Default for Model {
             glued: 0.0,
             strays: 0.0,
             bits: std::array::from_fn(|byte| usual_bits(byte as u8)),
+            usual: Box::new(std::array::from_fn(|byte| (-usual_bits(byte as u8)).exp2())),
             noise: Box::new([0.0; 256]),
             noise_total: 0.0,
             noise_due: NOISE_STEP,
@@ -249,19 +240,22 @@ impl Model {
             self.noise[byte as usize] += 1.0;
         }
         self.noise_total += bytes.len() as f32;
-        if self.noise_total < self.noise_due {
-            return;
+        if self.noise_total >= self.noise_due {
+            self.weigh_noise();
         }
+    }
+
+    /// Works out the bits of all bytes. Without branches: then it takes a few operations for many of them at once.
+    fn weigh_noise(&mut self) {
         if self.noise_total > NOISE_FORGET {
             self.noise.iter_mut().for_each(|count| *count /= 2.0);
             self.noise_total /= 2.0;
         }
         self.noise_due = self.noise_total + NOISE_STEP;
-        let weight = self.noise_total / (self.noise_total + NOISE_WEIGHT);
-        for (byte, bits) in self.bits.iter_mut().enumerate() {
-            let usual = (-usual_bits(byte as u8)).exp2();
-            let share = self.noise[byte] / self.noise_total;
-            *bits = -log2((1.0 - weight) * usual + weight * share.max(usual));
+        let total = self.noise_total;
+        let weight = total / (total + NOISE_WEIGHT);
+        for ((bits, &seen), &usual) in self.bits.iter_mut().zip(self.noise.iter()).zip(self.usual.iter()) {
+            *bits = -log2((1.0 - weight) * usual + weight * (seen / total).max(usual));
         }
     }
 
@@ -289,11 +283,15 @@ impl Model {
         self.units[unit as usize] >= OFTEN && self.functions[direction][(code & !EXCEPTION_BIT) as usize] >= OFTEN
     }
 
+    /// Whether a unit that has been seen may begin a frame with this function code.
+    pub fn has_seen(&self, unit: u8, code: u8) -> bool {
+        let function = usize::from(code & !EXCEPTION_BIT);
+        self.units[usize::from(unit)] > 0.0 && self.functions.iter().any(|seen| seen[function] > 0.0)
+    }
+
     /// What a request that was seen before is worth.
     pub fn repeated(&self, frame: &[u8]) -> f32 {
-        let (key, slot) = key(frame);
-        let (known, count) = self.seen[slot];
-        if known != key || count == 0 {
+        if !self.polls.knows(frame) {
             return 0.0;
         }
         let body = self.bits_of(&frame[2..frame.len() - 2]);
@@ -363,6 +361,7 @@ impl Model {
     }
 
     /// Learns from a frame that is certain.
+    #[inline]
     pub fn learn(&mut self, frame: &[u8], direction: usize, setting: Setting, copy: Copy) {
         let at = usize::from(setting.junk >= MAY_HOLD_A_FRAME);
         let (counts, seldom) = if setting.waiting { (&mut self.unanswered[at], 0) } else { (&mut self.orphans[at], 1) };
@@ -386,38 +385,10 @@ impl Model {
         self.junk += f32::from(u8::from(setting.junk > 0));
         self.few += f32::from(u8::from((1..MAY_HOLD_A_FRAME).contains(&setting.junk)));
         if direction == 0 {
-            let (key, slot) = key(frame);
-            self.remember(frame, key, slot);
+            self.polls.remember(frame);
         }
         if self.unit_total > FORGET {
             self.forget();
-        }
-    }
-
-    fn remember(&mut self, frame: &[u8], key: u64, slot: usize) {
-        let (known, count) = &mut self.seen[slot];
-        // A newcomer takes the place of a request that has not come back for long.
-        if *known != key {
-            if *count > 0 {
-                *count -= 1;
-                return;
-            }
-            (*known, *count) = (key, 1);
-            let text = &mut self.texts[slot];
-            text[0] = 0;
-            if frame.len() < text.len() {
-                text[0] = frame.len() as u8;
-                text[1..=frame.len()].copy_from_slice(frame);
-            }
-            return;
-        }
-        *count = (*count + 1).min(15);
-        let place = slot as u16;
-        if *count == 2 && self.texts[slot][0] > 0 && !self.polls.contains(&place) {
-            if self.polls.len() == POLLS {
-                self.polls.remove(0);
-            }
-            self.polls.push(place);
         }
     }
 
@@ -441,12 +412,6 @@ impl Model {
         }
     }
 
-    /// The requests that come again and again.
-    pub fn polls(&self) -> impl Iterator<Item = &[u8]> {
-        let texts = self.polls.iter().map(|&place| &self.texts[usize::from(place)]);
-        texts.filter(|text| text[0] > 0).map(|text| &text[1..=usize::from(text[0])])
-    }
-
     fn forget(&mut self) {
         for value in self.units.iter_mut().chain(self.functions.iter_mut().flatten()).chain(&mut self.function_totals) {
             *value /= 2.0;
@@ -461,10 +426,4 @@ impl Model {
 /// A learned share: of counts (those, all), with a prior.
 fn share(counts: [f32; 2], prior: f32) -> f32 {
     ((counts[0] + PRIOR_WEIGHT * prior) / (counts[1] + PRIOR_WEIGHT)).clamp(0.004, 0.9)
-}
-
-/// A hash of a frame (FNV-1a) and its place in the dictionary.
-fn key(frame: &[u8]) -> (u64, usize) {
-    let hash = frame.iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
-    (hash, (hash >> 32) as usize % SEEN)
 }

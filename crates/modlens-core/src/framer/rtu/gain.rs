@@ -1,79 +1,13 @@
 //! What a substring with a right CRC is worth as a request or as a response.
 
-use std::sync::Arc;
-
-use crate::direction::{answers, consistent, expected_block, Asked, Direction, Match, Pause};
+use crate::direction::{answers, consistent, expected_block, Direction, Match, Pause};
 use crate::framer::rtu::announced;
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs::{self, Model, Setting};
+use crate::framer::rtu::pending::{print, Open, Request};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
 use crate::pairing::BROADCAST;
-
-/// A request that may be answered.
-#[derive(Clone, Debug)]
-pub struct Request {
-    /// Unit asked.
-    pub unit: u8,
-    /// Its PDU.
-    pub pdu: Vec<u8>,
-    /// Its checksum was wrong: what the answer repeats may differ.
-    pub damaged: bool,
-    /// It was already heard twice.
-    pub copied: bool,
-    /// It is isolated in noise.
-    pub tentative: bool,
-}
-
-/// The requests that a frame may answer.
-#[derive(Clone, Debug, Default)]
-pub struct Pending {
-    /// The one that waits.
-    pub asked: Option<Arc<Request>>,
-    /// The one before it, if it was not answered: its answer may come late.
-    pub late: Option<Arc<Request>>,
-    /// The one that was answered last, and what tells its answer from others (length and checksum): it may come again.
-    pub last: Option<(Arc<Request>, [u8; 4])>,
-}
-
-/// What tells a frame from others: length and checksum.
-fn print(frame: &[u8]) -> [u8; 4] {
-    let [length, more] = (frame.len() as u16).to_le_bytes();
-    [length, more, frame[frame.len() - 2], frame[frame.len() - 1]]
-}
-
-impl Pending {
-    /// Equal for those that hold the same requests.
-    pub fn identity(&self) -> [Option<*const Request>; 3] {
-        let last = self.last.as_ref().map(|(request, _)| Arc::as_ptr(request));
-        [self.asked.as_ref().map(Arc::as_ptr), self.late.as_ref().map(Arc::as_ptr), last]
-    }
-
-    /// The requests that may be answered behind this frame.
-    pub fn after(self, frame: &[u8], direction: usize, answered: bool, whole: bool) -> Self {
-        if direction == RESPONSE {
-            return match self.asked {
-                Some(asked) if answered => Self { asked: None, late: self.late, last: Some((asked, print(frame))) },
-                asked => Self { asked, ..self },
-            };
-        }
-        let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-        let copied = self.asked.as_ref().is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
-        // A broadcast is never answered.
-        let asked =
-            (unit != BROADCAST).then(|| Arc::new(Request { unit, pdu: pdu.to_vec(), damaged: !whole, copied, tentative: false }));
-        // The same request again may have the same answer again.
-        let last = self.last.filter(|(request, _)| request.unit == unit && request.pdu == pdu);
-        Self { asked, late: self.asked, last }
-    }
-}
-
-impl Request {
-    /// The same as the rest of the core knows it.
-    pub fn asked(&self) -> Asked<'_> {
-        Asked { unit: self.unit, pdu: &self.pdu }
-    }
-}
 
 /// 0 for requests, 1 for responses: the index of learned counts.
 pub const REQUEST: usize = 0;
@@ -93,16 +27,17 @@ pub fn direction(index: usize) -> Direction {
 pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
+    // Runs of zeros and ones are full of these.
+    if code == 0 || (code & EXCEPTION_BIT != 0 && (direction == REQUEST || body.len() != 1)) {
+        return None;
+    }
     let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
     let mut gain = model.bits_of(&frame[frame.len() - 2..]) + header;
     if direction == RESPONSE && unit == BROADCAST {
         gain -= costs::BROADCAST_READ;
     }
     if code & EXCEPTION_BIT != 0 {
-        return exception(model, code, body, direction).map(|exception| gain + exception);
-    }
-    if code == 0 {
-        return None;
+        return Some(gain + exception(model, code, body[0]));
     }
     let Some(row) = context.functions.row(code, body) else { return Some(gain - model.open_length(code, direction, body)) };
     if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
@@ -111,11 +46,7 @@ pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usiz
     Some(gain + layout(model, row, body, direction))
 }
 
-fn exception(model: &Model, code: u8, body: &[u8], direction: usize) -> Option<f32> {
-    let &[exception] = body else { return None };
-    if direction == REQUEST {
-        return None;
-    }
+fn exception(model: &Model, code: u8, exception: u8) -> f32 {
     // The specification has codes 1 to 11; vendors have their own, but none of them is 0.
     let usual = match exception {
         1..=6 | 8 | 10 | 11 => 3.5,
@@ -123,7 +54,7 @@ fn exception(model: &Model, code: u8, body: &[u8], direction: usize) -> Option<f
         _ => 9.0,
     };
     let function = if code & !EXCEPTION_BIT == 0 { costs::BROKEN_RULE } else { 0.0 };
-    Some(model.bits(exception) - usual - function - costs::EXCEPTION)
+    model.bits(exception) - usual - function - costs::EXCEPTION
 }
 
 fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {
@@ -170,14 +101,14 @@ pub fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
 pub fn context(
     model: &Model,
     context: &Context<'_>,
-    pending: &Pending,
+    pending: Open<'_>,
     frame: &[u8],
     direction: usize,
     pause: Pause,
     (junk, begun): (u64, bool),
 ) -> (f32, bool) {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let asked = pending.asked.as_ref();
+    let asked = pending.asked;
     let (unanswered, orphan) = model.turn(Setting { waiting: asked.is_some(), junk });
     if direction == REQUEST {
         let repeated = model.repeated(frame);
@@ -192,7 +123,7 @@ pub fn context(
             return (repeated.max(known - 1.0) - again, false);
         }
         // The request before the one that waits, again: another frame was taken for the one between.
-        let late = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
+        let late = pending.late.is_some_and(|late| late.unit == unit && late.pdu == pdu);
         let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
         // No master gives up as soon as answers come; but among the bytes between may be the answer.
         let soon = if junk == 0 { (-pause).clamp(0.0, costs::TOO_SOON) } else { 0.0 };
@@ -227,15 +158,15 @@ pub fn context(
 }
 
 /// Bits of an answer that nobody waits for any more: the late one, or the last one once more.
-fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], pause: Pause) -> f32 {
+fn again(model: &Model, context: &Context<'_>, pending: Open<'_>, frame: &[u8], pause: Pause) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let fits = |request: &&Arc<Request>| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
-    let late = pending.late.as_ref().filter(fits).map(|request| {
+    let fits = |request: &&Request| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
+    let late = pending.late.filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
         (request, model.late() + retry, false)
     });
     // An echo once more is rather the same request again.
-    let last = pending.last.as_ref().filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
+    let last = pending.last.filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
     let again = last.map(|(request, _)| request).filter(fits).map(|request| (request, costs::AGAIN, true));
     let bits = late.into_iter().chain(again).map(|(request, cost, same)| {
         let row = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0);
@@ -259,13 +190,7 @@ fn again(model: &Model, context: &Context<'_>, pending: &Pending, frame: &[u8], 
 }
 
 /// Bits that a frame with a wrong checksum saves, where its header announces just its length and is no stranger here.
-pub fn damaged(
-    model: &Model,
-    context: &Context<'_>,
-    asked: Option<&Arc<Request>>,
-    frame: &[u8],
-    direction: usize,
-) -> Option<f32> {
+pub fn damaged(model: &Model, context: &Context<'_>, asked: Option<&Request>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code, body) = (frame[0], frame[1], &frame[2..frame.len() - 2]);
     let row = context.functions.row(code, body)?;
     if direction == REQUEST {
@@ -285,43 +210,72 @@ pub fn damaged(
     Some(model.bits(unit) + model.bits(code) + count - costs::ANSWERED - costs::DAMAGED)
 }
 
-/// Bits that an unfinished frame may claim by its header, if it can still go on beyond `seen` bytes.
-pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Arc<Request>>, seen: &[u8]) -> Option<f32> {
+/// What an unfinished frame may claim by its header.
+pub struct Header {
+    /// Bits.
+    pub gain: f32,
+    /// It claims as much until so many bytes of it are seen.
+    pub until: u64,
+}
+
+/// The bytes of a frame that its header is judged by, one that begins like this.
+pub fn most_of_a_header(context: &Context<'_>, frame: &[u8]) -> u64 {
+    let &[_, code, ref body @ ..] = frame else { return 2 };
+    let function = code & !EXCEPTION_BIT;
+    let leading = context.functions.leading_bytes(function);
+    let judged = context.functions.row(function, body).map_or(1, |row| row.judged.max(1));
+    2 + leading.max(judged) as u64
+}
+
+/// What the header of an unfinished frame may claim, if the frame can still go on beyond `seen` bytes.
+pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8]) -> Option<Header> {
     if seen.len() < 2 {
-        return Some(model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH);
+        return Some(Header { gain: model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH, until: 2 });
     }
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let row = context.functions.row(code & !EXCEPTION_BIT, body);
     let mut best: Option<f32> = None;
+    let mut until = u64::MAX >> 1;
     for (way, extent) in announced(context, seen).into_iter().flatten() {
         let index = if way == Direction::Response { RESPONSE } else { REQUEST };
         let open = match extent {
             Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
+            Extent::Exactly(length) | Extent::AtLeast(length) => {
+                until = until.min(length as u64);
+                0.0
+            }
             Extent::Open(_) if !model.familiar(unit, code, index) => continue,
             Extent::Open(_) => costs::OPEN_LENGTH,
-            _ => 0.0,
         };
-        let mut gain =
-            model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, index) - open;
-        let row = context.functions.row(code & !EXCEPTION_BIT, body);
-        if let Some(row) = row {
-            gain += row.permits[index].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
-            if index == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
-                gain += costs::OPEN_LENGTH;
-            }
-        }
-        if index == RESPONSE {
-            let ours = asked.filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
-            gain += match ours {
-                Some(asked) => {
-                    let expected = row.and_then(|row| expected_block(row, &asked.pdu));
-                    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
-                    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
-                    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -costs::BROKEN_RULE }
-                }
-                None => -costs::ORPHAN,
-            };
-        }
+        let gain = claim(model, context, row, seen, index) - open
+            + if index == RESPONSE { due(model, context, row, asked, seen) } else { 0.0 };
         best = Some(best.map_or(gain, |best| best.max(gain)));
     }
-    best
+    if (seen.len() as u64) < most_of_a_header(context, seen) {
+        until = seen.len() as u64 + 1;
+    }
+    best.map(|gain| Header { gain, until })
+}
+
+/// What unit, function and limits are worth in a direction.
+fn claim(model: &Model, context: &Context<'_>, row: Option<&Row>, seen: &[u8], direction: usize) -> f32 {
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let mut gain = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
+    if let Some(row) = row {
+        gain += row.permits[direction].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
+        if direction == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
+            gain += costs::OPEN_LENGTH;
+        }
+    }
+    gain
+}
+
+/// What the request that waits makes of the header of a response.
+fn due(model: &Model, context: &Context<'_>, row: Option<&Row>, asked: Option<&Request>, seen: &[u8]) -> f32 {
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let Some(asked) = asked.filter(|asked| asked.is_of(unit, code & !EXCEPTION_BIT)) else { return -costs::ORPHAN };
+    let expected = row.and_then(|row| expected_block(row, &asked.pdu));
+    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
+    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
+    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -costs::BROKEN_RULE }
 }

@@ -6,27 +6,29 @@
 
 mod autopsy;
 mod bits;
+mod certain;
 mod costs;
 mod gain;
+mod index;
 mod join;
+mod pending;
+mod polls;
 mod search;
 mod shapes;
 
 use std::collections::VecDeque;
 
-use std::sync::Arc;
-
-use crate::checksum::crc_valid;
-use crate::direction::{expected_block, judge, Direction};
+use crate::direction::{judge, Direction};
 use crate::framer::harm::Harm;
-use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT, RTU_LIMIT};
+use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT};
 use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
 
 use autopsy::{Piece, Scene};
-use gain::{Request, REQUEST, RESPONSE};
+use certain::{Certain, Length};
+use pending::set_first;
 use search::{Search, Told};
 
 /// Without line settings or with reads of several bytes, shorter pauses say nothing.
@@ -41,14 +43,11 @@ const BREAK: Ns = 90_000_000;
 /// Some masters announce more than the 256 bytes of the specification; a byte count cannot say more than this.
 const LONGEST: usize = join::REACH as usize;
 
+/// The most that `Cut::confidence` says.
+const SURE: u8 = 60;
+
 /// Unit, function code and checksum: bytes of a frame beside its body.
 const AROUND: usize = 4;
-
-/// A silence that is so much more like an answer than like a time-out, in bits.
-const SURELY_AN_ANSWER: f32 = -10.0;
-
-/// Unit, function code and the first byte of the body.
-const HEADER: usize = 3;
 
 /// The framer of an RTU line.
 pub struct Rtu {
@@ -65,13 +64,6 @@ pub struct Rtu {
     after_damage: bool,
     /// Shortest pause between frames.
     silence: Ns,
-}
-
-/// What a look at the next header says.
-enum Certain {
-    Frame(usize, usize),
-    Wait,
-    No,
 }
 
 impl Rtu {
@@ -103,69 +95,6 @@ impl Rtu {
         }
     }
 
-    /// A frame that needs no search: the answer to the request that waits, or a request in the way of this line,
-    /// of the length that its header announces, with a right checksum.
-    fn certain(&self, input: &Input, context: &Context<'_>) -> Certain {
-        let bytes = input.bytes();
-        if bytes.len() < HEADER && !input.closed {
-            return Certain::Wait;
-        }
-        let Some((length, direction)) = self.expected(input, context) else { return Certain::No };
-        if bytes.len() < length {
-            return if input.closed { Certain::No } else { Certain::Wait };
-        }
-        let whole = crc_valid(&bytes[..length]) && input.edge_after(0, length - 1, input.break_ns).is_none();
-        if whole {
-            Certain::Frame(length, direction)
-        } else {
-            Certain::No
-        }
-    }
-
-    fn expected(&self, input: &Input, context: &Context<'_>) -> Option<(usize, usize)> {
-        let bytes = input.bytes();
-        let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
-        let body = bytes.get(2..)?;
-        let function = code & !EXCEPTION_BIT;
-        if let Some(asked) = self.search.asked().filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&function)) {
-            if code != function {
-                return Some((5, RESPONSE)).filter(|_| bytes.get(2).is_some_and(|&exception| exception != 0));
-            }
-            let row = context.functions.row(code, &asked.pdu[1..])?;
-            let length = announced_length(row.response.extent(body))?;
-            let same = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
-            let echo = same && row.request == row.response;
-            // An echoed answer and a retry look the same; where neither the clock nor what follows tells, they are weighed.
-            if echo && (context.pause)(input.pause_before(0)) > SURELY_AN_ANSWER {
-                match third_copy(bytes, asked.pdu.len() + 3) {
-                    Some(false) if !input.timed => {}
-                    Some(_) => return None,
-                    None if input.timed => return None,
-                    None => return Some((bytes.len() + 1, RESPONSE)),
-                }
-            }
-            let agrees = match expected_block(row, &asked.pdu) {
-                Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
-                None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == asked.pdu.get(1..5)),
-            };
-            return Some((length + AROUND, RESPONSE)).filter(|_| agrees && length + AROUND <= LONGEST);
-        }
-        if self.search.asked().is_some() || code != function || !self.search.model.familiar(unit, code, REQUEST) {
-            return None;
-        }
-        let row = context.functions.row(code, body)?;
-        let length = announced_length(row.request.extent(body))?;
-        // The answer before once more, or a late one, may look like a request.
-        let pending = self.search.pending();
-        let same = |request: &Arc<Request>| request.unit == unit && request.pdu.first() == Some(&code);
-        let again = pending.late.as_ref().is_some_and(same)
-            || (row.request != row.response && pending.last.as_ref().is_some_and(|(request, _)| same(request)));
-        if again && announced_length(row.response.extent(body)) == Some(length) {
-            return None;
-        }
-        Some((length + AROUND, REQUEST)).filter(|&(length, _)| length <= RTU_LIMIT)
-    }
-
     fn cut(
         &self,
         input: &Input,
@@ -178,15 +107,68 @@ impl Rtu {
         let frame = &input.bytes()[..length];
         adu.clear();
         adu.extend_from_slice(&frame[..length - 2]);
-        let lengths = announced(context, frame);
-        let by_length = lengths.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length));
-        let silence = input.closed || input.pause_before(length).is_some_and(|pause| pause >= self.silence(input));
-        let cut_by = match (by_length, silence) {
-            (true, _) => CutBy::Length,
-            (false, true) => CutBy::Silence,
-            (false, false) => CutBy::Checksum,
+        let by_length = announced(context, frame).iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length));
+        let silent = || input.closed || input.pause_before(length).is_some_and(|pause| pause >= self.silence(input));
+        let cut_by = match by_length {
+            true => CutBy::Length,
+            false if silent() => CutBy::Silence,
+            false => CutBy::Checksum,
         };
         Cut { verdict: Verdict::Ok, direction, confidence, ..Cut::noise(length, cut_by) }
+    }
+
+    /// Whether the first bytes are a frame without doubt. Asked once for each place: what the search has seen since must
+    /// not depend on how the bytes came.
+    #[inline]
+    fn look(&mut self, input: &Input, context: &Context<'_>) -> Certain {
+        let idle = !context.shared || self.search.idle();
+        if self.doubted == Some(input.offset()) || !idle || self.search.told() > input.offset() {
+            return Certain::No;
+        }
+        match certain::certain(&self.search, input, context) {
+            Certain::Frame(length) if self.search.admits(length) => Certain::Frame(length),
+            Certain::Wait => Certain::Wait,
+            _ => {
+                self.doubted = Some(input.offset());
+                Certain::No
+            }
+        }
+    }
+
+    /// Looks behind a few strays, in a recording: for the next frame, without doubt.
+    fn look_behind_strays(&mut self, input: &Input, context: &Context<'_>) -> Certain {
+        let silent = context.speaker.is_none() && context.certain.is_none() && !context.shared;
+        let plain = input.first_read().is_some_and(|read| read.side.is_none() && !read.record);
+        if !(context.ahead && silent && plain && self.search.told() == input.offset() && self.search.is_plain()) {
+            return Certain::No;
+        }
+        let (strays, certain) = certain::behind_strays(&self.search, input, context);
+        if let Certain::Frame(length) = certain {
+            let unit = input.bytes()[strays];
+            if self.search.asked().is_none() && !context.paired_units[usize::from(unit)] {
+                return Certain::No;
+            }
+            let start = input.offset() + strays as u64;
+            self.search.pass(context, input.bytes(), strays, length);
+            let (end, direction) = (self.search.told(), self.search.direction());
+            self.told = Some(Told::Frame { start, end, direction, confidence: SURE, tentative: false });
+        }
+        certain
+    }
+
+    /// Gives out a frame that left no doubt.
+    #[inline]
+    fn pass(&mut self, input: &Input, context: &Context<'_>, length: Length, adu: &mut Vec<u8>) -> Cut {
+        let bytes = input.bytes();
+        self.after_damage = false;
+        self.hear(input, length.bytes());
+        self.search.pass(context, bytes, 0, length);
+        let direction = self.search.direction();
+        if !length.exact() {
+            return self.cut(input, context, length.bytes(), direction, SURE, adu);
+        }
+        set_first(adu, bytes, length.bytes() - 2);
+        Cut { verdict: Verdict::Ok, direction, confidence: SURE, ..Cut::noise(length.bytes(), CutBy::Length) }
     }
 
     /// The first piece of the bytes up to `to`, which begin no whole frame: a damaged one, or noise.
@@ -194,6 +176,7 @@ impl Rtu {
         let offset = input.offset();
         if self.dissected < to {
             self.dissected = to;
+            self.search.model.polls.refresh();
             self.pieces = self.dissect(input, context, (to - offset) as usize);
         }
         let region = (to - offset) as usize;
@@ -224,8 +207,9 @@ impl Rtu {
     }
 
     /// A frame with a wrong checksum that the search found by its length, and what happened to it.
-    fn spoilt(&self, input: &Input, context: &Context<'_>, length: usize, direction: Direction, adu: &mut Vec<u8>) -> Cut {
+    fn spoilt(&mut self, input: &Input, context: &Context<'_>, length: usize, direction: Direction, adu: &mut Vec<u8>) -> Cut {
         let wire = &input.bytes()[..length];
+        self.search.model.polls.refresh();
         let model = &self.search.model;
         let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence: self.silence(input) };
         if let Some(piece) = scene.pieces().iter().find(|piece| (piece.start, piece.end) == (0, length)) {
@@ -308,25 +292,11 @@ impl Rtu {
         }
     }
 
-    /// A record of a recording that prints no checksums is one frame.
-    fn without_checksum(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
-        let read = input.read(0).filter(|read| read.no_checksum)?;
-        let length = (read.end - input.offset()) as usize;
-        let bytes = &input.bytes()[..length];
-        adu.clear();
-        adu.extend_from_slice(bytes);
-        self.search.jump(input.offset() + length as u64);
-        if length < 2 {
-            return Some(Cut::noise(length, CutBy::Record));
-        }
-        let pause = (context.pause)(input.pause_before(0));
-        let direction = judge(context.functions, context.asked, bytes[0], &bytes[1..], context.said_at(input, 0), pause);
-        Some(Cut { verdict: Verdict::NoChecksum, direction, ..Cut::noise(length, CutBy::Record) })
-    }
-}
-
-impl Framer for Rtu {
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    /// The first frame or noise row, by search where that is necessary.
+    ///
+    /// Apart from `next`, which has to be short: nearly all frames leave no doubt.
+    #[inline(never)]
+    fn weigh(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
         if let Some(cut) = self.without_checksum(input, context, adu) {
             return Some(cut);
         }
@@ -353,30 +323,17 @@ impl Framer for Rtu {
                 _ => self.told = None,
             }
             if context.shared && self.search.idle() {
-                let asked = context.asked.map(|asked| Request {
-                    unit: asked.unit,
-                    pdu: asked.pdu.to_vec(),
-                    damaged: false,
-                    copied: false,
-                    tentative: false,
-                });
-                self.search.set_asked(asked.map(Arc::new));
+                self.search.set_asked(context.asked);
             }
-            // Once for each place: what the search has seen since must not depend on how the bytes came.
-            if self.doubted != Some(input.offset())
-                && (!context.shared || self.search.idle())
-                && self.search.told() <= input.offset()
-            {
-                match self.certain(input, context) {
-                    Certain::Frame(length, direction) if self.search.admits(length, direction) => {
-                        self.after_damage = false;
-                        self.hear(input, length);
-                        self.search.skip(context, &input.bytes()[..length], direction);
-                        return Some(self.cut(input, context, length, gain::direction(direction), 60, adu));
-                    }
-                    Certain::Wait => return None,
-                    _ => self.doubted = Some(input.offset()),
-                }
+            match self.look(input, context) {
+                Certain::Frame(length) => return Some(self.pass(input, context, length, adu)),
+                Certain::Wait => return None,
+                Certain::No => {}
+            }
+            match self.look_behind_strays(input, context) {
+                Certain::Frame(_) => continue,
+                Certain::Wait => return None,
+                Certain::No => {}
             }
             let held_back = self.search.told();
             self.told = match self.search.advance(input, context, self.silence(input)) {
@@ -385,6 +342,36 @@ impl Framer for Rtu {
                 told => told,
             };
         }
+    }
+
+    /// A record of a recording that prints no checksums is one frame.
+    fn without_checksum(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        let read = input.first_read().filter(|read| read.no_checksum)?;
+        let length = (read.end - input.offset()) as usize;
+        let bytes = &input.bytes()[..length];
+        adu.clear();
+        adu.extend_from_slice(bytes);
+        self.search.jump(input.offset() + length as u64);
+        if length < 2 {
+            return Some(Cut::noise(length, CutBy::Record));
+        }
+        let pause = (context.pause)(input.pause_before(0));
+        let direction = judge(context.functions, context.asked, bytes[0], &bytes[1..], context.said_at(input, 0), pause);
+        Some(Cut { verdict: Verdict::NoChecksum, direction, ..Cut::noise(length, CutBy::Record) })
+    }
+}
+
+impl Framer for Rtu {
+    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        let plain = self.told.is_none() && !context.shared && input.first_read().is_some_and(|read| !read.no_checksum);
+        if plain {
+            match self.look(input, context) {
+                Certain::Frame(length) => return Some(self.pass(input, context, length, adu)),
+                Certain::Wait => return None,
+                Certain::No => {}
+            }
+        }
+        self.weigh(input, context, adu)
     }
 
     fn mode(&self) -> Mode {
@@ -403,25 +390,7 @@ impl Framer for Rtu {
 
 /// Whether the first bytes come in records: there each is looked at by itself.
 fn in_records(input: &Input) -> bool {
-    input.read(0).is_some_and(|read| read.record)
-}
-
-/// Whether the bytes begin with the same frame twice; `None` if more bytes are needed to tell.
-fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
-    let second = bytes.get(length..).unwrap_or(&[]);
-    let compared = second.len().min(length);
-    if second[..compared] != bytes[..compared] {
-        return Some(false);
-    }
-    (compared == length).then_some(true)
-}
-
-/// The length that is announced, or at least the one at which more will be known.
-fn announced_length(extent: Extent) -> Option<usize> {
-    match extent {
-        Extent::Exactly(length) | Extent::AtLeast(length) => Some(length),
-        Extent::Open(_) => None,
-    }
+    input.first_read().is_some_and(|read| read.record)
 }
 
 /// The whole-frame lengths that a header announces, the likelier direction first.

@@ -4,9 +4,7 @@ use crate::checksum::{crc16, mending_bit};
 use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::template::Template;
 use crate::framer::rtu::costs::Model;
-
-/// Bytes that are lost at one place, at most, where a template is to be recognised behind them.
-pub const MOST_LOST: usize = 3;
+use crate::framer::rtu::index::MOST_LOST;
 
 /// Flipped bits in unit and function code, where they are to be recognised.
 const MOST_FLIPS: u32 = 3;
@@ -51,7 +49,7 @@ pub struct Fit {
 }
 
 /// The best way to see the template in bytes that begin here.
-pub fn align(model: &Model, template: &Template, bytes: &[u8]) -> Option<Fit> {
+pub fn align(model: &Model, template: &Template<'_>, bytes: &[u8]) -> Option<Fit> {
     // With a length, the checksum tells what nothing else is known of.
     let known = template.bytes.len() - usize::from(template.length.is_none());
     let most = MOST_LOST.min(known);
@@ -60,7 +58,7 @@ pub fn align(model: &Model, template: &Template, bytes: &[u8]) -> Option<Fit> {
 }
 
 /// The same, with so many bytes of the template missing in front.
-fn from(model: &Model, template: &Template, bytes: &[u8], head: usize) -> Option<Fit> {
+fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize) -> Option<Fit> {
     let known = &template.bytes[head..];
     let same = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
     // Nearly everywhere nearly nothing fits: that has to be seen at once.
@@ -165,14 +163,14 @@ fn collided(model: &Model, known: &[u8], bytes: &[u8], same: usize) -> Option<Wa
 }
 
 /// What the checksum says of the bytes behind those known, once those are mended.
-fn checksum(template: &Template, bytes: &[u8], length: Option<usize>, short: isize) -> f32 {
+fn checksum(template: &Template<'_>, bytes: &[u8], length: Option<usize>, short: isize) -> f32 {
     let known = template.bytes.len();
     let behind = known.saturating_add_signed(-short);
     let Some(length) = length.filter(|&length| length >= 4 && length <= bytes.len() && behind <= length) else { return 0.0 };
     if template.length.is_some_and(|whole| whole <= known) {
         return 0.0;
     }
-    if crc16(&[&template.bytes, &bytes[behind..length]].concat()) == 0 {
+    if crc16(&[&template.bytes[..], &bytes[behind..length]].concat()) == 0 {
         return CHECKSUM;
     }
     match mending_bit(&bytes[..length]) {

@@ -5,7 +5,6 @@
 //! reported where one of them fits with enough bits to spare. Bytes that fit nothing are noise.
 
 mod align;
-mod index;
 mod mend;
 mod template;
 
@@ -14,13 +13,13 @@ use crate::direction::{Asked, Direction};
 use crate::framer::harm::Harm;
 use crate::framer::rtu::costs::{self, Model};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
+use crate::framer::rtu::index::{may_be, possible, Set, Values};
 use crate::framer::{Context, RTU_LIMIT};
 use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::Ns;
 
 use align::{align, Fit};
-use index::Index;
 use template::Template;
 
 /// Bits that a damaged frame must be worth to be reported: the chance that noise looks so is about 2 to the minus this.
@@ -117,8 +116,11 @@ impl Scene<'_, '_> {
 
     /// The damaged frames of this gap, in order.
     pub fn pieces(&self) -> Vec<Piece> {
-        let templates = template::all(self);
-        let index = Index::new(&templates);
+        let around = template::around(self);
+        let mut values = Values::default();
+        for template in &around {
+            values.add(&template.bytes);
+        }
         let mut candidates = Vec::new();
         for start in 0..self.length {
             if start == NEAR && self.length > 2 * NEAR {
@@ -127,7 +129,11 @@ impl Scene<'_, '_> {
             if (NEAR..self.length.saturating_sub(NEAR)).contains(&start) {
                 continue;
             }
-            self.candidates(&templates, &index, start, &mut candidates);
+            let bytes = &self.bytes()[start..];
+            if values.admit(bytes) {
+                self.expected(&around, start, &mut candidates);
+            }
+            self.candidates(start, &mut candidates);
         }
         let mut pieces = self.pick(&candidates);
         let first = pieces.first().map_or(self.length, |piece| piece.start);
@@ -186,37 +192,46 @@ impl Scene<'_, '_> {
         Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true, wrong: 0 })
     }
 
-    fn candidates(&self, templates: &[Template], index: &Index, start: usize, candidates: &mut Vec<Candidate>) {
-        let place = self.place(start);
+    /// What the frames around let one expect.
+    fn expected(&self, around: &[Template<'_>], start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
-        let mut possible = index.possible(bytes);
-        while possible != 0 {
-            let template = &templates[possible.trailing_zeros() as usize];
-            possible &= possible - 1;
-            let Some(fit) = align(self.model, template, bytes) else { continue };
-            let end = fit.length.map(|length| start + length);
-            let score = fit.score - place + self.ends_well(end);
-            if score > 0.0 {
-                candidates.push(Candidate::new(template, &fit, start, end, score));
-            }
-        }
-        for direction in [REQUEST, RESPONSE] {
-            if let Some(candidate) = self.stranger(bytes, start, direction, place) {
-                candidates.push(candidate);
-            }
+        let has = |place: usize, byte: u8| {
+            let of = around.iter().enumerate();
+            of.fold(0, |set: Set, (at, template)| set | Set::from(may_be(&template.bytes, place, byte)) << at)
+        };
+        for at in members(possible(bytes, has)) {
+            candidates.extend(self.candidate(&around[at], start));
         }
     }
 
+    /// What the poll cycle, and the units and functions of the line let one expect.
+    fn candidates(&self, start: usize, candidates: &mut Vec<Candidate>) {
+        let bytes = &self.bytes()[start..];
+        for at in members(self.model.polls.possible(bytes)) {
+            candidates.extend(self.candidate(&template::poll(self.model.polls.get(at)), start));
+        }
+        if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
+            candidates.extend([REQUEST, RESPONSE].into_iter().filter_map(|direction| self.stranger(start, direction)));
+        }
+    }
+
+    /// The frame of this template that may begin here.
+    fn candidate(&self, template: &Template<'_>, start: usize) -> Option<Candidate> {
+        let fit = align(self.model, template, &self.bytes()[start..])?;
+        let end = fit.length.map(|length| start + length);
+        let score = fit.score - self.place(start) + self.ends_well(end);
+        (score > 0.0).then(|| Candidate::new(template, &fit, start, end, score))
+    }
+
     /// A frame that nothing lets one expect, from a unit and with a function that the line has shown.
-    fn stranger(&self, bytes: &[u8], start: usize, direction: usize, place: f32) -> Option<Candidate> {
-        let &[unit, code, ref body @ ..] = bytes else { return None };
+    fn stranger(&self, start: usize, direction: usize) -> Option<Candidate> {
+        let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        let known = self.context.known_units[usize::from(unit)] || self.input.offset() == 0;
-        if !known || function == 0 || (code != function && direction == REQUEST) {
+        if function == 0 || (code != function && direction == REQUEST) {
             return None;
         }
         let novelty = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
-        let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - place;
+        let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - self.place(start);
         if direction == RESPONSE {
             score -= costs::ORPHAN;
         }
@@ -429,8 +444,17 @@ pub fn is_glitch(strays: &[u8]) -> bool {
     strays.len() <= MOST_GLITCH && strays.iter().all(|&byte| glitch(byte) && byte == strays[0])
 }
 
+/// The numbers in a set, the lowest first.
+fn members(mut set: Set) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let at = (set != 0).then(|| set.trailing_zeros() as usize);
+        set &= set.wrapping_sub(1);
+        at
+    })
+}
+
 impl Candidate {
-    fn new(template: &Template, fit: &Fit, start: usize, end: Option<usize>, score: f32) -> Self {
+    fn new(template: &Template<'_>, fit: &Fit, start: usize, end: Option<usize>, score: f32) -> Self {
         Self {
             start,
             core: start + fit.core,

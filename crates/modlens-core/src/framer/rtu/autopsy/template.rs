@@ -1,17 +1,18 @@
 //! What may have stood here: frames that the traffic around a gap lets one expect, as far as their bytes are known.
 
+use std::borrow::Cow;
+
 use crate::checksum::crc16;
 use crate::direction::{expected_block, Asked, Direction};
-use crate::framer::rtu::autopsy::index::MOST;
 use crate::framer::rtu::autopsy::Scene;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::AROUND;
 use crate::functions::{Extent, EXCEPTION_BIT};
 
 /// A frame of which the first bytes are known, or all of them.
-pub struct Template {
+pub struct Template<'a> {
     /// The bytes known: the first ones.
-    pub bytes: Vec<u8>,
+    pub bytes: Cow<'a, [u8]>,
     /// How long the frame is, where that is known.
     pub length: Option<usize>,
     /// 0 for requests, 1 for responses.
@@ -35,11 +36,11 @@ const EXCEPTION: f32 = 4.0;
 /// Bytes that a response repeats from its request: address, and value or quantity.
 const REPEATED: usize = 4;
 
-/// All templates of a gap.
-pub fn all(scene: &Scene<'_, '_>) -> Vec<Template> {
-    let mut templates = Vec::new();
+/// What the frames around a gap let one expect in it.
+pub fn around<'a>(scene: &Scene<'a, '_>) -> Vec<Template<'a>> {
+    let mut templates = Vec::with_capacity(4);
     if let Some(asked) = scene.context.asked {
-        answers(scene, asked, &mut templates);
+        templates.extend(answers(scene, asked).into_iter().flatten());
         templates.push(again(asked));
     }
     match scene.after {
@@ -47,31 +48,34 @@ pub fn all(scene: &Scene<'_, '_>) -> Vec<Template> {
         Some((frame, Direction::Response)) if !answers_asked(scene, frame) => templates.push(request_of(scene, frame)),
         _ => {}
     }
-    templates.extend(scene.model.polls().map(|frame| whole(frame, POLL)));
-    templates.truncate(MOST);
     templates
 }
 
-fn whole(frame: &[u8], cost: f32) -> Template {
-    Template { bytes: frame.to_vec(), length: Some(frame.len()), direction: REQUEST, cost }
+/// A request of the poll cycle.
+pub fn poll(frame: &[u8]) -> Template<'_> {
+    whole(frame, POLL)
+}
+
+fn whole(frame: &[u8], cost: f32) -> Template<'_> {
+    Template { bytes: Cow::Borrowed(frame), length: Some(frame.len()), direction: REQUEST, cost }
 }
 
 /// The request that waits, once more.
-fn again(asked: Asked<'_>) -> Template {
+fn again<'a>(asked: Asked<'_>) -> Template<'a> {
     let mut bytes = vec![asked.unit];
     bytes.extend_from_slice(asked.pdu);
     bytes.extend(crc16(&bytes).to_le_bytes());
-    whole(&bytes, RETRY)
+    Template { length: Some(bytes.len()), bytes: Cow::Owned(bytes), direction: REQUEST, cost: RETRY }
 }
 
 /// The request that a response answers, as far as it repeats it.
-fn request_of(scene: &Scene<'_, '_>, response: &[u8]) -> Template {
+fn request_of<'a>(scene: &Scene<'a, '_>, response: &[u8]) -> Template<'a> {
     let (unit, code, body) = (response[0], response[1], &response[2..response.len() - 2]);
     let mut bytes = vec![unit, code & !EXCEPTION_BIT];
     let mut length = None;
     if let Some(row) = scene.context.functions.row(bytes[1], body) {
         if code & EXCEPTION_BIT == 0 && !row.echo.is_empty() {
-            let repeated = if row.request == row.response { body.len() } else { body.len().min(REPEATED) };
+            let repeated = if row.mirrored { body.len() } else { body.len().min(REPEATED) };
             bytes.extend_from_slice(&body[..repeated]);
         }
         if let Extent::Exactly(body) = row.request.extent(&bytes[2..]) {
@@ -81,7 +85,7 @@ fn request_of(scene: &Scene<'_, '_>, response: &[u8]) -> Template {
             bytes.extend(crc16(&bytes).to_le_bytes());
         }
     }
-    Template { bytes, length, direction: REQUEST, cost: DUE }
+    Template { bytes: Cow::Owned(bytes), length, direction: REQUEST, cost: DUE }
 }
 
 fn answers_asked(scene: &Scene<'_, '_>, frame: &[u8]) -> bool {
@@ -91,18 +95,16 @@ fn answers_asked(scene: &Scene<'_, '_>, frame: &[u8]) -> bool {
 
 /// How long the answer to this request is, where the request says it.
 pub fn answer_length(scene: &Scene<'_, '_>, asked: Asked<'_>) -> Option<usize> {
-    let mut templates = Vec::new();
-    answers(scene, asked, &mut templates);
-    templates.first()?.length
+    answers(scene, asked)?[0].length
 }
 
-/// The answer to a request, and its refusal.
-fn answers(scene: &Scene<'_, '_>, asked: Asked<'_>, templates: &mut Vec<Template>) {
-    let Some((&code, body)) = asked.pdu.split_first() else { return };
+/// The answer to a request, and its refusal; a request without function has none.
+fn answers<'a>(scene: &Scene<'a, '_>, asked: Asked<'_>) -> Option<[Template<'a>; 2]> {
+    let (&code, body) = asked.pdu.split_first()?;
     let mut bytes = vec![asked.unit, code];
     let mut length = None;
     if let Some(row) = scene.context.functions.row(code, body) {
-        if row.request == row.response && !row.echo.is_empty() {
+        if row.mirrored && !row.echo.is_empty() {
             bytes.extend_from_slice(body);
         } else if let Some(block) = expected_block(row, asked.pdu).and_then(|block| u8::try_from(block).ok()) {
             bytes.push(block);
@@ -116,7 +118,9 @@ fn answers(scene: &Scene<'_, '_>, asked: Asked<'_>, templates: &mut Vec<Template
             bytes.extend(crc16(&bytes).to_le_bytes());
         }
     }
-    templates.push(Template { bytes, length, direction: RESPONSE, cost: DUE });
     let refusal = vec![asked.unit, code | EXCEPTION_BIT];
-    templates.push(Template { bytes: refusal, length: Some(5), direction: RESPONSE, cost: EXCEPTION });
+    Some([
+        Template { bytes: Cow::Owned(bytes), length, direction: RESPONSE, cost: DUE },
+        Template { bytes: Cow::Owned(refusal), length: Some(5), direction: RESPONSE, cost: EXCEPTION },
+    ])
 }

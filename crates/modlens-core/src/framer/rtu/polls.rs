@@ -1,0 +1,124 @@
+//! Requests that come again and again: a master's poll cycle.
+
+use crate::framer::rtu::index::{Index, Set, MOST};
+
+/// Places in the dictionary of requests seen.
+const SEEN: usize = 1024;
+
+/// A request is remembered with its bytes, if it is shorter than this: those of a poll cycle are.
+const SHORT: usize = 24;
+
+/// Times that are counted at most: after so many newcomers a request that has not come back is forgotten.
+const OFTEN: u32 = 15;
+
+/// Its length, and its bytes.
+type Text = [u8; SHORT];
+
+/// The requests seen.
+pub struct Polls {
+    /// What tells a request from others, and how often it came.
+    seen: Box<[(u64, u32)]>,
+    /// The bytes of those requests, if they are short.
+    texts: Box<[Text]>,
+    /// The places of those that came again, the latest last.
+    places: Vec<u16>,
+    index: Index,
+    /// The index is older than the places.
+    stale: bool,
+}
+
+impl Default for Polls {
+    fn default() -> Self {
+        Self {
+            seen: vec![(0, 0); SEEN].into_boxed_slice(),
+            texts: vec![[0; SHORT]; SEEN].into_boxed_slice(),
+            places: Vec::new(),
+            index: Index::default(),
+            stale: false,
+        }
+    }
+}
+
+impl Polls {
+    /// Whether this request was seen before.
+    pub fn knows(&self, frame: &[u8]) -> bool {
+        let (key, slot) = key(frame);
+        let (known, count) = self.seen[slot];
+        known == key && count > 0
+    }
+
+    /// Takes note of a request.
+    #[inline]
+    pub fn remember(&mut self, frame: &[u8]) {
+        let (key, slot) = key(frame);
+        let (known, count) = &mut self.seen[slot];
+        if *known == key && *count >= 2 {
+            *count = (*count + 1).min(OFTEN);
+        } else {
+            self.newcomer(frame, key, slot);
+        }
+    }
+
+    /// The same of one that was not seen twice yet.
+    fn newcomer(&mut self, frame: &[u8], key: u64, slot: usize) {
+        let (known, count) = &mut self.seen[slot];
+        // It takes the place of a request that has not come back for long.
+        if *known != key {
+            if *count > 0 {
+                *count -= 1;
+                return;
+            }
+            (*known, *count) = (key, 1);
+            let text = &mut self.texts[slot];
+            self.stale |= text[0] > 0;
+            text[0] = 0;
+            if frame.len() < SHORT {
+                text[0] = frame.len() as u8;
+                text[1..=frame.len()].copy_from_slice(frame);
+            }
+            return;
+        }
+        *count += 1;
+        let place = slot as u16;
+        if *count == 2 && self.texts[slot][0] > 0 && !self.places.contains(&place) {
+            if self.places.len() == MOST {
+                self.places.remove(0);
+            }
+            self.places.push(place);
+            self.stale = true;
+        }
+    }
+
+    /// Brings the index up to date.
+    pub fn refresh(&mut self) {
+        if self.stale {
+            self.index = Index::of((0..self.places.len()).map(|at| self.get(at)));
+            self.stale = false;
+        }
+    }
+
+    /// One of those that came again; empty, if its place was taken by a long one.
+    pub fn get(&self, at: usize) -> &[u8] {
+        let text = &self.texts[usize::from(self.places[at])];
+        &text[1..=usize::from(text[0])]
+    }
+
+    /// Those that may begin here, as far as was known at the last `refresh`.
+    pub fn possible(&self, bytes: &[u8]) -> Set {
+        self.index.possible(bytes)
+    }
+}
+
+/// What tells a request from others, and its place in the dictionary: its first and last bytes, the checksum among
+/// them, and its length. That is quicker than to go through all of its bytes.
+fn key(frame: &[u8]) -> (u64, usize) {
+    let head = frame.first_chunk().map_or_else(
+        || frame.iter().fold(0, |head, &byte| head << 8 | u64::from(byte)),
+        |head: &[u8; 8]| u64::from_le_bytes(*head),
+    );
+    let tail = frame.last_chunk().map_or(0, |tail: &[u8; 4]| u64::from(u32::from_le_bytes(*tail)));
+    let tail = tail << 16 ^ frame.len() as u64;
+    // Odd numbers without pattern (the golden ratio's and the square root of two's bits) spread what differs in few bits.
+    let hash = head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485);
+    (hash, (hash >> 48) as usize % SEEN)
+}

@@ -1,0 +1,257 @@
+//! When a frame is told: once no rival reading is near, and none that has begun may come near.
+
+use std::ops::Range;
+
+use crate::direction::Direction;
+use crate::framer::rtu::costs::Setting;
+use crate::framer::rtu::gain;
+use crate::framer::rtu::gain::{REQUEST, RESPONSE};
+use crate::framer::rtu::join::REACH;
+use crate::framer::rtu::search::paths::{Node, KEPT};
+use crate::framer::rtu::search::{copy, learn, Search, Told};
+use crate::framer::Context;
+use crate::input::Input;
+
+/// The chance of telling a frame too early is about 2 to the minus this.
+const THETA: f32 = 14.0;
+
+/// The same where nobody waits: in a recording.
+const THETA_AHEAD: f32 = 30.0;
+
+/// The same for frames that have only begun: they are many, and each costs time.
+const THREAT_AHEAD: f32 = 18.0;
+
+/// Readings that stay equally good for so many bytes will not be told apart: the better one is taken.
+const PATIENCE: u64 = 640;
+const PATIENCE_AHEAD: u64 = 1280;
+
+/// Without a clock the frame behind tells an echoed answer from a retry; readings the other way round so near wait for it.
+const LOOK_ALIKE: f32 = 40.0;
+
+/// What it is worth for a frame that has begun to have begun right behind another one.
+const DUE: f32 = 14.0;
+
+/// No header is worth more.
+const MOST_HEADER: f32 = 60.0;
+
+/// A frame with this many bits cannot be overtaken by a header alone that begins in it.
+const SURE: f32 = 34.0;
+
+/// More readings than this at once are no traffic; the best one is taken.
+const CROWD: usize = 96;
+
+/// What stands behind a frame costs the same so many bytes behind it and later: only what is found then changes anything.
+const STILL: u64 = 3;
+
+/// Bytes without any frame are given out in such pieces.
+const NOISE: u64 = 4096;
+
+impl Search {
+    /// Tells the first frame of the best path, or that there is none, or sets the place before which that need not be
+    /// asked again.
+    pub(super) fn decide(&mut self, input: &Input, context: &Context<'_>, closed: bool) -> Option<Told> {
+        let (best, standing) = self.best();
+        let first = self.nodes[best].first;
+        let moving = self.next < self.nodes[self.nodes.len() - 1].end + STILL;
+        if moving {
+            self.cleared = 0;
+        }
+        let until = if first == 0 {
+            let limit = self.told() + NOISE;
+            if closed || self.next > limit + REACH {
+                self.doubtful |= !closed;
+                let to = if closed { self.next } else { limit };
+                let junk = (self.told() - input.offset()) as usize..(to - input.offset()) as usize;
+                self.model.learn_noise(&input.bytes()[junk]);
+                return Some(self.junk(to));
+            }
+            if self.nodes.len() >= 2 * KEPT {
+                self.thin();
+            }
+            Some(limit + REACH + 1)
+        } else if closed {
+            None
+        } else {
+            self.undecided_until(input, context, best, standing)
+        };
+        match until {
+            Some(until) => {
+                self.calm = if moving { 0 } else { until };
+                None
+            }
+            None => Some(self.tell(input, context, first, standing)),
+        }
+    }
+
+    /// The place before which the first frame of the best path cannot be told, unless more frames are found.
+    fn undecided_until(&mut self, input: &Input, context: &Context<'_>, best: usize, standing: f32) -> Option<u64> {
+        let first = self.nodes[best].first;
+        let frame = &self.nodes[first];
+        let (theta, patience) = if context.ahead { (THETA_AHEAD, PATIENCE_AHEAD) } else { (THETA, PATIENCE) };
+        if self.next >= frame.end + patience || self.nodes.len() >= CROWD {
+            return None;
+        }
+        let bar = standing - theta;
+        if self.nodes.iter().any(|node| node.first != first && self.standing(node) > bar) {
+            return Some(frame.end + patience);
+        }
+        let reach = frame.end + REACH;
+        if self.next >= reach {
+            return None;
+        }
+        let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
+        let look_alike = clockless && context.speaker.is_none() && first == best && self.turned(first, standing - LOOK_ALIKE);
+        // Only what follows shows that a frame was damaged rather than none.
+        let doubtful = !frame.whole && first == best;
+        if look_alike || doubtful {
+            return Some(reach);
+        }
+        let begun = standing - if context.ahead { THREAT_AHEAD } else { THETA };
+        self.threatened_until(input, context, first, begun).map(|until| until.min(reach))
+    }
+
+    /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
+    fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> Option<u64> {
+        let frame = &self.nodes[first];
+        // What begins inside a sure one is no threat to it.
+        let end = if frame.gain >= SURE { frame.start } else { frame.end };
+        let within = self.told().max(self.next.saturating_sub(REACH))..end;
+        if within.is_empty() && frame.gain >= SURE {
+            return None;
+        }
+        // What was possible a byte ago mostly still is.
+        let known = self.threat.take().and_then(|(node, start)| {
+            let behind = &self.nodes[node];
+            let counts = within.contains(&start) || (start == behind.end && node != 0 && behind.first != first);
+            let until = if counts { self.promises(input, context, behind, start, bar) } else { None };
+            Some((node, start, until?))
+        });
+        let found = known.or_else(|| self.find_threat(input, context, first, within, bar));
+        self.threat = found.map(|(node, start, _)| (node, start));
+        found.map(|(_, start, until)| until.min(start + REACH + 1))
+    }
+
+    fn find_threat(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        first: usize,
+        within: Range<u64>,
+        bar: f32,
+    ) -> Option<(usize, u64, u64)> {
+        let mut quiet = true;
+        for start in within.start.max(self.cleared)..within.end {
+            for node in 0..self.nodes.len() {
+                if let Some(until) = self.promises(input, context, &self.nodes[node], start, bar) {
+                    return Some((node, start, until));
+                }
+            }
+            // With so many bytes of a header seen, it is worth no more later.
+            quiet &= start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
+            if quiet {
+                self.cleared = start + 1;
+            }
+        }
+        // The rival path may be in the middle of its next frame.
+        let rivals = (1..self.nodes.len()).filter(|&i| self.nodes[i].first != first);
+        let mut rivals = rivals.map(|i| (i, self.nodes[i].end));
+        rivals.find_map(|(i, end)| Some((i, end, self.promises(input, context, &self.nodes[i], end, bar)?)))
+    }
+
+    /// Whether a frame that has begun at `start`, behind this node, may come out above the bar: at least up to there.
+    fn promises(&self, input: &Input, context: &Context<'_>, node: &Node, start: u64, bar: f32) -> Option<u64> {
+        if node.end > start || start >= self.next {
+            return None;
+        }
+        // A frame that begins where one is due may well contain another one: its end is waited for.
+        let due = if start == node.end { DUE } else { 0.0 };
+        let way = node.score - self.model.between(start - node.end) + due;
+        if way <= bar - MOST_HEADER {
+            return None;
+        }
+        let base = input.offset();
+        let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
+        let asked = node.pending.asked.map(|slot| self.requests.get(slot));
+        let header = gain::header(&self.model, context, asked, seen).filter(|header| way + header.gain > bar)?;
+        Some(start + header.until)
+    }
+
+    /// Whether a frame may have begun with one of some strays that would outweigh the sure one behind them.
+    pub fn may_begin_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> bool {
+        let root = &self.nodes[0];
+        let bytes = &input.bytes()[..strays + length];
+        (0..strays).any(|at| {
+            let due = if at == 0 { DUE } else { 0.0 };
+            let way = due - self.model.between(at as u64);
+            let asked = root.pending.asked.map(|slot| self.requests.get(slot));
+            gain::header(&self.model, context, asked, &bytes[at..]).is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD)
+        })
+    }
+
+    /// Tells a frame: it becomes the root of all that is left.
+    fn tell(&mut self, input: &Input, context: &Context<'_>, first: usize, standing: f32) -> Told {
+        let rival = (0..self.nodes.len()).filter(|&i| self.nodes[i].first != first).map(|i| self.standing(&self.nodes[i]));
+        let lead = standing - rival.fold(f32::MIN, f32::max);
+        let frame = &self.nodes[first];
+        if !frame.whole {
+            let told = Told::Damaged { start: frame.start, end: frame.end, direction: gain::direction(frame.direction) };
+            self.reroot(first);
+            return told;
+        }
+        let bytes = &input.bytes()[(frame.start - input.offset()) as usize..(frame.end - input.offset()) as usize];
+        if frame.direction == RESPONSE {
+            let answers = frame.answers;
+            self.learn_late(context, bytes, answers);
+        }
+        let frame = &self.nodes[first];
+        let strays = frame.start > self.told();
+        let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
+        // Right behind a frame that is one by chance perhaps, another one may be so, too; not its answer.
+        let alone = strays || (self.doubtful && !frame.answers);
+        let tentative = alone && !asked_for && !context.paired_units[bytes[0] as usize];
+        // Noise must not teach units.
+        if !tentative {
+            let again = frame.pending.asked.is_some_and(|slot| self.requests.get(slot).copied);
+            let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk: frame.start - self.told() };
+            let (direction, copy) = (frame.direction, copy(context, bytes, again && frame.direction == REQUEST));
+            // A response to nobody may be a request that looks like one.
+            let sure = direction == REQUEST || frame.answers;
+            learn(&mut self.model, context, bytes, direction, setting, copy, sure);
+            self.model.settle();
+        }
+        let told = Told::Frame {
+            start: frame.start,
+            end: frame.end,
+            direction: if lead < 1.0 { self.undecided(first) } else { gain::direction(frame.direction) },
+            confidence: lead.clamp(0.0, 60.0) as u8,
+            tentative,
+        };
+        self.doubtful = tentative;
+        if strays {
+            let junk = &input.bytes()[(self.told() - input.offset()) as usize..(frame.start - input.offset()) as usize];
+            self.model.learn_noise(junk);
+        }
+        self.reroot(first);
+        if let Some(asked) = self.nodes[0].pending.asked.filter(|_| tentative) {
+            self.make_room();
+            self.nodes[0].pending.asked = Some(self.requests.keep_doubted(asked));
+        }
+        told
+    }
+
+    /// The direction of a frame whose rival is nearly as good: unknown, if the rival is the same bytes the other way round.
+    fn undecided(&self, first: usize) -> Direction {
+        if self.turned(first, f32::MIN) {
+            Direction::Unknown
+        } else {
+            gain::direction(self.nodes[first].direction)
+        }
+    }
+
+    /// Whether the same bytes are also read the other way round, by a path above the bar.
+    fn turned(&self, first: usize, bar: f32) -> bool {
+        let frame = &self.nodes[first];
+        let same = |node: &Node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction;
+        self.nodes.iter().any(|node| same(node) && self.standing(node) > bar)
+    }
+}
