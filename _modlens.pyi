@@ -298,7 +298,7 @@ class Inbox:
     ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
         """Everything that has come in, waiting at most `timeout` seconds for the first of it.
 
-        Calls that give something are at least `every` seconds apart: so a busy line wakes the caller
+        Calls that give something are at least `every` seconds apart: a busy line wakes the caller
         less often.
 
         Each is (port, CLOCK_MONOTONIC ns right after the read, bytes, places of marked bytes,
