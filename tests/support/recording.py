@@ -201,9 +201,9 @@ RECIPES: Mapping[str, Recipe] = {
         line="57600-8E1",
     ),
     "pymodbus_plant": Recipe(
-        "Unit 9 is a device that chance has made (tests/support/plant.py, seed 303): floats in both "
-        "orders, totals that start big, signed and 64-bit numbers, text, states, constants, polled "
-        "in blocks 64 times. Reads of up to 14 bytes.",
+        "Unit 9 is a device that chance has made (tests/support/plant.py, seed 303): floats in "
+        "both orders, totals that start big, signed and 64-bit numbers, text, states, constants, "
+        "polled in blocks 64 times. Reads of up to 14 bytes.",
         _plant,
         line="57600-8E1",
     ),

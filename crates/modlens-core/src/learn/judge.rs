@@ -193,14 +193,16 @@ fn movement(values: &[u64], words: usize, float: bool) -> Movement {
 /// They are where the lower half are its digits: rounding them off adds the variance of rounding twice, 1/6. Where
 /// they belong to something else, they are noise, and it is the whole that has so much more.
 fn fit(numbers: &[i128], below: u32) -> f64 {
-    let unit = (1u128 << below) as f64;
-    let variance = |of: &dyn Fn(i128) -> f64| {
-        let steps: Vec<f64> = numbers.windows(2).map(|pair| of(pair[1]) - of(pair[0])).collect();
+    // Counters wrap through zero, and their upper halves.
+    let wrapped = |step: i128, width: u32| (step + (1 << (width - 1))).rem_euclid(1 << width) - (1 << (width - 1));
+    let variance = |of: &dyn Fn(i128, i128) -> f64| {
+        let steps: Vec<f64> = numbers.windows(2).map(|pair| of(pair[0], pair[1])).collect();
         let count = steps.len().max(1) as f64;
         let mean = steps.iter().sum::<f64>() / count;
         steps.iter().map(|step| (step - mean) * (step - mean)).sum::<f64>() / count
     };
-    let (top, whole) = (variance(&|number| (number >> below) as f64), variance(&|number| number as f64 / unit));
+    let top = variance(&|one, next| wrapped((next >> below) - (one >> below), below) as f64);
+    let whole = variance(&|one, next| wrapped(next - one, 2 * below) as f64 / (1u128 << below) as f64);
     if top == 0.0 || whole == 0.0 {
         return 0.0;
     }
