@@ -54,7 +54,7 @@ pub struct Readings {
 pub(super) struct Item<'a> {
     block: &'a Block,
     compiled: u32,
-    item: u16,
+    place: u16,
 }
 
 const NONE: u32 = u32::MAX;
@@ -74,7 +74,7 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     ("unit", |b, r| Cell::Int(i64::from(txn(b, r).unit))),
     ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
     ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
-    ("address", |_, r| Cell::Int((i64::from(r.block.first) + i64::from(r.item)) & 0xFFFF)),
+    ("address", |_, r| Cell::Int((i64::from(r.block.first) + i64::from(r.place)) & 0xFFFF)),
     ("operation", |_, r| Cell::Word(if r.block.write { "write" } else { "read" })),
     ("status", |b, r| Cell::Word(txn(b, r).status.text())),
     ("raw", |b, r| raw(b, r).map_or(Cell::Null, Cell::Ints)),
@@ -133,7 +133,7 @@ impl Readings {
     #[inline]
     pub(super) fn item(&self, row: usize) -> Item<'_> {
         let Reading { block, compiled, item } = self.rows[row];
-        Item { block: &self.blocks[block as usize], compiled, item }
+        Item { block: &self.blocks[block as usize], compiled, place: item }
     }
 
     /// The column `value` of a row.
@@ -234,7 +234,7 @@ fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
 
 /// The registers or the bit of a row.
 fn raw<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Items<'a>> {
-    part(&items(batch, at.block), at.item, compiled(batch, at).map_or(1, |point| point.width))
+    part(&items(batch, at.block), at.place, compiled(batch, at).map_or(1, |point| point.width))
 }
 
 #[inline]
@@ -260,7 +260,7 @@ fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compi
 
 fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
     match point_of(batch, at) {
-        Some((bound, compiled)) => value_of(&items(batch, at.block), at.item, bound, compiled),
+        Some((bound, compiled)) => value_of(&items(batch, at.block), at.place, bound, compiled),
         None => raw(batch, at).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
     }
 }
@@ -270,16 +270,16 @@ fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
 fn number(batch: &Batch, at: Item<'_>) -> Option<f64> {
     let items = items(batch, at.block);
     let Some((bound, point)) = point_of(batch, at) else {
-        return (usize::from(at.item) < items.len()).then(|| f64::from(items.get(usize::from(at.item))));
+        return (usize::from(at.place) < items.len()).then(|| f64::from(items.get(usize::from(at.place))));
     };
     if let Items::Words(bytes) = items {
-        let first = 2 * usize::from(at.item);
+        let first = 2 * usize::from(at.place);
         let bytes = bytes.get(first..first + 2 * usize::from(point.width))?;
         if let Some(number) = point.quick(bytes) {
             return Some(number).filter(|number| number.is_finite());
         }
     }
-    value_of(&items, at.item, bound, point)?.number()
+    value_of(&items, at.place, bound, point)?.number()
 }
 
 /// A value or a bare register or bit of a transaction, for those who go through all of them.

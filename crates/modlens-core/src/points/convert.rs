@@ -89,11 +89,10 @@ impl Convert {
     fn shortcut(&self) -> Quick {
         let (scale, offset) = self.linear.unwrap_or((Decimal::ONE, Decimal::ZERO));
         // 32 bits times 20 bits: a float64 holds them.
-        let exact =
-            offset.digits == 0 && i128::from(scale.digits).unsigned_abs() < 1 << 20 && (-22..=0).contains(&scale.exponent);
+        let exact = offset.digits == 0 && scale.digits.unsigned_abs() < 1 << 20 && (-22..=0).contains(&scale.exponent);
         match self.make {
             Make::Unsigned | Make::Signed if exact && self.width <= 32 => {
-                let (digits, divisor) = (scale.digits as i64, 10f64.powi(-scale.exponent));
+                let (digits, divisor) = (scale.digits, 10f64.powi(-scale.exponent));
                 Quick::Whole { signed: self.make == Make::Signed, digits, divisor }
             }
             Make::Single if self.linear.is_none() => Quick::Single,
