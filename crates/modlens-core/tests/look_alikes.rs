@@ -143,7 +143,9 @@ fn functions_without_layout_of_every_length_filled_with_zeros_and_with_strays_be
             let (ask, tell) = (once(0), frame(1, &[code, 2, 0, 0]));
             let lesson: Vec<Vec<u8>> = (0x51..0x55).flat_map(|at| [once(at), frame(1, &[code, 2, at, 9])]).collect();
             let strays = vec![vec![0]];
-            let frames = [&lesson[..], &[ask.clone()], &strays, &[tell.clone()], &strays, &[read(2, 0, 1)]].concat();
+            let frames =
+                [&lesson[..], std::slice::from_ref(&ask), &strays, std::slice::from_ref(&tell), &strays, &[read(2, 0, 1)]]
+                    .concat();
             let found = good(&untimed(&frames));
             // With a zero behind it, such a frame is as valid: which it was, nobody can tell.
             let whole = |(bytes, way): &(Vec<u8>, Direction)| *way == Request && [&bytes[..], &[0]].concat().starts_with(&ask);

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::direction::Direction;
+use crate::framer::rtu::announced;
 use crate::framer::rtu::costs::Setting;
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
@@ -10,6 +11,7 @@ use crate::framer::rtu::join::REACH;
 use crate::framer::rtu::search::paths::{Node, KEPT};
 use crate::framer::rtu::search::{copy, learn, Search, Told};
 use crate::framer::Context;
+use crate::functions::Extent;
 use crate::input::Input;
 
 /// The chance of telling a frame too early is about 2 to the minus this.
@@ -113,12 +115,11 @@ impl Search {
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
     fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> Option<u64> {
         let frame = &self.nodes[first];
-        // What begins inside a sure one is no threat to it.
-        let end = if frame.gain >= SURE { frame.start } else { frame.end };
-        let within = self.told().max(self.next.saturating_sub(REACH))..end;
-        if within.is_empty() && frame.gain >= SURE {
+        // What begins inside a sure one is no threat to it; but behind strays it may itself stand inside a longer one.
+        if frame.gain >= SURE && frame.start == self.told() {
             return None;
         }
+        let within = self.told().max(self.next.saturating_sub(REACH))..frame.end;
         // What was possible a byte ago mostly still is.
         let known = self.threat.take().and_then(|(node, start)| {
             let behind = &self.nodes[node];
@@ -184,7 +185,13 @@ impl Search {
             let due = if at == 0 { DUE } else { 0.0 };
             let way = due - self.model.between(at as u64);
             let asked = root.pending.asked.map(|slot| self.requests.get(slot));
-            gain::header(&self.model, context, asked, &bytes[at..]).is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD)
+            // What a function of any length holds may look like a frame.
+            let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
+            let holds =
+                context.known_units[usize::from(bytes[at])] && announced(context, &bytes[at..]).into_iter().any(any_length);
+            holds
+                || gain::header(&self.model, context, asked, &bytes[at..])
+                    .is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD)
         })
     }
 
