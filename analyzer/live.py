@@ -4,7 +4,7 @@ A name on the command line is `[BUS=]PORT[@SETTINGS]`, or `A+B` for one bus that
 directions. A bus is told to the core when its line settings are known.
 
 >>> parse_tap("boiler=/dev/ttyUSB0@9600-8N1")
-Tap(bus='boiler', ports=('/dev/ttyUSB0',), line=Line(baud=9600, data_bits=8, parity='N', ...))
+Tap(bus='boiler', ports=('/dev/ttyUSB0',), line=Line(baud=9600, data_bits=8, parity='N', ...), ...)
 """
 
 from __future__ import annotations

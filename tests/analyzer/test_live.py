@@ -66,6 +66,7 @@ def test_reads_go_to_the_engine_by_themselves_or_to_who_wants_them(wanted: bool)
         found += list(run.finish().frames)
     rows = [(row.line, row.direction, row.hex) for row in found]
     assert rows == [("A", "request", PAIR[:8]), ("B", "response", PAIR[8:])]
-    assert heard == ([("A", PAIR[:8]), ("B", PAIR[8:])] if wanted else [])
+    ends = [("A", b""), ("B", b"")]
+    assert heard == ([("A", PAIR[:8]), ("B", PAIR[8:]), *ends] if wanted else [])
     for fd in (fd for pair in pairs for fd in pair):
         os.close(fd)

@@ -141,7 +141,8 @@ fn framing(bytes: &[u8]) -> u64 {
             said: &|_| modlens_core::direction::Direction::Unknown,
         };
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
-        if cut.verdict.good() {
+        // As a session does: noise makes no unit known.
+        if cut.verdict.good() && !cut.tentative {
             known_units[adu[0] as usize] = true;
         }
         input.consume(cut.length);

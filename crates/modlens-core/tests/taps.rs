@@ -270,10 +270,14 @@ fn the_baud_rate_changes_in_the_middle_of_a_recording() {
     };
     let pairs: Vec<_> = (0..40u16).flat_map(|at| pair(ask(1, at % 4, 2), tell(1, 2, at as u8))).collect();
     let (before, after) = pairs.split_at(40);
-    before.iter().for_each(|(bytes, _)| feed(bytes, 572_916, 8 * MS));
+    for (bytes, _) in before {
+        feed(bytes, 572_916, 8 * MS);
+    }
     // At the old rate the receiver sees nonsense of the new one, until it is set anew.
     feed(&[0xF8, 0x00, 0xE6, 0x80, 0x00, 0x66, 0xFE, 0x98, 0xE0, 0x00, 0x1E, 0x80, 0xF8, 0x06], 572_916, 8 * MS);
-    after.iter().for_each(|(bytes, _)| feed(bytes, 95_486, 3 * MS));
+    for (bytes, _) in after {
+        feed(bytes, 95_486, 3 * MS);
+    }
     session.flush();
     assert_eq!(good(&session.take()), pairs);
 }

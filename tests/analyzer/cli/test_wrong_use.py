@@ -37,7 +37,7 @@ WRONG: list[tuple[int, str, list[str | Path]]] = [
     (2, "--timeout -1: write a time", ["decode", SEED, "--timeout=-1"]),
     (2, "--functions nobody:", ["decode", SEED, "--functions", "nobody"]),
     (3, "--functions no.toml: cannot be read", ["decode", SEED, "--functions", "no.toml"]),
-    (2, "tap: the following arguments are required: PORT", ["tap", "--line", "9600-8N1"]),
+    (2, "tap: which port? modlens ports lists them", ["tap", "--line", "9600-8N1"]),
     (4, "no such port; check the name", ["tap", "/dev/no-such-port", "--line", "9600-8N1"]),
     (4, "not a serial port", ["tap", SEED, "--line", "9600-8N1"]),
     (2, "no port of a known kind", ["tap", "tcp://x:1", "--line", "9600-8N1"]),
