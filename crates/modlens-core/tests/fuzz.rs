@@ -113,3 +113,10 @@ fn where_a_lying_mbap_header_ends_does_not_depend_on_pieces() {
     // Once, single bytes gave other frames than all bytes at once.
     check(1_069_269);
 }
+
+#[test]
+fn records_without_checksum_stand_among_damaged_frames() {
+    // Found by libFuzzer: such a record took the beginning of a damaged frame along, which was then looked for.
+    let lines = b"\xae.1>--,2-4\n1-4.,--0>--~--,2-4\n1-40>--,2>--,2-4\n1-4.,--0>-->--,2-4\n1-40>-2-4\n1-4.,--0>--~--,2-4\n1-40>--,2>--,2-4\n1-4.,--0>-->--,2\n\n-4\n\n";
+    checks::text_holds(lines);
+}

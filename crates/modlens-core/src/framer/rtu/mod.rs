@@ -179,6 +179,10 @@ impl Rtu {
             self.search.model.polls.refresh();
             self.pieces = self.dissect(input, context, (to - offset) as usize);
         }
+        // A record without checksum is told by itself, and may have taken some of a piece along.
+        while self.pieces.front().is_some_and(|(start, _)| *start < offset) {
+            self.pieces.pop_front();
+        }
         let region = (to - offset) as usize;
         let first = self.pieces.front().filter(|(start, _)| *start == offset);
         let Some((_, piece)) = first else {

@@ -329,8 +329,9 @@ impl Scene<'_, '_> {
     /// Where just so many bytes stand before a piece as seem to be missing from it, they are its own, and wrong.
     fn begun(&self, piece: Piece, before: usize) -> Piece {
         let count = piece.head.len();
-        let Some(start) = piece.start.checked_sub(count).filter(|_| count > 0) else { return piece };
-        if (start != before && !self.stops(start)) || (start + 1..=piece.start).any(|at| self.stops(at)) {
+        let Some(start) = piece.start.checked_sub(count).filter(|&start| count > 0 && start >= before) else { return piece };
+        let has_checksum = piece.end - piece.start >= 2;
+        if !has_checksum || (start != before && !self.stops(start)) || (start + 1..=piece.start).any(|at| self.stops(at)) {
             return piece;
         }
         Piece { start, short: false, harm: None, wrong: count, ..piece }
