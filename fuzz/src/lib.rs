@@ -44,6 +44,7 @@ fn session(mode: Option<Mode>, clock: Clock, live: bool) -> (Session, usize) {
 fn assert_tiles(batch: &Batch, data: &[u8]) {
     let joined: Vec<u8> = batch.frames.iter().flat_map(|frame| frame.wire.of(&batch.arena)).copied().collect();
     assert_eq!(joined, data, "frames are not the bytes");
+    assert!(batch.frames.iter().all(|frame| frame.wire.length > 0), "an empty frame");
 }
 
 fn untimed(script: &Script<'_>, bytes: &[u8], piece: usize) -> Vec<(u64, u32, Option<u64>, u8)> {

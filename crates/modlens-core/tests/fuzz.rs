@@ -120,3 +120,12 @@ fn records_without_checksum_stand_among_damaged_frames() {
     let lines = b"\xae.1>--,2-4\n1-4.,--0>--~--,2-4\n1-40>--,2>--,2-4\n1-4.,--0>-->--,2-4\n1-40>-2-4\n1-4.,--0>--~--,2-4\n1-40>--,2>--,2-4\n1-4.,--0>-->--,2\n\n-4\n\n";
     checks::text_holds(lines);
 }
+
+#[test]
+fn a_damaged_frame_does_not_begin_inside_the_one_before() {
+    // Found by libFuzzer: the first bytes that a frame had lost were taken from the frame before it, of which none was left.
+    checks::session_holds(&[
+        0x3d, 0x5b, 0x13, 0x01, 0x02, 0x95, 0x02, 0x02, 0x02, 0x00, 0x01, 0x02, 0x00, 0x02, 0x95, 0x01, 0x02, 0x02, 0x95, 0x02,
+        0x95, 0x02,
+    ]);
+}
