@@ -129,3 +129,9 @@ fn a_damaged_frame_does_not_begin_inside_the_one_before() {
         0x95, 0x02,
     ]);
 }
+
+#[test]
+fn records_without_checksum_leave_the_frames_behind_them() {
+    // Found by libFuzzer: the search went back behind such a record, and then stood before the bytes that were left.
+    checks::text_holds(b"\xae.1>--4\n14\n1-4.,--04.,--0>-.1>--,2-4\n14\n1-4.,--0>-->--,2-4\n1-40>-77[4]7[7,3=>-,7=,>]63->--,2-4\n1-40>-77[4>-->--,2-4\n1-40>-77[4]3[7,3=>-,7=,>]63->--,2-4\n1-40>-77[4]7[7,3=>-,7=,>]4]7[7,3=>-,7=-,2-4\n1-40>-77[4]3[7,3=>-,7=,>]63->--,2-4\n1-40>-77[4]7[7,3=>-,7=,>]4]7[7,3,>]63[,-7");
+}

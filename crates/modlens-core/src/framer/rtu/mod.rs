@@ -355,7 +355,16 @@ impl Rtu {
         let bytes = &input.bytes()[..length];
         adu.clear();
         adu.extend_from_slice(bytes);
-        self.search.jump(input.offset() + length as u64);
+        let end = input.offset() + length as u64;
+        let stands = match self.told {
+            Some(Told::Frame { start, .. } | Told::Damaged { start, .. } | Told::Junk(start)) => start >= end,
+            None => false,
+        };
+        // What was found behind the record stays; the search must not go back before it.
+        if !stands {
+            self.told = None;
+            self.search.jump(end);
+        }
         if length < 2 {
             return Some(Cut::noise(length, CutBy::Record));
         }
