@@ -119,7 +119,7 @@ impl Input {
         }
     }
 
-    fn push_read(&mut self, read: Read) {
+    fn push_read(&mut self, mut read: Read) {
         // Reads that nothing tells apart are one: a file in blocks of any size is one long read.
         if let Some(last) = self.reads.back_mut() {
             let same = last.time == NO_TIME && read.time == NO_TIME && !read.record && last.origin == read.origin;
@@ -128,6 +128,8 @@ impl Input {
                 return;
             }
         }
+        // What comes without checksum is a frame as it is: no other reaches into it.
+        read.record |= read.no_checksum || self.reads.back().is_some_and(|last| last.no_checksum);
         self.reads.push_back(read);
     }
 

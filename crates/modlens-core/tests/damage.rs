@@ -1,5 +1,7 @@
 //! Frames that did not arrive whole: where they are, and what happened to them.
 
+mod wire;
+
 use modlens_core::checksum::crc16;
 use modlens_core::chunk::Chunk;
 use modlens_core::finding::Finding;
@@ -7,21 +9,7 @@ use modlens_core::framer::{Mode, Verdict};
 use modlens_core::records::{Batch, Status};
 use modlens_core::session::{BusOptions, Session};
 
-fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
-    let content = [&[unit], pdu].concat();
-    let crc = crc16(&content).to_le_bytes();
-    [&content[..], &crc].concat()
-}
-
-fn read(unit: u8, address: u8, quantity: u8) -> Vec<u8> {
-    frame(unit, &[3, 0, address, 0, quantity])
-}
-
-fn answer(unit: u8, values: &[u16]) -> Vec<u8> {
-    let mut pdu = vec![3, 2 * values.len() as u8];
-    pdu.extend(values.iter().flat_map(|value| value.to_be_bytes()));
-    frame(unit, &pdu)
-}
+use wire::{answer, read};
 
 /// A poll cycle of two units, often enough to be known.
 fn cycle() -> Vec<u8> {

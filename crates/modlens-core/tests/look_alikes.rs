@@ -1,5 +1,7 @@
 //! Frames that look like others: echoes and retries, layouts that differ by direction, frames inside frames.
 
+mod wire;
+
 use modlens_core::checksum::crc16;
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::direction::Direction::{self, Request, Response};
@@ -9,40 +11,11 @@ use modlens_core::functions::Functions;
 use modlens_core::records::{Batch, Clock, Status};
 use modlens_core::session::{BusOptions, Session, Wanted};
 
-const MS: i64 = 1_000_000;
-
-fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
-    let mut frame = vec![unit];
-    frame.extend(pdu);
-    frame.extend(crc16(&frame).to_le_bytes());
-    frame
-}
-
-fn read(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
-    let [high, low] = address.to_be_bytes();
-    frame(unit, &[3, high, low, 0, quantity])
-}
-
-fn answer(unit: u8, values: &[u16]) -> Vec<u8> {
-    let mut pdu = vec![3, 2 * values.len() as u8];
-    pdu.extend(values.iter().flat_map(|value| value.to_be_bytes()));
-    frame(unit, &pdu)
-}
+use wire::{answer, frame, read, session, MS};
 
 /// Exchanges that make units 1 and 2 familiar.
 fn known() -> Vec<Vec<u8>> {
     (0..8u16).flat_map(|i| [read(1 + (i % 2) as u8, 100 * i, 2), answer(1 + (i % 2) as u8, &[i, 7 * i])]).collect()
-}
-
-fn session(live: bool, clock: Clock) -> (Session, usize) {
-    let wanted = Wanted { frames: true, transactions: true, findings: true };
-    let mut session = Session::new(std::sync::Arc::new(Functions::default()), wanted, live, None);
-    let mut options = BusOptions::named("bus");
-    options.mode = Some(Mode::Rtu);
-    options.line = Some("19200-8E1".parse().unwrap());
-    options.bus.clock = clock;
-    let bus = session.add_bus(options);
-    (session, bus)
 }
 
 /// All frames in one read, behind familiar ones.

@@ -1,8 +1,9 @@
 //! What other tools get wrong, a test each. Expected values are built here, from the layouts of the specification.
 
+mod wire;
+
 use std::time::Instant;
 
-use modlens_core::checksum::crc16;
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::direction::Direction;
 use modlens_core::finding::Finding;
@@ -10,31 +11,12 @@ use modlens_core::framer::{Mode, Verdict};
 use modlens_core::records::{Batch, Clock, Status};
 use modlens_core::session::{BusOptions, Session};
 
-const MS: i64 = 1_000_000;
 const CHAR: i64 = 572_916;
 
 fn options() -> BusOptions {
     let mut options = BusOptions::named("bus");
     options.mode = Some(Mode::Rtu);
     options
-}
-
-fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
-    let mut frame = vec![unit];
-    frame.extend(pdu);
-    frame.extend(crc16(&frame).to_le_bytes());
-    frame
-}
-
-fn read(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
-    let [high, low] = address.to_be_bytes();
-    frame(unit, &[3, high, low, 0, quantity])
-}
-
-fn answer(unit: u8, registers: &[u16]) -> Vec<u8> {
-    let mut pdu = vec![3, 2 * registers.len() as u8];
-    pdu.extend(registers.iter().flat_map(|value| value.to_be_bytes()));
-    frame(unit, &pdu)
 }
 
 /// Traffic that makes units 1 and 2 familiar.
@@ -68,11 +50,6 @@ fn timed(bursts: &[(i64, Vec<u8>)]) -> Batch {
     session.take()
 }
 
-fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
-    let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
-    good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
-}
-
 fn statuses(batch: &Batch) -> Vec<Status> {
     batch.transactions.iter().map(|txn| txn.status).collect()
 }
@@ -82,6 +59,8 @@ fn expect(batch: &Batch, skip: usize, frames: &[(Vec<u8>, Direction)]) {
 }
 
 use Direction::{Request, Response};
+
+use wire::{answer, frame, good, read, MS};
 
 #[test]
 fn frames_glued_into_one_read_are_told_apart() {

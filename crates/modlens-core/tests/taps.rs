@@ -1,5 +1,7 @@
 //! What taps do to good traffic: pieces, stalls, strays, clocks that step, live and not.
 
+mod wire;
+
 use modlens_core::checksum::crc16;
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::direction::Direction;
@@ -8,36 +10,14 @@ use modlens_core::functions::Functions;
 use modlens_core::records::{Batch, Clock, Status};
 use modlens_core::session::{BusOptions, Session, Wanted};
 
-const MS: i64 = 1_000_000;
+use wire::{frame, good, read, session, MS};
+
 const START: i64 = 1_700_000_000_000_000_000;
-
-fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
-    let mut frame = vec![unit];
-    frame.extend(pdu);
-    frame.extend(crc16(&frame).to_le_bytes());
-    frame
-}
-
-fn ask(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
-    let [high, low] = address.to_be_bytes();
-    frame(unit, &[3, high, low, 0, quantity])
-}
 
 fn tell(unit: u8, quantity: u8, first: u8) -> Vec<u8> {
     let mut pdu = vec![3, 2 * quantity];
     pdu.extend((0..2 * quantity).map(|i| i.wrapping_mul(31).wrapping_add(first)));
     frame(unit, &pdu)
-}
-
-fn session(live: bool, clock: Clock) -> (Session, usize) {
-    let wanted = Wanted { frames: true, transactions: true, findings: true };
-    let mut session = Session::new(std::sync::Arc::new(Functions::default()), wanted, live, None);
-    let mut options = BusOptions::named("bus");
-    options.mode = Some(Mode::Rtu);
-    options.line = Some("19200-8E1".parse().unwrap());
-    options.bus.clock = clock;
-    let bus = session.add_bus(options);
-    (session, bus)
 }
 
 /// The frames with their directions; all bytes have to be in good ones.
@@ -46,18 +26,13 @@ fn all_good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
     good(batch)
 }
 
-fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
-    let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
-    good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
-}
-
 fn pair(request: Vec<u8>, response: Vec<u8>) -> [(Vec<u8>, Direction); 2] {
     [(request, Direction::Request), (response, Direction::Response)]
 }
 
 #[test]
 fn every_split_of_a_pair_in_two_reads() {
-    let (request, response) = (ask(1, 10, 2), tell(1, 2, 5));
+    let (request, response) = (read(1, 10, 2), tell(1, 2, 5));
     let bytes = [request.clone(), response.clone()].concat();
     for live in [false, true] {
         for split in 1..bytes.len() {
@@ -73,7 +48,7 @@ fn every_split_of_a_pair_in_two_reads() {
 
 #[test]
 fn packets_of_32_and_62_bytes_with_long_waits_between_them() {
-    let exchanges: Vec<_> = (0..8u8).map(|i| pair(ask(1, 10, 120), tell(1, 120, i))).collect();
+    let exchanges: Vec<_> = (0..8u8).map(|i| pair(read(1, 10, 120), tell(1, 120, i))).collect();
     for (size, wait) in [(32, 16 * MS), (32, 33 * MS), (62, 16 * MS), (62, 33 * MS), (31, 16 * MS)] {
         let (mut session, bus) = session(false, Clock::Utc);
         let mut now = START;
@@ -97,12 +72,12 @@ fn a_frame_whose_checksum_ends_in_zero_byte_by_byte_and_live() {
         for live in [false, true] {
             let (mut session, bus) = session(live, Clock::Utc);
             let mut now = START;
-            for byte in [ask(1, 10, 1), response.clone(), ask(1, 11, 1), response.clone()].concat() {
+            for byte in [read(1, 10, 1), response.clone(), read(1, 11, 1), response.clone()].concat() {
                 now += MS;
                 session.feed(bus, &Chunk { bytes: &[byte], times: Times::Read(now), ..Chunk::default() });
             }
             session.flush();
-            let both = [pair(ask(1, 10, 1), response.clone()), pair(ask(1, 11, 1), response.clone())].concat();
+            let both = [pair(read(1, 10, 1), response.clone()), pair(read(1, 11, 1), response.clone())].concat();
             assert_eq!(all_good(&session.take()), both, "{response:02x?}");
         }
     }
@@ -117,7 +92,7 @@ fn a_stray_byte_at_every_turn_round_costs_no_frame() {
             let mut now = START;
             for i in 0..200u16 {
                 let unit = 1 + (i % 3) as u8;
-                let frames = pair(ask(unit, 10 * (i % 7), 4), tell(unit, 4, i as u8));
+                let frames = pair(read(unit, 10 * (i % 7), 4), tell(unit, 4, i as u8));
                 for (bytes, _) in &frames {
                     let bytes = [&[stray][..], bytes].concat();
                     now += 8 * MS;
@@ -137,7 +112,7 @@ fn units_change_after_hours_and_are_believed_at_once() {
     let (mut session, bus) = session(false, Clock::None);
     let traffic = |units: [u8; 2], count: u16| -> Vec<(Vec<u8>, Direction)> {
         (0..count)
-            .flat_map(|i| pair(ask(units[usize::from(i % 2)], i % 50, 3), tell(units[usize::from(i % 2)], 3, i as u8)))
+            .flat_map(|i| pair(read(units[usize::from(i % 2)], i % 50, 3), tell(units[usize::from(i % 2)], 3, i as u8)))
             .collect()
     };
     let wanted = [traffic([1, 2], 6000), traffic([201, 77], 50)].concat();
@@ -158,7 +133,7 @@ fn a_noisy_start_teaches_no_units() {
     };
     let (mut session, bus) = session(false, Clock::None);
     let mut bytes: Vec<u8> = (0..200_000).map(|_| noise()).collect();
-    let traffic: Vec<_> = (0..20u16).flat_map(|i| pair(ask(9, i, 2), tell(9, 2, i as u8))).collect();
+    let traffic: Vec<_> = (0..20u16).flat_map(|i| pair(read(9, i, 2), tell(9, 2, i as u8))).collect();
     bytes.extend(traffic.iter().flat_map(|(bytes, _)| bytes.clone()));
     session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
     session.flush();
@@ -170,7 +145,7 @@ fn a_noisy_start_teaches_no_units() {
 
 #[test]
 fn clocks_that_stand_still_step_back_or_fail_lose_no_frame() {
-    let wanted: Vec<_> = (0..12u16).flat_map(|i| pair(ask(1, i, 2), tell(1, 2, i as u8))).collect();
+    let wanted: Vec<_> = (0..12u16).flat_map(|i| pair(read(1, i, 2), tell(1, 2, i as u8))).collect();
     let steps: [&dyn Fn(i64) -> Option<i64>; 4] = [
         &|_| Some(START),
         &|i| Some(START + i * 8 * MS - if i % 5 == 4 { 300_000 } else { 0 }),
@@ -192,7 +167,7 @@ fn clocks_that_stand_still_step_back_or_fail_lose_no_frame() {
 
 #[test]
 fn live_frames_come_with_their_last_byte_and_are_those_of_the_recording() {
-    let wanted: Vec<_> = (0..30u16).flat_map(|i| pair(ask(1, i % 4, 2), tell(1, 2, i as u8))).collect();
+    let wanted: Vec<_> = (0..30u16).flat_map(|i| pair(read(1, i % 4, 2), tell(1, 2, i as u8))).collect();
     let (mut live, bus) = session(true, Clock::Utc);
     let (mut now, mut at_once, mut all) = (START, 0, Vec::new());
     for (i, (bytes, _)) in wanted.iter().enumerate() {
@@ -212,11 +187,11 @@ fn live_frames_come_with_their_last_byte_and_are_those_of_the_recording() {
 #[test]
 fn silence_bounds_the_wait_of_a_live_tap() {
     let (mut live, bus) = session(true, Clock::Utc);
-    live.feed(bus, &Chunk { bytes: &ask(1, 10, 2)[..5], times: Times::Read(START), ..Chunk::default() });
+    live.feed(bus, &Chunk { bytes: &read(1, 10, 2)[..5], times: Times::Read(START), ..Chunk::default() });
     assert!(live.take().frames.is_empty());
     live.poll(START + 100 * MS);
     assert_eq!(live.take().frames.len(), 1, "a piece of a frame is told after 100 ms of silence");
-    live.feed(bus, &Chunk { bytes: &ask(1, 10, 2), times: Times::Read(START + 200 * MS), ..Chunk::default() });
+    live.feed(bus, &Chunk { bytes: &read(1, 10, 2), times: Times::Read(START + 200 * MS), ..Chunk::default() });
     live.poll(START + 1_300 * MS);
     let statuses: Vec<Status> = live.take().transactions.iter().map(|row| row.status).collect();
     assert_eq!(statuses, [Status::NoResponse]);
@@ -231,13 +206,13 @@ fn stalled(live: bool, stall: i64) -> Batch {
         session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
     };
     for i in 0..10u8 {
-        feed(&mut session, 20, &ask(1, 10, 20));
+        feed(&mut session, 20, &read(1, 10, 20));
         feed(&mut session, 20, &tell(1, 20, i));
     }
-    feed(&mut session, 20, &ask(1, 10, 20));
+    feed(&mut session, 20, &read(1, 10, 20));
     feed(&mut session, 20, &tell(1, 20, 77)[..21]);
     feed(&mut session, stall, &tell(1, 20, 77)[21..]);
-    feed(&mut session, 30, &ask(1, 10, 20));
+    feed(&mut session, 30, &read(1, 10, 20));
     feed(&mut session, 20, &tell(1, 20, 99));
     session.flush();
     session.take()
@@ -252,7 +227,7 @@ fn a_read_that_comes_late_inside_a_frame_live_and_not() {
         let batch = stalled(live, 120);
         let found = good(&batch);
         assert_eq!(found.len(), 23, "live {live}");
-        assert_eq!(found[21..], pair(ask(1, 10, 20), tell(1, 20, 99)), "live {live}");
+        assert_eq!(found[21..], pair(read(1, 10, 20), tell(1, 20, 99)), "live {live}");
         let told: Vec<Verdict> = batch.frames.iter().map(|frame| frame.verdict).filter(|verdict| !verdict.good()).collect();
         assert!(told.iter().any(|verdict| *verdict != Verdict::Noise), "live {live}: {told:?}");
     }
@@ -268,7 +243,7 @@ fn the_baud_rate_changes_in_the_middle_of_a_recording() {
         now = times[times.len() - 1];
         session.feed(bus, &Chunk { bytes, times: Times::Bytes(&times), ..Chunk::default() });
     };
-    let pairs: Vec<_> = (0..40u16).flat_map(|at| pair(ask(1, at % 4, 2), tell(1, 2, at as u8))).collect();
+    let pairs: Vec<_> = (0..40u16).flat_map(|at| pair(read(1, at % 4, 2), tell(1, 2, at as u8))).collect();
     let (before, after) = pairs.split_at(40);
     for (bytes, _) in before {
         feed(bytes, 572_916, 8 * MS);

@@ -179,10 +179,6 @@ impl Rtu {
             self.search.model.polls.refresh();
             self.pieces = self.dissect(input, context, (to - offset) as usize);
         }
-        // A record without checksum is told by itself, and may have taken some of a piece along.
-        while self.pieces.front().is_some_and(|(start, _)| *start < offset) {
-            self.pieces.pop_front();
-        }
         let region = (to - offset) as usize;
         let first = self.pieces.front().filter(|(start, _)| *start == offset);
         let Some((_, piece)) = first else {
@@ -307,7 +303,9 @@ impl Rtu {
         loop {
             match self.told {
                 // What follows tells what it was.
-                Some(Told::Junk(to)) if context.ahead && !input.closed && to < input.offset() + AHEAD && !in_records(input) => {
+                Some(Told::Junk(to))
+                    if context.ahead && !input.closed && to < input.offset() + AHEAD && !in_records(input, to) =>
+                {
                     self.told = None;
                 }
                 Some(Told::Junk(to) | Told::Frame { start: to, .. } | Told::Damaged { start: to, .. }) if input.offset() < to => {
@@ -355,16 +353,7 @@ impl Rtu {
         let bytes = &input.bytes()[..length];
         adu.clear();
         adu.extend_from_slice(bytes);
-        let end = input.offset() + length as u64;
-        let stands = match self.told {
-            Some(Told::Frame { start, .. } | Told::Damaged { start, .. } | Told::Junk(start)) => start >= end,
-            None => false,
-        };
-        // What was found behind the record stays; the search must not go back before it.
-        if !stands {
-            self.told = None;
-            self.search.jump(end);
-        }
+        self.search.jump(input.offset() + length as u64);
         if length < 2 {
             return Some(Cut::noise(length, CutBy::Record));
         }
@@ -401,9 +390,10 @@ impl Framer for Rtu {
     }
 }
 
-/// Whether the first bytes come in records: there each is looked at by itself.
-fn in_records(input: &Input) -> bool {
-    input.first_read().is_some_and(|read| read.record)
+/// Whether the first bytes come in records, or end where one begins: there each is looked at by itself.
+fn in_records(input: &Input, to: u64) -> bool {
+    let begins = |index: usize| input.starts_read(index) && input.read(index).is_some_and(|read| read.record);
+    input.first_read().is_some_and(|read| read.record) || begins((to - input.offset()) as usize)
 }
 
 /// The whole-frame lengths that a header announces, the likelier direction first.
