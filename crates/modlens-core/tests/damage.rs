@@ -2,7 +2,6 @@
 
 mod wire;
 
-use modlens_core::checksum::crc16;
 use modlens_core::chunk::Chunk;
 use modlens_core::finding::Finding;
 use modlens_core::framer::{Mode, Verdict};

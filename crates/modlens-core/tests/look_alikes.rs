@@ -2,14 +2,11 @@
 
 mod wire;
 
-use modlens_core::checksum::crc16;
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::direction::Direction::{self, Request, Response};
 use modlens_core::finding::Finding;
-use modlens_core::framer::{Mode, Verdict};
-use modlens_core::functions::Functions;
+use modlens_core::framer::Verdict;
 use modlens_core::records::{Batch, Clock, Status};
-use modlens_core::session::{BusOptions, Session, Wanted};
 
 use wire::{answer, frame, read, session, MS};
 

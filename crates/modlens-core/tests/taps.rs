@@ -2,13 +2,11 @@
 
 mod wire;
 
-use modlens_core::checksum::crc16;
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::direction::Direction;
-use modlens_core::framer::{Mode, Verdict};
-use modlens_core::functions::Functions;
+use modlens_core::framer::Verdict;
 use modlens_core::records::{Batch, Clock, Status};
-use modlens_core::session::{BusOptions, Session, Wanted};
+use modlens_core::session::Session;
 
 use wire::{frame, good, read, session, MS};
 
