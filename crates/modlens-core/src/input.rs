@@ -201,6 +201,14 @@ impl Input {
         self.reads.front()
     }
 
+    /// The first read and how many of its bytes are left, where there is nothing to tell of it but its bytes.
+    pub fn plain(&self) -> Option<(&Read, usize)> {
+        let read = self.reads.front().filter(|_| !self.timed && self.errors.is_empty() && self.holes.is_empty())?;
+        let told = read.side.is_some() || read.framing.is_some();
+        let plain = !told && !read.line_error && !read.no_checksum;
+        plain.then_some((read, (read.end - self.offset) as usize))
+    }
+
     /// The read that holds the byte.
     pub fn read(&self, index: usize) -> Option<&Read> {
         self.reads.get(self.read_of(index)?)

@@ -13,6 +13,7 @@ use crate::pairing::{Exchange, Seen};
 use crate::records::Status;
 use crate::Ns;
 
+pub(crate) use requests::Key;
 use requests::Requests;
 
 /// Response times in buckets of a twelfth of an octave: percentiles within 6 %.
@@ -167,6 +168,16 @@ impl Stats {
         if let Some(time) = exchange.response_time {
             row.response.add(time);
         }
+    }
+
+    /// A request and its answer were decided, both as they were before: so many bytes.
+    #[inline]
+    pub(crate) fn again(&mut self, bus: usize, key: Key, bytes: usize) {
+        let counts = &mut self.buses[bus];
+        counts.frames[Verdict::Ok as usize] += 2;
+        counts.bytes[Verdict::Ok as usize] += bytes as u64;
+        counts.requests.again(key);
+        counts.row(key.unit(), key.function()).statuses[Status::Ok as usize] += 1;
     }
 
     /// Something was found.

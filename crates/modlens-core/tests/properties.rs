@@ -3,7 +3,7 @@
 use modlens_core::checksum::{crc16, lrc};
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::framer::Mode;
-use modlens_core::records::{Batch, Clock};
+use modlens_core::records::{Batch, Clock, Frame, Half, Span, Transaction};
 use modlens_core::session::{BusOptions, Session};
 use proptest::prelude::*;
 
@@ -124,6 +124,70 @@ fn traffic() -> impl Strategy<Value = Vec<u8>> {
     proptest::collection::vec(prop_oneof![3 => poll, 2 => frame, 1 => ascii, 1 => noise], 0..12).prop_map(|parts| parts.concat())
 }
 
+/// Everything that is told of these bytes, given in such pieces: rows with their bytes, and the statistics.
+fn all_told(data: &[u8], piece: usize) -> Vec<String> {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    data.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    session.flush();
+    let batch = session.take();
+    let (bytes, codes) = (|span: Span| span.of(&batch.arena), |span: Span| span.of(&batch.codes));
+    let place = Span::default();
+    let frames = batch.frames.iter().map(|row| {
+        format!("{:?} {:?} {:?}", bytes(row.wire), codes(row.findings), Frame { wire: place, findings: place, ..row.clone() })
+    });
+    let transactions = batch.transactions.iter().map(|row| {
+        let half = |half: Half| format!("{:?} {:?}", bytes(half.wire), bytes(half.pdu));
+        let bare = |half: Half| Half { wire: place, pdu: place, ..half };
+        let (request, response) = (bare(row.request), bare(row.response));
+        let plain = Transaction { request, response, findings: place, ..row.clone() };
+        format!("{} {} {plain:?}", half(row.request), half(row.response))
+    });
+    let findings = batch.transactions.iter().map(|row| format!("{:?}", codes(row.findings)));
+    let rows = batch.findings.iter().map(|row| format!("{row:?}"));
+    frames.chain(transactions).chain(findings).chain(rows).chain([session.stats_json().to_string()]).collect()
+}
+
+fn framed(body: &[u8]) -> Vec<u8> {
+    [body, &crc16(body).to_le_bytes()].concat()
+}
+
+/// A poll cycle with what may happen to one exchange of it in five.
+fn cycle() -> impl Strategy<Value = Vec<u8>> {
+    let poll = (1u8..4, 1u8..5, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
+    let accident = (0u8..60, any::<u8>(), any::<u16>());
+    (proptest::collection::vec(poll, 1..5), proptest::collection::vec(accident, 4..60)).prop_map(|(polls, turns)| {
+        let mut bytes = Vec::new();
+        for (turn, (accident, value, place)) in turns.into_iter().enumerate() {
+            let (unit, code, address, quantity) = polls[turn % polls.len()];
+            let [high, low] = address.to_be_bytes();
+            let request = framed(&[unit, code, high, low, 0, quantity]);
+            let count = if code < 3 { quantity.div_ceil(8) } else { 2 * quantity };
+            // Most devices leave the bits behind the last one asked for at zero.
+            let data = (0..count).map(|at| if code < 3 && at + 1 == count { value & 1 } else { value ^ at });
+            let mut response = framed(&[unit, code, count].into_iter().chain(data).collect::<Vec<u8>>());
+            bytes.extend(&request);
+            match accident {
+                0 => continue,
+                1 => bytes.extend(&request),
+                2 => response = framed(&[unit, code | 0x80, value % 12]),
+                3 => *response.last_mut().unwrap() ^= 1,
+                4 => response.insert(0, value),
+                5 => response.push(value),
+                6 => response = response.repeat(2),
+                7 => response.truncate(usize::from(place) % response.len()),
+                8 => response = framed(&[unit, code, 1, value]),
+                9 => response.extend(framed(&[0, 6, 0, 1, 0, value])),
+                10 => response.extend(framed(&[unit, 6, 0, 1, 0, value]).repeat(2)),
+                11 => response[0] ^= 3,
+                _ => {}
+            }
+            bytes.extend(response);
+        }
+        bytes
+    })
+}
+
 fn mode() -> impl Strategy<Value = Option<Mode>> {
     prop_oneof![Just(None), Just(Some(Mode::Rtu)), Just(Some(Mode::Ascii)), Just(Some(Mode::Tcp))]
 }
@@ -138,6 +202,15 @@ proptest! {
         for piece in [1, 7, 64] {
             prop_assert_eq!(shown(&untimed(&data, mode, piece)), shown(&whole));
         }
+    }
+
+    // A request that stands in the same piece as its answer may be told with it, without search and pairing; where they
+    // are parted, each is told by itself.
+    #[test]
+    fn what_came_before_is_told_as_if_it_never_had(data in cycle(), piece in 2usize..70) {
+        let apart = all_told(&data, 1);
+        prop_assert_eq!(&all_told(&data, usize::MAX), &apart);
+        prop_assert_eq!(&all_told(&data, piece), &apart);
     }
 
     #[test]

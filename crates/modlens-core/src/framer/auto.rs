@@ -191,6 +191,10 @@ impl Framer for Auto {
         self.chosen.as_mut()?.next(input, context, adu)
     }
 
+    fn routine(&mut self) -> Option<&mut Rtu> {
+        self.chosen.as_mut().filter(|_| !self.aside)?.routine()
+    }
+
     fn mode(&self) -> Mode {
         let framer = if self.aside { &self.other } else { &self.chosen };
         framer.as_ref().map_or(Mode::Rtu, |framer| framer.mode())

@@ -219,6 +219,11 @@ pub trait Framer: Send + Sync {
     /// Another framer has told the bytes in front of this offset of the stream.
     fn jump(&mut self, _offset: u64) {}
 
+    /// The framer that takes whole exchanges which came before, if this is one.
+    fn routine(&mut self) -> Option<&mut rtu::Rtu> {
+        None
+    }
+
     /// The silence that ends every frame.
     fn break_ns(&self, line: Option<&Line>) -> Ns;
 }

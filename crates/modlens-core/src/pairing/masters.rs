@@ -47,6 +47,8 @@ pub(super) struct Masters {
     retries: u32,
     lapses: u32,
     waiting: Vec<Meeting>,
+    /// Something was seen since the last look for proofs.
+    news: bool,
 }
 
 impl Masters {
@@ -54,12 +56,14 @@ impl Masters {
     pub(super) fn unanswered(&mut self, again: bool) {
         let count = if again { &mut self.retries } else { &mut self.lapses };
         *count = count.saturating_add(1);
+        self.news = true;
     }
 
     /// A meeting with both answers.
     pub(super) fn met(&mut self, meeting: Meeting) {
         let count = if meeting.clear { &mut self.clear } else { &mut self.unclear };
         *count = count.saturating_add(1);
+        self.news = true;
         if self.waiting.len() < REMEMBERED {
             self.waiting.push(meeting);
         }
@@ -72,12 +76,18 @@ impl Masters {
 
     /// The meetings that are proven by now, if any.
     pub(super) fn proofs(&mut self) -> Vec<Meeting> {
+        self.news = false;
         if self.waiting.is_empty() {
             return Vec::new();
         }
         let (proven, waiting) = self.waiting.drain(..).collect::<Vec<_>>().into_iter().partition(|m| self.proven(m.clear));
         self.waiting = waiting;
         proven
+    }
+
+    /// Whether there is no proof to be found.
+    pub(super) fn idle(&self) -> bool {
+        !self.news || self.waiting.is_empty()
     }
 
     /// The meetings that were never proven: answers that came late.

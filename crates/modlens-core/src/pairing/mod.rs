@@ -14,6 +14,7 @@ mod exchange;
 mod masters;
 mod past;
 mod requests;
+mod routine;
 mod tempo;
 
 pub use exchange::{Exchange, Kept, Seen};

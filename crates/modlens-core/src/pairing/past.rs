@@ -114,14 +114,30 @@ impl Past {
         let retry = exchange.retry_of.is_some();
         self.duplicates.of += 1.0;
         self.lates.of += f32::from(u8::from(retry));
-        match &mut self.last {
-            Some((unit, pdu, again)) => {
-                (*unit, *again) = (seen.unit(), retry);
-                pdu.clear();
-                pdu.extend_from_slice(seen.pdu());
-            }
-            None => self.last = Some((seen.unit(), seen.pdu().to_vec(), retry)),
-        }
+        self.keep(seen.unit(), seen.pdu(), retry);
+    }
+
+    /// The same of a request that is no retry, but for the answer itself.
+    #[inline]
+    pub(super) fn answered_again(&mut self) {
+        self.duplicates.of += 1.0;
+    }
+
+    /// The answer to such a request.
+    pub(super) fn resume(&mut self, unit: u8, pdu: &[u8]) {
+        self.keep(unit, pdu, false);
+    }
+
+    fn keep(&mut self, unit: u8, pdu: &[u8], retry: bool) {
+        let (known, bytes, again) = self.last.get_or_insert_with(|| (unit, Vec::new(), retry));
+        (*known, *again) = (unit, retry);
+        bytes.clear();
+        bytes.extend_from_slice(pdu);
+    }
+
+    /// Whether no request could be a retry, or the echo of a broadcast.
+    pub(super) fn idle(&self) -> bool {
+        self.failed.is_empty() && self.broadcast.is_none()
     }
 
     /// The next request may or may not be one again.

@@ -52,7 +52,8 @@ impl Default for Copies {
 
 impl Copies {
     /// A new request: the one before will not be heard again.
-    fn next(&mut self) {
+    #[inline]
+    pub(super) fn next(&mut self) {
         self.share = self.with_last();
         self.seen += f32::from(u8::from(self.twice.is_some()));
         self.twice = Some(false);
@@ -60,7 +61,9 @@ impl Copies {
 
     fn with_last(self) -> f32 {
         let last = self.twice.map_or(self.share, |twice| f32::from(u8::from(twice)));
-        self.share + (last - self.share) * (1.0 / (self.seen + 1.0)).max(COPY_RATE)
+        // A division for every request would be felt.
+        let rate = if self.seen >= 1.0 / COPY_RATE { COPY_RATE } else { (1.0 / (self.seen + 1.0)).max(COPY_RATE) };
+        self.share + (last - self.share) * rate
     }
 
     /// `None` where the line may be either.

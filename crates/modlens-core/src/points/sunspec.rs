@@ -19,6 +19,11 @@ pub fn marker(first: u16, bytes: &[u8]) -> Option<u16> {
     BASES.into_iter().find(|&base| words(first, bytes, base).is_some_and(|words| words == MARKER))
 }
 
+/// Whether the marker may begin in a block of so many registers.
+pub fn may_begin_in(first: u16, count: usize) -> bool {
+    BASES.into_iter().any(|base| base >= first && usize::from(base - first) < count)
+}
+
 /// What is known of a unit's models.
 #[derive(Debug, Default)]
 pub struct Chain {

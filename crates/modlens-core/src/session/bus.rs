@@ -15,6 +15,7 @@ use crate::records::{Bus, Clock, Place};
 use crate::session::ahead::{next_lines, Ahead};
 use crate::session::clock::Lateness;
 use crate::session::profiles::Profiles;
+use crate::session::routine::Routine;
 use crate::text::Reader;
 use crate::Ns;
 
@@ -57,6 +58,7 @@ pub(super) struct BusState {
     pub(super) newest: Option<Ns>,
     pub(super) jumped: bool,
     pub(super) profiles: Profiles,
+    pub(super) routine: Routine,
     pub(super) reader: Option<Box<Reader>>,
     /// The buses of the devices that the reader's lines name.
     pub(super) devices: Vec<(usize, usize)>,
@@ -96,6 +98,7 @@ impl BusState {
             stamps_resolution: None,
             order: VecDeque::new(),
             profiles,
+            routine: Routine::default(),
             options,
         }
     }

@@ -10,6 +10,7 @@ mod clock;
 mod logic;
 mod profiles;
 mod recorded;
+mod routine;
 mod rows;
 mod told;
 
@@ -304,7 +305,9 @@ impl Session {
 
     fn frames_of(&mut self, bus: usize) {
         let mut adu = std::mem::take(&mut self.adu);
-        while let Some((at, cut)) = self.buses[bus].next_cut(&self.functions, self.live, &mut adu) {
+        loop {
+            self.routine(bus);
+            let Some((at, cut)) = self.buses[bus].next_cut(&self.functions, self.live, &mut adu) else { break };
             self.frame(bus, at, &cut, &adu);
         }
         self.adu = adu;
@@ -538,6 +541,9 @@ impl Session {
                 self.buses[bus].paired_units[exchange.unit as usize] = true;
             }
             self.stats.transaction(self.buses[bus].counts, &self.functions, &exchange);
+            if exchange.findings.is_empty() {
+                self.buses[bus].routine.learn(&self.functions, &exchange);
+            }
             if self.wanted.transactions {
                 let row = Transaction {
                     number: exchange.txn,

@@ -92,6 +92,17 @@ impl Profiles {
         Some(Arc::clone(bound))
     }
 
+    /// The profile of a unit, where none of its answers can say anything more of it; `None` where they can.
+    pub(super) fn settled(&self, unit: u8) -> Option<Option<Arc<Bound>>> {
+        if self.by_unit.is_empty() {
+            return Some(None);
+        }
+        let unit = usize::from(unit);
+        let bound = self.by_unit[unit].as_ref();
+        let settled = bound.is_none_or(|bound| !bound.has_factors() && self.watches[unit].done(&bound.plan));
+        (settled && !self.chains.contains_key(&(unit as u8))).then(|| bound.cloned())
+    }
+
     fn make_room(&mut self) {
         self.by_unit.resize(256, None);
         self.watches.resize_with(256, Watch::default);

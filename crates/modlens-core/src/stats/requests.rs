@@ -21,7 +21,28 @@ const REPEATED: u64 = 3;
 
 /// Unit, function, address, quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-struct Key(u8, u8, Option<(u16, u16)>);
+pub(crate) struct Key(u8, u8, Option<(u16, u16)>);
+
+impl Key {
+    /// What tells this request from others; single writes ask for one.
+    pub(crate) fn of(functions: &Functions, exchange: &Exchange) -> Self {
+        let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
+        let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
+        let range = functions.row(exchange.function, body).and_then(|row| {
+            let address = u16_at(row.roles.address.or(row.roles.write_address)?)?;
+            Some((address, row.roles.quantity.or(row.roles.write_quantity).map_or(Some(1), u16_at)?))
+        });
+        Self(exchange.unit, exchange.function, range)
+    }
+
+    pub(super) fn unit(self) -> u8 {
+        self.0
+    }
+
+    pub(super) fn function(self) -> u8 {
+        self.1
+    }
+}
 
 #[derive(Clone, Debug)]
 struct Slot {
@@ -65,7 +86,7 @@ impl Requests {
         if exchange.request.frame == 0 || exchange.status == Status::BadRequest {
             return;
         }
-        let key = key(functions, exchange);
+        let key = Key::of(functions, exchange);
         let previous = self.previous.replace((exchange.unit, exchange.status));
         let Some(at) = self.place(key) else { return };
         let slot = &mut self.slots[at];
@@ -93,6 +114,15 @@ impl Requests {
             self.missing.pop_front();
         }
         self.missing.push_back((exchange.txn, key, exchange.waited));
+    }
+
+    /// A request without times was answered once more.
+    #[inline]
+    pub fn again(&mut self, key: Key) {
+        self.previous = Some((key.0, Status::Ok));
+        if let Some(at) = self.place(key) {
+            self.slots[at].asked += 1;
+        }
     }
 
     /// The slot of a request. A master asks in turn: the request that came next the last time is tried first.
@@ -183,15 +213,4 @@ impl Slot {
             "damaged": self.damaged, "before": before,
         })
     }
-}
-
-/// What tells this request from others; single writes ask for one.
-fn key(functions: &Functions, exchange: &Exchange) -> Key {
-    let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
-    let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
-    let range = functions.row(exchange.function, body).and_then(|row| {
-        let address = u16_at(row.roles.address.or(row.roles.write_address)?)?;
-        Some((address, row.roles.quantity.or(row.roles.write_quantity).map_or(Some(1), u16_at)?))
-    });
-    Key(exchange.unit, exchange.function, range)
 }

@@ -5,6 +5,7 @@
 //! zeros cannot fake evidence.
 
 use crate::framer::rtu::bits::log2;
+use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::polls::Polls;
 use crate::framer::rtu::shapes::Shapes;
 use crate::functions::{Functions, EXCEPTION_BIT};
@@ -390,6 +391,13 @@ impl Model {
         if self.unit_total > FORGET {
             self.forget();
         }
+    }
+
+    /// Learns from a request that leaves no doubt and from its answer, right behind another frame.
+    #[inline]
+    pub fn learn_exchange(&mut self, request: &[u8], response: &[u8]) {
+        self.learn(request, REQUEST, Setting { waiting: false, junk: 0 }, Copy::First);
+        self.learn(response, RESPONSE, Setting { waiting: true, junk: 0 }, Copy::Unclear);
     }
 
     /// A good frame had a pause inside.

@@ -13,6 +13,7 @@ mod index;
 mod join;
 mod pending;
 mod polls;
+mod routine;
 mod search;
 mod shapes;
 
@@ -25,6 +26,8 @@ use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
+
+pub use certain::answer;
 
 use autopsy::{Piece, Scene};
 use certain::{Certain, Length};
@@ -44,7 +47,7 @@ const BREAK: Ns = 90_000_000;
 const LONGEST: usize = join::REACH as usize;
 
 /// The most that `Cut::confidence` says.
-const SURE: u8 = 60;
+pub const SURE: u8 = 60;
 
 /// Unit, function code and checksum: bytes of a frame beside its body.
 const AROUND: usize = 4;
@@ -383,6 +386,10 @@ impl Framer for Rtu {
     fn jump(&mut self, offset: u64) {
         self.told = None;
         self.search.jump(offset);
+    }
+
+    fn routine(&mut self) -> Option<&mut Rtu> {
+        Some(self)
     }
 
     fn break_ns(&self, line: Option<&Line>) -> Ns {

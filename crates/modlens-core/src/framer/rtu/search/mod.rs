@@ -150,6 +150,23 @@ impl Search {
         self.nodes.len() == 1 && self.asked().is_none_or(|asked| !asked.tentative && !asked.damaged)
     }
 
+    /// Whether nothing behind this place was looked at, and no request may be answered there.
+    pub fn settled(&self, offset: u64) -> bool {
+        let Pending { asked, late, .. } = self.nodes[0].pending;
+        self.nodes.len() == 1 && self.told() == offset && asked.is_none() && late.is_none()
+    }
+
+    /// An exchange ends here, and nothing is open: as if `pass` had taken both of its frames.
+    pub fn resume(&mut self, request: &[u8], response: &[u8], end: u64) {
+        self.make_room();
+        let pending = &mut self.nodes[0].pending;
+        self.requests.ask(pending, request, request.len(), None);
+        pending.answer(response);
+        let root = &mut self.nodes[0];
+        (root.direction, root.start, root.end) = (RESPONSE, end - response.len() as u64, end);
+        (self.next, self.running, self.doubtful) = (end, false, false);
+    }
+
     /// A frame was found without search, right behind what was told and some strays, at the beginning of these bytes.
     #[inline]
     pub fn pass(&mut self, context: &Context<'_>, bytes: &[u8], strays: usize, length: Length) {

@@ -1,0 +1,29 @@
+//! Exchanges that came before: what a request and its answer teach, where nothing about them is in doubt.
+//!
+//! Each has to do just what `Rtu::next` would for the request and then for the answer.
+
+use crate::framer::rtu::gain::REQUEST;
+use crate::framer::rtu::Rtu;
+
+impl Rtu {
+    /// Whether nothing is open: the frame at this stream offset is what its own bytes say.
+    pub fn settled(&self, offset: u64) -> bool {
+        self.told.is_none() && self.doubted != Some(offset) && self.search.settled(offset)
+    }
+
+    /// A request that was answered before, and its answer: takes note of both, if unit and function are known by now.
+    #[inline]
+    pub fn again(&mut self, request: &[u8], response: &[u8]) -> bool {
+        let familiar = self.search.model.familiar(request[0], request[1], REQUEST);
+        if familiar {
+            self.search.model.learn_exchange(request, response);
+        }
+        familiar
+    }
+
+    /// The last of such exchanges, which ends at this stream offset.
+    pub fn resume(&mut self, request: &[u8], response: &[u8], end: u64) {
+        self.after_damage = false;
+        self.search.resume(request, response, end);
+    }
+}

@@ -1,0 +1,25 @@
+//! Exchanges that came before: pairing where nothing is open.
+//!
+//! Each has to leave what `Pairing::take` would leave behind the request and then behind the answer.
+
+use crate::pairing::Pairing;
+
+impl Pairing {
+    /// Whether nothing waits for an answer, or for what a request or an answer may say of it.
+    pub fn idle(&self) -> bool {
+        let open = !self.open.is_empty() || self.stray.is_some() || self.partial.is_some();
+        !open && self.notes.is_empty() && self.past.idle() && self.masters.idle()
+    }
+
+    /// A request was answered as it was before: not one of those whose answers may look like them.
+    #[inline]
+    pub fn again(&mut self) {
+        self.copies.next();
+        self.past.answered_again();
+    }
+
+    /// The last of such answers.
+    pub fn resume(&mut self, unit: u8, response: &[u8]) {
+        self.past.resume(unit, response);
+    }
+}
