@@ -116,12 +116,14 @@ fn show_differences(options: &Options, differences: fn(&Case, &[Reported]) -> St
 fn show_speed(options: &Options) {
     let seed = options.plan.seeds[0];
     say("MB a CPU second, one thread; * where four times the bytes took more than six times as long\n");
-    say(&format!("{:<18}{:>12}{:>14}{:>12}\n", "", "framing", "transactions", "everything"));
+    let layers: Vec<Layer> = Layer::ALL.into_iter().filter(|layer| options.layer.is_none_or(|only| *layer == only)).collect();
+    let row =
+        |name: &str, cells: Vec<String>| cells.iter().fold(format!("{name:<18}"), |row, cell| format!("{row}{cell:>13}")) + "\n";
+    say(&row("", layers.iter().map(|layer| layer.name().to_owned()).collect()));
     for (name, load) in Load::ALL.into_iter().filter(|(name, _)| options.only.as_ref().is_none_or(|only| name.contains(only))) {
         let bytes = load.bytes(options.bytes, seed);
-        let cells = Layer::ALL.map(|layer| speed::rate(layer, &bytes));
-        let [a, b, c] = cells.map(|(rate, linear)| format!("{rate:.0}{}", if linear { " " } else { "*" }));
-        say(&format!("{name:<18}{a:>12}{b:>14}{c:>12}\n"));
+        let cells = layers.iter().map(|&layer| speed::rate(layer, &bytes));
+        say(&row(name, cells.map(|(rate, linear)| format!("{rate:.0}{}", if linear { " " } else { "*" })).collect()));
     }
     if options.noise.bytes > 0 {
         let bytes = options.noise.bytes as u64;

@@ -4,6 +4,7 @@ use crate::accuracy::{NoisePlan, Plan};
 use crate::sim::noise::Pattern;
 use crate::sim::scenario::{Scenario, HEADLINE};
 use crate::sim::tap::TapMode;
+use crate::speed::Layer;
 
 /// What `--help` says.
 pub const HELP: &str = "\
@@ -29,6 +30,7 @@ modlens-bench scenarios            names of the scenarios
   --out PATH                   write: PATH.jsonl and PATH.truth.jsonl; bulk: the file
   --bytes N                    bulk: default 64000000; speed: of each load
   --only TEXT                  speed: loads whose names have this in them
+  --layer NAME                 speed: framing, transactions or everything; default: all
   --dirty                      bulk: with flipped bits and stray bytes
 ";
 
@@ -45,6 +47,8 @@ pub struct Options {
     pub bytes: usize,
     /// Which loads to measure; all where `None`.
     pub only: Option<String>,
+    /// Which layer to measure; all where `None`.
+    pub layer: Option<Layer>,
     /// Bulk traffic with damage.
     pub dirty: bool,
 }
@@ -74,6 +78,7 @@ impl Options {
                 "--threads" => this.plan.threads = number(key, value)?,
                 "--out" => this.out = Some(value.clone()),
                 "--only" => this.only = Some(value.clone()),
+                "--layer" => this.layer = Some(Layer::named(value).ok_or_else(|| format!("{value} is no layer"))?),
                 "--bytes" => this.bytes = number(key, value)?,
                 other => return Err(format!("{other} is no option; see --help")),
             }
@@ -101,6 +106,7 @@ impl Default for Options {
             out: None,
             bytes: 64_000_000,
             only: None,
+            layer: None,
             dirty: false,
         }
     }

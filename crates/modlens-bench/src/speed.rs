@@ -37,6 +37,20 @@ impl Layer {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Framing, Self::Transactions, Self::Everything];
 
+    /// As the table spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Framing => "framing",
+            Self::Transactions => "transactions",
+            Self::Everything => "everything",
+        }
+    }
+
+    /// The layer of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|layer| layer.name() == name)
+    }
+
     /// Decodes all of it and counts what came out.
     pub fn run(self, bytes: &[u8]) -> u64 {
         match self {

@@ -118,16 +118,14 @@ pub fn timing(input: &Input, rule: Option<Rule>, resolution: Ns, seen: &Seen<'_>
 
 /// Checks a response against its request.
 pub fn pair(functions: &Functions, exchange: &Exchange, found: &mut Found) {
-    let (request, response) = (&exchange.request.pdu[..], &exchange.response.pdu[..]);
+    let (request, response) = (exchange.request.pdu(), exchange.response.pdu());
     let damaged = matches!(exchange.status, Status::BadRequest | Status::BadResponse);
     if damaged || request.is_empty() || response.is_empty() || response[0] & EXCEPTION_BIT != 0 {
         return;
     }
     let Some(row) = functions.row(request[0], &request[1..]) else { return };
     for (name, asked, answered) in echo_differences(row, request, response) {
-        let detail =
-            if asked == answered { format!("{name} differs") } else { format!("{name}: asked {asked}, answered {answered}") };
-        found.push((Finding::EchoMismatch, detail));
+        found.push((Finding::EchoMismatch, format!("{name}: asked {asked}, answered {answered}")));
     }
     if let (Some(expected), Some(length)) = (expected_block(row, request), block_length(row, response)) {
         if expected != length {

@@ -87,32 +87,20 @@ pub fn block_length(row: &Row, response: &[u8]) -> Option<usize> {
 }
 
 /// The echoed fields that differ: (name, in the request, in the response).
-pub fn echo_differences<'a>(row: &'a Row, request: &[u8], response: &[u8]) -> Vec<(&'a str, u32, u32)> {
-    let mut differences = Vec::new();
-    let (Layout::Body(asked), Layout::Body(answered)) = (&row.request, &row.response) else { return differences };
-    for name in &row.echo {
-        let at = (asked.offset_of(name), answered.offset_of(name));
-        let (Some(asked_at), Some(answered_at)) = at else { continue };
-        let Some(width) = asked.fields.iter().find(|field| field.name == *name).map(|field| field.word.width()) else { continue };
-        if width == 0 {
-            // A list stands at the end in both: compare the rest.
-            if request.get(1 + asked_at..) != response.get(1 + answered_at..) {
-                differences.push((name.as_str(), 0, 0));
-            }
-            continue;
-        }
-        let value = |pdu: &[u8], at: usize| pdu.get(1 + at..1 + at + width).map(crate::pdu::number);
-        if let (Some(a), Some(b)) = (value(request, asked_at), value(response, answered_at)) {
-            if a != b {
-                differences.push((name.as_str(), a, b));
-            }
-        }
-    }
-    differences
+pub fn echo_differences<'a>(
+    row: &'a Row,
+    request: &'a [u8],
+    response: &'a [u8],
+) -> impl Iterator<Item = (&'a str, u32, u32)> + 'a {
+    row.echoes.iter().filter_map(move |echo| {
+        let value = |pdu: &[u8], at: usize| pdu.get(1 + at..1 + at + echo.width).map(crate::pdu::number);
+        let (asked, answered) = value(request, echo.asked).zip(value(response, echo.answered))?;
+        (asked != answered).then_some((echo.name.as_str(), asked, answered))
+    })
 }
 
 fn echoes(row: &Row, request: &[u8], response: &[u8]) -> bool {
-    row.echo.is_empty() || (echo_differences(row, request, response).is_empty() && same_echo_tail(row, request, response))
+    row.echo.is_empty() || (echo_differences(row, request, response).next().is_none() && same_echo_tail(row, request, response))
 }
 
 /// Lists that are echoed whole (sub-function 0 of diagnostics, file records) stand behind all numbers.

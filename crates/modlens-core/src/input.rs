@@ -58,6 +58,8 @@ pub struct Input {
     pub coarse: bool,
     /// Whether any read had a time.
     pub timed: bool,
+    /// Whether the receiver has marked anything.
+    marked: bool,
 }
 
 impl Input {
@@ -82,6 +84,7 @@ impl Input {
             self.buffer.drain(..self.head);
             self.head = 0;
         }
+        self.marked |= chunk.hole || chunk.line_error || !chunk.errors.is_empty();
         if chunk.hole {
             self.holes.push_back(self.end());
         }
@@ -203,10 +206,9 @@ impl Input {
 
     /// The first read and how many of its bytes are left, where there is nothing to tell of it but its bytes.
     pub fn plain(&self) -> Option<(&Read, usize)> {
-        let read = self.reads.front().filter(|_| !self.timed && self.errors.is_empty() && self.holes.is_empty())?;
+        let read = self.reads.front().filter(|_| !self.timed && !self.marked)?;
         let told = read.side.is_some() || read.framing.is_some();
-        let plain = !told && !read.line_error && !read.no_checksum;
-        plain.then_some((read, (read.end - self.offset) as usize))
+        (!told && !read.no_checksum).then_some((read, (read.end - self.offset) as usize))
     }
 
     /// The read that holds the byte.
@@ -314,6 +316,12 @@ impl Input {
             }
         }
         (later, all)
+    }
+
+    /// Whether the receiver has marked anything on this line: errors, or bytes that were lost.
+    #[inline]
+    pub fn marked(&self) -> bool {
+        self.marked
     }
 
     /// Whether the receiver marked a line error in `from..to`.

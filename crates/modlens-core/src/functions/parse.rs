@@ -2,7 +2,7 @@
 
 use serde_json::Value as Json;
 
-use crate::functions::row::{Operation, Permit, Roles, Row};
+use crate::functions::row::{Echo, Operation, Permit, Roles, Row};
 use crate::functions::shape::{Field, Layout, Shape, Word};
 
 /// The words of the table, as the messages name them.
@@ -77,6 +77,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     source["vendor"] = vendor.map_or(Json::Null, Json::from);
     let roles = roles(&request, &response, operation);
     let permits = [permits(row, &request)?, permits(row, &response)?];
+    let echo = strings(row.get("echo"))?;
     let limits = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
     Ok(Row {
         judged: limits.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
@@ -85,7 +86,8 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
         when,
         operation,
         register_type,
-        echo: strings(row.get("echo"))?,
+        echoes: echoes(&echo, &request, &response),
+        echo,
         permits,
         mirrored: request == response,
         request,
@@ -175,6 +177,17 @@ fn parse_field(text: &str) -> Result<Field, String> {
         }
     };
     Ok(Field { name: name.to_owned(), word })
+}
+
+/// The numbers of these names that have a place in both bodies.
+fn echoes(names: &[String], request: &Layout, response: &Layout) -> Vec<Echo> {
+    let (Some(asked), Some(answered)) = (request.shape(), response.shape()) else { return Vec::new() };
+    let place = |name: &String| {
+        let width = asked.fields.iter().find(|field| field.name == *name)?.word.width();
+        let (asked, answered) = (asked.offset_of(name)?, answered.offset_of(name)?);
+        Some(Echo { name: name.clone(), asked, answered, width })
+    };
+    names.iter().filter_map(place).collect()
 }
 
 fn roles(request: &Layout, response: &Layout, operation: Operation) -> Roles {

@@ -49,6 +49,19 @@ pub struct Roles {
     pub response_block: Option<(usize, bool)>,
 }
 
+/// A field that the response repeats.
+#[derive(Clone, Debug)]
+pub struct Echo {
+    /// The field.
+    pub name: String,
+    /// Where it stands in the body of the request.
+    pub asked: usize,
+    /// Where it stands in the body of the response.
+    pub answered: usize,
+    /// Its bytes.
+    pub width: usize,
+}
+
 /// What the specification permits for one number of a body.
 #[derive(Clone, Debug)]
 pub struct Permit {
@@ -93,6 +106,8 @@ pub struct Row {
     pub judged: usize,
     /// Fields that the response repeats.
     pub echo: Vec<String>,
+    /// Those of them that are numbers, worked out once.
+    pub echoes: Vec<Echo>,
     /// What the specification permits, of the request and of the response.
     pub permits: [Vec<Permit>; 2],
     /// The row as the file has it, and the vendor it comes from.

@@ -46,7 +46,7 @@ impl Pairing {
         }
         exchange.response_time = self.since(exchange.request.end, seen);
         // Answers that look like requests must not teach the times that tell the two apart.
-        if let Some(time) = exchange.response_time.filter(|_| exchange.request.pdu != exchange.response.pdu) {
+        if let Some(time) = exchange.response_time.filter(|_| exchange.request.pdu() != exchange.response.pdu()) {
             self.tempo.answered(time);
         }
         let mut placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
@@ -85,7 +85,7 @@ impl Pairing {
     /// Which open request the response answers.
     fn answered(&self, functions: &Functions, seen: &Seen<'_>) -> Option<usize> {
         let fits = |exchange: &Exchange| {
-            let asked = Asked { unit: exchange.unit, pdu: &exchange.request.pdu };
+            let asked = Asked { unit: exchange.unit, pdu: exchange.request.pdu() };
             !exchange.given_up && answers(functions, asked, seen.unit(), seen.pdu()) != Match::No
         };
         // Serial frames have no identifier: all are the same.
@@ -144,7 +144,7 @@ impl Pairing {
         exchange.gap = seen.gap;
         let mut placed = Placed { txn: Some(exchange.txn), finding: Some(Finding::Unrequested), other: None };
         let given_up = |old: &Exchange| {
-            let asked = Asked { unit: old.unit, pdu: &old.request.pdu };
+            let asked = Asked { unit: old.unit, pdu: old.request.pdu() };
             old.given_up && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully
         };
         // A request that arrived damaged may be what this answers.
@@ -186,7 +186,7 @@ impl Pairing {
     fn misdirected(&self, functions: &Functions, seen: &Seen<'_>) -> Option<u64> {
         let open = self.open.back().filter(|open| open.unit != seen.unit() && seen.mode != Mode::Tcp)?;
         let whole = open.status != Status::BadRequest && open.response.frame == 0 && !open.silent;
-        let asked = Asked { unit: seen.unit(), pdu: &open.request.pdu };
+        let asked = Asked { unit: seen.unit(), pdu: open.request.pdu() };
         let fits = whole && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully;
         fits.then_some(open.txn)
     }
@@ -198,7 +198,7 @@ impl Pairing {
     pub(super) fn settle_stray(&mut self, next: Option<&Seen<'_>>, done: &mut Vec<Box<Exchange>>) {
         let Some(Stray { mut exchange, asked }) = self.stray.take() else { return };
         let wrong = self.open.iter().find(|open| open.txn == asked).is_some_and(|open| {
-            let again = next.is_some_and(|next| open.unit == next.unit() && open.request.pdu == next.pdu());
+            let again = next.is_some_and(|next| open.unit == next.unit() && open.request.pdu() == next.pdu());
             let waited = next.and_then(|next| next.start).zip(open.request.end).map(|(start, end)| start - end);
             again || open.given_up || waited.is_some_and(|waited| !self.too_soon(waited))
         });

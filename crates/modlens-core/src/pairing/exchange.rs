@@ -61,19 +61,69 @@ pub struct Kept {
     pub frame: u64,
     /// Bytes on the wire.
     pub wire: Vec<u8>,
-    /// Its PDU in binary.
-    pub pdu: Vec<u8>,
+    pdu: Pdu,
     /// Start of the first character.
     pub start: Option<Ns>,
     /// End of the last character.
     pub end: Option<Ns>,
 }
 
+/// Where the PDU of a frame is.
+#[derive(Clone, Debug)]
+enum Pdu {
+    /// In the bytes on the wire: from here on, so many.
+    Inside(usize, usize),
+    /// Apart: those are characters, or damaged.
+    Own(Vec<u8>),
+}
+
+impl Default for Pdu {
+    fn default() -> Self {
+        Self::Inside(0, 0)
+    }
+}
+
+impl Pdu {
+    fn of(wire: &[u8], pdu: &[u8]) -> Self {
+        // Behind the unit of RTU, or behind the header of MBAP.
+        let inside = [1, 7].into_iter().find(|&at| wire.get(at..at + pdu.len()) == Some(pdu));
+        inside.map_or_else(|| Self::Own(pdu.to_vec()), |at| Self::Inside(at, pdu.len()))
+    }
+}
+
 impl Kept {
+    /// The frame of this number.
+    pub fn new(frame: u64, wire: &[u8], pdu: &[u8], start: Option<Ns>) -> Self {
+        Self { frame, wire: wire.to_vec(), pdu: Pdu::of(wire, pdu), start, end: None }
+    }
+
+    /// The same with another PDU.
+    #[must_use]
+    pub fn with_pdu(self, pdu: &[u8]) -> Self {
+        Self { pdu: Pdu::of(&self.wire, pdu), ..self }
+    }
+
+    /// Its PDU in binary.
+    #[inline]
+    pub fn pdu(&self) -> &[u8] {
+        match &self.pdu {
+            Pdu::Inside(at, length) => &self.wire[*at..at + length],
+            Pdu::Own(bytes) => bytes,
+        }
+    }
+
+    /// Where the PDU stands in the bytes on the wire.
+    pub fn inside(&self) -> Option<usize> {
+        match self.pdu {
+            Pdu::Inside(at, _) => Some(at),
+            Pdu::Own(_) => None,
+        }
+    }
+
     pub(super) fn reset(&mut self) {
         self.frame = 0;
         self.wire.clear();
-        self.pdu.clear();
+        self.pdu = Pdu::default();
         (self.start, self.end) = (None, None);
     }
 
@@ -81,8 +131,7 @@ impl Kept {
         self.frame = seen.frame;
         self.wire.clear();
         self.wire.extend_from_slice(seen.wire);
-        self.pdu.clear();
-        self.pdu.extend_from_slice(seen.pdu());
+        self.pdu = Pdu::of(seen.wire, seen.pdu());
         self.start = seen.start;
         self.end = seen.end;
     }

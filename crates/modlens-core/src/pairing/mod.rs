@@ -120,7 +120,7 @@ impl Pairing {
 
     /// The request that the next frame may answer.
     pub fn asked(&self) -> Option<Asked<'_>> {
-        self.open.back().map(|exchange| Asked { unit: exchange.unit, pdu: &exchange.request.pdu })
+        self.open.back().map(|exchange| Asked { unit: exchange.unit, pdu: exchange.request.pdu() })
     }
 
     /// The smallest number of a transaction that is not done.

@@ -39,7 +39,7 @@ pub(super) struct Request {
 impl Request {
     pub(super) fn of(exchange: &Exchange) -> Self {
         let (txn, unit, end) = (exchange.txn, exchange.unit, exchange.request.end);
-        Self { txn, unit, end, pdu: exchange.request.pdu.clone() }
+        Self { txn, unit, end, pdu: exchange.request.pdu().to_vec() }
     }
 
     pub(super) fn is(&self, seen: &Seen<'_>) -> bool {

@@ -120,7 +120,7 @@ impl Pairing {
         if exchange.unit == BROADCAST && seen.mode != Mode::Tcp {
             exchange.status = Status::Broadcast;
             self.past.broadcast = Some(Request::of(&exchange));
-            let row = functions.row(exchange.function, exchange.request.pdu.get(1..).unwrap_or(&[]));
+            let row = functions.row(exchange.function, exchange.request.pdu().get(1..).unwrap_or(&[]));
             if row.is_some_and(|row| row.operation == Operation::Read) {
                 exchange.findings.push(Finding::BroadcastRead);
                 placed.finding = Some(Finding::BroadcastRead);
@@ -185,7 +185,7 @@ impl Pairing {
             return before.map_or(Same::No, |before| self.echo_or_retry(seen, before.end, before.txn));
         }
         let open = self.open.back();
-        let same = open.filter(|open| open.unit == seen.unit() && open.request.pdu == seen.pdu() && !open.echoed);
+        let same = open.filter(|open| open.unit == seen.unit() && open.request.pdu() == seen.pdu() && !open.echoed);
         let same = same.map(|open| (open.request.end, open.txn));
         if !echoes_whole(functions, seen.pdu()) {
             // Of each request in turn: was it heard twice? On a line with time-outs some are, on one with echo all.
@@ -265,10 +265,10 @@ impl Pairing {
         let Some(mut exchange) = self.open.pop_front() else { return };
         let waited = exchange.waited.or(next.start.zip(exchange.request.end).map(|(next, end)| next - end));
         exchange.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
-        let again = exchange.unit == next.unit() && exchange.request.pdu == next.pdu();
+        let again = exchange.unit == next.unit() && exchange.request.pdu() == next.pdu();
         let quiet = exchange.response.frame == 0 && !exchange.silent && exchange.status != Status::BadRequest;
         // Functions whose answers look like requests must not teach the time-out that tells them apart.
-        if quiet && next.verdict.good() && !echoes_whole(functions, &exchange.request.pdu) {
+        if quiet && next.verdict.good() && !echoes_whole(functions, exchange.request.pdu()) {
             self.masters.unanswered(again);
             if let Some(waited) = exchange.waited.filter(|_| exchange.inside.is_none()) {
                 self.tempo.unanswered(waited, again);
@@ -281,7 +281,7 @@ impl Pairing {
 }
 
 fn silent(functions: &Functions, exchange: &Exchange) -> bool {
-    let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
+    let body = exchange.request.pdu().get(1..).unwrap_or(&[]);
     functions.row(exchange.function, body).is_some_and(|row| row.response == Layout::Silent)
 }
 

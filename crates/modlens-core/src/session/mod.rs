@@ -262,7 +262,9 @@ impl Session {
         let mut ready = self.held.len();
         if ready <= HOLD_BACK && !self.live {
             // Request order: numbers are given in it, and only finished ones are here.
-            self.held.sort_by_key(|row| row.number);
+            if !self.held.is_sorted_by_key(|row| row.number) {
+                self.held.sort_by_key(|row| row.number);
+            }
             ready = self.held.partition_point(|row| row.number < oldest);
         }
         std::mem::swap(&mut batch.transactions, &mut self.held);
@@ -367,10 +369,10 @@ impl Session {
             let inside = input.longest_pause(0, cut.length).is_some_and(|gap| gap >= rule.t35_ns);
             self.stats.silence(bus, rule.t35_ns, &seen, before, inside);
         }
-        if input.line_error(0, cut.length) {
+        if input.marked() && input.line_error(0, cut.length) {
             self.found.push((Finding::LineError, marked_detail(input.errors_in(0, cut.length), cut.length)));
         }
-        if input.hole(0, cut.length) {
+        if input.marked() && input.hole(0, cut.length) {
             self.found.push((Finding::LostBytes, String::from("the receiver lost bytes before this frame")));
         }
         if jumped {
@@ -456,7 +458,8 @@ impl Session {
         let input = &mut state.lines[at].1;
         if cut.verdict.good() {
             input.lateness.learn(&input.input, cut.length);
-            if input.ahead.is_none() && !cut.tentative {
+            // Who speaks on a line is asked where there are two.
+            if line != 0 && input.ahead.is_none() && !cut.tentative {
                 input.votes = voted(input.votes, &self.functions, adu);
             }
         }
@@ -562,8 +565,8 @@ impl Session {
                     late_for: exchange.late_for,
                     gap: exchange.gap,
                     mbap_id: exchange.mbap_id,
-                    request: keep_half(&mut self.batch, &exchange.request, exchange.mode),
-                    response: keep_half(&mut self.batch, &exchange.response, exchange.mode),
+                    request: keep_half(&mut self.batch, &exchange.request),
+                    response: keep_half(&mut self.batch, &exchange.response),
                     findings: self.batch.keep_codes(&exchange.findings),
                     points,
                     origin: exchange.origin,

@@ -127,13 +127,13 @@ impl Profiles {
 
 /// The block of registers that an exchange read.
 fn registers_read<'e>(functions: &Functions, exchange: &'e Exchange) -> Option<(Space, u16, &'e [u8])> {
-    let body = exchange.request.pdu.get(1..)?;
+    let body = exchange.request.pdu().get(1..)?;
     let row = functions.row(exchange.function, body)?;
     if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
         return None;
     }
     let space = Space::from_word(row.register_type.as_deref()?)?;
     let (at, bits) = row.roles.response_block?;
-    let bytes = exchange.response.pdu.get(1 + at..).filter(|_| !bits)?;
+    let bytes = exchange.response.pdu().get(1 + at..).filter(|_| !bits)?;
     Some((space, u16_at(body, row.roles.address?)?, bytes))
 }

@@ -85,7 +85,7 @@ fn place(request: &[u8; REQUEST]) -> usize {
 impl Known {
     /// Only answers of which the table tells the length, and nothing about their values but padding bits.
     fn of(functions: &Functions, request: [u8; REQUEST], exchange: &Exchange) -> Option<Self> {
-        let pdu = &exchange.request.pdu[..];
+        let pdu = exchange.request.pdu();
         let row = functions.row(pdu[0], &pdu[1..]).filter(|row| !row.mirrored)?;
         let (count, length) = answer(row, pdu)?;
         let judged_by_values = row.permits[1].iter().any(|permit| permit.offset + permit.width > 1);

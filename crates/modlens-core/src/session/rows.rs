@@ -1,7 +1,6 @@
 //! Words and bytes of rows.
 
 use crate::finding::Finding;
-use crate::framer::Mode;
 use crate::functions::EXCEPTION_BIT;
 use crate::pairing::{Kept, Note, Placed, Seen};
 use crate::records::{Batch, Half, Span};
@@ -51,18 +50,14 @@ pub(super) fn note_detail(note: &Note) -> String {
     }
 }
 
-pub(super) fn keep_half(batch: &mut Batch, kept: &Kept, mode: Mode) -> Half {
+pub(super) fn keep_half(batch: &mut Batch, kept: &Kept) -> Half {
     if kept.frame == 0 {
         return Half::default();
     }
     let wire = batch.keep(&kept.wire);
-    // In RTU and TCP the PDU stands in the wire bytes, and the halves may differ in it; in ASCII it has to be kept in binary.
-    let length = kept.pdu.len();
-    let places = if mode == Mode::Tcp { [7, 1] } else { [1, 7] };
-    let inside = places.into_iter().find(|&at| kept.wire.get(at..at + length) == Some(&kept.pdu[..]));
-    let pdu = match inside {
-        Some(at) => Span { start: wire.start + at as u32, length: length as u32 },
-        None => batch.keep(&kept.pdu),
+    let pdu = match kept.inside() {
+        Some(at) => Span { start: wire.start + at as u32, length: kept.pdu().len() as u32 },
+        None => batch.keep(kept.pdu()),
     };
     Half { frame: kept.frame, wire, pdu, start: kept.start }
 }

@@ -225,13 +225,7 @@ impl Session {
         } else {
             frame.unit.into_iter().chain(frame.code).collect()
         };
-        let kept = Kept {
-            frame: frame.number,
-            wire: told.bytes.to_vec(),
-            pdu: adu.get(1..).unwrap_or(&[]).to_vec(),
-            start: frame.start,
-            end: None,
-        };
+        let kept = Kept::new(frame.number, &told.bytes, adu.get(1..).unwrap_or(&[]), frame.start);
         let (bus, gap, packet) = (frame.bus as usize, frame.gap, frame.origin);
         let waiting = Waiting { bus, txn, mode: words.mode, adu, kept, direction: words.direction, notes, gap, packet };
         retold.waiting.insert(frame.number, waiting);
@@ -246,7 +240,7 @@ impl Session {
         let mut half = |key: &str| {
             let found = retold.waiting.remove(&(retold.frames_before + number(words, key)?))?;
             Some(match value(words, &format!("{key}_pdu")).and_then(unhex) {
-                Some(pdu) => Waiting { kept: Kept { pdu, ..found.kept.clone() }, ..found },
+                Some(pdu) => Waiting { kept: found.kept.clone().with_pdu(&pdu), ..found },
                 None => found,
             })
         };

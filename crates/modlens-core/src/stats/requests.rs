@@ -26,7 +26,7 @@ pub(crate) struct Key(u8, u8, Option<(u16, u16)>);
 impl Key {
     /// What tells this request from others; single writes ask for one.
     pub(crate) fn of(functions: &Functions, exchange: &Exchange) -> Self {
-        let body = exchange.request.pdu.get(1..).unwrap_or(&[]);
+        let body = exchange.request.pdu().get(1..).unwrap_or(&[]);
         let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
         let range = functions.row(exchange.function, body).and_then(|row| {
             let address = u16_at(row.roles.address.or(row.roles.write_address)?)?;
