@@ -50,3 +50,14 @@ pub struct Chunk<'a> {
     /// Line or packet number in the file; 0 where the offset is the place.
     pub origin: u64,
 }
+
+impl Chunk<'_> {
+    /// When its last byte had come.
+    pub fn time(&self) -> Option<Ns> {
+        match self.times {
+            Times::None => None,
+            Times::Read(time) => Some(time),
+            Times::Bytes(times) => times.last().copied(),
+        }
+    }
+}

@@ -74,6 +74,13 @@ impl Input {
         Self { offset, front_start: offset, ..Self::default() }
     }
 
+    /// Whether a chunk changes nothing of how the bytes before it are looked at.
+    pub fn takes_alike(&self, chunk: &Chunk<'_>) -> bool {
+        let timed = matches!(chunk.times, Times::Read(_));
+        let plain = !chunk.hole && !chunk.line_error && chunk.errors.is_empty() && !matches!(chunk.times, Times::Bytes(_));
+        plain && timed == self.timed && (self.coarse || !timed || chunk.bytes.len() < 2)
+    }
+
     /// Takes the bytes of a chunk.
     pub fn push(&mut self, chunk: &Chunk<'_>) {
         if chunk.bytes.is_empty() {
@@ -204,11 +211,22 @@ impl Input {
         self.reads.front()
     }
 
-    /// The first read and how many of its bytes are left, where there is nothing to tell of it but its bytes.
-    pub fn plain(&self) -> Option<(&Read, usize)> {
-        let read = self.reads.front().filter(|_| !self.timed && !self.marked)?;
-        let told = read.side.is_some() || read.framing.is_some();
-        (!told && !read.no_checksum).then_some((read, (read.end - self.offset) as usize))
+    /// Whether the first `asked` bytes and the `answered` ones behind them came in one read that says nothing of them, or
+    /// in a read each, the second one within this time.
+    pub fn holds_exchange(&self, asked: usize, answered: usize, within: Ns) -> bool {
+        let plain = |read: &Read| !read.no_checksum && read.framing.is_none_or(|mode| mode == Mode::Rtu);
+        let Some(first) = self.reads.front().filter(|read| plain(read) && !self.marked) else { return false };
+        let (middle, end) = (self.offset + asked as u64, self.offset + (asked + answered) as u64);
+        if first.end >= end {
+            return !self.timed && first.side.is_none();
+        }
+        let second = self.reads.get(1).filter(|read| plain(read) && read.end == end);
+        let timely = |second: &Read| match (first.time, second.time) {
+            (NO_TIME, NO_TIME) => !self.timed,
+            (NO_TIME, _) | (_, NO_TIME) => false,
+            (before, after) => after - before < within,
+        };
+        first.end == middle && self.front_start == self.offset && second.is_some_and(timely)
     }
 
     /// The read that holds the byte.

@@ -22,11 +22,6 @@ pub struct Span {
 }
 
 impl Span {
-    /// Behind the last byte.
-    pub(crate) fn end(self) -> u32 {
-        self.start + self.length
-    }
-
     /// The bytes.
     #[inline]
     pub fn of<T>(self, arena: &[T]) -> &[T] {

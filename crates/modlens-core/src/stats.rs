@@ -138,11 +138,7 @@ impl Stats {
         if !seen.verdict.good() {
             counts.requests.damaged(seen.frame);
         }
-        if let (Some(start), Some(end)) = (seen.start, seen.end) {
-            counts.busy += (end - start).max(0);
-            counts.first.get_or_insert(start);
-            counts.last = Some(end);
-        }
+        counts.on_the_line(seen.start.zip(seen.end));
     }
 
     /// What a silence of `t35_ns` would have made of this frame: whether one is before it, and whether one is inside.
@@ -170,14 +166,21 @@ impl Stats {
         }
     }
 
-    /// A request and its answer were decided, both as they were before: so many bytes.
+    /// A request and its answer were decided, both as they were before: so many bytes, then, and so much later.
     #[inline]
-    pub(crate) fn again(&mut self, bus: usize, key: Key, bytes: usize) {
+    pub(crate) fn again(&mut self, bus: usize, key: Key, bytes: usize, spans: [Option<(Ns, Ns)>; 2], response_time: Option<Ns>) {
         let counts = &mut self.buses[bus];
         counts.frames[Verdict::Ok as usize] += 2;
         counts.bytes[Verdict::Ok as usize] += bytes as u64;
-        counts.requests.again(key);
-        counts.row(key.unit(), key.function()).statuses[Status::Ok as usize] += 1;
+        for span in spans {
+            counts.on_the_line(span);
+        }
+        counts.requests.asked(key, spans[0].map(|(start, _)| start));
+        let row = counts.row(key.unit(), key.function());
+        row.statuses[Status::Ok as usize] += 1;
+        if let Some(time) = response_time {
+            row.response.add(time);
+        }
     }
 
     /// Something was found.
@@ -197,6 +200,14 @@ impl Stats {
 }
 
 impl BusCounts {
+    fn on_the_line(&mut self, span: Option<(Ns, Ns)>) {
+        if let Some((start, end)) = span {
+            self.busy += (end - start).max(0);
+            self.first.get_or_insert(start);
+            self.last = Some(end);
+        }
+    }
+
     fn row(&mut self, unit: u8, function: u8) -> &mut Row {
         if self.units.is_empty() {
             self.units.resize(256, Vec::new());

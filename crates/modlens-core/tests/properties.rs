@@ -1,10 +1,13 @@
 //! What holds for any bytes: frames tile the input, chunk sizes change nothing, nothing panics.
 
+use std::sync::Arc;
+
 use modlens_core::checksum::{crc16, lrc};
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::framer::Mode;
 use modlens_core::records::{Batch, Clock, Frame, Half, Span, Transaction};
 use modlens_core::session::{BusOptions, Session};
+use modlens_core::text::{Dialects, Reader};
 use proptest::prelude::*;
 
 /// One read: bytes and the pause before it in microseconds.
@@ -129,6 +132,21 @@ fn all_told(data: &[u8], piece: usize) -> Vec<String> {
     let mut session = Session::default();
     let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
     data.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    told(session)
+}
+
+/// The same of a log with a record a line, given so many lines at once.
+fn all_logged(log: &[String], lines: usize) -> Vec<String> {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    let rows = Dialects::embedded().named("hex").unwrap();
+    session.open_text(bus, Reader::new(rows, None, Arc::default()), b"");
+    log.chunks(lines).for_each(|lines| session.feed_text(bus, lines.concat().as_bytes(), false));
+    session.feed_text(bus, b"", true);
+    told(session)
+}
+
+fn told(mut session: Session) -> Vec<String> {
     session.flush();
     let batch = session.take();
     let (bytes, codes) = (|span: Span| span.of(&batch.arena), |span: Span| span.of(&batch.codes));
@@ -152,13 +170,14 @@ fn framed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
 }
 
-/// A poll cycle with what may happen to one exchange of it in five.
-fn cycle() -> impl Strategy<Value = Vec<u8>> {
+/// A poll cycle with what may happen to one exchange of it in five; what each side sends, and how long it waits before.
+fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
     let poll = (1u8..4, 1u8..5, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
     let accident = (0u8..60, any::<u8>(), any::<u16>());
     (proptest::collection::vec(poll, 1..5), proptest::collection::vec(accident, 4..60)).prop_map(|(polls, turns)| {
-        let mut bytes = Vec::new();
+        let mut bursts = Vec::new();
         for (turn, (accident, value, place)) in turns.into_iter().enumerate() {
+            let pauses = if accident == 12 { (2_000, 900) } else { (10 + u32::from(value) % 7, 3 + u32::from(place) % 20) };
             let (unit, code, address, quantity) = polls[turn % polls.len()];
             let [high, low] = address.to_be_bytes();
             let request = framed(&[unit, code, high, low, 0, quantity]);
@@ -166,10 +185,10 @@ fn cycle() -> impl Strategy<Value = Vec<u8>> {
             // Most devices leave the bits behind the last one asked for at zero.
             let data = (0..count).map(|at| if code < 3 && at + 1 == count { value & 1 } else { value ^ at });
             let mut response = framed(&[unit, code, count].into_iter().chain(data).collect::<Vec<u8>>());
-            bytes.extend(&request);
+            bursts.push((request.clone(), pauses.0));
             match accident {
                 0 => continue,
-                1 => bytes.extend(&request),
+                1 => bursts.push((request, 400)),
                 2 => response = framed(&[unit, code | 0x80, value % 12]),
                 3 => *response.last_mut().unwrap() ^= 1,
                 4 => response.insert(0, value),
@@ -182,10 +201,27 @@ fn cycle() -> impl Strategy<Value = Vec<u8>> {
                 11 => response[0] ^= 3,
                 _ => {}
             }
-            bytes.extend(response);
+            bursts.push((response, pauses.1));
         }
-        bytes
+        bursts
     })
+}
+
+fn bytes_of(bursts: &[(Vec<u8>, u32)]) -> Vec<u8> {
+    bursts.iter().flat_map(|(bytes, _)| bytes).copied().collect()
+}
+
+/// A log of them, a line each.
+fn log_of(bursts: &[(Vec<u8>, u32)], stamped: bool) -> Vec<String> {
+    let mut ms = 0;
+    let lines = bursts.iter().map(|(bytes, pause)| {
+        ms += pause;
+        let stamp = format!("2026-11-21 12:{:02}:{:02}.{:03} ", ms / 60_000, ms / 1000 % 60, ms % 1000);
+        let side = if bytes.len() == 8 { "Tx" } else { "Rx" };
+        let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+        format!("{}{side}: {}\n", if stamped { &stamp } else { "" }, hex.join(" "))
+    });
+    lines.collect()
 }
 
 fn mode() -> impl Strategy<Value = Option<Mode>> {
@@ -207,10 +243,19 @@ proptest! {
     // A request that stands in the same piece as its answer may be told with it, without search and pairing; where they
     // are parted, each is told by itself.
     #[test]
-    fn what_came_before_is_told_as_if_it_never_had(data in cycle(), piece in 2usize..70) {
+    fn what_came_before_is_told_as_if_it_never_had(bursts in cycle(), piece in 2usize..70) {
+        let data = bytes_of(&bursts);
         let apart = all_told(&data, 1);
         prop_assert_eq!(&all_told(&data, usize::MAX), &apart);
         prop_assert_eq!(&all_told(&data, piece), &apart);
+    }
+
+    #[test]
+    fn records_of_a_log_are_told_alike_however_many_come_at_once(bursts in cycle(), lines in 2usize..9, stamped in any::<bool>()) {
+        let log = log_of(&bursts, stamped);
+        let apart = all_logged(&log, 1);
+        prop_assert_eq!(&all_logged(&log, usize::MAX), &apart);
+        prop_assert_eq!(&all_logged(&log, lines), &apart);
     }
 
     #[test]

@@ -44,7 +44,7 @@ impl Pairing {
         if exchange.exception.is_some() {
             exchange.findings.push(Finding::Exception);
         }
-        exchange.response_time = self.since(exchange.request.end, seen);
+        exchange.response_time = self.since(exchange.request.end, seen.start, seen.clean_start);
         // Answers that look like requests must not teach the times that tell the two apart.
         if let Some(time) = exchange.response_time.filter(|_| exchange.request.pdu() != exchange.response.pdu()) {
             self.tempo.answered(time);
@@ -124,9 +124,10 @@ impl Pairing {
         mine
     }
 
-    fn since(&self, end: Option<Ns>, seen: &Seen<'_>) -> Option<Ns> {
-        let time = seen.start? - end?;
-        (seen.clean_start && time >= 2 * self.resolution && time >= 0).then_some(time)
+    /// The time from the end of a request to a start, if that is exact and the clock can tell.
+    pub fn since(&self, end: Option<Ns>, start: Option<Ns>, exact: bool) -> Option<Ns> {
+        let time = start? - end?;
+        (exact && time >= 2 * self.resolution && time >= 0).then_some(time)
     }
 
     fn unrequested(
@@ -163,7 +164,7 @@ impl Pairing {
         };
         if let Some((txn, end)) = late {
             exchange.late_for = Some(txn);
-            exchange.late_response = self.since(end, seen);
+            exchange.late_response = self.since(end, seen.start, seen.clean_start);
             placed = Placed { finding: Some(Finding::LateResponse), other: Some(txn), ..placed };
         } else if placed.finding == Some(Finding::Unrequested) {
             if let Some(asked) = self.misdirected(functions, seen) {

@@ -184,7 +184,7 @@ impl Pairing {
     }
 
     /// When a request is given up.
-    fn patience(&self) -> Ns {
+    pub fn patience(&self) -> Ns {
         self.timeout.unwrap_or_else(|| self.tempo.patience().map_or(DEFAULT_TIMEOUT, |learned| learned.min(DEFAULT_TIMEOUT)))
     }
 

@@ -3,6 +3,7 @@
 //! Each has to leave what `Pairing::take` would leave behind the request and then behind the answer.
 
 use crate::pairing::Pairing;
+use crate::Ns;
 
 impl Pairing {
     /// Whether nothing waits for an answer, or for what a request or an answer may say of it.
@@ -13,9 +14,12 @@ impl Pairing {
 
     /// A request was answered as it was before: not one of those whose answers may look like them.
     #[inline]
-    pub fn again(&mut self) {
+    pub fn again(&mut self, response_time: Option<Ns>) {
         self.copies.next();
         self.past.answered_again();
+        if let Some(time) = response_time {
+            self.tempo.answered(time);
+        }
     }
 
     /// The last of such answers.

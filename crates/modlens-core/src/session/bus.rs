@@ -14,6 +14,7 @@ use crate::pairing::{Pairing, Seen};
 use crate::records::{Bus, Clock, Place};
 use crate::session::ahead::{next_lines, Ahead};
 use crate::session::clock::Lateness;
+use crate::session::moment::Setting;
 use crate::session::profiles::Profiles;
 use crate::session::routine::Routine;
 use crate::text::Reader;
@@ -143,6 +144,24 @@ impl BusState {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
+    /// What the times of the next frame of a line depend on. Pairing gets to know the clock, too.
+    pub(super) fn setting(&mut self, at: usize) -> Setting {
+        let resolution = self.resolution(at);
+        let several = self.lines.len() > 1;
+        let (_, line) = &self.lines[at];
+        self.pairing.resolution = self.options.resolution.unwrap_or_else(|| Lateness::least(&line.input));
+        self.pairing.lateness = resolution;
+        self.pairing.ordered = !(several && self.lines.iter().any(|(_, line)| line.input.coarse));
+        Setting {
+            clocked: self.options.bus.clock != Clock::None,
+            resolution,
+            place: self.options.bus.place,
+            mode: line.framer.mode(),
+            jumped: self.jumped,
+            last_end: line.last_end,
+        }
+    }
+
     /// When time alone decides something next.
     pub(super) fn deadline(&self) -> Option<Ns> {
         let waiting = self.lines.iter().map(|(_, line)| &line.input).filter(|input| !input.closed && !input.bytes().is_empty());
@@ -257,21 +276,26 @@ fn side_of(line: u8) -> Option<Direction> {
     }
 }
 
+/// Remembers what the words of a log mean, by a frame that leaves no doubt of who sent it.
+#[inline]
+pub(super) fn learn_side(sides: &mut [i32; 2], side: Option<Side>, direction: Direction) {
+    let Some(side) = side else { return };
+    let vote = match direction {
+        Direction::Request => 1,
+        Direction::Response => -1,
+        Direction::Unknown => 0,
+    };
+    let slot = &mut sides[usize::from(side == Side::Received)];
+    *slot = (*slot + vote).clamp(-100, 100);
+}
+
 /// Remembers who speaks on this bus, and what its log's words mean.
 pub(super) fn learn(known_units: &mut [bool; 256], sides: &mut [i32; 2], seen: &Seen<'_>, side: Option<Side>) {
     if !seen.verdict.good() || seen.adu.len() < 2 {
         return;
     }
     known_units[seen.adu[0] as usize] = true;
-    if let Some(side) = side {
-        let vote = match seen.direction {
-            Direction::Request => 1,
-            Direction::Response => -1,
-            Direction::Unknown => 0,
-        };
-        let slot = &mut sides[usize::from(side == Side::Received)];
-        *slot = (*slot + vote).clamp(-100, 100);
-    }
+    learn_side(sides, side, seen.direction);
 }
 
 /// What a log's word means: what its frames have shown, or else that the logging process is the master.

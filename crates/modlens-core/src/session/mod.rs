@@ -8,6 +8,7 @@ mod bus;
 mod capture;
 mod clock;
 mod logic;
+mod moment;
 mod profiles;
 mod recorded;
 mod routine;
@@ -17,7 +18,7 @@ mod told;
 use std::sync::Arc;
 
 use crate::check;
-use crate::chunk::{Chunk, Times};
+use crate::chunk::Chunk;
 use crate::finding::Finding;
 use crate::framer::{Cut, Mode, Verdict};
 use crate::functions::{Functions, EXCEPTION_BIT};
@@ -31,8 +32,8 @@ pub use capture::CaptureOptions;
 
 use bus::{learn, voted, BusState};
 use capture::CaptureState;
-use clock::Lateness;
 use logic::LogicState;
+use moment::{Moment, Setting};
 use profiles::Assignment;
 use rows::{elapsed, framing_detail, keep_half, marked_detail, note_detail, placed_detail};
 
@@ -151,11 +152,40 @@ impl Session {
 
     /// Bytes of one line of a bus.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        let time = match chunk.times {
-            Times::None => None,
-            Times::Read(time) => Some(time),
-            Times::Bytes(times) => times.last().copied(),
-        };
+        let time = self.take_in(bus, chunk);
+        if let Some(time) = time {
+            self.buses[bus].close_silent_lines(time);
+        }
+        self.decide(bus, time);
+    }
+
+    /// The same, but what they are may be decided later, with more of them: when `decide` is called at the latest.
+    ///
+    /// Whatever changes how earlier bytes are looked at has them decided first.
+    fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
+        let state = &self.buses[bus];
+        let alone = chunk.line == 0 && state.lines.len() == 1;
+        let same = state.lines.iter().all(|(_, line)| line.input.takes_alike(chunk));
+        let forward = chunk.time().zip(state.newest).is_none_or(|(time, newest)| time >= newest);
+        if self.live || !alone || !same || !forward {
+            self.decide(bus, state.newest);
+            self.feed(bus, chunk);
+        } else {
+            self.take_in(bus, chunk);
+        }
+    }
+
+    /// Decides what the bytes are that have come on a bus up to this time, as far as it can be.
+    fn decide(&mut self, bus: usize, time: Option<Ns>) {
+        self.frames_of(bus);
+        if let Some(time) = time {
+            self.tick(bus, time);
+        }
+    }
+
+    /// Takes the bytes of a chunk; gives its time.
+    fn take_in(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
+        let time = chunk.time();
         // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
         let away = chunk.hole && self.buses[bus].options.bus.network.is_none();
         // Nobody knows since when bytes were missing before others; without any, the tap goes away now.
@@ -182,13 +212,7 @@ impl Session {
             let first = time - chunk.bytes.len() as Ns * char_ns;
             self.origin.get_or_insert(first);
         }
-        if let Some(time) = time {
-            self.buses[bus].close_silent_lines(time);
-        }
-        self.frames_of(bus);
-        if let Some(time) = time {
-            self.tick(bus, time);
-        }
+        time
     }
 
     /// Time goes on without bytes: ends silences and time-outs.
@@ -319,31 +343,13 @@ impl Session {
         let number = self.next_frame;
         self.next_frame += 1;
         let state = &mut self.buses[bus];
-        let resolution = state.resolution(at);
-        state.pairing.resolution = state.options.resolution.unwrap_or_else(|| Lateness::least(&state.lines[at].1.input));
-        state.pairing.lateness = resolution;
-        state.pairing.ordered = state.lines.len() < 2 || !state.lines.iter().any(|(_, line)| line.input.coarse);
+        let setting = state.setting(at);
+        let Setting { clocked, resolution, mode, jumped, .. } = setting;
+        state.jumped = false;
         let rule = state.options.rule();
-        let jumped = std::mem::take(&mut state.jumped);
-        let place = state.options.bus.place;
-        let clocked = state.options.bus.clock != Clock::None;
-        let (line, mode) = (state.lines[at].0, state.lines[at].1.framer.mode());
+        let line = state.lines[at].0;
         let input = state.lines[at].1.untold();
-        let char_ns = input.char_ns.unwrap_or(0);
-        let last_end = state.lines[at].1.last_end;
-        let clocked = clocked && input.timed;
-        let time_of = |index: usize| if clocked { input.byte_time(index) } else { None };
-        let (end, first) = (time_of(cut.length - 1), time_of(0).map(|ns| ns - char_ns));
-        // The estimate goes back from the read's time; it cannot lie before what was already on the line.
-        let start = first.map(|ns| if jumped { ns } else { last_end.map_or(ns, |last| ns.max(last)) });
-        // All messages of a packet came when it came.
-        let clean_start = mode == Mode::Tcp || input.starts_read(0);
-        let gap = if clocked && clean_start { input.pause_before(0) } else { None };
-        let gap = gap.filter(|&gap| gap >= 2 * resolution && gap > 0);
-        let (read_origin, side) = input.read(0).map_or((0, None), |read| (read.origin, read.side));
-        let offset = input.offset();
-        let origin = if place == Place::Offset { offset } else { read_origin };
-        let last_origin = if place == Place::Offset { origin } else { input.read(cut.length - 1).map_or(0, |read| read.origin) };
+        let Moment { start, end, gap, clean_start, side, offset, origin, last_origin } = Moment::of(input, cut.length, &setting);
         let wire = &input.bytes()[..cut.length];
         let mut seen = Seen {
             frame: number,
@@ -364,7 +370,7 @@ impl Session {
         self.found.clear();
         check::frame(&self.functions, &seen, &mut self.found);
         check::timing(input, rule, resolution, &seen, &mut self.found);
-        if let Some(rule) = rule.filter(|_| clocked && mode == Mode::Rtu) {
+        if let Some(rule) = rule.filter(|_| clocked && input.timed && mode == Mode::Rtu) {
             let before = input.hard_edge(0) || offset == 0 || input.pause_before(0).is_some_and(|gap| gap >= rule.t35_ns);
             let inside = input.longest_pause(0, cut.length).is_some_and(|gap| gap >= rule.t35_ns);
             self.stats.silence(bus, rule.t35_ns, &seen, before, inside);

@@ -20,17 +20,26 @@ impl Session {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
         let resolution = self.buses[bus].options.resolution;
+        let mut waiting = None;
         while let Some((record, bytes)) = reader.next(last) {
             // They borrow the reader, and the names of devices are its, too.
             let mut own = std::mem::take(&mut self.text);
             own.clear();
             own.extend_from_slice(bytes);
             let to = self.device(bus, &record, &reader);
-            if resolution.is_none() {
-                self.buses[to].stamps_resolution = reader.resolution();
+            // Rows are numbered in the order of the records, and an earlier record was read by another clock.
+            let stamps = if resolution.is_none() { reader.resolution() } else { self.buses[to].stamps_resolution };
+            let same = waiting == Some(to) && self.buses[to].stamps_resolution == stamps;
+            if let Some(before) = waiting.filter(|_| !same || !self.described(to, &record)) {
+                self.decide(before, self.buses[before].newest);
             }
+            self.buses[to].stamps_resolution = stamps;
             self.feed_record(to, &record, &own);
             self.text = own;
+            waiting = Some(to);
+        }
+        if let Some(before) = waiting {
+            self.decide(before, self.buses[before].newest);
         }
         self.buses[bus].reader = Some(reader);
     }
@@ -50,9 +59,14 @@ impl Session {
         }
     }
 
-    fn feed_record(&mut self, bus: usize, record: &Record, bytes: &[u8]) {
+    /// Whether a bus is known to have the clock and the places of this record.
+    fn described(&self, bus: usize, record: &Record) -> bool {
         let row = &self.buses[bus].options.bus;
-        if row.clock != record.clock || row.place != Place::Line {
+        row.clock == record.clock && row.place == Place::Line
+    }
+
+    fn feed_record(&mut self, bus: usize, record: &Record, bytes: &[u8]) {
+        if !self.described(bus, record) {
             self.describe_bus(bus, record.clock, Place::Line);
         }
         let chunk = Chunk {
@@ -67,7 +81,7 @@ impl Session {
             origin: record.number,
             ..Chunk::default()
         };
-        self.feed(bus, &chunk);
+        self.feed_later(bus, &chunk);
     }
 
     /// The bus of the device that a record names: the first name is that of the recording's own bus.

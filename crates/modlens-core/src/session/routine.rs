@@ -15,9 +15,13 @@ use crate::pairing::Exchange;
 use crate::pdu::u16_at;
 use crate::points::sunspec::may_begin_in;
 use crate::points::Bound;
-use crate::records::{Frame, Half, Place, Span, Status, Transaction};
+use crate::records::{Frame, Half, Span, Status, Transaction};
+use crate::session::bus::learn_side;
+use crate::session::moment::{Moment, Setting};
+use crate::session::rows::elapsed;
 use crate::session::Session;
 use crate::stats::Key;
+use crate::Ns;
 
 /// A request that reads has so many bytes, its checksum among them (application protocol, 6.1 to 6.4).
 const REQUEST: usize = 8;
@@ -120,59 +124,70 @@ impl Session {
     /// Tells exchanges at the head of the input, as long as each is one that came before.
     pub(super) fn routine(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
-        let [(id, line)] = &mut state.lines[..] else { return };
-        let Some((read, plain)) = line.input.plain() else { return };
-        let bytes = &line.input.bytes()[..plain];
-        if state.routine.find(bytes).is_none() || line.ahead.is_some() || !state.pairing.idle() {
+        let [(_, line)] = &state.lines[..] else { return };
+        if state.routine.find(line.input.bytes()).is_none() || !state.pairing.idle() {
             return;
         }
-        let first = line.input.offset();
-        let Some(framer) = line.framer.routine().filter(|framer| framer.settled(first)) else { return };
-        let (by_offset, origin) = (state.options.bus.place == Place::Offset, read.origin);
-        let (mut at, mut last) = (0, None);
-        while let Some(known) = state.routine.find(&bytes[at..]) {
-            let (request, rest) = bytes[at..].split_at(REQUEST);
-            let Some(points) = state.profiles.settled(known.head[0]).filter(|_| known.answered(rest)) else { break };
-            let response = &rest[..known.length];
-            if !framer.again(request, response) {
+        // What silences say is told of each frame.
+        let silences = line.input.timed && state.options.rule().is_some();
+        if silences || state.jumped || line.ahead.is_some() {
+            return;
+        }
+        let mut setting = state.setting(0);
+        let told_apart = 2 * state.coarsest();
+        let (id, line) = &mut state.lines[0];
+        let Some(framer) = line.framer.routine().filter(|framer| framer.settled(line.input.offset())) else { return };
+        let mut last = None;
+        while let Some(known) = state.routine.find(line.input.bytes()) {
+            let bytes = &line.input.bytes()[..REQUEST + known.length.min(line.input.bytes().len() - REQUEST)];
+            let (request, response) = bytes.split_at(REQUEST);
+            let Some(points) = state.profiles.settled(known.head[0]).filter(|_| known.answered(response)) else { break };
+            let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
+            if !line.input.holds_exchange(REQUEST, known.length, patience) || !framer.again(request, response) {
                 break;
             }
-            state.pairing.again();
-            let whole = &bytes[at..at + REQUEST + known.length];
-            self.stats.again(state.counts, known.key, whole.len());
-            let offset = first + at as u64;
-            let wire = self.batch.keep(whole);
-            let request = Span { length: REQUEST as u32, ..wire };
+            let wire = self.batch.keep(bytes);
+            let asked = Moment::of(&line.input, REQUEST, &setting);
+            line.input.consume(REQUEST);
+            let answered =
+                Moment::of(&line.input, known.length, &Setting { last_end: asked.end.or(setting.last_end), ..setting });
+            line.input.consume(known.length);
+            setting.last_end = answered.end.or(asked.end).or(setting.last_end);
+            learn_side(&mut state.sides, asked.side, Direction::Request);
+            learn_side(&mut state.sides, answered.side, Direction::Response);
+            let response_time = state.pairing.since(asked.end, answered.start, answered.clean_start);
+            state.pairing.again(response_time);
             let told = Told {
                 number: self.next_txn,
                 frame: self.next_frame,
                 bus: bus as u32,
                 line: *id,
                 head: known.head,
-                offset,
-                origin: if by_offset { offset } else { origin },
-                request,
-                response: Span { start: request.end(), length: known.length as u32 },
+                request: Span { length: REQUEST as u32, ..wire },
+                response: Span { start: wire.start + REQUEST as u32, length: known.length as u32 },
+                asked,
+                answered,
+                response_time: response_time.filter(|&ns| ns >= told_apart),
+                recording: self.origin,
             };
+            self.stats.again(state.counts, known.key, wire.length as usize, [asked.span(), answered.span()], told.response_time);
             self.next_txn += 1;
             self.next_frame += 2;
+            last = Some((told.request, told.response));
             if self.wanted.frames {
                 let findings = self.batch.keep_codes(&[]);
-                let response = if by_offset { offset + REQUEST as u64 } else { origin };
-                self.batch.frames.push(told.frame(Direction::Request, told.origin, findings));
-                self.batch.frames.push(told.frame(Direction::Response, response, findings));
+                self.batch.frames.push(told.frame(Direction::Request, findings));
+                self.batch.frames.push(told.frame(Direction::Response, findings));
             }
             if self.wanted.transactions {
                 self.held.push(told.transaction(points, self.batch.keep_codes(&[])));
             }
-            last = Some(at..at + whole.len());
-            at += whole.len();
         }
-        if let Some(last) = last {
-            let (request, response) = bytes[last].split_at(REQUEST);
-            framer.resume(request, response, first + at as u64);
+        if let Some((request, response)) = last {
+            let (request, response) = (request.of(&self.batch.arena), response.of(&self.batch.arena));
+            framer.resume(request, response, line.input.offset());
             state.pairing.resume(response[0], &response[1..response.len() - 2]);
-            line.input.consume(at);
+            line.last_end = setting.last_end;
         }
     }
 }
@@ -185,54 +200,60 @@ struct Told {
     bus: u32,
     line: u8,
     head: [u8; HEAD],
-    offset: u64,
-    origin: u64,
     request: Span,
     response: Span,
+    asked: Moment,
+    answered: Moment,
+    response_time: Option<Ns>,
+    /// When the recording began.
+    recording: Option<Ns>,
 }
 
 impl Told {
     fn transaction(&self, points: Option<Arc<Bound>>, findings: Span) -> Transaction {
-        let half = |frame: u64, wire: Span| {
+        let half = |frame: u64, wire: Span, start: Option<Ns>| {
             let pdu = Span { start: wire.start + 1, length: wire.length - 3 };
-            Half { frame, wire, pdu, start: None }
+            Half { frame, wire, pdu, start }
         };
         Transaction {
             number: self.number,
             bus: self.bus,
             mode: Mode::Rtu,
-            start: None,
-            elapsed: None,
+            start: self.asked.start,
+            elapsed: elapsed(self.recording, self.asked.start),
             unit: self.head[0],
             function: self.head[1],
             status: Status::Ok,
             exception: None,
-            response_time: None,
+            response_time: self.response_time,
             waited: None,
             late_response: None,
             retry_of: None,
             late_for: None,
-            gap: None,
+            gap: self.asked.gap,
             mbap_id: None,
-            request: half(self.frame, self.request),
-            response: half(self.frame + 1, self.response),
+            request: half(self.frame, self.request, self.asked.start),
+            response: half(self.frame + 1, self.response, self.answered.start),
             findings,
             points,
-            origin: self.origin,
+            origin: self.asked.origin,
         }
     }
 
-    fn frame(&self, direction: Direction, origin: u64, findings: Span) -> Frame {
-        let first = direction == Direction::Request;
+    fn frame(&self, direction: Direction, findings: Span) -> Frame {
+        let (number, wire, moment) = match direction {
+            Direction::Request => (self.frame, self.request, &self.asked),
+            _ => (self.frame + 1, self.response, &self.answered),
+        };
         Frame {
-            number: self.frame + u64::from(!first),
+            number,
             bus: self.bus,
             line: self.line,
-            offset: self.offset + if first { 0 } else { REQUEST as u64 },
-            wire: if first { self.request } else { self.response },
-            start: None,
-            elapsed: None,
-            gap: None,
+            offset: moment.offset,
+            wire,
+            start: moment.start,
+            elapsed: elapsed(self.recording, moment.start),
+            gap: moment.gap,
             mode: Mode::Rtu,
             direction,
             unit: Some(self.head[0]),
@@ -245,8 +266,8 @@ impl Told {
             txn: Some(self.number),
             mbap_id: None,
             findings,
-            origin,
-            last_origin: origin,
+            origin: moment.origin,
+            last_origin: moment.last_origin,
         }
     }
 }

@@ -90,14 +90,10 @@ impl Requests {
         let previous = self.previous.replace((exchange.unit, exchange.status));
         let Some(at) = self.place(key) else { return };
         let slot = &mut self.slots[at];
-        slot.asked += 1;
         if exchange.retry_of.is_none() {
-            if let Some((last, start)) = slot.last.zip(exchange.request.start) {
-                if start > last {
-                    slot.cycle.add(start - last);
-                }
-            }
-            slot.last = exchange.request.start.or(slot.last);
+            slot.turn(exchange.request.start);
+        } else {
+            slot.asked += 1;
         }
         if exchange.status != Status::NoResponse {
             return;
@@ -116,12 +112,12 @@ impl Requests {
         self.missing.push_back((exchange.txn, key, exchange.waited));
     }
 
-    /// A request without times was answered once more.
+    /// A request was answered once more.
     #[inline]
-    pub fn again(&mut self, key: Key) {
+    pub fn asked(&mut self, key: Key, start: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
         if let Some(at) = self.place(key) {
-            self.slots[at].asked += 1;
+            self.slots[at].turn(start);
         }
     }
 
@@ -197,6 +193,15 @@ impl Slot {
             last: None,
             cycle: Times::default(),
         }
+    }
+
+    /// It was asked in its turn.
+    fn turn(&mut self, start: Option<Ns>) {
+        self.asked += 1;
+        if let Some((last, start)) = self.last.zip(start).filter(|(last, start)| start > last) {
+            self.cycle.add(start - last);
+        }
+        self.last = start.or(self.last);
     }
 
     fn json(&self, functions: &Functions) -> Json {
