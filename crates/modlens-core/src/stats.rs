@@ -166,7 +166,7 @@ impl Stats {
         }
     }
 
-    /// A request and its answer were decided, both as they were before: so many bytes, then, and so much later.
+    /// A request and its answer of which nothing is to be said were decided: so many bytes, then, and so much later.
     #[inline]
     pub(crate) fn again(&mut self, bus: usize, key: Key, bytes: usize, spans: [Option<(Ns, Ns)>; 2], response_time: Option<Ns>) {
         let counts = &mut self.buses[bus];

@@ -219,7 +219,7 @@ pub trait Framer: Send + Sync {
     /// Another framer has told the bytes in front of this offset of the stream.
     fn jump(&mut self, _offset: u64) {}
 
-    /// The framer that takes whole exchanges which came before, if this is one.
+    /// The framer that takes whole exchanges, if this is one.
     fn routine(&mut self) -> Option<&mut rtu::Rtu> {
         None
     }

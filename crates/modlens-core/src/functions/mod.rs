@@ -9,7 +9,7 @@ mod row;
 mod shape;
 
 pub use parse::parse_toml;
-pub use row::{Echo, Operation, Permit, Roles, Row};
+pub use row::{Echo, Operation, Permit, Plain, Roles, Row};
 pub use shape::{Extent, Field, Layout, Shape, Word};
 
 use parse::parse;

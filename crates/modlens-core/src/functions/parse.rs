@@ -2,8 +2,8 @@
 
 use serde_json::Value as Json;
 
-use crate::functions::row::{Echo, Operation, Permit, Roles, Row};
-use crate::functions::shape::{Field, Layout, Shape, Word};
+use crate::functions::row::{Echo, Operation, Permit, Plain, Roles, Row};
+use crate::functions::shape::{Extent, Field, Layout, Shape, Word};
 
 /// The words of the table, as the messages name them.
 pub const WORDS: &str = "u8 u16 len8 len16 count8 count16 bits u8[] u16[] bytes group{...}";
@@ -86,6 +86,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
         when,
         operation,
         register_type,
+        plain: plain(&request, &response, &roles, &permits),
         echoes: echoes(&echo, &request, &response),
         echo,
         permits,
@@ -177,6 +178,16 @@ fn parse_field(text: &str) -> Result<Field, String> {
         }
     };
     Ok(Field { name: name.to_owned(), word })
+}
+
+fn plain(request: &Layout, response: &Layout, roles: &Roles, permits: &[Vec<Permit>; 2]) -> Option<Plain> {
+    let (_, bits) = roles.response_block.filter(|&(at, _)| at == 1)?;
+    let asks = request.extent(&[0; 4]) == Extent::Exactly(4) && (roles.address, roles.quantity) == (Some(0), Some(2));
+    let counted = [1u8, 2, 250].iter().all(|&count| response.extent(&[count]) == Extent::Exactly(1 + usize::from(count)));
+    // What is permitted of the answer must not depend on its values.
+    let by_count = permits[1].iter().all(|permit| permit.offset + permit.width <= 1);
+    let kind = if bits { Plain::Bits } else { Plain::Registers };
+    (asks && counted && by_count && request != response).then_some(kind)
 }
 
 /// The numbers of these names that have a place in both bodies.

@@ -62,6 +62,15 @@ pub struct Echo {
     pub width: usize,
 }
 
+/// Functions of the plainest kind: address and quantity are asked, a count and as many bytes are the answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Plain {
+    /// Eight to a byte.
+    Bits,
+    /// Two bytes each.
+    Registers,
+}
+
 /// What the specification permits for one number of a body.
 #[derive(Clone, Debug)]
 pub struct Permit {
@@ -100,6 +109,8 @@ pub struct Row {
     pub operation: Operation,
     /// To what: `coil`, `discrete_input`, `holding_register`, `input_register`.
     pub register_type: Option<String>,
+    /// Whether it reads in the plainest way.
+    pub plain: Option<Plain>,
     /// Whether request and response have the same layout: then they can look the same.
     pub mirrored: bool,
     /// Bytes of a body that its limits and counts stand in: behind them nothing tells more of it.

@@ -1,4 +1,4 @@
-//! Exchanges that came before: pairing where nothing is open.
+//! Exchanges that need no thought: pairing where nothing is open.
 //!
 //! Each has to leave what `Pairing::take` would leave behind the request and then behind the answer.
 
@@ -12,11 +12,12 @@ impl Pairing {
         !open && self.notes.is_empty() && self.past.idle() && self.masters.idle()
     }
 
-    /// A request was answered as it was before: not one of those whose answers may look like them.
+    /// A unit has answered a request: not one of those whose answers may look like them.
     #[inline]
-    pub fn again(&mut self, response_time: Option<Ns>) {
+    pub fn again(&mut self, unit: u8, response_time: Option<Ns>) {
         self.copies.next();
         self.past.answered_again();
+        self.present[usize::from(unit)] = true;
         if let Some(time) = response_time {
             self.tempo.answered(time);
         }

@@ -16,7 +16,6 @@ use crate::session::ahead::{next_lines, Ahead};
 use crate::session::clock::Lateness;
 use crate::session::moment::Setting;
 use crate::session::profiles::Profiles;
-use crate::session::routine::Routine;
 use crate::text::Reader;
 use crate::Ns;
 
@@ -59,7 +58,6 @@ pub(super) struct BusState {
     pub(super) newest: Option<Ns>,
     pub(super) jumped: bool,
     pub(super) profiles: Profiles,
-    pub(super) routine: Routine,
     pub(super) reader: Option<Box<Reader>>,
     /// The buses of the devices that the reader's lines name.
     pub(super) devices: Vec<(usize, usize)>,
@@ -99,7 +97,6 @@ impl BusState {
             stamps_resolution: None,
             order: VecDeque::new(),
             profiles,
-            routine: Routine::default(),
             options,
         }
     }

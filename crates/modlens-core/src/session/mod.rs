@@ -550,9 +550,6 @@ impl Session {
                 self.buses[bus].paired_units[exchange.unit as usize] = true;
             }
             self.stats.transaction(self.buses[bus].counts, &self.functions, &exchange);
-            if exchange.findings.is_empty() {
-                self.buses[bus].routine.learn(&self.functions, &exchange);
-            }
             if self.wanted.transactions {
                 let row = Transaction {
                     number: exchange.txn,

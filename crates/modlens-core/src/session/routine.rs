@@ -1,18 +1,18 @@
-//! Exchanges that come again.
+//! Exchanges that need no thought.
 //!
-//! Most traffic is a poll cycle. Of a request that was answered before without anything to tell, all is known but the
-//! values of the next answer, and whether that arrives whole: it needs no search, no pairing and no checks. The rows are
-//! those of the long way, which every chunking that parts a request from its answer takes (`tests/properties.rs`).
+//! Most traffic is reads that are answered at once. Where a unit and a function are known, nothing is open, and a request
+//! that asks for what may be asked for is followed by just the answer it announces, there is nothing to search, to pair
+//! or to find. The rows are those of the long way, which every chunking that parts a request from its answer takes
+//! (`tests/properties.rs`).
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use crate::checksum::crc_valid_at;
 use crate::direction::Direction;
-use crate::framer::rtu::{answer, SURE};
+use crate::framer::rtu::SURE;
 use crate::framer::{CutBy, Mode, Verdict};
-use crate::functions::{Extent, Functions, Row};
-use crate::pairing::Exchange;
-use crate::pdu::u16_at;
+use crate::functions::{Functions, Plain};
 use crate::points::sunspec::may_begin_in;
 use crate::points::Bound;
 use crate::records::{Frame, Half, Span, Status, Transaction};
@@ -23,84 +23,46 @@ use crate::session::Session;
 use crate::stats::Key;
 use crate::Ns;
 
+/// Units that may be asked without anything to be said of it (serial line specification, 2.2).
+const ADDRESSES: RangeInclusive<u8> = 1..=247;
+
 /// A request that reads has so many bytes, its checksum among them (application protocol, 6.1 to 6.4).
 const REQUEST: usize = 8;
 
 /// Unit, function and count.
 const HEAD: usize = 3;
 
-/// Requests that are known of one bus at once, and places that one of them may take.
-const PLACES: usize = 1024;
-const WAYS: usize = 4;
-
-/// A request that was answered, and what its answer is like.
-#[derive(Clone, Copy)]
-struct Known {
-    request: [u8; REQUEST],
+/// What the answer to a request is like, if it is a plain one.
+struct Expected {
     head: [u8; HEAD],
-    /// Bits of its last data byte that were not asked for.
-    padding: u8,
     /// Bytes of the answer, checksum included.
     length: usize,
+    /// Bits of its last data byte that were not asked for.
+    padding: u8,
     key: Key,
 }
 
-/// The requests of one bus that were answered.
-#[derive(Default)]
-pub(super) struct Routine {
-    places: Vec<Option<Known>>,
-    /// The place that the next newcomer takes, of those that it may take.
-    turn: usize,
-}
-
-impl Routine {
+impl Expected {
+    /// Of a request at the head of these bytes that asks for what may be asked for.
     #[inline]
-    fn find(&self, bytes: &[u8]) -> Option<&Known> {
-        let request = bytes.first_chunk()?;
-        let ways = self.places.get(place(request)..)?.iter().take(WAYS);
-        ways.flatten().find(|known| known.request == *request)
-    }
-
-    /// Takes note of a transaction that nothing was found on.
-    pub(super) fn learn(&mut self, functions: &Functions, exchange: &Exchange) {
-        if !exchange.sure || exchange.status != Status::Ok || exchange.mode != Mode::Rtu || exchange.retry_of.is_some() {
-            return;
-        }
-        let Ok(request) = <[u8; REQUEST]>::try_from(&exchange.request.wire[..]) else { return };
-        if self.find(&request).is_some() {
-            return;
-        }
-        let Some(known) = Known::of(functions, request, exchange) else { return };
-        self.places.resize(PLACES + WAYS, None);
-        let ways = &mut self.places[place(&request)..][..WAYS];
-        let free = ways.iter().position(Option::is_none);
-        ways[free.unwrap_or(self.turn % WAYS)] = Some(known);
-        self.turn += usize::from(free.is_none());
-    }
-}
-
-/// Where a request is looked for.
-#[inline]
-fn place(request: &[u8; REQUEST]) -> usize {
-    // An odd number without pattern (the golden ratio's bits) spreads what differs in few bits.
-    (u64::from_le_bytes(*request).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 54) as usize % PLACES
-}
-
-impl Known {
-    /// Only answers of which the table tells the length, and nothing about their values but padding bits.
-    fn of(functions: &Functions, request: [u8; REQUEST], exchange: &Exchange) -> Option<Self> {
-        let pdu = exchange.request.pdu();
-        let row = functions.row(pdu[0], &pdu[1..]).filter(|row| !row.mirrored)?;
-        let (count, length) = answer(row, pdu)?;
-        let judged_by_values = row.permits[1].iter().any(|permit| permit.offset + permit.width > 1);
-        // The old answer once more may look like this request.
-        let ambiguous = row.response.extent(&pdu[1..]) == Extent::Exactly(REQUEST - 4);
-        let marked = may_begin_in(u16_at(pdu, 1)?, usize::from(count) / 2);
-        if judged_by_values || ambiguous || marked || exchange.response.wire.len() != length {
+    fn of(functions: &Functions, bytes: &[u8]) -> Option<Self> {
+        let request: &[u8; REQUEST] = bytes.first_chunk()?;
+        let [unit, code, high, low, ..] = *request;
+        let row = functions.row(code, &request[2..]).filter(|_| ADDRESSES.contains(&unit))?;
+        let kind = row.plain?;
+        let (address, quantity) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
+        let allowed = row.permits[0].iter().all(|permit| permit.violated_by(&request[2..6]).is_none());
+        let count = if kind == Plain::Bits { quantity.div_ceil(8) } else { quantity.saturating_mul(2) };
+        // The old answer once more may look like this request; and the profile of a unit may begin there.
+        let ambiguous = usize::from(high) + HEAD + 2 == REQUEST;
+        let marked = kind == Plain::Registers && may_begin_in(address, usize::from(quantity));
+        if !allowed || ambiguous || marked {
             return None;
         }
-        let head = [exchange.unit, pdu[0], count];
-        Some(Self { request, head, padding: padding(row, pdu), length, key: Key::of(functions, exchange) })
+        let rest = quantity % 8;
+        let padding = if kind == Plain::Bits && rest > 0 { 0xFF << rest } else { 0 };
+        let head = [unit, code, u8::try_from(count).ok()?];
+        Some(Self { head, length: HEAD + usize::from(count) + 2, padding, key: Key::reading(unit, code, address, quantity) })
     }
 
     /// Whether these bytes begin with a whole answer.
@@ -111,21 +73,12 @@ impl Known {
     }
 }
 
-fn padding(row: &Row, request: &[u8]) -> u8 {
-    let bits = row.roles.response_block.is_some_and(|(_, bits)| bits);
-    let quantity = row.roles.quantity.and_then(|at| u16_at(&request[1..], at)).unwrap_or(0);
-    match quantity % 8 {
-        rest @ 1.. if bits => 0xFF << rest,
-        _ => 0,
-    }
-}
-
 impl Session {
     /// Tells exchanges at the head of the input, as long as each is one that came before.
     pub(super) fn routine(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
         let [(_, line)] = &state.lines[..] else { return };
-        if state.routine.find(line.input.bytes()).is_none() || !state.pairing.idle() {
+        if !state.pairing.idle() {
             return;
         }
         // What silences say is told of each frame.
@@ -138,15 +91,17 @@ impl Session {
         let (id, line) = &mut state.lines[0];
         let Some(framer) = line.framer.routine().filter(|framer| framer.settled(line.input.offset())) else { return };
         let mut last = None;
-        while let Some(known) = state.routine.find(line.input.bytes()) {
-            let bytes = &line.input.bytes()[..REQUEST + known.length.min(line.input.bytes().len() - REQUEST)];
-            let (request, response) = bytes.split_at(REQUEST);
-            let Some(points) = state.profiles.settled(known.head[0]).filter(|_| known.answered(response)) else { break };
+        while let Some(known) = Expected::of(&self.functions, line.input.bytes()) {
+            let unit = known.head[0];
+            let (request, rest) = line.input.bytes().split_at(REQUEST);
+            let Some(points) = state.profiles.settled(unit).filter(|_| known.answered(rest)) else { break };
+            let response = &rest[..known.length];
             let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
-            if !line.input.holds_exchange(REQUEST, known.length, patience) || !framer.again(request, response) {
+            let together = line.input.holds_exchange(REQUEST, known.length, patience);
+            if !(together && crc_valid_at(request, REQUEST) && framer.again(request, response)) {
                 break;
             }
-            let wire = self.batch.keep(bytes);
+            let wire = self.batch.keep(&line.input.bytes()[..REQUEST + known.length]);
             let asked = Moment::of(&line.input, REQUEST, &setting);
             line.input.consume(REQUEST);
             let answered =
@@ -156,7 +111,8 @@ impl Session {
             learn_side(&mut state.sides, asked.side, Direction::Request);
             learn_side(&mut state.sides, answered.side, Direction::Response);
             let response_time = state.pairing.since(asked.end, answered.start, answered.clean_start);
-            state.pairing.again(response_time);
+            state.pairing.again(unit, response_time);
+            (state.known_units[usize::from(unit)], state.paired_units[usize::from(unit)]) = (true, true);
             let told = Told {
                 number: self.next_txn,
                 frame: self.next_frame,

@@ -35,6 +35,11 @@ impl Key {
         Self(exchange.unit, exchange.function, range)
     }
 
+    /// A request that reads so many from an address on.
+    pub(crate) fn reading(unit: u8, function: u8, address: u16, quantity: u16) -> Self {
+        Self(unit, function, Some((address, quantity)))
+    }
+
     pub(super) fn unit(self) -> u8 {
         self.0
     }

@@ -27,8 +27,6 @@ use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
 
-pub use certain::answer;
-
 use autopsy::{Piece, Scene};
 use certain::{Certain, Length};
 use pending::set_first;

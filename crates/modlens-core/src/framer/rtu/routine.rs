@@ -1,4 +1,4 @@
-//! Exchanges that came before: what a request and its answer teach, where nothing about them is in doubt.
+//! Exchanges that need no thought: what a request and its answer teach, where nothing about them is in doubt.
 //!
 //! Each has to do just what `Rtu::next` would for the request and then for the answer.
 
@@ -11,7 +11,7 @@ impl Rtu {
         self.told.is_none() && self.doubted != Some(offset) && self.search.settled(offset)
     }
 
-    /// A request that was answered before, and its answer: takes note of both, if unit and function are known by now.
+    /// A request and its answer, checksums right: takes note of both, if unit and function are known by now.
     #[inline]
     pub fn again(&mut self, request: &[u8], response: &[u8]) -> bool {
         let familiar = self.search.model.familiar(request[0], request[1], REQUEST);
