@@ -22,13 +22,13 @@ CARGO = ("cargo", "build", "--release", "--locked", "--package", "modlens-core")
 UNIQUE = 1 << 19
 """Bytes of text that are made; they are repeated."""
 
-NO_CHECKSUM = ("mbusd", "emodbus")
+NO_CHECKSUM = ("mbusd", "emodbus", "ascii-lines")
 STEP_NS = 21_000_000
 PLAIN = "hex"
 
 
 def said(dialect: str) -> list[Said]:
-    """Exchanges, each 21 ms after the one before; in dialects without checksum without one."""
+    """Exchanges, each 21 ms after the one before; in dialects without that of RTU without it."""
     end = -2 if dialect in NO_CHECKSUM else None
     records = []
     for number, (request, response) in enumerate(traffic(UNIQUE // 3)):

@@ -3,7 +3,7 @@
 //! In the order of the way through: `chunk` (what comes in; `marks`: line errors in a driver's words), `input` (bytes not framed yet), `framer` (where frames
 //! begin and end), `functions` and `pdu` (what bytes mean), `direction` and `pairing` (who asked and who answered),
 //! `check` and `finding` (what is wrong), `session` (all of it behind one `feed`), `records` and `columns` (rows and how
-//! they are read), `write` (text and Arrow), `predicate` (filters), `stats`, `text` (recordings in text).
+//! they are read), `write` (text and Arrow), `predicate` (filters), `stats`, `text` (recordings in text, `hex` their digits).
 
 pub mod check;
 pub mod checksum;
@@ -13,6 +13,7 @@ pub mod direction;
 pub mod finding;
 pub mod framer;
 pub mod functions;
+pub mod hex;
 pub mod input;
 pub mod latest;
 pub mod learn;

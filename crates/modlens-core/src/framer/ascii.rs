@@ -1,11 +1,12 @@
 //! ASCII: colon, hex characters, LRC, CR LF (serial line specification, 2.5.2).
 
-use memchr::memchr;
+use memchr::{memchr, memchr3_iter};
 
 use crate::checksum::lrc;
 use crate::direction::judge;
 use crate::finding::Finding;
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT};
+use crate::hex::{pair, solid};
 use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
@@ -42,20 +43,19 @@ struct End {
 impl Ascii {
     fn end(&self, input: &Input) -> Option<End> {
         let bytes = input.bytes();
-        let edge = input.edge_after(0, bytes.len(), CHARACTER_TIMEOUT);
+        let edge = input.edge_after(0, bytes.len().min(LIMIT), CHARACTER_TIMEOUT);
         let there = &bytes[..edge.unwrap_or(bytes.len()).min(LIMIT)];
         let end = |at, text, cut_by, finding| Some(End { at, text, cut_by, finding });
-        for (i, &byte) in there.iter().enumerate().skip(1) {
-            match byte {
+        for i in memchr3_iter(b':', b'\n', b'\r', there).skip_while(|&at| at == 0) {
+            match there[i] {
                 b':' => return end(i, i, CutBy::Restart, None),
                 b'\n' => return end(i + 1, i, CutBy::Delimiter, Some(Finding::BareLineFeed)),
-                b'\r' => match there.get(i + 1) {
+                _ => match there.get(i + 1) {
                     Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, CutBy::Delimiter, None),
                     Some(_) => return end(i + 1, i, CutBy::Delimiter, None),
                     None if there.len() < bytes.len() || input.closed => return end(i + 1, i, CutBy::Delimiter, None),
                     None => return None,
                 },
-                _ => {}
             }
         }
         let length = there.len();
@@ -121,10 +121,9 @@ impl Ascii {
 /// The bytes of hex characters; false if there is anything else, or half a byte. What could be read stays in `out`.
 fn decode_hex(text: &[u8], out: &mut Vec<u8>) -> bool {
     out.clear();
-    for pair in text.chunks_exact(2) {
-        let digits = ((pair[0] as char).to_digit(16), (pair[1] as char).to_digit(16));
-        let (Some(high), Some(low)) = digits else { return false };
-        out.push((high << 4 | low) as u8);
+    if !solid(text, out) {
+        out.extend((0..text.len() / 2).map_while(|at| pair(text, 2 * at)));
+        return false;
     }
     text.len().is_multiple_of(2)
 }

@@ -3,7 +3,7 @@
 use memchr::memchr;
 use serde_json::Value as Json;
 
-use crate::text::notation::solid;
+use crate::hex::solid;
 use crate::text::stamp::Stamps;
 use crate::Ns;
 

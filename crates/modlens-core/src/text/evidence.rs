@@ -5,7 +5,7 @@ use crate::direction::readings;
 use crate::framer::tcp::announced;
 use crate::framer::Mode;
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
-use crate::text::notation::pair;
+use crate::hex::pair;
 
 /// Unit, function code and checksum.
 const SHORTEST: usize = 4;

@@ -1,5 +1,7 @@
 //! How programs write bytes: hex in many dresses, decimal, escapes, words. A notation takes as much text as it can.
 
+use crate::hex::{digit, pair, solid, BAD, DIGITS, HIGH, LOW, NO};
+
 /// A way of writing bytes; the word is how templates name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Notation {
@@ -48,31 +50,13 @@ pub(super) struct Marks {
     pub no_checksum: bool,
 }
 
-const BAD: u8 = 0xFF;
-const DIGITS: [u8; 256] = digits();
 const SEPARATORS: [bool; 256] = separators();
-/// Beyond all bytes: a character is no digit, or no separator.
-const NO: u16 = 0x100;
-/// What a digit is worth as the first and as the second of a byte; what a separator is worth: nothing.
-static HIGH: [u16; 256] = worth(4);
-static LOW: [u16; 256] = worth(0);
+/// What a separator is worth: nothing.
 static BETWEEN: [u16; 256] = between();
 /// Bytes that are read at once where text is plain.
 const BLOCK: usize = 8;
 /// Most bytes on a line of a dump.
 const DUMP_LINE: usize = 16;
-
-const fn digits() -> [u8; 256] {
-    let mut table = [BAD; 256];
-    let mut i = 0u8;
-    while i < 16 {
-        let digit = if i < 10 { b'0' + i } else { b'a' + i - 10 };
-        table[digit as usize] = i;
-        table[digit.to_ascii_uppercase() as usize] = i;
-        i += 1;
-    }
-    table
-}
 
 const fn separators() -> [bool; 256] {
     let mut table = [false; 256];
@@ -80,18 +64,6 @@ const fn separators() -> [bool; 256] {
     let mut i = 0;
     while i < all.len() {
         table[all[i] as usize] = true;
-        i += 1;
-    }
-    table
-}
-
-const fn worth(shift: u32) -> [u16; 256] {
-    let mut table = [NO; 256];
-    let mut i = 0;
-    while i < 256 {
-        if DIGITS[i] != BAD {
-            table[i] = (DIGITS[i] as u16) << shift;
-        }
         i += 1;
     }
     table
@@ -192,16 +164,6 @@ impl Notation {
     }
 }
 
-fn digit(text: &[u8], at: usize) -> u8 {
-    text.get(at).map_or(BAD, |&b| DIGITS[b as usize])
-}
-
-pub(super) fn pair(text: &[u8], at: usize) -> Option<u8> {
-    let two = text.get(at..at + 2)?;
-    let value = HIGH[two[0] as usize] | LOW[two[1] as usize];
-    (value < NO).then_some(value as u8)
-}
-
 /// Pairs with one separator behind each, as long as they go on so; gives the length of text.
 fn spaced(text: &[u8], out: &mut Vec<u8>) -> usize {
     let mut blocks = text.chunks_exact(3 * BLOCK);
@@ -250,25 +212,18 @@ fn spread(text: &[u8], loose: bool, out: &mut Vec<u8>) -> Option<(usize, usize)>
     Some((length, length + blanks))
 }
 
-/// Pairs without anything between; whether all are.
-pub(super) fn solid(digits: &[u8], out: &mut Vec<u8>) -> bool {
-    let (before, mut bad) = (out.len(), 0);
-    out.extend(digits.chunks_exact(2).map(|two| {
-        let value = HIGH[two[0] as usize] | LOW[two[1] as usize];
-        bad |= value;
-        value as u8
-    }));
-    if bad & NO != 0 {
-        out.truncate(before);
-    }
-    bad & NO == 0
+fn word(text: &[u8], from: usize) -> &[u8] {
+    // Without branches: many bytes without a separator are looked through several at once.
+    let within = |b: u8| (b | 0x20).wrapping_sub(b'a') < 26 || b.wrapping_sub(b'0') < 10 || b == b'?';
+    let rest = &text[from..];
+    let blocks = rest.chunks_exact(BLOCK).take_while(|block| block.iter().fold(true, |all, &b| all & within(b)));
+    let length = BLOCK * blocks.count();
+    let more = rest[length..].iter().take_while(|&&b| within(b)).count();
+    &rest[..length + more]
 }
 
-fn word(text: &[u8], from: usize) -> &[u8] {
-    let rest = &text[from..];
-    let length = rest.iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'?').count();
-    &rest[..length]
-}
+/// Digits of an offset of 64 bits.
+const LONGEST_OFFSET: usize = 16;
 
 /// Whether this is the line of a dump, offset first: `0010  05 03 ..`. No offset is read as bytes.
 fn begins_with_offset(text: &[u8]) -> bool {
@@ -278,7 +233,10 @@ fn begins_with_offset(text: &[u8]) -> bool {
     if text.get(2).is_none_or(|&b| DIGITS[b as usize] == BAD) {
         return false;
     }
-    let offset = word(text, 0);
+    let offset = word(&text[..text.len().min(LONGEST_OFFSET + 1)], 0);
+    if offset.len() > LONGEST_OFFSET {
+        return false;
+    }
     let behind = &text[offset.len()..];
     let bytes = behind.trim_ascii_start();
     let pairs = behind.starts_with(b" ") && pair(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
