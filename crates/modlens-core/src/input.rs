@@ -229,6 +229,14 @@ impl Input {
         first.end == middle && self.front_start == self.offset && second.is_some_and(timely)
     }
 
+    /// When the first bytes came, if they are just one packet, and when the next one did.
+    pub fn packet(&self, length: usize) -> Option<(Ns, Option<Ns>)> {
+        let first = self.reads.front().filter(|_| !self.marked && self.front_start == self.offset)?;
+        let whole = first.end == self.offset + length as u64 && !first.no_checksum && first.framing.is_none();
+        let next = self.reads.get(1).map(|read| read.time);
+        (whole && first.time != NO_TIME).then_some((first.time, next))
+    }
+
     /// The read that holds the byte.
     pub fn read(&self, index: usize) -> Option<&Read> {
         self.reads.get(self.read_of(index)?)

@@ -168,8 +168,17 @@ impl Stats {
 
     /// A request and its answer of which nothing is to be said were decided: so many bytes, then, and so much later.
     #[inline]
-    pub(crate) fn again(&mut self, bus: usize, key: Key, bytes: usize, spans: [Option<(Ns, Ns)>; 2], response_time: Option<Ns>) {
+    pub(crate) fn again(
+        &mut self,
+        bus: usize,
+        mode: Mode,
+        key: Key,
+        bytes: usize,
+        spans: [Option<(Ns, Ns)>; 2],
+        response_time: Option<Ns>,
+    ) {
         let counts = &mut self.buses[bus];
+        counts.mode = Some(mode);
         counts.frames[Verdict::Ok as usize] += 2;
         counts.bytes[Verdict::Ok as usize] += bytes as u64;
         for span in spans {

@@ -191,6 +191,10 @@ impl Framer for Auto {
         self.chosen.as_mut()?.next(input, context, adu)
     }
 
+    fn settled(&self, offset: u64) -> bool {
+        !self.aside && self.chosen.as_ref().is_some_and(|framer| framer.settled(offset))
+    }
+
     fn routine(&mut self) -> Option<&mut Rtu> {
         self.chosen.as_mut().filter(|_| !self.aside)?.routine()
     }

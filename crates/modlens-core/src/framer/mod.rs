@@ -219,6 +219,11 @@ pub trait Framer: Send + Sync {
     /// Another framer has told the bytes in front of this offset of the stream.
     fn jump(&mut self, _offset: u64) {}
 
+    /// Whether nothing is open: the frame at this stream offset is what its own bytes say.
+    fn settled(&self, _offset: u64) -> bool {
+        false
+    }
+
     /// The framer that takes whole exchanges, if this is one.
     fn routine(&mut self) -> Option<&mut rtu::Rtu> {
         None

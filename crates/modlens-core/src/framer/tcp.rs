@@ -17,6 +17,9 @@ const CHECKSUM: usize = 2;
 /// A silence in a stream over TCP says nothing before it is this long.
 const BREAK: Ns = 1_000_000_000;
 
+/// Confidence where the header's protocol and length agree with the PDU's own.
+pub const AGREES: u8 = 40;
+
 /// The longest that a length field can say.
 const LONGEST: usize = 254;
 
@@ -167,8 +170,7 @@ impl Tcp {
         let left_in = checksum_behind(input, length);
         let finding = (!fits || left_in).then_some(Finding::MbapLength);
         let length = if left_in { length + CHECKSUM } else { length };
-        // The header's protocol and length agree with the PDU's own.
-        let confidence = if fits { 40 } else { 16 };
+        let confidence = if fits { AGREES } else { 16 };
         Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, finding, ..Cut::noise(length, CutBy::Length) })
     }
 }
@@ -200,6 +202,10 @@ impl Framer for Tcp {
 
     fn mode(&self) -> Mode {
         Mode::Tcp
+    }
+
+    fn settled(&self, _offset: u64) -> bool {
+        self.skip == 0
     }
 
     fn break_ns(&self, _line: Option<&Line>) -> Ns {

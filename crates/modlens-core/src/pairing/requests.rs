@@ -137,10 +137,9 @@ impl Pairing {
     /// whether the clock says so.
     fn make_room(&mut self, functions: &Functions, seen: &Seen<'_>, done: &mut Vec<Box<Exchange>>) -> Option<bool> {
         if seen.mode == Mode::Tcp {
-            if self.ids.len() == IDS {
-                self.ids.pop_front();
+            if let Some(id) = seen.mbap_id {
+                self.remember_id(id);
             }
-            self.ids.extend(seen.mbap_id);
             while self.open.len() >= OPEN_LIMIT || self.open.front().is_some_and(|open| open.given_up) {
                 self.give_up_oldest(functions, seen, done);
             }
@@ -154,6 +153,13 @@ impl Pairing {
             self.give_up_oldest(functions, seen, done);
         }
         inside
+    }
+
+    pub(super) fn remember_id(&mut self, id: u16) {
+        if self.ids.len() == IDS {
+            self.ids.pop_front();
+        }
+        self.ids.push_back(id);
     }
 
     /// Whether this request does not end the wait of the open one: it may come from another master. `Some(true)` if the

@@ -14,8 +14,11 @@ impl Pairing {
 
     /// A unit has answered a request: not one of those whose answers may look like them.
     #[inline]
-    pub fn again(&mut self, unit: u8, response_time: Option<Ns>) {
-        self.copies.next();
+    pub fn again(&mut self, unit: u8, mbap_id: Option<u16>, response_time: Option<Ns>) {
+        match mbap_id {
+            Some(id) => self.remember_id(id),
+            None => self.copies.next(),
+        }
         self.past.answered_again();
         self.present[usize::from(unit)] = true;
         if let Some(time) = response_time {

@@ -56,6 +56,8 @@ pub(super) struct BusState {
     /// For what the log calls sent and received: requests less responses seen so far.
     pub(super) sides: [i32; 2],
     pub(super) newest: Option<Ns>,
+    /// The latest of all times: clocks go back, and segments come out of turn.
+    pub(super) latest: Option<Ns>,
     pub(super) jumped: bool,
     pub(super) profiles: Profiles,
     pub(super) reader: Option<Box<Reader>>,
@@ -91,6 +93,7 @@ impl BusState {
             paired_units: Box::new([false; 256]),
             sides: [0; 2],
             newest: None,
+            latest: None,
             jumped: false,
             reader: None,
             devices: Vec::new(),
@@ -139,6 +142,23 @@ impl BusState {
     /// Of all lines, the coarsest clock: what may be said of a request and its answer.
     pub(super) fn coarsest(&self) -> Ns {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
+    }
+
+    /// Whether a chunk changes nothing of how the bytes before it are looked at, so that all may be decided together.
+    pub(super) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
+        if !self.lines.iter().all(|(_, line)| line.input.takes_alike(chunk)) {
+            return false;
+        }
+        let Some((time, newest)) = chunk.time().zip(self.newest) else { return self.lines.len() == 1 && chunk.line == 0 };
+        match self.lines.len() {
+            1 => chunk.line == 0 && time >= newest,
+            // In the order of time, no side may end a frame by being silent, and nothing comes at the same time.
+            2 if self.options.bus.network.is_some() => {
+                let silent = |line: &LineState| line.input.newest().is_some_and(|last| time - last >= line.input.break_ns);
+                Some(time) > self.latest && !self.lines.iter().any(|(_, line)| silent(line))
+            }
+            _ => false,
+        }
     }
 
     /// What the times of the next frame of a line depend on. Pairing gets to know the clock, too.

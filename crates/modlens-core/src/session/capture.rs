@@ -21,8 +21,8 @@ use crate::Ns;
 const FIRST_DAY: Ns = 100_000_000 * 1_000_000_000;
 
 /// The lines of a connection's bus.
-const FROM_CLIENT: u8 = 1;
-const FROM_SERVER: u8 = 2;
+pub(super) const FROM_CLIENT: u8 = 1;
+pub(super) const FROM_SERVER: u8 = 2;
 
 /// What a capture is told about itself.
 #[derive(Clone, Debug)]
@@ -84,6 +84,7 @@ impl Session {
             reader.finish(&functions, &mut |event| self.event(&mut state, event));
             self.end_retold(&mut state.retold);
         }
+        self.decide_waiting();
         state.reader = reader;
         self.captures[capture] = Some(state);
     }
@@ -100,6 +101,9 @@ impl Session {
     }
 
     fn event(&mut self, state: &mut CaptureState, event: Event<'_>) {
+        if !matches!(event, Event::Time(..) | Event::Bytes { .. }) {
+            self.decide_waiting();
+        }
         match event {
             Event::Time(time, by) => {
                 if state.clock == Clock::None {
@@ -114,6 +118,9 @@ impl Session {
             Event::Opened { slot, client, server, mode } => self.opened(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, piece, record, heard } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
+                    if self.buses[bus].pairing.heard != heard || piece.missing > 0 {
+                        self.decide_waiting();
+                    }
                     self.buses[bus].pairing.heard = heard;
                     self.piece(bus, from_client, &piece, record);
                 }
@@ -188,7 +195,7 @@ impl Session {
             origin: piece.packet,
             ..Chunk::default()
         };
-        self.feed(bus, &chunk);
+        self.feed_later(bus, &chunk);
     }
 
     fn content(&mut self, bus: usize, line: u8, content: &Content<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {

@@ -87,6 +87,8 @@ pub struct Session {
     /// Buses that a further connection may take.
     free: Vec<usize>,
     connections: u64,
+    /// The bus whose bytes wait to be decided.
+    waiting: Option<usize>,
     /// The buses of raw recordings, with the segment that was read last.
     recorded: Vec<(crate::pcap::own::Segment, usize)>,
 }
@@ -124,6 +126,7 @@ impl Session {
             retired: Vec::new(),
             free: Vec::new(),
             connections: 0,
+            waiting: None,
             recorded: Vec::new(),
         }
     }
@@ -159,19 +162,26 @@ impl Session {
         self.decide(bus, time);
     }
 
-    /// The same, but what they are may be decided later, with more of them: when `decide` is called at the latest.
+    /// The same, but what they are may be decided later, with more of them: when `decide_waiting` is called at the latest.
     ///
     /// Whatever changes how earlier bytes are looked at has them decided first.
     fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        let state = &self.buses[bus];
-        let alone = chunk.line == 0 && state.lines.len() == 1;
-        let same = state.lines.iter().all(|(_, line)| line.input.takes_alike(chunk));
-        let forward = chunk.time().zip(state.newest).is_none_or(|(time, newest)| time >= newest);
-        if self.live || !alone || !same || !forward {
-            self.decide(bus, state.newest);
+        if self.waiting.is_some_and(|waiting| waiting != bus) {
+            self.decide_waiting();
+        }
+        if self.live || !self.buses[bus].may_wait(chunk) {
+            self.decide_waiting();
             self.feed(bus, chunk);
         } else {
             self.take_in(bus, chunk);
+            self.waiting = Some(bus);
+        }
+    }
+
+    /// Decides what waits to be decided.
+    fn decide_waiting(&mut self) {
+        if let Some(bus) = self.waiting.take() {
+            self.decide(bus, self.buses[bus].newest);
         }
     }
 
@@ -208,6 +218,7 @@ impl Session {
         if let Some(time) = time {
             state.jumped |= state.newest.is_some_and(|newest| time < newest);
             state.newest = Some(time);
+            state.latest = state.latest.max(Some(time));
             let char_ns = state.options.line.map_or(0, |line| line.char_ns());
             let first = time - chunk.bytes.len() as Ns * char_ns;
             self.origin.get_or_insert(first);

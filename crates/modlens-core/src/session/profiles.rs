@@ -92,15 +92,18 @@ impl Profiles {
         Some(Arc::clone(bound))
     }
 
-    /// The profile of a unit, where none of its answers can say anything more of it; `None` where they can.
-    pub(super) fn settled(&self, unit: u8) -> Option<Option<Arc<Bound>>> {
-        if self.by_unit.is_empty() {
-            return Some(None);
-        }
-        let unit = usize::from(unit);
-        let bound = self.by_unit[unit].as_ref();
-        let settled = bound.is_none_or(|bound| !bound.has_factors() && self.watches[unit].done(&bound.plan));
-        (settled && !self.chains.contains_key(&(unit as u8))).then(|| bound.cloned())
+    /// Whether nothing that a unit answers can say more of its profile.
+    #[inline]
+    pub(super) fn settled(&self, unit: u8) -> bool {
+        let Some(bound) = self.by_unit.get(usize::from(unit)) else { return true };
+        let watched = |bound: &Arc<Bound>| !bound.has_factors() && self.watches[usize::from(unit)].done(&bound.plan);
+        bound.as_ref().is_none_or(watched) && !self.chains.contains_key(&unit)
+    }
+
+    /// The profile of a unit.
+    #[inline]
+    pub(super) fn of(&self, unit: u8) -> Option<Arc<Bound>> {
+        self.by_unit.get(usize::from(unit))?.clone()
     }
 
     fn make_room(&mut self) {

@@ -20,27 +20,22 @@ impl Session {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
         let resolution = self.buses[bus].options.resolution;
-        let mut waiting = None;
         while let Some((record, bytes)) = reader.next(last) {
             // They borrow the reader, and the names of devices are its, too.
             let mut own = std::mem::take(&mut self.text);
             own.clear();
             own.extend_from_slice(bytes);
             let to = self.device(bus, &record, &reader);
-            // Rows are numbered in the order of the records, and an earlier record was read by another clock.
             let stamps = if resolution.is_none() { reader.resolution() } else { self.buses[to].stamps_resolution };
-            let same = waiting == Some(to) && self.buses[to].stamps_resolution == stamps;
-            if let Some(before) = waiting.filter(|_| !same || !self.described(to, &record)) {
-                self.decide(before, self.buses[before].newest);
+            if self.buses[to].stamps_resolution != stamps || !self.described(to, &record) {
+                // The records before were read by another clock.
+                self.decide_waiting();
             }
             self.buses[to].stamps_resolution = stamps;
             self.feed_record(to, &record, &own);
             self.text = own;
-            waiting = Some(to);
         }
-        if let Some(before) = waiting {
-            self.decide(before, self.buses[before].newest);
-        }
+        self.decide_waiting();
         self.buses[bus].reader = Some(reader);
     }
 

@@ -386,6 +386,10 @@ impl Framer for Rtu {
         self.search.jump(offset);
     }
 
+    fn settled(&self, offset: u64) -> bool {
+        self.told.is_none() && self.doubted != Some(offset) && self.search.settled(offset)
+    }
+
     fn routine(&mut self) -> Option<&mut Rtu> {
         Some(self)
     }

@@ -6,11 +6,6 @@ use crate::framer::rtu::gain::REQUEST;
 use crate::framer::rtu::Rtu;
 
 impl Rtu {
-    /// Whether nothing is open: the frame at this stream offset is what its own bytes say.
-    pub fn settled(&self, offset: u64) -> bool {
-        self.told.is_none() && self.doubted != Some(offset) && self.search.settled(offset)
-    }
-
     /// A request and its answer, checksums right: takes note of both, if unit and function are known by now.
     #[inline]
     pub fn again(&mut self, request: &[u8], response: &[u8]) -> bool {
