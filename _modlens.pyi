@@ -224,8 +224,8 @@ class Table:
         self, columns: Sequence[str], start: int = 0, count: int = ...
     ) -> list[tuple[int | float | str | None, ...]]:
         """Rows as a database takes them: numbers, text, None; lists and maps as CSV spells them."""
-    def origins(self) -> list[tuple[str, int, int | None, int, int]]:
-        """Where frames stand: file, frame, transaction, line or packet of first and last byte."""
+    def origins(self) -> list[tuple[str, int, int | None, list[int]]]:
+        """Where frames stand: file, frame, transaction, the packets (or lines) with their bytes."""
     def influx(self) -> tuple[bytes, int]:
         """InfluxDB line protocol of readings or transactions, and how many rows have no time."""
     def zeek(self, log: str, *, json: bool, header: bool) -> bytes:

@@ -7,6 +7,7 @@ seconds of whole processes on one core; peers that are not installed are left ou
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import struct
 import sys

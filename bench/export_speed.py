@@ -67,7 +67,7 @@ class Bench:
     def cost(self, *words: str | Path) -> Cost:
         """The cheapest of some runs of a program; what it prints goes nowhere."""
         quiet = subprocess.DEVNULL
-        # Bytecode is kept, as in any installation: without it half of a short run is Python's compiler.
+        # Bytecode is kept, as in any installation: else half of a short run is Python's compiler.
         environment = {**os.environ}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         found = []
@@ -94,7 +94,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
     parser.add_argument("megabytes", type=int, nargs="?", default=16, help="how much RTU to read")
     parser.add_argument("--runs", type=int, default=3, help="runs of each program; the best counts")
-    parser.add_argument("--no-peer", action="store_true", help="without tshark, which takes minutes")
+    parser.add_argument(
+        "--no-peer", action="store_true", help="without tshark, which takes minutes"
+    )
     options = parser.parse_args()
     pairs = traffic(PEER_BYTES)
     block = b"".join(request + response for request, response in pairs)
@@ -112,9 +114,7 @@ def main() -> None:
         if not options.no_peer:
             capture, beginning = bench.export(large, "pcapng")[1], bench.export(one, "pcapng")[1]
             against(bench, (large, one), (capture, beginning), frames, PEERS)
-            tcp, first = (
-                bench.export(each, "pcap", "--style", "tcp")[1] for each in (large, one)
-            )
+            tcp, first = (bench.export(each, "pcap", "--style", "tcp")[1] for each in (large, one))
             against(bench, (tcp, first), (tcp, first), frames, PEERS[:1])
 
 
@@ -125,7 +125,9 @@ def every_export(bench: Bench, large: Path, frames: int, started: float) -> None
         rates = []
         for cpu in (found.cpu, found.cpu - started):
             million = frames / cpu / 1e6
-            rates.append(f"{cpu:5.2f} s {million / 2:5.2f} M transactions/s {million:5.2f} M frames/s")
+            rates.append(
+                f"{cpu:5.2f} s {million / 2:5.2f} M transactions/s {million:5.2f} M frames/s"
+            )
         sys.stdout.write(f"{title:<22} {' | '.join(rates)}, peak {found.peak:.0f} MiB\n")
 
 

@@ -126,7 +126,7 @@ fn decode(data: &[u8]) -> (Vec<Arc<Batch>>, Duration) {
         Arc::new(session.take())
     });
     let batches = batches.collect();
-    (batches, spent() - start)
+    (batches, spent().saturating_sub(start))
 }
 
 fn main() {
@@ -156,7 +156,7 @@ fn main() {
                     }
                 });
             }
-            best = best.min(spent() - start);
+            best = best.min(spent().saturating_sub(start));
         }
         let each = best.as_nanos() as f64 / rows as f64;
         println!("{name:<22} {each:5.0} ns a row, {:6.2} M rows/s, {:4.0} bytes a row", 1e3 / each, bytes as f64 / rows as f64);

@@ -476,7 +476,29 @@ mod tests {
         }
     }
 
+    #[test]
+    fn hex_of_all_lengths() {
+        for length in 0..70_u8 {
+            let bytes: Vec<u8> = (0..length).map(|at| at.wrapping_mul(37)).collect();
+            let expected: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+            assert_eq!(hex(&bytes), expected.concat());
+        }
+    }
+
     proptest! {
+        #[test]
+        fn text_of_fields_is_that_of_their_json(at in 0..64_usize, response: bool, body in proptest::collection::vec(any::<u8>(), 0..60)) {
+            let rows: Vec<&Row> = Functions::embedded().rows().collect();
+            let row = rows[at % rows.len()];
+            let layout = if response { &row.response } else { &row.request };
+            if let Some(shape) = layout.shape() {
+                let decoded = decode(shape, &body);
+                let mut text = Vec::new();
+                push_object(&decoded.nodes, &mut text);
+                prop_assert_eq!(String::from_utf8(text).unwrap(), Json::Object(object(&decoded.nodes)).to_string());
+            }
+        }
+
         #[test]
         fn any_body_decodes(code in 0u8..=255, body in proptest::collection::vec(any::<u8>(), 0..260), response: bool) {
             let mut pdu = vec![code];

@@ -93,10 +93,22 @@ impl Table {
         (start..end).map(|row| PyTuple::new(py, places.iter().map(|&column| self.plain(py, row, column)))).collect()
     }
 
-    fn origins(&self) -> Vec<(String, u64, Option<u64>, u64, u64)> {
+    fn origins(&self) -> Vec<(String, u64, Option<u64>, Vec<u64>)> {
+        let batch = &self.core.batch;
+        let mut between = batch.between.iter().peekable();
+        let mut packets = |frame: &Frame| {
+            let mut packets = vec![frame.origin];
+            while between.next_if(|(number, _)| *number < frame.number).is_some() {}
+            while let Some((_, packet)) = between.next_if(|(number, _)| *number == frame.number) {
+                packets.push(*packet);
+            }
+            packets.push(frame.last_origin);
+            packets.dedup();
+            packets
+        };
+        let source = |frame: &Frame| batch.buses[frame.bus as usize].source.clone();
         let frames = (0..self.core.len()).filter_map(|row| self.core.frame(row));
-        let source = |frame: &Frame| self.core.batch.buses[frame.bus as usize].source.clone();
-        frames.map(|frame| (source(frame), frame.number, frame.txn, frame.origin, frame.last_origin)).collect()
+        frames.map(|frame| (source(frame), frame.number, frame.txn, packets(frame))).collect()
     }
 
     fn influx<'py>(&self, py: Python<'py>) -> (Bound<'py, PyBytes>, usize) {

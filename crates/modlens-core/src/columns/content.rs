@@ -103,7 +103,7 @@ impl<'a> Exchange<'a> {
     }
 
     #[inline]
-    pub(super) fn read_data<'b>(self, batch: &'b Batch) -> Option<Items<'b>> {
+    pub(super) fn read_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;
         if !matches!(self.status, Status::Ok | Status::Unrequested) || self.exception.is_some() {
             return None;
@@ -119,7 +119,7 @@ impl<'a> Exchange<'a> {
     }
 
     #[inline]
-    pub(super) fn write_data<'b>(self, batch: &'b Batch) -> Option<Items<'b>> {
+    pub(super) fn write_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;
         if !matches!(row.operation, Operation::Write | Operation::ReadWrite) {
             return None;

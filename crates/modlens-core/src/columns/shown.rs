@@ -55,7 +55,7 @@ impl<'a> Shown<'a> for Name<'a> {
 
     #[inline(always)]
     fn pass<S: Put>(self, to: &mut S) {
-        if self.0.plain {
+        if self.0.unquoted {
             to.put(Cell::Word(&self.0.name));
         } else {
             to.put(Cell::Text(&self.0.name));

@@ -100,7 +100,7 @@ pub struct Row {
     /// Name in the specification.
     pub name: String,
     /// Whether no writer has to quote or escape anything in the name.
-    pub plain: bool,
+    pub unquoted: bool,
     /// Value of the leading field that this row is for.
     pub when: Option<u16>,
     /// Layout of the request.

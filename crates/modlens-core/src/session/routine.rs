@@ -103,9 +103,11 @@ impl Session {
             }
             let wire = self.batch.keep(&line.input.bytes()[..REQUEST + known.length]);
             let asked = Moment::of(&line.input, REQUEST, &setting);
+            asked.between(&line.input, (self.next_frame, REQUEST), setting.place, &mut self.batch.between);
             line.input.consume(REQUEST);
             let answered =
                 Moment::of(&line.input, known.length, &Setting { last_end: asked.end.or(setting.last_end), ..setting });
+            answered.between(&line.input, (self.next_frame + 1, known.length), setting.place, &mut self.batch.between);
             line.input.consume(known.length);
             setting.last_end = answered.end.or(asked.end).or(setting.last_end);
             learn_side(&mut state.sides, asked.side, Direction::Request);

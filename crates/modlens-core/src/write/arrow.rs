@@ -67,7 +67,7 @@ fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
 
 /// One value after the other: how many, where each ends, which are null.
 struct Values<T> {
-    values: Vec<T>,
+    items: Vec<T>,
     nulls: NullBufferBuilder,
     /// Of lists and texts.
     offsets: Vec<i32>,
@@ -81,7 +81,7 @@ where
     let mut offsets = Vec::with_capacity(rows.len() + 1);
     offsets.push(0);
     let nulls = NullBufferBuilder::new(rows.len());
-    let mut values = Values { values: Vec::with_capacity(rows.len()), nulls, offsets };
+    let mut values = Values { items: Vec::with_capacity(rows.len()), nulls, offsets };
     let reader = table.reader(column);
     for row in rows {
         row.pass(&reader, &mut values);
@@ -92,21 +92,13 @@ where
 impl<T: Clone + Default> Values<T> {
     #[inline]
     fn one(&mut self, value: Option<T>) {
-        match value {
-            Some(value) => {
-                self.values.push(value);
-                self.nulls.append_non_null();
-            }
-            None => {
-                self.values.push(T::default());
-                self.nulls.append_null();
-            }
-        }
+        self.nulls.append(value.is_some());
+        self.items.push(value.unwrap_or_default());
     }
 
     #[inline]
     fn end(&mut self, there: bool) {
-        self.offsets.push(self.values.len() as i32);
+        self.offsets.push(self.items.len() as i32);
         self.nulls.append(there);
     }
 }
@@ -122,7 +114,7 @@ impl Put for Values<i64> {
 }
 
 fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
-    let Values { values, mut nulls, .. } = column;
+    let Values { items: values, mut nulls, .. } = column;
     if kind == Kind::Time {
         Arc::new(TimestampNanosecondArray::new(values.into(), nulls.finish()).with_timezone("UTC"))
     } else {
@@ -143,7 +135,7 @@ impl Put for Values<f64> {
 }
 
 fn numbers(column: Values<f64>) -> ArrayRef {
-    let Values { values, mut nulls, .. } = column;
+    let Values { items: values, mut nulls, .. } = column;
     Arc::new(Float64Array::new(values.into(), nulls.finish()))
 }
 
@@ -155,7 +147,7 @@ impl Put for Values<bool> {
 }
 
 fn truths(column: Values<bool>) -> ArrayRef {
-    let Values { values, mut nulls, .. } = column;
+    let Values { items: values, mut nulls, .. } = column;
     Arc::new(BooleanArray::new(values.into(), nulls.finish()))
 }
 
@@ -165,10 +157,10 @@ impl Put for Values<u8> {
         let cell = ManuallyDrop::new(cell);
         match *cell {
             Cell::Null => return self.end(false),
-            Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.values),
-            Cell::Hex(bytes) => push_hex(bytes, &mut self.values),
-            Cell::Source(file, place, number) => push_source(file, place, number, &mut self.values),
-            _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.values),
+            Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.items),
+            Cell::Hex(bytes) => push_hex(bytes, &mut self.items),
+            Cell::Source(file, place, number) => push_source(file, place, number, &mut self.items),
+            _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.items),
         }
         self.end(true);
     }
@@ -176,7 +168,7 @@ impl Put for Values<u8> {
 
 /// Texts are written one behind the other, where they stay.
 fn texts(column: Values<u8>) -> ArrayRef {
-    let Values { values, mut nulls, offsets } = column;
+    let Values { items: values, mut nulls, offsets } = column;
     Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
 }
 
@@ -187,16 +179,16 @@ impl Put for Values<i32> {
         let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end(false) };
         match items {
             Items::Words(bytes) => {
-                self.values.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
+                self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
             }
-            items => self.values.extend((0..items.len()).map(|i| items.get(i))),
+            items => self.items.extend((0..items.len()).map(|i| items.get(i))),
         }
         self.end(true);
     }
 }
 
 fn lists(column: Values<i32>) -> ArrayRef {
-    let Values { values, mut nulls, offsets } = column;
+    let Values { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Int32, true));
     let values = Arc::new(Int32Array::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
@@ -206,14 +198,14 @@ impl Put for Values<&'static str> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
-            self.values.extend(codes.iter().map(|code| code.doc().code));
+            self.items.extend(codes.iter().map(|code| code.doc().code));
         }
         self.end(true);
     }
 }
 
 fn codes(column: Values<&'static str>) -> ArrayRef {
-    let Values { values, mut nulls, offsets } = column;
+    let Values { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Utf8, true));
     let values = Arc::new(StringArray::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))

@@ -66,7 +66,7 @@ impl Put for Csv {
         let out = &mut self.out;
         let cell = ManuallyDrop::new(cell);
         match *cell {
-            Cell::Null => {}
+            Cell::Null | Cell::Codes([]) => {}
             Cell::Int(n) => push_int(n, out),
             Cell::Us(ns) => push_us(ns, out),
             Cell::Time(ns) => self.stamp.push(ns, out),
@@ -74,7 +74,6 @@ impl Put for Csv {
             Cell::Word(text) => push_short(text.as_bytes(), out),
             Cell::Hex(bytes) => push_hex(bytes, out),
             Cell::Ints(ref items) => push_items(items, b' ', out),
-            Cell::Codes([]) => {}
             Cell::Source(file, place, number) if self.source.plain(file, special) => push_source(file, place, number, out),
             _ => foreign(&ManuallyDrop::into_inner(cell), out),
         }

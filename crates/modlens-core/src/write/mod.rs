@@ -65,7 +65,9 @@ pub(crate) fn push_short(text: &[u8], out: &mut Vec<u8>) {
         out[start..start + 4].copy_from_slice(head);
         out[start + length - 4..start + length].copy_from_slice(tail);
     } else {
-        text.iter().for_each(|&byte| out.push(byte));
+        for &byte in text {
+            out.push(byte);
+        }
     }
     out.truncate(start + length);
 }

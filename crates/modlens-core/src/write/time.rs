@@ -31,7 +31,7 @@ impl Stamp {
         // Three digits each; a number of nanoseconds that is whole microseconds ends there.
         triple(rest / 1_000_000, out);
         triple(rest / 1000 % 1000, out);
-        if rest % 1000 != 0 {
+        if !rest.is_multiple_of(1000) {
             triple(rest % 1000, out);
         }
         out.push(b'Z');
@@ -109,6 +109,17 @@ mod tests {
         assert_eq!(text(1_697_041_234_123_456_000), "2023-10-11T16:20:34.123456Z");
         assert_eq!(text(951_782_400_000_000_001), "2000-02-29T00:00:00.000000001Z");
         assert_eq!(text(-1_000), "1969-12-31T23:59:59.999999Z");
+    }
+
+    #[test]
+    fn a_stamp_tells_the_same_whatever_it_told_before() {
+        let mut stamp = Stamp::default();
+        for ns in [0, 999_999_999, 1_000_000_000, -1, -1_000_000_000, 1_697_041_234_123_456_000, 1_697_041_234_000_000_007, 0] {
+            let (mut one, mut other) = (Vec::new(), Vec::new());
+            stamp.push(ns, &mut one);
+            push_time(ns, &mut other);
+            assert_eq!(one, other);
+        }
     }
 
     #[test]

@@ -70,3 +70,59 @@ impl Told {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::framer::Mode;
+    use crate::records::{Half, Span, Status};
+
+    fn batch(numbers: &[u64]) -> Arc<Batch> {
+        let row = |&number: &u64| Transaction {
+            number,
+            bus: 0,
+            mode: Mode::Rtu,
+            start: None,
+            elapsed: None,
+            unit: 1,
+            function: 3,
+            status: Status::Ok,
+            exception: None,
+            response_time: None,
+            waited: None,
+            late_response: None,
+            retry_of: None,
+            late_for: None,
+            gap: None,
+            mbap_id: None,
+            request: Half::default(),
+            response: Half::default(),
+            findings: Span::default(),
+            points: None,
+            origin: 0,
+        };
+        let mut batch = Batch::default();
+        batch.transactions = numbers.iter().map(row).collect();
+        Arc::new(batch)
+    }
+
+    /// Against a plain list of what was put in and taken out.
+    #[test]
+    fn numbers_come_and_go_in_any_order() {
+        let mut told = Told::default();
+        let batch = batch(&[7, 9, 3, 8, 20]);
+        (0..5).for_each(|at| told.insert(&batch, at));
+        for number in 0..30 {
+            let there = [3, 7, 8, 9, 20].contains(&number);
+            assert_eq!(told.get(number).map(|row| row.number), there.then_some(number));
+        }
+        for (number, at) in [(3, 2), (9, 1), (7, 0)] {
+            assert_eq!(told.remove(number).map(|(_, at)| at), Some(at));
+            assert!(told.get(number).is_none() && told.remove(number).is_none());
+        }
+        assert_eq!(told.rows.len(), 13, "nothing is kept before the oldest one, which is 8");
+        told.retain(|row| row.number > 8);
+        assert!(told.get(8).is_none() && told.get(20).is_some());
+        assert!(told.remove(20).is_some() && told.rows.is_empty());
+    }
+}
