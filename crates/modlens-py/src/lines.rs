@@ -21,7 +21,7 @@ thread_local! {
 }
 
 /// Gives `fill` an empty buffer that is used again, and what is then in it to Python.
-pub fn as_bytes<'py>(py: Python<'py>, fill: impl FnOnce(&mut Vec<u8>) + Send) -> Bound<'py, PyBytes> {
+pub fn as_bytes(py: Python<'_>, fill: impl FnOnce(&mut Vec<u8>) + Send) -> Bound<'_, PyBytes> {
     let mut out = SCRATCH.take();
     py.detach(|| fill(&mut out));
     let bytes = PyBytes::new(py, &out);
