@@ -272,7 +272,8 @@ impl<'a> RowRef<'a> {
     }
 
     /// Passes one of its values on.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A few instructions in the innermost loop of every writer.
     pub fn pass<S: Put>(&self, column: &Reader<S>, to: &mut S) {
         match (self.of, &column.0) {
             (RowOf::Frame(row), Way::Frame(pass)) => pass(self.batch, row, to),
