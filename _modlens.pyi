@@ -214,16 +214,18 @@ class Table:
     def __iter__(self) -> Iterator[Row]: ...
     def where(self, predicate: Predicate) -> Table:
         """The rows for which the predicate holds."""
-    def csv(self, columns: Sequence[str], *, header: bool) -> bytes:
-        """RFC 4180 text; lists joined by single spaces; null is empty."""
-    def jsonl(self, columns: Sequence[str]) -> bytes:
-        """One JSON object a line; null omitted."""
+    def lines(self, format: str, columns: Sequence[str], *, header: bool = False) -> Pieces:
+        """Rows as lines of text, in pieces of about 64 KiB that end with a row.
+
+        `csv`: RFC 4180, lists joined by single spaces, null is empty; `header` puts the names of
+        the columns in front. `jsonl`: a JSON object a line, null omitted. ValueError for others.
+        """
     def tuples(
         self, columns: Sequence[str], start: int = 0, count: int = ...
     ) -> list[tuple[int | float | str | None, ...]]:
         """Rows as a database takes them: numbers, text, None; lists and maps as CSV spells them."""
-    def origins(self) -> list[tuple[str, int, int | None, int, int]]:
-        """Where frames stand: file, frame, transaction, line or packet of first and last byte."""
+    def origins(self) -> list[tuple[str, int, int | None, list[int]]]:
+        """Where frames stand: file, frame, transaction, the packets (or lines) with their bytes."""
     def influx(self) -> tuple[bytes, int]:
         """InfluxDB line protocol of readings or transactions, and how many rows have no time."""
     def zeek(self, log: str, *, json: bool, header: bool) -> bytes:
@@ -235,6 +237,13 @@ class Table:
         self, requested_schema: object | None = None
     ) -> tuple[object, object]: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+@final
+class Pieces:
+    """Text of a table's rows, piece by piece."""
+
+    def __iter__(self) -> Pieces: ...
+    def __next__(self) -> bytes: ...
 
 @final
 class ArrowStream:

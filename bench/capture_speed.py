@@ -7,6 +7,7 @@ seconds of whole processes on one core; peers that are not installed are left ou
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import struct
 import sys
@@ -88,7 +89,9 @@ def write(path: Path, size: int, share: float) -> None:
 def main() -> None:
     """Prints the table."""
     out = sys.stdout
-    megabytes = int(sys.argv[1]) if len(sys.argv) > 1 else 128
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
+    parser.add_argument("megabytes", type=int, nargs="?", default=128, help="how much to read")
+    megabytes = parser.parse_args().megabytes
     modlens = [sys.executable, "-m", "analyzer"]
     with tempfile.TemporaryDirectory() as folder:
         for name, share in (("Modbus/TCP", 1.0), ("1 % Modbus/TCP", SHARE)):

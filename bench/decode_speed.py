@@ -7,6 +7,7 @@ nothing.
 
 from __future__ import annotations
 
+import argparse
 import os
 import random
 import resource
@@ -90,7 +91,9 @@ def pymodbus_rate(pairs: list[tuple[bytes, bytes]]) -> float:
 def main() -> None:
     """Prints the table."""
     out = sys.stdout
-    megabytes = int(sys.argv[1]) if len(sys.argv) > 1 else 64
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
+    parser.add_argument("megabytes", type=int, nargs="?", default=64, help="how much to read")
+    megabytes = parser.parse_args().megabytes
     pairs = traffic(PEER_BYTES)
     block = b"".join(request + response for request, response in pairs)
     with tempfile.TemporaryDirectory() as folder:

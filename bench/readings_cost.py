@@ -7,6 +7,7 @@ value). Most registers of the traffic are points of the profile: whole numbers, 
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 
@@ -55,6 +56,7 @@ def run(data: bytes, points: _modlens.Profile | None) -> tuple[float, int]:
 
 def main() -> None:
     """Print both, and what is on top; best of some rounds, in turn."""
+    argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "").parse_args()
     data = b"".join(ask + answer for ask, answer in traffic(SIZE))
     points = profile()
     rounds = [(run(data, None), run(data, points)) for _ in range(ROUNDS)]

@@ -9,6 +9,7 @@ and of a file four times as large.
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 import tempfile
@@ -48,8 +49,12 @@ def log(dialect: str, path: Path, size: int) -> None:
 def main() -> None:
     """Prints the table."""
     out = sys.stdout
-    megabytes = int(sys.argv[1]) if len(sys.argv) > 1 else 24
-    names = sys.argv[2:] or sorted(WRITERS, key=lambda name: (name not in SINGLE_LINE, name))
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
+    parser.add_argument("megabytes", type=int, nargs="?", default=24, help="how much to read")
+    parser.add_argument("dialects", nargs="*", help="only these")
+    options = parser.parse_args()
+    megabytes = options.megabytes
+    names = options.dialects or sorted(WRITERS, key=lambda name: (name not in SINGLE_LINE, name))
     subprocess.run([*CARGO, "--example", "text"], cwd=ROOT, check=True)
     program = ROOT / "target" / "release" / "examples" / "text"
     out.write(f"{'dialect':<24}{'engine':>8}{'transactions':>14}  MB/s of text\n")

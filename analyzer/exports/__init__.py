@@ -11,7 +11,7 @@ it here.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar, cast
@@ -100,6 +100,13 @@ class Format:
         The first call, which may bring none, also gives what stands in front.
         """
         raise NotImplementedError
+
+    def pieces(self, table: _modlens.Table) -> Iterable[bytes]:
+        """The same piece by piece, for formats whose text can be written before all of it is made.
+
+        Small pieces stay in the processor's cache, and their memory is used again.
+        """
+        return (self.rows(table),)
 
     def end(self) -> bytes:
         """What stands behind the last row."""

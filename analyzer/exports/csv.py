@@ -7,6 +7,8 @@ The text is the core's, so that it costs nothing per row here.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import _modlens
 from analyzer import exports
 
@@ -16,11 +18,17 @@ __all__ = ["Format"]
 class Format(exports.Format):
     """CSV of some columns of one table."""
 
+    name = "csv"
+
     def __init__(self, wish: exports.Wish) -> None:
         super().__init__(wish)
         self._begun = False
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def pieces(self, table: _modlens.Table) -> Iterable[bytes]:
         """The rows, behind the line of names the first time."""
         header, self._begun = not self._begun, True
-        return table.csv(self.wish.columns, header=header)
+        return table.lines(self.name, self.wish.columns, header=header)
+
+    def rows(self, table: _modlens.Table) -> bytes:
+        """All pieces at once."""
+        return b"".join(self.pieces(table))

@@ -78,14 +78,17 @@ class _Original:
         self._filtered = False
         self._kept: set[int] = set()
         self._files: list[str] = []
-        self._places = {key: array("q") for key in ("frame", "txn", "file", "first", "last")}
+        self._places = {key: array("q") for key in ("frame", "txn", "file", "packet")}
+        self._more: dict[int, list[int]] = {}
 
     def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
         """Remember the frames, and what the filter keeps."""
-        for name, frame, txn, first, last in batch.frames.origins():
+        for name, frame, txn, packets in batch.frames.origins():
             if not self._files or self._files[-1] != name:
                 self._files.append(name)
-            place = (frame, txn or 0, len(self._files) - 1, first, last)
+            if packets[1:]:
+                self._more[len(self._places["packet"])] = packets[1:]
+            place = (frame, txn or 0, len(self._files) - 1, packets[0])
             for numbers, number in zip(self._places.values(), place, strict=True):
                 numbers.append(number)
         if kept is not None:
@@ -102,7 +105,7 @@ class _Original:
             if self._filtered and key not in self._kept:
                 continue
             for other in range(max(at - near, 0), min(at + near + 1, len(keys))):
-                place = {name: numbers[other] for name, numbers in self._places.items()}
-                numbers = found[self._files[place["file"]]]
-                numbers.update((place["first"], place["last"]))
+                packets = found[self._files[self._places["file"][other]]]
+                packets.add(self._places["packet"][other])
+                packets.update(self._more.get(other, ()))
         return found

@@ -115,11 +115,12 @@ class ExportSink:
         rows = table if kept is None else kept
         self.rows += len(rows)
         if isinstance(self._format, Batches):
-            data = self._format.batch(batch, kept)
+            pieces: Iterable[bytes] = (self._format.batch(batch, kept),)
         else:
-            data = self._format.rows(rows)
-        if data:
-            self._output.append(data)
+            pieces = self._format.pieces(rows)
+        for data in pieces:
+            if data:
+                self._output.append(data)
 
     def close(self) -> None:
         """All rows are there."""

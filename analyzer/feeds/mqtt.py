@@ -172,7 +172,7 @@ class Mqtt:
         return numbers
 
     def _messages(self, table: _modlens.Table) -> Iterator[Message]:
-        lines = table.jsonl(self._columns).splitlines()
+        lines = b"".join(table.lines("jsonl", self._columns)).splitlines()
         for row, line in zip(table, lines, strict=True):
             bus = f"{self._prefix}/{_fit(row.bus)}"
             yield Message(f"{bus}/transaction", line)

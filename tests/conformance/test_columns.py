@@ -38,7 +38,8 @@ def test_the_core_has_the_columns_of_the_file(
     found = next(getattr(recording, table).tables())
     assert found.name == table
     assert list(found[0].as_dict()) == keys
-    assert found.csv(keys, header=True).split(b"\r\n", 1)[0].decode().split(",") == keys
+    text = next(found.lines("csv", keys, header=True))
+    assert text.split(b"\r\n", 1)[0].decode().split(",") == keys
 
 
 @pytest.mark.parametrize("table", TABLES)

@@ -256,3 +256,22 @@ def test_columns_come_in_the_order_asked_for(name: str) -> None:
     data = b"".join(map(form.rows, rows.tables())) + form.end()
     found = READERS[name](data)
     assert [list(row) for row in found] == [[key for key in keys if key in row] for row in found]
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_rows_of_several_buses_and_connections_keep_their_names(name: str, tmp_path: Path) -> None:
+    """What all rows of a bus share is written for each of them, however they are mixed."""
+    names = ("pymodbus_two_units/recording.jsonl", "pymodbus_tcp/recording.pcap")
+    source = decode([CAPTURES / name for name in names])
+    keys = ("bus", "frame", "client", "server", "connection", "source")
+    path = tmp_path / f"out.{name}"
+    sink = ExportSink(
+        target(str(path), "frames"), columns=",".join(keys), where=None, growing=False
+    )
+    for batch in source.batches(*TABLES):
+        sink.put(batch)
+    sink.close()
+    rows = [expected(row) for row in source.frames]
+    wanted = [{key: row[key] for key in keys if key in row} for row in rows]
+    assert READERS[name](path.read_bytes()) == wanted
+    assert len({(row["bus"], row.get("connection")) for row in wanted}) == 2

@@ -242,6 +242,12 @@ impl Input {
         self.reads.get(self.read_of(index)?)
     }
 
+    /// Where the reads stand that hold neither the first nor the last of the first `length` bytes.
+    pub fn between(&self, length: usize) -> impl Iterator<Item = u64> + '_ {
+        let last = self.read_of(length - 1).unwrap_or(0);
+        self.reads.iter().take(last).skip(1).map(|read| read.origin)
+    }
+
     /// When the byte had come: its stop bit, as far as the read's time tells.
     pub fn byte_time(&self, index: usize) -> Option<Ns> {
         let read = self.read(index)?;

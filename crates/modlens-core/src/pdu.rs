@@ -3,6 +3,7 @@
 use serde_json::{json, Map, Value as Json};
 
 use crate::functions::{Field, Functions, Layout, Row, Shape, Word, EXCEPTION_BIT};
+use crate::write::push_int;
 
 /// One decoded field.
 #[derive(Clone, Debug)]
@@ -140,6 +141,47 @@ impl Node<'_> {
     }
 }
 
+impl Node<'_> {
+    /// Appends the value as JSON, as `json` spells it.
+    fn push(&self, out: &mut Vec<u8>) {
+        match &self.field.word {
+            Word::Group(_) => list(&self.groups, out, |group, out| push_object(group, out)),
+            Word::Bytes => {
+                out.push(b'"');
+                push_hex(self.bytes, out);
+                out.push(b'"');
+            }
+            Word::Bits | Word::U8List | Word::U16List => {
+                list(&items(&self.field.word, self.bytes), out, |item, out| push_int(i64::from(*item), out));
+            }
+            _ => push_int(i64::from(number(self.bytes)), out),
+        }
+    }
+}
+
+fn list<T>(items: &[T], out: &mut Vec<u8>, push: impl Fn(&T, &mut Vec<u8>)) {
+    out.push(b'[');
+    for (at, item) in items.iter().enumerate() {
+        if at > 0 {
+            out.push(b',');
+        }
+        push(item, out);
+    }
+    out.push(b']');
+}
+
+/// Appends the fields as a JSON object, as `object` has them; names need no escaping.
+pub fn push_object(nodes: &[Node<'_>], out: &mut Vec<u8>) {
+    out.push(b'{');
+    for (at, node) in nodes.iter().enumerate() {
+        out.extend_from_slice(if at == 0 { b"\"" } else { b",\"" });
+        out.extend_from_slice(node.field.name.as_bytes());
+        out.extend_from_slice(b"\":");
+        node.push(out);
+    }
+    out.push(b'}');
+}
+
 /// The fields as an object: name -> value.
 pub fn object(nodes: &[Node<'_>]) -> Map<String, Json> {
     nodes.iter().map(|node| (node.field.name.clone(), node.json())).collect()
@@ -155,13 +197,32 @@ pub fn hex(bytes: &[u8]) -> String {
 /// Appends lower-case hex.
 #[inline]
 pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
-    const DIGITS: &[u8; 16] = b"0123456789abcdef";
     let start = out.len();
     out.resize(start + 2 * bytes.len(), 0);
-    for (pair, &byte) in out[start..].chunks_exact_mut(2).zip(bytes) {
-        pair[0] = DIGITS[(byte >> 4) as usize];
-        pair[1] = DIGITS[(byte & 15) as usize];
+    let (pairs, rest) = out[start..].as_chunks_mut::<16>();
+    let (eights, tail) = bytes.as_chunks::<8>();
+    for (pair, eight) in pairs.iter_mut().zip(eights) {
+        *pair = digits(*eight);
     }
+    for (pair, &byte) in rest.chunks_exact_mut(2).zip(tail) {
+        pair.copy_from_slice(&[digit(byte >> 4), digit(byte & 15)]);
+    }
+}
+
+/// The digits of eight bytes, without a table: so the compiler does all of them at once.
+#[inline]
+fn digits(bytes: [u8; 8]) -> [u8; 16] {
+    let mut out = [0; 16];
+    for (at, byte) in bytes.into_iter().enumerate() {
+        out[2 * at] = digit(byte >> 4);
+        out[2 * at + 1] = digit(byte & 15);
+    }
+    out
+}
+
+#[inline]
+fn digit(value: u8) -> u8 {
+    value + b'0' + if value > 9 { b'a' - b'0' - 10 } else { 0 }
 }
 
 /// A whole PDU as a JSON tree; offsets count from the function code.
@@ -415,7 +476,29 @@ mod tests {
         }
     }
 
+    #[test]
+    fn hex_of_all_lengths() {
+        for length in 0..70_u8 {
+            let bytes: Vec<u8> = (0..length).map(|at| at.wrapping_mul(37)).collect();
+            let expected: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+            assert_eq!(hex(&bytes), expected.concat());
+        }
+    }
+
     proptest! {
+        #[test]
+        fn text_of_fields_is_that_of_their_json(at in 0..64_usize, response: bool, body in proptest::collection::vec(any::<u8>(), 0..60)) {
+            let rows: Vec<&Row> = Functions::embedded().rows().collect();
+            let row = rows[at % rows.len()];
+            let layout = if response { &row.response } else { &row.request };
+            if let Some(shape) = layout.shape() {
+                let decoded = decode(shape, &body);
+                let mut text = Vec::new();
+                push_object(&decoded.nodes, &mut text);
+                prop_assert_eq!(String::from_utf8(text).unwrap(), Json::Object(object(&decoded.nodes)).to_string());
+            }
+        }
+
         #[test]
         fn any_body_decodes(code in 0u8..=255, body in proptest::collection::vec(any::<u8>(), 0..260), response: bool) {
             let mut pdu = vec![code];

@@ -280,6 +280,8 @@ pub struct Batch {
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
+    /// Number of a frame and of a packet that holds neither its first nor its last byte.
+    pub between: Vec<(u64, u64)>,
     /// Where its memory goes.
     pub(crate) spare: Spare,
 }

@@ -6,6 +6,7 @@ use modlens_core::write::recording;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::lines::as_bytes;
 use crate::session::Batch;
 use crate::table::Table;
 use crate::wrong;
@@ -32,15 +33,11 @@ impl Capture {
 
     #[pyo3(signature = (batch, kept=None))]
     fn put<'py>(&mut self, py: Python<'py>, batch: &Batch, kept: Option<&Table>) -> Bound<'py, PyBytes> {
-        let mut out = Vec::new();
-        py.detach(|| self.core.put(&batch.core, kept.map(|table| &table.core), &mut out));
-        PyBytes::new(py, &out)
+        as_bytes(py, |out| self.core.put(&batch.core, kept.map(|table| &table.core), out))
     }
 
     fn end<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let mut out = Vec::new();
-        py.detach(|| self.core.end(&mut out));
-        PyBytes::new(py, &out)
+        as_bytes(py, |out| self.core.end(out))
     }
 
     #[getter]

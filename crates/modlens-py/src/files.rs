@@ -8,6 +8,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::lines::as_bytes;
 use crate::table::Table;
 use crate::wrong;
 
@@ -42,9 +43,9 @@ impl RowFile {
         if table.core.kind != self.kind {
             return Err(wrong(format!("a file of {} got {}", self.kind.name(), table.core.kind.name())));
         }
-        let mut out = Vec::new();
-        py.detach(|| self.core.lock().unwrap_or_else(PoisonError::into_inner).rows(&table.core, &mut out)).map_err(broken)?;
-        Ok(PyBytes::new(py, &out))
+        let mut done = Ok(());
+        let bytes = as_bytes(py, |out| done = self.core.lock().unwrap_or_else(PoisonError::into_inner).rows(&table.core, out));
+        done.map(|()| bytes).map_err(broken)
     }
 
     fn end<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

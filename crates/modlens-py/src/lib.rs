@@ -6,6 +6,7 @@ mod dialects;
 mod files;
 mod functions;
 mod inbox;
+mod lines;
 mod profile;
 mod session;
 mod stream;
@@ -113,6 +114,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Predicate>()?;
     module.add_class::<table::Row>()?;
     module.add_class::<table::Table>()?;
+    module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
     module.add_class::<session::Batch>()?;

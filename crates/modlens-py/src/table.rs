@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList, PyString, PyTuple};
 use pyo3::IntoPyObjectExt;
 
+use crate::lines::{as_bytes, Pieces};
 use crate::stream::{stream_capsule, Batches};
 use crate::wrong;
 
@@ -74,28 +75,9 @@ impl Table {
         Ok(Self { core })
     }
 
-    #[pyo3(signature = (columns, *, header))]
-    fn csv<'py>(&self, py: Python<'py>, columns: Vec<String>, header: bool) -> PyResult<Bound<'py, PyBytes>> {
-        let places = places(self.core.kind, &columns)?;
-        let out = py.detach(|| {
-            let mut out = Vec::with_capacity(self.core.len() * 128 + 1024);
-            if header {
-                write::csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut out);
-            }
-            write::csv::rows(&self.core, &places, &mut out);
-            out
-        });
-        Ok(PyBytes::new(py, &out))
-    }
-
-    fn jsonl<'py>(&self, py: Python<'py>, columns: Vec<String>) -> PyResult<Bound<'py, PyBytes>> {
-        let places = places(self.core.kind, &columns)?;
-        let out = py.detach(|| {
-            let mut out = Vec::with_capacity(self.core.len() * 256);
-            write::jsonl::rows(&self.core, &places, &mut out);
-            out
-        });
-        Ok(PyBytes::new(py, &out))
+    #[pyo3(signature = (format, columns, *, header=false))]
+    fn lines(&self, format: &str, columns: Vec<String>, header: bool) -> PyResult<Pieces> {
+        Pieces::new(&self.core, format, &columns, header)
     }
 
     #[pyo3(signature = (columns, start=0, count=usize::MAX))]
@@ -111,16 +93,28 @@ impl Table {
         (start..end).map(|row| PyTuple::new(py, places.iter().map(|&column| self.plain(py, row, column)))).collect()
     }
 
-    fn origins(&self) -> Vec<(String, u64, Option<u64>, u64, u64)> {
+    fn origins(&self) -> Vec<(String, u64, Option<u64>, Vec<u64>)> {
+        let batch = &self.core.batch;
+        let mut between = batch.between.iter().peekable();
+        let mut packets = |frame: &Frame| {
+            let mut packets = vec![frame.origin];
+            while between.next_if(|(number, _)| *number < frame.number).is_some() {}
+            while let Some((_, packet)) = between.next_if(|(number, _)| *number == frame.number) {
+                packets.push(*packet);
+            }
+            packets.push(frame.last_origin);
+            packets.dedup();
+            packets
+        };
+        let source = |frame: &Frame| batch.buses[frame.bus as usize].source.clone();
         let frames = (0..self.core.len()).filter_map(|row| self.core.frame(row));
-        let source = |frame: &Frame| self.core.batch.buses[frame.bus as usize].source.clone();
-        frames.map(|frame| (source(frame), frame.number, frame.txn, frame.origin, frame.last_origin)).collect()
+        frames.map(|frame| (source(frame), frame.number, frame.txn, packets(frame))).collect()
     }
 
     fn influx<'py>(&self, py: Python<'py>) -> (Bound<'py, PyBytes>, usize) {
-        let mut out = Vec::new();
-        let left_out = py.detach(|| write::influx::rows(&self.core, &mut out));
-        (PyBytes::new(py, &out), left_out)
+        let mut left_out = 0;
+        let bytes = as_bytes(py, |out| left_out = write::influx::rows(&self.core, out));
+        (bytes, left_out)
     }
 
     #[pyo3(signature = (log, *, json, header))]
@@ -130,12 +124,12 @@ impl Table {
             "modbus_detailed" => write::zeek::Log::Detailed,
             other => return Err(wrong(format!("log {other:?} is neither modbus nor modbus_detailed"))),
         };
-        let mut out = Vec::new();
-        if header && !json {
-            log.head(&mut out);
-        }
-        py.detach(|| log.rows(&self.core, json, &mut out));
-        Ok(PyBytes::new(py, &out))
+        Ok(as_bytes(py, |out| {
+            if header && !json {
+                log.head(out);
+            }
+            log.rows(&self.core, json, out);
+        }))
     }
 
     fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
@@ -284,6 +278,11 @@ impl Row {
             Cell::Hex(bytes) => PyBytes::new(py, bytes).into_any(),
             Cell::Ints(items) => PyList::new(py, (0..items.len()).map(|i| items.get(i)))?.into_any(),
             Cell::Codes(codes) => PyList::new(py, codes.iter().map(|code| code.doc().code))?.into_any(),
+            Cell::Fields(fields) => {
+                let mut text = Vec::new();
+                fields.push(&mut text);
+                py.import("json")?.call_method1("loads", (PyBytes::new(py, &text),))?
+            }
             Cell::Map(map) => py.import("json")?.call_method1("loads", (map.to_string(),))?,
             Cell::Source(file, place, number) => write::source_text(file, place, number).into_pyobject(py)?.into_any(),
         })

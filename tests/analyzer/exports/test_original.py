@@ -5,12 +5,19 @@ from __future__ import annotations
 import hashlib
 import struct
 import subprocess
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
+from scapy.layers.inet import IP, TCP
+from scapy.layers.l2 import Ether
+from scapy.packet import Raw
+from scapy.utils import wrpcap
 
 from analyzer import SourceError, decode
 from analyzer.columns import TABLES
+from analyzer.exports import Wish
 from analyzer.exports.original import cut_out
 from analyzer.exports.sink import ExportSink, target
 from tests.conftest import CAPTURES, need_program
@@ -91,3 +98,40 @@ def test_what_is_no_capture_is_refused(tmp_path: Path) -> None:
     path.write_text("01 03\n")
     with pytest.raises(SourceError, match="cuts out of pcap and pcapng only"):
         cut(path, {1}, tmp_path / "part.pcapng")
+
+
+@pytest.mark.parametrize("cuts", [(9,), (5, 30), (3, 9, 10, 40)])
+def test_all_packets_of_a_frame_in_pieces(cuts: tuple[int, ...], tmp_path: Path) -> None:
+    """Of an answer in several segments; what comes between them on another connection stays out."""
+    values = struct.pack(">30H", *range(30))
+    ask, answer = bytes.fromhex("00070000000611 030000001e"), b"\0\7\0\0\0\x3f\x11\3\x3c" + values
+    out = Ether() / IP(src="10.0.0.9", dst="10.0.0.1")
+    back = Ether() / IP(src="10.0.0.1", dst="10.0.0.9")
+    packets = [out / TCP(sport=40000, dport=502, flags="PA", seq=1, ack=1) / Raw(ask)]
+    for start, end in pairwise((0, *cuts, len(answer))):
+        segment = TCP(sport=502, dport=40000, flags="PA", seq=1 + start, ack=13)
+        packets.append(back / segment / Raw(answer[start:end]))
+        other = TCP(sport=40001, dport=502, flags="PA", seq=1 + 12 * len(packets), ack=1)
+        packets.append(out / other / Raw(ask))
+    path, part = tmp_path / "in.pcap", tmp_path / "cut.pcapng"
+    wrpcap(str(path), packets)
+    wanted = [number for number, packet in enumerate(packets, 1) if 40001 not in ports(packet)]
+    assert len(wanted) == len(cuts) + 2
+    wish = Wish("", (), style="original")
+    sink = ExportSink(
+        target(str(part), "transactions"), columns=None, where="status == 'ok'", growing=False,
+        wish=wish,
+    )  # fmt: skip
+    for batch in decode(path).batches(*TABLES):
+        sink.put(batch)
+    sink.close()
+    names = ["frame.time_epoch", "tcp.payload"]
+    every = fields(path, names)
+    assert fields(part, names) == [every[number - 1] for number in wanted]
+    (row,) = decode(part).transactions
+    assert row.data == list(range(30))
+
+
+def ports(packet: Any) -> tuple[int, int]:
+    """Of a TCP packet."""
+    return packet[TCP].sport, packet[TCP].dport

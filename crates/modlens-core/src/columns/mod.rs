@@ -8,18 +8,20 @@ use serde_json::Value as Json;
 
 mod content;
 mod readings;
+mod shown;
 mod tables;
 
-pub use content::{exception_name, read_data, read_range, row_of, write_data, write_range};
+pub use content::{exception_name, read_data, read_range, row_of, write_data, write_range, Fields};
 
 use crate::finding::Finding;
 use crate::functions::Functions;
 use crate::points::Value;
 use crate::records::{Batch, FindingRow, Frame, Place, Transaction};
 use crate::Ns;
+use content::Exchange;
 pub use readings::{each_value, Part};
 use readings::{Readings, READINGS};
-use tables::{FINDINGS, FRAMES, TRANSACTIONS};
+use tables::{Findings, Frames, Pass, PassExchange, Transactions, OF_THE_BUS};
 
 /// The embedded columns.
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
@@ -101,6 +103,8 @@ pub enum Cell<'a> {
     /// Codes of findings.
     Codes(&'a [Finding]),
     /// Decoded fields.
+    Fields(Fields<'a>),
+    /// Named values.
     Map(Json),
     /// Where it stands: file, kind of place, number.
     Source(&'a str, Place, u64),
@@ -173,6 +177,21 @@ impl TableKind {
         &all[self as usize]
     }
 
+    /// How a column is read for writers of this kind.
+    pub fn reader<S: Put>(self, column: usize) -> Reader<S> {
+        Reader(match self {
+            Self::Frames => Way::Frame(Frames::pass(column)),
+            Self::Transactions => Way::Transaction(Transactions::pass(column)),
+            Self::Findings => Way::Finding(Findings::pass(column)),
+            Self::Readings => Way::Reading(column),
+        })
+    }
+
+    /// Whether all rows of a bus have the same value in this column.
+    pub fn of_the_bus(self, column: usize) -> bool {
+        self != Self::Readings && OF_THE_BUS.contains(&self.columns()[column].key.as_str())
+    }
+
     /// The place of a column, or all known names in the error.
     pub fn column(self, key: &str) -> Result<usize, String> {
         let columns = self.columns();
@@ -219,9 +238,25 @@ pub struct RowRef<'a> {
 #[derive(Clone, Copy)]
 enum RowOf<'a> {
     Frame(&'a Frame),
-    Transaction(&'a Transaction),
+    Transaction(Exchange<'a>),
     Finding(&'a FindingRow),
     Reading(readings::Item<'a>),
+}
+
+/// Takes the values of columns: a writer.
+pub trait Put {
+    /// Takes one. Its callers know the kind of value, so it should be inlined into them.
+    fn put(&mut self, cell: Cell<'_>);
+}
+
+/// How a column of a table is read for one kind of writer.
+pub struct Reader<S>(Way<S>);
+
+enum Way<S> {
+    Frame(Pass<Frame, S>),
+    Transaction(PassExchange<S>),
+    Finding(Pass<FindingRow, S>),
+    Reading(usize),
 }
 
 impl<'a> RowRef<'a> {
@@ -229,10 +264,35 @@ impl<'a> RowRef<'a> {
     #[inline]
     pub fn cell(&self, column: usize) -> Cell<'a> {
         match self.of {
-            RowOf::Frame(row) => FRAMES[column].1(self.batch, row),
-            RowOf::Transaction(row) => TRANSACTIONS[column].1(self.batch, row),
-            RowOf::Finding(row) => FINDINGS[column].1(self.batch, row),
+            RowOf::Frame(row) => Frames::READ[column](self.batch, row),
+            RowOf::Transaction(row) => Transactions::READ[column](self.batch, row),
+            RowOf::Finding(row) => Findings::READ[column](self.batch, row),
             RowOf::Reading(row) => READINGS[column].1(self.batch, row),
+        }
+    }
+
+    /// Passes one of its values on.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A few instructions in the innermost loop of every writer.
+    pub fn pass<S: Put>(&self, column: &Reader<S>, to: &mut S) {
+        match (self.of, &column.0) {
+            (RowOf::Frame(row), Way::Frame(pass)) => pass(self.batch, row, to),
+            (RowOf::Transaction(row), Way::Transaction(pass)) => pass(self.batch, row, to),
+            (RowOf::Finding(row), Way::Finding(pass)) => pass(self.batch, row, to),
+            (RowOf::Reading(row), Way::Reading(column)) => to.put(READINGS[*column].1(self.batch, row)),
+            // A reader of another table: it has nothing to say of this row.
+            _ => to.put(Cell::Null),
+        }
+    }
+
+    /// The number of its bus; readings have none of their own.
+    #[inline]
+    pub fn bus(&self) -> Option<u32> {
+        match self.of {
+            RowOf::Frame(row) => Some(row.bus),
+            RowOf::Transaction(row) => Some(row.bus),
+            RowOf::Finding(row) => Some(row.bus),
+            RowOf::Reading(_) => None,
         }
     }
 }
@@ -333,7 +393,7 @@ impl Table {
             (Rows::Readings(rows), _) => RowOf::Reading(rows.item(row)),
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
-            _ => RowOf::Transaction(&batch.transactions[self.index(row)]),
+            _ => RowOf::Transaction(Exchange::new(batch, &batch.transactions[self.index(row)])),
         };
         RowRef { batch, of }
     }
@@ -376,12 +436,8 @@ mod tests {
 
     #[test]
     fn every_column_of_the_file_has_its_line_here() {
-        let here: [Vec<&str>; 4] = [
-            FRAMES.iter().map(|c| c.0).collect(),
-            TRANSACTIONS.iter().map(|c| c.0).collect(),
-            READINGS.iter().map(|c| c.0).collect(),
-            FINDINGS.iter().map(|c| c.0).collect(),
-        ];
+        let here: [Vec<&str>; 4] =
+            [Frames::KEYS.to_vec(), Transactions::KEYS.to_vec(), READINGS.iter().map(|c| c.0).collect(), Findings::KEYS.to_vec()];
         for (kind, here) in
             [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings].iter().zip(here)
         {

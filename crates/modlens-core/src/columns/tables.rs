@@ -1,13 +1,49 @@
 //! How each column is read: one line a column.
+//!
+//! Everything here is compiled into its callers: a `Cell` that a writer takes apart at once then costs nothing.
+#![allow(clippy::inline_always)]
 
-use crate::columns::content::{fields, read_data, read_range, refusal, row_of, write_data, write_range};
+use crate::columns::content::{refusal, Exchange};
 use crate::columns::readings::named;
-use crate::columns::{functions, Cell};
+use crate::columns::shown::{Codes, Hex, Ints, Name, Shown, Source, Text, Time, Us, Word};
+use crate::columns::{functions, Cell, Put};
 use crate::functions::EXCEPTION_BIT;
-use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Network, Transaction};
+use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Half, Network};
 use crate::Ns;
 
+/// Columns of which every row of a bus has the same value.
+pub(super) const OF_THE_BUS: [&str; 4] = ["bus", "client", "server", "connection"];
+
+/// Reads a value of a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
+
+/// The same of a transaction.
+pub(super) type ReadExchange = for<'a> fn(&'a Batch, Exchange<'a>) -> Cell<'a>;
+
+/// Reads a value of a row and passes it on.
+pub(super) type Pass<R, S> = for<'a> fn(&'a Batch, &'a R, &mut S);
+
+/// The same of a transaction.
+pub(super) type PassExchange<S> = for<'a> fn(&'a Batch, Exchange<'a>, &mut S);
+
+/// The columns of a table: `read` gives a value; `pass` is compiled for each writer, so that what it does with other kinds
+/// of values than the column's falls away.
+macro_rules! columns {
+    ($table:ident: $read:ident, $pass:ident<$($row:ident)?>; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
+        pub(super) struct $table;
+
+        impl $table {
+            pub(super) const KEYS: &[&str] = &[$($key),*];
+            pub(super) const READ: &[$read$(<$row>)?] = &[$(|$batch, $of| $value.cell()),*];
+
+            pub(super) fn pass<S: Put>(column: usize) -> $pass<$($row,)? S> {
+                const COUNT: usize = $table::KEYS.len();
+                let all: [$pass<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.pass(to)),*];
+                all[column]
+            }
+        }
+    };
+}
 
 pub(super) fn bus(batch: &Batch, index: u32) -> &Bus {
     &batch.buses[index as usize]
@@ -18,126 +54,126 @@ pub(super) fn network(batch: &Batch, index: u32, read: fn(&Network) -> Cell<'_>)
 }
 
 pub(super) fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
-    match start {
-        Some(ns) if bus(batch, index).clock == Clock::Utc => Cell::Time(ns),
-        _ => Cell::Null,
-    }
+    moment(batch, index, start).cell()
 }
 
 pub(super) fn us<'a>(ns: Option<Ns>) -> Cell<'a> {
-    ns.map_or(Cell::Null, Cell::Us)
+    ns.map(Us).cell()
 }
 
-pub(super) fn int<'a, T: Into<i64>>(value: Option<T>) -> Cell<'a> {
-    value.map_or(Cell::Null, |value| Cell::Int(value.into()))
+#[inline(always)]
+fn moment(batch: &Batch, index: u32, start: Option<Ns>) -> Option<Time> {
+    start.filter(|_| bus(batch, index).clock == Clock::Utc).map(Time)
 }
 
-fn number<'a>(value: Option<u64>) -> Cell<'a> {
-    value.map_or(Cell::Null, |value| Cell::Int(value as i64))
+#[inline(always)]
+fn name(batch: &Batch, code: Option<u8>) -> Option<Name<'_>> {
+    functions(batch).any(code? & !EXCEPTION_BIT).map(Name)
 }
 
-fn name(batch: &Batch, code: Option<u8>) -> Cell<'_> {
-    code.and_then(|code| functions(batch).name(code & !EXCEPTION_BIT)).map_or(Cell::Null, Cell::Text)
-}
-
-fn source(batch: &Batch, index: u32, origin: u64) -> Cell<'_> {
+#[inline(always)]
+fn source(batch: &Batch, index: u32, origin: u64) -> Source<'_> {
     let bus = bus(batch, index);
-    Cell::Source(&bus.source, bus.place, origin)
+    Source(&bus.source, bus.place, origin)
 }
 
-pub(super) const FRAMES: &[(&str, Read<Frame>)] = &[
-    ("frame", |_, f| Cell::Int(f.number as i64)),
-    ("time", |b, f| time(b, f.bus, f.start)),
-    ("elapsed_us", |_, f| us(f.elapsed)),
-    ("bus", |b, f| Cell::Text(&bus(b, f.bus).name)),
-    ("line", |b, f| match f.line {
-        _ if bus(b, f.bus).network.is_some() => Cell::Null,
-        0 => Cell::Null,
-        1 => Cell::Word("A"),
-        _ => Cell::Word("B"),
-    }),
+fn line(batch: &Batch, frame: &Frame) -> Option<Word<'static>> {
+    match frame.line {
+        0 => None,
+        _ if bus(batch, frame.bus).network.is_some() => None,
+        1 => Some(Word("A")),
+        _ => Some(Word("B")),
+    }
+}
+
+columns! {
+    Frames: Read, Pass<Frame>;
+    ("frame", |_, f| f.number),
+    ("time", |b, f| moment(b, f.bus, f.start)),
+    ("elapsed_us", |_, f| f.elapsed.map(Us)),
+    ("bus", |b, f| Text(&bus(b, f.bus).name)),
+    ("line", |b, f| line(b, f)),
     ("client", |b, f| network(b, f.bus, |net| Cell::Text(&net.client))),
     ("server", |b, f| network(b, f.bus, |net| Cell::Text(&net.server))),
     ("connection", |b, f| network(b, f.bus, |net| Cell::Int(net.connection as i64))),
-    ("byte_offset", |_, f| Cell::Int(f.offset as i64)),
-    ("byte_length", |_, f| Cell::Int(i64::from(f.wire.length))),
-    ("mode", |_, f| Cell::Word(f.mode.text())),
-    ("direction", |_, f| Cell::Word(f.direction.text())),
-    ("unit", |_, f| int(f.unit)),
-    ("function", |_, f| int(f.code.map(|code| code & !EXCEPTION_BIT))),
+    ("byte_offset", |_, f| f.offset),
+    ("byte_length", |_, f| f.wire.length),
+    ("mode", |_, f| Word(f.mode.text())),
+    ("direction", |_, f| Word(f.direction.text())),
+    ("unit", |_, f| f.unit),
+    ("function", |_, f| f.code.map(|code| code & !EXCEPTION_BIT)),
     ("function_name", |b, f| name(b, f.code)),
-    ("exception", |_, f| int(f.exception)),
-    ("verdict", |_, f| Cell::Word(f.verdict.text())),
-    ("tentative", |_, f| Cell::Bool(f.tentative)),
-    ("confidence", |_, f| Cell::Int(i64::from(f.confidence))),
-    ("gap_us", |_, f| us(f.gap)),
-    ("cut_by", |_, f| Cell::Word(f.cut_by.text())),
-    ("txn", |_, f| number(f.txn)),
-    ("mbap_id", |_, f| int(f.mbap_id)),
-    ("findings", |b, f| Cell::Codes(f.findings.of(&b.codes))),
+    ("exception", |_, f| f.exception),
+    ("verdict", |_, f| Word(f.verdict.text())),
+    ("tentative", |_, f| f.tentative),
+    ("confidence", |_, f| f.confidence),
+    ("gap_us", |_, f| f.gap.map(Us)),
+    ("cut_by", |_, f| Word(f.cut_by.text())),
+    ("txn", |_, f| f.txn),
+    ("mbap_id", |_, f| f.mbap_id),
+    ("findings", |b, f| Codes(f.findings.of(&b.codes))),
     ("source", |b, f| source(b, f.bus, f.origin)),
-    ("hex", |b, f| Cell::Hex(f.wire.of(&b.arena))),
-];
+    ("hex", |b, f| Hex(f.wire.of(&b.arena))),
+}
 
-pub(super) const TRANSACTIONS: &[(&str, Read<Transaction>)] = &[
-    ("txn", |_, t| Cell::Int(t.number as i64)),
-    ("time", |b, t| time(b, t.bus, t.start)),
-    ("elapsed_us", |_, t| us(t.elapsed)),
-    ("bus", |b, t| Cell::Text(&bus(b, t.bus).name)),
+columns! {
+    Transactions: ReadExchange, PassExchange<>;
+    ("txn", |_, t| t.number),
+    ("time", |b, t| moment(b, t.bus, t.start)),
+    ("elapsed_us", |_, t| t.elapsed.map(Us)),
+    ("bus", |b, t| Text(&bus(b, t.bus).name)),
     ("client", |b, t| network(b, t.bus, |net| Cell::Text(&net.client))),
     ("server", |b, t| network(b, t.bus, |net| Cell::Text(&net.server))),
     ("connection", |b, t| network(b, t.bus, |net| Cell::Int(net.connection as i64))),
-    ("mode", |_, t| Cell::Word(t.mode.text())),
-    ("unit", |_, t| Cell::Int(i64::from(t.unit))),
-    ("function", |_, t| Cell::Int(i64::from(t.function))),
+    ("mode", |_, t| Word(t.mode.text())),
+    ("unit", |_, t| t.unit),
+    ("function", |_, t| t.function),
     ("function_name", |b, t| name(b, Some(t.function))),
-    ("operation", |b, t| row_of(b, t).map_or(Cell::Word("other"), |row| Cell::Word(row.operation.text()))),
-    ("register_type", |b, t| row_of(b, t).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
-    ("address", |b, t| int(read_range(b, t).map(|range| range.0))),
-    ("quantity", |b, t| int(read_range(b, t).map(|range| range.1))),
-    ("data", |b, t| read_data(b, t).map_or(Cell::Null, Cell::Ints)),
-    ("write_address", |b, t| int(write_range(b, t).map(|range| range.0))),
-    ("write_quantity", |b, t| int(write_range(b, t).map(|range| range.1))),
-    ("write_data", |b, t| write_data(b, t).map_or(Cell::Null, Cell::Ints)),
-    ("fields", fields),
-    ("readings", named),
-    ("status", |_, t| Cell::Word(t.status.text())),
-    ("exception", |_, t| int(t.exception)),
-    ("exception_name", refusal),
-    ("response_time_us", |_, t| us(t.response_time)),
-    ("waited_us", |_, t| us(t.waited)),
-    ("late_response_us", |_, t| us(t.late_response)),
-    ("retry_of", |_, t| number(t.retry_of)),
-    ("late_for", |_, t| number(t.late_for)),
-    ("gap_us", |_, t| us(t.gap)),
-    ("mbap_id", |_, t| int(t.mbap_id)),
+    ("operation", |_, t| Word(t.operation().text())),
+    ("register_type", |_, t| t.register_type().map(Word)),
+    ("address", |b, t| t.read_range(b).map(|range| range.0)),
+    ("quantity", |b, t| t.read_range(b).map(|range| range.1)),
+    ("data", |b, t| t.read_data(b).map(Ints)),
+    ("write_address", |b, t| t.write_range(b).map(|range| range.0)),
+    ("write_quantity", |b, t| t.write_range(b).map(|range| range.1)),
+    ("write_data", |b, t| t.write_data(b).map(Ints)),
+    ("fields", |b, t| t.fields(b)),
+    ("readings", |b, t| t.points.is_some().then(|| named(b, t.t))),
+    ("status", |_, t| Word(t.status.text())),
+    ("exception", |_, t| t.exception),
+    ("exception_name", |_, t| t.exception.is_some().then(|| refusal(t.t))),
+    ("response_time_us", |_, t| t.response_time.map(Us)),
+    ("waited_us", |_, t| t.waited.map(Us)),
+    ("late_response_us", |_, t| t.late_response.map(Us)),
+    ("retry_of", |_, t| t.retry_of),
+    ("late_for", |_, t| t.late_for),
+    ("gap_us", |_, t| t.gap.map(Us)),
+    ("mbap_id", |_, t| t.mbap_id),
     ("request_hex", |b, t| half_hex(b, &t.request)),
     ("response_hex", |b, t| half_hex(b, &t.response)),
-    ("request_frame", |_, t| number(Some(t.request.frame).filter(|&n| n > 0))),
-    ("response_frame", |_, t| number(Some(t.response.frame).filter(|&n| n > 0))),
-    ("findings", |b, t| Cell::Codes(t.findings.of(&b.codes))),
+    ("request_frame", |_, t| Some(t.request.frame).filter(|&n| n > 0)),
+    ("response_frame", |_, t| Some(t.response.frame).filter(|&n| n > 0)),
+    ("findings", |b, t| Codes(t.findings.of(&b.codes))),
     ("source", |b, t| source(b, t.bus, t.origin)),
-];
+}
 
-pub(super) const FINDINGS: &[(&str, Read<FindingRow>)] = &[
-    ("frame", |_, f| number(f.frame)),
-    ("txn", |_, f| number(f.txn)),
-    ("time", |b, f| time(b, f.bus, f.start)),
-    ("elapsed_us", |_, f| us(f.elapsed)),
-    ("bus", |b, f| Cell::Text(&bus(b, f.bus).name)),
-    ("unit", |_, f| int(f.unit)),
-    ("code", |_, f| Cell::Word(f.finding.doc().code)),
-    ("severity", |_, f| Cell::Word(f.finding.doc().severity.text())),
-    ("detail", |_, f| Cell::Text(&f.detail)),
-    ("evidence", |_, f| Cell::Text(f.finding.doc().why)),
-    ("advice", |_, f| Cell::Text(f.finding.doc().advice)),
+columns! {
+    Findings: Read, Pass<FindingRow>;
+    ("frame", |_, f| f.frame),
+    ("txn", |_, f| f.txn),
+    ("time", |b, f| moment(b, f.bus, f.start)),
+    ("elapsed_us", |_, f| f.elapsed.map(Us)),
+    ("bus", |b, f| Text(&bus(b, f.bus).name)),
+    ("unit", |_, f| f.unit),
+    ("code", |_, f| Word(f.finding.doc().code)),
+    ("severity", |_, f| Word(f.finding.doc().severity.text())),
+    ("detail", |_, f| Text(&f.detail)),
+    ("evidence", |_, f| Text(f.finding.doc().why)),
+    ("advice", |_, f| Text(f.finding.doc().advice)),
     ("source", |b, f| source(b, f.bus, f.origin)),
-];
+}
 
-fn half_hex<'a>(batch: &'a Batch, half: &Half) -> Cell<'a> {
-    if half.frame == 0 {
-        Cell::Null
-    } else {
-        Cell::Hex(half.wire.of(&batch.arena))
-    }
+#[inline(always)]
+fn half_hex<'a>(batch: &'a Batch, half: &Half) -> Option<Hex<'a>> {
+    (half.frame > 0).then(|| Hex(half.wire.of(&batch.arena)))
 }

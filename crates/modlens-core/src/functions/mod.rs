@@ -114,7 +114,13 @@ impl Functions {
 
     /// The name of a function.
     pub fn name(&self, code: u8) -> Option<&str> {
-        Some(self.entries[code as usize].as_deref()?.variants.first()?.name.as_str())
+        self.any(code).map(|row| row.name.as_str())
+    }
+
+    /// A row of this function code, whichever variant: they share the name.
+    #[inline]
+    pub fn any(&self, code: u8) -> Option<&Row> {
+        self.entries[code as usize].as_deref()?.variants.first()
     }
 
     /// All rows, by code.

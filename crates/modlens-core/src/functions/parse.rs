@@ -82,6 +82,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     Ok(Row {
         judged: limits.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
         code,
+        unquoted: name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b" ()/_".contains(&byte)),
         name,
         when,
         operation,

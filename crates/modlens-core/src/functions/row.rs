@@ -99,6 +99,8 @@ pub struct Row {
     pub code: u8,
     /// Name in the specification.
     pub name: String,
+    /// Whether no writer has to quote or escape anything in the name.
+    pub unquoted: bool,
     /// Value of the leading field that this row is for.
     pub when: Option<u16>,
     /// Layout of the request.

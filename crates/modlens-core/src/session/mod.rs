@@ -360,7 +360,9 @@ impl Session {
         let rule = state.options.rule();
         let line = state.lines[at].0;
         let input = state.lines[at].1.untold();
-        let Moment { start, end, gap, clean_start, side, offset, origin, last_origin } = Moment::of(input, cut.length, &setting);
+        let moment = Moment::of(input, cut.length, &setting);
+        moment.between(input, (number, cut.length), setting.place, &mut self.batch.between);
+        let Moment { start, end, gap, clean_start, side, offset, origin, last_origin } = moment;
         let wire = &input.bytes()[..cut.length];
         let mut seen = Seen {
             frame: number,

@@ -50,6 +50,14 @@ impl Moment {
         self.start.zip(self.end)
     }
 
+    /// Notes the packets that hold neither the first nor the last byte of frame `number`, where it came in more than two.
+    #[inline]
+    pub(super) fn between(&self, input: &Input, (number, length): (u64, usize), place: Place, to: &mut Vec<(u64, u64)>) {
+        if place == Place::Packet && self.last_origin != self.origin {
+            to.extend(input.between(length).map(|packet| (number, packet)));
+        }
+    }
+
     /// Of the first `length` bytes of the input.
     pub(super) fn of(input: &Input, length: usize, setting: &Setting) -> Self {
         let clocked = setting.clocked && input.timed;

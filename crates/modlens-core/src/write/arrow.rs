@@ -1,16 +1,18 @@
 //! Rows as Arrow columns.
+#![allow(clippy::inline_always)] // See `Put`.
 
+use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
-use arrow_array::builder::{
-    BooleanBuilder, Float64Builder, Int64Builder, ListBuilder, StringBuilder, TimestampNanosecondBuilder,
+use arrow_array::{
+    ArrayRef, BooleanArray, Float64Array, Int32Array, Int64Array, ListArray, RecordBatch, StringArray, TimestampNanosecondArray,
 };
-use arrow_array::{ArrayRef, Int32Array, ListArray, RecordBatch, StringArray};
 use arrow_buffer::{Buffer, NullBufferBuilder, OffsetBuffer};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 
-use crate::columns::{Cell, Items, Kind, Table, TableKind};
-use crate::write::push_plain;
+use crate::columns::{Cell, Items, Kind, Put, RowRef, Table, TableKind};
+use crate::pdu::push_hex;
+use crate::write::{push_plain, push_short, push_source};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -47,108 +49,164 @@ pub fn batch(table: &Table) -> RecordBatch {
 
 /// Some columns of the rows as one record batch.
 pub fn batch_of(table: &Table, columns: &[usize]) -> RecordBatch {
-    let arrays = columns.iter().map(|&column| array(table, column, table.kind.columns()[column].kind)).collect();
+    let rows: Vec<RowRef<'_>> = (0..table.len()).map(|row| table.row(row)).collect();
+    let arrays = columns.iter().map(|&column| array(&rows, table.kind, column)).collect();
     RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }
 
-fn array(table: &Table, column: usize, kind: Kind) -> ArrayRef {
-    let cells = (0..table.len()).map(|row| table.cell(row, column));
-    match kind {
-        Kind::Int => {
-            let mut out = Int64Builder::with_capacity(table.len());
-            cells.for_each(|cell| out.append_option(whole(&cell)));
-            Arc::new(out.finish())
-        }
-        Kind::Us | Kind::Float => {
-            let mut out = Float64Builder::with_capacity(table.len());
-            cells.for_each(|cell| {
-                out.append_option(match cell {
-                    Cell::Us(ns) => Some(ns as f64 / 1000.0),
-                    Cell::Float(value) => Some(value),
-                    other => whole(&other).map(|n| n as f64),
-                });
-            });
-            Arc::new(out.finish())
-        }
-        Kind::Time => {
-            let mut out = TimestampNanosecondBuilder::with_capacity(table.len());
-            cells.for_each(|cell| out.append_option(whole(&cell)));
-            Arc::new(out.finish().with_timezone("UTC"))
-        }
-        Kind::Bool => {
-            let mut out = BooleanBuilder::with_capacity(table.len());
-            cells.for_each(|cell| out.append_option(if let Cell::Bool(yes) = cell { Some(yes) } else { None }));
-            Arc::new(out.finish())
-        }
-        Kind::Text | Kind::Map => texts(table.len(), cells),
-        Kind::Ints => ints(table.len(), cells),
-        Kind::Texts => {
-            let mut out = ListBuilder::new(StringBuilder::new());
-            for cell in cells {
-                if let Cell::Codes(codes) = cell {
-                    for code in codes {
-                        out.values().append_value(code.doc().code);
-                    }
-                }
-                out.append(true);
-            }
-            Arc::new(out.finish())
-        }
+fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
+    match table.columns()[column].kind {
+        kind @ (Kind::Int | Kind::Time) => wholes(filled(rows, table, column), kind),
+        Kind::Us | Kind::Float => numbers(filled(rows, table, column)),
+        Kind::Bool => truths(filled(rows, table, column)),
+        Kind::Text | Kind::Map => texts(filled(rows, table, column)),
+        Kind::Ints => lists(filled(rows, table, column)),
+        Kind::Texts => codes(filled(rows, table, column)),
     }
 }
 
-/// Lists of numbers, with one look at the list for all of its numbers.
-fn ints<'a>(rows: usize, cells: impl Iterator<Item = Cell<'a>>) -> ArrayRef {
-    let mut values: Vec<i32> = Vec::new();
-    let mut offsets = Vec::with_capacity(rows + 1);
-    let mut nulls = NullBufferBuilder::new(rows);
+/// One value after the other: how many, where each ends, which are null.
+struct Values<T> {
+    items: Vec<T>,
+    nulls: NullBufferBuilder,
+    /// Of lists and texts.
+    offsets: Vec<i32>,
+}
+
+/// A column of this kind with the values of all rows.
+fn filled<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> Values<T>
+where
+    Values<T>: Put + 'static,
+{
+    let mut offsets = Vec::with_capacity(rows.len() + 1);
     offsets.push(0);
-    for cell in cells {
-        match cell {
-            Cell::Ints(Items::Words(bytes)) => {
-                values.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
-                nulls.append_non_null();
-            }
-            Cell::Ints(items) => {
-                values.extend((0..items.len()).map(|i| items.get(i)));
-                nulls.append_non_null();
-            }
-            _ => nulls.append_null(),
-        }
-        offsets.push(values.len() as i32);
+    let nulls = NullBufferBuilder::new(rows.len());
+    let mut values = Values { items: Vec::with_capacity(rows.len()), nulls, offsets };
+    let reader = table.reader(column);
+    for row in rows {
+        row.pass(&reader, &mut values);
     }
+    values
+}
+
+impl<T: Clone + Default> Values<T> {
+    #[inline]
+    fn one(&mut self, value: Option<T>) {
+        self.nulls.append(value.is_some());
+        self.items.push(value.unwrap_or_default());
+    }
+
+    #[inline]
+    fn end(&mut self, there: bool) {
+        self.offsets.push(self.items.len() as i32);
+        self.nulls.append(there);
+    }
+}
+
+impl Put for Values<i64> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        self.one(match *ManuallyDrop::new(cell) {
+            Cell::Int(n) | Cell::Time(n) => Some(n),
+            _ => None,
+        });
+    }
+}
+
+fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
+    let Values { items: values, mut nulls, .. } = column;
+    if kind == Kind::Time {
+        Arc::new(TimestampNanosecondArray::new(values.into(), nulls.finish()).with_timezone("UTC"))
+    } else {
+        Arc::new(Int64Array::new(values.into(), nulls.finish()))
+    }
+}
+
+impl Put for Values<f64> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        self.one(match *ManuallyDrop::new(cell) {
+            Cell::Us(ns) => Some(ns as f64 / 1000.0),
+            Cell::Float(value) => Some(value),
+            Cell::Int(n) | Cell::Time(n) => Some(n as f64),
+            _ => None,
+        });
+    }
+}
+
+fn numbers(column: Values<f64>) -> ArrayRef {
+    let Values { items: values, mut nulls, .. } = column;
+    Arc::new(Float64Array::new(values.into(), nulls.finish()))
+}
+
+impl Put for Values<bool> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        self.one(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
+    }
+}
+
+fn truths(column: Values<bool>) -> ArrayRef {
+    let Values { items: values, mut nulls, .. } = column;
+    Arc::new(BooleanArray::new(values.into(), nulls.finish()))
+}
+
+impl Put for Values<u8> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        let cell = ManuallyDrop::new(cell);
+        match *cell {
+            Cell::Null => return self.end(false),
+            Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.items),
+            Cell::Hex(bytes) => push_hex(bytes, &mut self.items),
+            Cell::Source(file, place, number) => push_source(file, place, number, &mut self.items),
+            _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.items),
+        }
+        self.end(true);
+    }
+}
+
+/// Texts are written one behind the other, where they stay.
+fn texts(column: Values<u8>) -> ArrayRef {
+    let Values { items: values, mut nulls, offsets } = column;
+    Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
+}
+
+/// Lists of numbers, with one look at the list for all of its numbers.
+impl Put for Values<i32> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end(false) };
+        match items {
+            Items::Words(bytes) => {
+                self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
+            }
+            items => self.items.extend((0..items.len()).map(|i| items.get(i))),
+        }
+        self.end(true);
+    }
+}
+
+fn lists(column: Values<i32>) -> ArrayRef {
+    let Values { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Int32, true));
     let values = Arc::new(Int32Array::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
 }
 
-/// Texts are written one behind the other, where they stay.
-fn texts<'a>(rows: usize, cells: impl Iterator<Item = Cell<'a>>) -> ArrayRef {
-    let mut values = Vec::with_capacity(rows * 16);
-    let mut offsets = Vec::with_capacity(rows + 1);
-    let mut nulls = NullBufferBuilder::new(rows);
-    offsets.push(0);
-    for cell in cells {
-        match cell {
-            Cell::Null => nulls.append_null(),
-            Cell::Word(text) | Cell::Text(text) => {
-                values.extend_from_slice(text.as_bytes());
-                nulls.append_non_null();
-            }
-            other => {
-                push_plain(&other, &mut values);
-                nulls.append_non_null();
-            }
+impl Put for Values<&'static str> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
+            self.items.extend(codes.iter().map(|code| code.doc().code));
         }
-        offsets.push(values.len() as i32);
+        self.end(true);
     }
-    let offsets = OffsetBuffer::new(offsets.into());
-    Arc::new(StringArray::new(offsets, Buffer::from_vec(values), nulls.finish()))
 }
 
-fn whole(cell: &Cell<'_>) -> Option<i64> {
-    match cell {
-        Cell::Int(n) | Cell::Time(n) => Some(*n),
-        _ => None,
-    }
+fn codes(column: Values<&'static str>) -> ArrayRef {
+    let Values { items: values, mut nulls, offsets } = column;
+    let item = Arc::new(Field::new("item", DataType::Utf8, true));
+    let values = Arc::new(StringArray::from(values));
+    Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
 }

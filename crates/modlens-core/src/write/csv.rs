@@ -1,9 +1,13 @@
 //! CSV (RFC 4180): lists joined by single spaces, null empty.
 
+use std::mem::ManuallyDrop;
+
 use memchr::memchr3;
 
-use crate::columns::{Cell, Table};
-use crate::write::push_plain;
+use crate::columns::{Cell, Put, Table};
+use crate::pdu::push_hex;
+use crate::write::lines::{Line, Source};
+use crate::write::{push_int, push_items, push_plain, push_short, push_source, push_us, truth, Lines, Stamp};
 
 /// Appends the names of the columns as a row.
 pub fn header(keys: &[&str], out: &mut Vec<u8>) {
@@ -18,39 +22,94 @@ pub fn header(keys: &[&str], out: &mut Vec<u8>) {
 
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
-    for row in 0..table.len() {
-        let row = table.row(row);
-        for (i, &column) in columns.iter().enumerate() {
-            if i > 0 {
-                out.push(b',');
-            }
-            push_cell(&row.cell(column), out);
-        }
-        out.extend_from_slice(b"\r\n");
+    Lines::<Csv>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+}
+
+/// A line of CSV.
+#[derive(Default)]
+pub struct Csv {
+    out: Vec<u8>,
+    stamp: Stamp,
+    source: Source,
+}
+
+impl Line for Csv {
+    fn columns(&mut self, _: &[&str]) {}
+
+    #[inline]
+    fn out(&mut self) -> &mut Vec<u8> {
+        &mut self.out
+    }
+
+    #[inline]
+    fn column(&mut self, _: usize) {}
+
+    #[inline]
+    fn end_value(&mut self) {
+        self.out.push(b',');
+    }
+
+    #[inline]
+    fn begin(&mut self) {}
+
+    #[inline]
+    fn end(&mut self) {
+        self.out.pop(); // the comma behind the last one
+        self.out.extend_from_slice(b"\r\n");
     }
 }
 
-#[inline]
-fn push_cell(cell: &Cell<'_>, out: &mut Vec<u8>) {
-    match cell {
-        Cell::Value(value) if value.is_number() => value.push(out),
-        Cell::Text(_) | Cell::Map(_) | Cell::Source(..) | Cell::Value(_) => {
-            let start = out.len();
-            push_plain(cell, out);
-            quote(start, out);
+impl Put for Csv {
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `Put`.
+    fn put(&mut self, cell: Cell<'_>) {
+        let out = &mut self.out;
+        let cell = ManuallyDrop::new(cell);
+        match *cell {
+            Cell::Null | Cell::Codes([]) => {}
+            Cell::Int(n) => push_int(n, out),
+            Cell::Us(ns) => push_us(ns, out),
+            Cell::Time(ns) => self.stamp.push(ns, out),
+            Cell::Bool(yes) => push_short(truth(yes), out),
+            Cell::Word(text) => push_short(text.as_bytes(), out),
+            Cell::Hex(bytes) => push_hex(bytes, out),
+            Cell::Ints(ref items) => push_items(items, b' ', out),
+            Cell::Source(file, place, number) if self.source.plain(file, special) => push_source(file, place, number, out),
+            _ => foreign(&ManuallyDrop::into_inner(cell), out),
         }
-        cell => push_plain(cell, out),
     }
+}
+
+/// All other values: what comes from outside may need quotes.
+#[inline(never)]
+fn foreign(cell: &Cell<'_>, out: &mut Vec<u8>) {
+    let start = out.len();
+    push_plain(cell, out);
+    let ours = match cell {
+        Cell::Value(value) => value.is_number(),
+        cell => !matches!(cell, Cell::Text(_) | Cell::Fields(_) | Cell::Map(_) | Cell::Source(..)),
+    };
+    if !ours {
+        quote(start, out);
+    }
+}
+
+/// Whether a text has to be quoted.
+fn special(text: &[u8]) -> bool {
+    formula(text) || memchr3(b',', b'"', b'\n', text).is_some() || text.contains(&b'\r')
+}
+
+/// Whether a spreadsheet would take it for a formula.
+fn formula(text: &[u8]) -> bool {
+    matches!(text.first(), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r'))
 }
 
 /// Text from outside: quoted where it must be, and never the start of a spreadsheet's formula.
 fn quote(start: usize, out: &mut Vec<u8>) {
-    let text = &out[start..];
-    let formula = matches!(text.first(), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r'));
-    let special = memchr3(b',', b'"', b'\n', text).is_some() || text.contains(&b'\r');
-    if !formula && !special {
+    if !special(&out[start..]) {
         return;
     }
+    let formula = formula(&out[start..]);
     let text = out.split_off(start);
     out.push(b'"');
     if formula {
@@ -70,9 +129,9 @@ mod tests {
     use super::*;
 
     fn quoted(text: &str) -> String {
-        let mut out = Vec::new();
-        push_cell(&Cell::Text(text), &mut out);
-        String::from_utf8(out).unwrap()
+        let mut line = Csv::default();
+        line.put(Cell::Text(text));
+        String::from_utf8(line.out).unwrap()
     }
 
     #[test]

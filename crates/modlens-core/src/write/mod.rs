@@ -7,6 +7,7 @@ pub mod csv;
 pub mod files;
 pub mod influx;
 pub mod jsonl;
+pub mod lines;
 pub mod recording;
 mod time;
 pub mod zeek;
@@ -19,16 +20,56 @@ use crate::points::push_float;
 use crate::records::Place;
 use crate::Ns;
 
-pub use time::{day_number, push_time};
+pub use lines::Lines;
+pub use time::{day_number, push_time, Stamp};
 
 /// Appends an integer.
 #[inline]
 pub fn push_int(value: i64, out: &mut Vec<u8>) {
-    if let Some(entry) = usize::try_from(value).ok().and_then(|value| decimals().get(value)) {
+    if value < 0 {
+        out.push(b'-');
+    }
+    push_whole(value.unsigned_abs(), out);
+}
+
+/// Four digits at a time, looked up: nothing is divided for most numbers of a table.
+fn push_whole(value: u64, out: &mut Vec<u8>) {
+    if let Some(entry) = decimals().get(value as usize) {
         push_entry(*entry, out);
         return;
     }
-    out.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
+    push_whole(value / 10_000, out);
+    // A number with a one in front of them shows zeros, too.
+    let [_, a, b, c, d, ..] = decimals()[10_000 + (value % 10_000) as usize];
+    out.extend_from_slice(&[a, b, c, d]);
+}
+
+/// Appends a short text: a copy of a size that only the text knows costs more than all else that is done with it.
+#[inline]
+pub(crate) fn push_short(text: &[u8], out: &mut Vec<u8>) {
+    let (start, length) = (out.len(), text.len());
+    if let (Some(head), Some(tail)) = (text.first_chunk::<16>(), text.last_chunk::<16>()) {
+        if length > 32 {
+            out.extend_from_slice(text);
+            return;
+        }
+        out.extend_from_slice(&[0; 32]);
+        out[start..start + 16].copy_from_slice(head);
+        out[start + length - 16..start + length].copy_from_slice(tail);
+    } else if let (Some(head), Some(tail)) = (text.first_chunk::<8>(), text.last_chunk::<8>()) {
+        out.extend_from_slice(&[0; 16]);
+        out[start..start + 8].copy_from_slice(head);
+        out[start + length - 8..start + length].copy_from_slice(tail);
+    } else if let (Some(head), Some(tail)) = (text.first_chunk::<4>(), text.last_chunk::<4>()) {
+        out.extend_from_slice(&[0; 8]);
+        out[start..start + 4].copy_from_slice(head);
+        out[start + length - 4..start + length].copy_from_slice(tail);
+    } else {
+        for &byte in text {
+            out.push(byte);
+        }
+    }
+    out.truncate(start + length);
 }
 
 /// Numbers of 16 bits as text: up to five digits, and how many they are in the last byte.
@@ -37,10 +78,9 @@ fn decimals() -> &'static [[u8; 8]] {
     TABLE.get_or_init(|| {
         (0..=u16::MAX)
             .map(|value| {
+                let text = value.to_string();
                 let mut entry = [0; 8];
-                let mut buffer = itoa::Buffer::new();
-                let text = buffer.format(value).as_bytes();
-                entry[..text.len()].copy_from_slice(text);
+                entry[..text.len()].copy_from_slice(text.as_bytes());
                 entry[7] = text.len() as u8;
                 entry
             })
@@ -124,6 +164,14 @@ pub fn source_text(file: &str, place: Place, number: u64) -> String {
     format!("{file}{}{number}", place_mark(place) as char)
 }
 
+/// Appends where a row stands.
+#[inline]
+fn push_source(file: &str, place: Place, number: u64, out: &mut Vec<u8>) {
+    push_short(file.as_bytes(), out);
+    out.push(place_mark(place));
+    push_int(number as i64, out);
+}
+
 fn place_mark(place: Place) -> u8 {
     match place {
         Place::Offset => b'@',
@@ -139,6 +187,14 @@ pub fn cell_text(cell: &Cell<'_>) -> String {
     String::from_utf8(out).unwrap_or_default()
 }
 
+fn truth(yes: bool) -> &'static [u8] {
+    if yes {
+        b"true"
+    } else {
+        b"false"
+    }
+}
+
 /// Appends a value as plain text, without any escaping.
 fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
     match cell {
@@ -148,8 +204,8 @@ fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
         Cell::Value(value) => value.push(out),
         Cell::Us(ns) => push_us(*ns, out),
         Cell::Time(ns) => push_time(*ns, out),
-        Cell::Bool(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),
-        Cell::Word(text) | Cell::Text(text) => out.extend_from_slice(text.as_bytes()),
+        Cell::Bool(yes) => out.extend_from_slice(truth(*yes)),
+        Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), out),
         Cell::Hex(bytes) => push_hex(bytes, out),
         Cell::Ints(items) => push_items(items, b' ', out),
         Cell::Codes(codes) => {
@@ -157,21 +213,46 @@ fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
                 if i > 0 {
                     out.push(b' ');
                 }
-                out.extend_from_slice(code.doc().code.as_bytes());
+                push_short(code.doc().code.as_bytes(), out);
             }
         }
+        Cell::Fields(fields) => fields.push(out),
         Cell::Map(map) => out.extend_from_slice(map.to_string().as_bytes()),
-        Cell::Source(file, place, number) => {
-            out.extend_from_slice(file.as_bytes());
-            out.push(place_mark(*place));
-            push_int(*number as i64, out);
-        }
+        Cell::Source(file, place, number) => push_source(file, *place, *number, out),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn whole_numbers_of_all_lengths() {
+        let mut value = 1u64;
+        while value < 1 << 63 {
+            for near in [value - 1, value, value + 1, value / 3 * 2] {
+                for signed in [near as i64, -(near as i64)] {
+                    let mut out = Vec::new();
+                    push_int(signed, &mut out);
+                    assert_eq!(String::from_utf8(out).unwrap(), signed.to_string());
+                }
+            }
+            value = value.saturating_mul(7);
+        }
+        let mut out = Vec::new();
+        push_int(i64::MIN, &mut out);
+        assert_eq!(String::from_utf8(out).unwrap(), i64::MIN.to_string());
+    }
+
+    #[test]
+    fn short_texts_of_all_lengths() {
+        let text: Vec<u8> = (0..100).collect();
+        for length in 0..text.len() {
+            let mut out = b"before".to_vec();
+            push_short(&text[..length], &mut out);
+            assert_eq!(out, [b"before", &text[..length]].concat());
+        }
+    }
 
     #[test]
     fn microseconds() {

@@ -1,38 +1,67 @@
 //! Times as ISO-8601 text.
 
-use crate::write::push_int;
+use crate::write::{push_int, push_short};
 use crate::Ns;
 
 const DAY: i64 = 86_400;
 
 /// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`: microseconds, or nanoseconds where there are any.
 pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
-    let seconds = ns.div_euclid(1_000_000_000);
-    let rest = ns.rem_euclid(1_000_000_000);
-    let (year, month, day) = civil(seconds.div_euclid(DAY));
-    let of_day = seconds.rem_euclid(DAY);
-    if (0..10_000).contains(&year) {
-        digits(year, 4, out);
-    } else {
-        push_int(year, out);
+    Stamp::default().push(ns, out);
+}
+
+/// Times as text, one after the other: the text of a second is made once.
+#[derive(Debug, Default)]
+pub struct Stamp {
+    second: Option<i64>,
+    /// Date and time up to the point.
+    text: Vec<u8>,
+}
+
+impl Stamp {
+    /// Appends a time as `push_time` does.
+    #[inline]
+    pub fn push(&mut self, ns: Ns, out: &mut Vec<u8>) {
+        let second = ns.div_euclid(1_000_000_000);
+        if self.second != Some(second) {
+            self.turn(second);
+        }
+        push_short(&self.text, out);
+        let rest = ns.rem_euclid(1_000_000_000) as u32;
+        // Three digits each; a number of nanoseconds that is whole microseconds ends there.
+        triple(rest / 1_000_000, out);
+        triple(rest / 1000 % 1000, out);
+        if !rest.is_multiple_of(1000) {
+            triple(rest % 1000, out);
+        }
+        out.push(b'Z');
     }
-    out.push(b'-');
-    digits(month, 2, out);
-    out.push(b'-');
-    digits(day, 2, out);
-    out.push(b'T');
-    digits(of_day / 3600, 2, out);
-    out.push(b':');
-    digits(of_day / 60 % 60, 2, out);
-    out.push(b':');
-    digits(of_day % 60, 2, out);
-    out.push(b'.');
-    if rest % 1000 == 0 {
-        digits(rest / 1000, 6, out);
-    } else {
-        digits(rest, 9, out);
+
+    #[cold]
+    fn turn(&mut self, second: i64) {
+        self.second = Some(second);
+        let out = &mut self.text;
+        out.clear();
+        let (year, month, day) = civil(second.div_euclid(DAY));
+        let of_day = second.rem_euclid(DAY);
+        if (0..10_000).contains(&year) {
+            digits(year, 4, out);
+        } else {
+            push_int(year, out);
+        }
+        for (value, between) in [(month, b'-'), (day, b'-'), (of_day / 3600, b'T'), (of_day / 60 % 60, b':'), (of_day % 60, b':')]
+        {
+            out.push(between);
+            digits(value, 2, out);
+        }
+        out.push(b'.');
     }
-    out.push(b'Z');
+}
+
+/// Three digits.
+#[inline]
+pub(super) fn triple(value: u32, out: &mut Vec<u8>) {
+    out.extend_from_slice(&[b'0' + (value / 100) as u8, b'0' + (value / 10 % 10) as u8, b'0' + (value % 10) as u8]);
 }
 
 fn digits(value: i64, width: u32, out: &mut Vec<u8>) {
@@ -80,6 +109,17 @@ mod tests {
         assert_eq!(text(1_697_041_234_123_456_000), "2023-10-11T16:20:34.123456Z");
         assert_eq!(text(951_782_400_000_000_001), "2000-02-29T00:00:00.000000001Z");
         assert_eq!(text(-1_000), "1969-12-31T23:59:59.999999Z");
+    }
+
+    #[test]
+    fn a_stamp_tells_the_same_whatever_it_told_before() {
+        let mut stamp = Stamp::default();
+        for ns in [0, 999_999_999, 1_000_000_000, -1, -1_000_000_000, 1_697_041_234_123_456_000, 1_697_041_234_000_000_007, 0] {
+            let (mut one, mut other) = (Vec::new(), Vec::new());
+            stamp.push(ns, &mut one);
+            push_time(ns, &mut other);
+            assert_eq!(one, other);
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub mod blocks;
 mod payload;
 mod ports;
 mod tcp;
+mod told;
 mod words;
 
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
@@ -17,13 +18,14 @@ use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
 use payload::Route;
 use ports::Ports;
 use tcp::{Connections, Segment};
+use told::Told;
 use words::Note;
 
 use crate::columns::{Table, TableKind};
 use crate::direction::Direction;
 use crate::finding::Finding;
 use crate::framer::{Mode, Verdict};
-use crate::records::{Batch, Frame};
+use crate::records::{Batch, Frame, Transaction};
 use crate::Ns;
 
 pub use words::settings;
@@ -90,8 +92,8 @@ pub struct Capture {
     /// Frames that the filter left out, for the context of the next one.
     before: VecDeque<(Arc<Batch>, usize)>,
     behind: usize,
-    /// Transactions whose words no packet has yet: where their row is.
-    told: HashMap<u64, (Arc<Batch>, usize)>,
+    /// Transactions whose words no packet has yet.
+    told: Told,
     /// Transactions that have packets, but were not complete then: those of a live tap.
     untold: BTreeSet<u64>,
     /// Name and line of the bus of each.
@@ -125,7 +127,7 @@ impl Capture {
             done: HashSet::new(),
             before: VecDeque::new(),
             behind: 0,
-            told: HashMap::new(),
+            told: Told::default(),
             untold: BTreeSet::new(),
             interfaces: Vec::new(),
             origin_told: false,
@@ -152,7 +154,7 @@ impl Capture {
         }
         for (at, row) in batch.transactions.iter().enumerate() {
             if !self.options.classic && self.options.style != Style::Tcp {
-                self.told.insert(row.number, (Arc::clone(batch), at));
+                self.told.insert(batch, at);
             }
             if self.options.live && self.filtered.is_some() {
                 self.done.insert(row.number);
@@ -231,7 +233,7 @@ impl Capture {
             let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
             let next = self.before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
             let untold = &self.untold;
-            self.told.retain(|txn, (batch, at)| last_frame(batch, *at) >= next || untold.contains(txn));
+            self.told.retain(|row| last_frame(row) >= next || untold.contains(&row.number));
         }
         if self.kept.len() + self.done.len() < REMEMBERED {
             return;
@@ -299,8 +301,8 @@ impl Capture {
     /// The words of the transactions that are complete with this frame.
     fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
-            match self.told.get(&txn) {
-                Some((batch, at)) if frame.number < last_frame(batch, *at) => {}
+            match self.told.get(txn) {
+                Some(row) if frame.number < last_frame(row) => {}
                 Some(_) => self.tell(txn, out),
                 None => {
                     self.untold.insert(txn);
@@ -308,7 +310,7 @@ impl Capture {
             }
         }
         if !self.untold.is_empty() {
-            let late: Vec<u64> = self.untold.iter().copied().filter(|txn| self.told.contains_key(txn)).collect();
+            let late: Vec<u64> = self.untold.iter().copied().filter(|&txn| self.told.get(txn).is_some()).collect();
             for txn in late {
                 self.untold.remove(&txn);
                 self.tell(txn, out);
@@ -317,7 +319,7 @@ impl Capture {
     }
 
     fn tell(&mut self, txn: u64, out: &mut Vec<u8>) {
-        if let Some((batch, at)) = self.told.remove(&txn) {
+        if let Some((batch, at)) = self.told.remove(txn) {
             blocks::custom(out, |out| words::transaction(&batch, &batch.transactions[at], out));
         }
     }
@@ -384,8 +386,7 @@ impl Capture {
 }
 
 /// The last frame of a transaction.
-fn last_frame(batch: &Batch, at: usize) -> u64 {
-    let row = &batch.transactions[at];
+fn last_frame(row: &Transaction) -> u64 {
     row.request.frame.max(row.response.frame)
 }
 

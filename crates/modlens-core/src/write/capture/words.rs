@@ -10,7 +10,7 @@ use crate::functions::EXCEPTION_BIT;
 use crate::line::Line;
 use crate::pdu::hex;
 use crate::records::{Batch, Bus, Clock, Frame, Half, Transaction};
-use crate::write::{push_int, push_us};
+use crate::write::{push_int, push_short, push_us};
 use crate::Ns;
 
 /// Bits of the flags option (draft-ietf-opsawg-pcapng, 4.3).
@@ -176,18 +176,18 @@ fn codes(codes: &[Finding], out: &mut Vec<u8>) {
 }
 
 fn number(key: &str, value: u64, out: &mut Vec<u8>) {
-    out.extend_from_slice(key.as_bytes());
+    push_short(key.as_bytes(), out);
     push_int(value as i64, out);
 }
 
 fn us(key: &str, ns: Ns, out: &mut Vec<u8>) {
-    out.extend_from_slice(key.as_bytes());
+    push_short(key.as_bytes(), out);
     push_us(ns, out);
 }
 
 fn word(key: &str, value: &str, out: &mut Vec<u8>) {
-    out.extend_from_slice(key.as_bytes());
-    out.extend_from_slice(value.as_bytes());
+    push_short(key.as_bytes(), out);
+    push_short(value.as_bytes(), out);
 }
 
 /// Name, description and our own words for the interface of a bus, or of one line of it.
