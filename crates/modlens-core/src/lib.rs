@@ -3,7 +3,7 @@
 //! In the order of the way through: `chunk` (what comes in; `marks`: line errors in a driver's words), `input` (bytes not framed yet), `framer` (where frames
 //! begin and end), `functions` and `pdu` (what bytes mean), `direction` and `pairing` (who asked and who answered),
 //! `check` and `finding` (what is wrong), `session` (all of it behind one `feed`), `records` and `columns` (rows and how
-//! they are read), `write` (text and Arrow), `predicate` (filters), `stats`, `text` (recordings in text).
+//! they are read), `write` (text and Arrow), `view` (lines for people), `predicate` (filters), `stats`, `text` (recordings in text).
 
 pub mod check;
 pub mod checksum;
@@ -29,6 +29,7 @@ pub mod records;
 pub mod session;
 pub mod stats;
 pub mod text;
+pub mod view;
 pub mod write;
 
 /// Nanoseconds: since 1970 or since any beginning, as the bus's clock says.

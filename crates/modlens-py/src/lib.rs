@@ -6,6 +6,7 @@ mod dialects;
 mod files;
 mod functions;
 mod inbox;
+mod lines;
 mod profile;
 mod session;
 mod stream;
@@ -115,6 +116,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<table::Table>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
+    module.add_class::<lines::Lines>()?;
+    module.add_function(wrap_pyfunction!(lines::carried, module)?)?;
     module.add_class::<session::Batch>()?;
     module.add_class::<session::Session>()?;
     Ok(())
