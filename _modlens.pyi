@@ -301,9 +301,7 @@ class Lines:
 
         In front of the first of all come the titles, and in front of each day its date.
         """
-    def parts(
-        self, table: Table, start: int = 0, count: int = ...
-    ) -> list[list[tuple[str, str]]]:
+    def parts(self, table: Table, start: int = 0, count: int = ...) -> list[list[tuple[str, str]]]:
         """The same as parts: each a text and the name of its style."""
     def head(self) -> list[tuple[str, str]]:
         """The line of titles."""

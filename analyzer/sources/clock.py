@@ -9,6 +9,7 @@ True
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,11 +21,12 @@ _NAP_NS = 100_000_000
 """A machine that slept for less was busy with something else."""
 
 
-def monotonic_ns() -> int:
-    """CLOCK_MONOTONIC, the clock that the core's readers look at."""
-    if hasattr(time, "CLOCK_MONOTONIC"):
-        return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
-    return time.monotonic_ns()
+def _monotonic_ns() -> int:
+    return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+
+
+monotonic_ns: Callable[[], int] = _monotonic_ns if sys.platform == "darwin" else time.monotonic_ns
+"""CLOCK_MONOTONIC, the clock that the core's readers look at; Python's own is another on macOS."""
 
 
 def asleep_ns() -> int:
@@ -55,7 +57,7 @@ class Clock:
     correction of the wall clock does not bend response times. After a sleep it is followed at once.
     Where somebody has set it forward, the line went on all the while: then it is followed when
     `follow` says that nothing is under way on the line. A wall clock that is set back is not
-    followed.
+    followed. `shift_ns` is what is to be added to the monotonic clock.
     """
 
     def __init__(
@@ -65,14 +67,9 @@ class Clock:
         asleep: Callable[[], int] = asleep_ns,
     ) -> None:
         self._wall, self._monotonic, self._asleep = wall, monotonic, asleep
-        self._shift = wall() - monotonic()
+        self.shift_ns = wall() - monotonic()
         self._slept = asleep()
         self._told = 0
-
-    @property
-    def shift_ns(self) -> int:
-        """What is to be added to the monotonic clock."""
-        return self._shift
 
     @property
     def is_late(self) -> bool:
@@ -81,11 +78,11 @@ class Clock:
 
     def at(self, monotonic: int) -> int:
         """Nanoseconds since 1970 of a moment of the monotonic clock."""
-        return monotonic + self._shift
+        return monotonic + self.shift_ns
 
     def now_ns(self) -> int:
         """Nanoseconds since 1970."""
-        return self.at(self._monotonic())
+        return self._monotonic() + self.shift_ns
 
     def check(self) -> Change:
         """What happened to the clocks since the last look; each step is told once."""
@@ -108,7 +105,7 @@ class Clock:
         """Go by the wall clock again, unless it is behind."""
         ahead = self._ahead()
         if ahead > 0:
-            self._shift += ahead
+            self.shift_ns += ahead
             self._told = 0
 
     def _ahead(self) -> int:

@@ -60,7 +60,7 @@ class Listening:
     opened in the beginning; later only with `reconnect` False.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - most by keyword
         self,
         ports: Sequence[Tapped],
         told: Callable[[str], None],
@@ -78,8 +78,7 @@ class Listening:
         self._pause_ns = pause_ns
         self._inbox = Inbox()
         self._dropped = 0
-        self._next_check_ns = 0
-        self._away = False
+        self._next_check_ns = self._look_ns = 0
         self._places: list[_Place] = []
         try:
             for one in ports:
@@ -95,7 +94,8 @@ class Listening:
 
         `PortError` if a port was lost and is not to be waited for.
         """
-        return self._arrivals(self._inbox.take(timeout, self._every))
+        taken = self._inbox.take(timeout, self._every)
+        return self._arrivals(taken, monotonic_ns())
 
     def feed(self, core: Session, timeout: float, lag_ns: int) -> list[Arrival]:
         """As `take`, but the reads of ports with a route go to the core, which is told the time.
@@ -103,14 +103,17 @@ class Listening:
         Ends when the core has rows. What it is told is `lag_ns` late, because reads may still be on
         their way. The others' reads come back, and all that needs more than to be fed.
         """
-        shift, told = self.clock.shift_ns, self.clock.now_ns() - lag_ns
-        return self._arrivals(self._inbox.feed(core, shift, told, timeout, self._every))
+        now, shift = monotonic_ns(), self.clock.shift_ns
+        taken = self._inbox.feed(core, shift, now + shift - lag_ns, timeout, self._every)
+        if taken or now >= self._look_ns:
+            return self._arrivals(taken, now)
+        return []
 
     def route(self, number: int, bus: int, line: int) -> None:
         """Where `feed` brings the reads of a port: see `_modlens.Inbox.route`."""
         self._inbox.route(number, bus, line)
 
-    def _arrivals(self, taken: Sequence[_Taken]) -> list[Arrival]:
+    def _arrivals(self, taken: Sequence[_Taken], now: int) -> list[Arrival]:
         arrivals: list[Arrival] = []
         for number, time_ns, data, errors, hole in taken:
             if data is None:
@@ -118,7 +121,8 @@ class Listening:
                 arrivals.append((number, Chunk(b"", self.clock.at(time_ns), hole=True)))
             else:
                 arrivals.append((number, Chunk(data, self.clock.at(time_ns), errors, hole)))
-        self._look_after()
+        if now >= self._look_ns:
+            self._look_after(now)
         return arrivals
 
     def tune(self, number: int, line: Line) -> None:
@@ -177,18 +181,17 @@ class Listening:
             place.port.close()
         if not self._reconnect:
             raise error
-        place.port, self._away = None, True
+        place.port = None
         place.lost_ns = monotonic_ns()
-        place.next_try_ns = place.lost_ns + FIRST_TRY_NS
+        place.next_try_ns = self._look_ns = place.lost_ns + FIRST_TRY_NS
         self._told(f"{error.message}; waiting for it to come back")
 
-    def _look_after(self) -> None:
-        now = monotonic_ns()
-        if self._away:
-            for number, place in enumerate(self._places):
-                if place.port is None and now >= place.next_try_ns:
-                    self._try_again(number)
-            self._away = any(place.port is None for place in self._places)
+    def _look_after(self, now: int) -> None:
+        for number, place in enumerate(self._places):
+            if place.port is None and now >= place.next_try_ns:
+                self._try_again(number)
+        away = any(place.port is None for place in self._places)
+        self._look_ns = now + (FIRST_TRY_NS if away else CHECK_NS)
         if now >= self._next_check_ns:
             self._next_check_ns = now + CHECK_NS
             self._check()

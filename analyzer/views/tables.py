@@ -23,8 +23,8 @@ _KINDS = {"local": "clock", "utc": "clock", "elapsed": "elapsed", "delta": "delt
 class Look:
     """How a table looks.
 
-    `address` is one of `addresses.BASES`, `times` what `--times` takes; `buses` are the names of the
-    buses: where there are several, each row says its own.
+    `address` is one of `addresses.BASES`, `times` what `--times` takes; `buses` are the names of
+    the buses: where there are several, each row says its own.
     """
 
     address: str = "wire"

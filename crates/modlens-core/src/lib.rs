@@ -1,6 +1,6 @@
 //! Modbus without I/O and without Python: bytes and times in, frames, transactions and findings out.
 //!
-//! In the order of the way through: `chunk` (what comes in; `marks`: line errors in a driver's words), `input` (bytes not framed yet), `framer` (where frames
+//! In the order of the way through: `chunk` (what comes in; `marks`: line errors in a driver's words; `pace`: how often a live line is read), `input` (bytes not framed yet), `framer` (where frames
 //! begin and end), `functions` and `pdu` (what bytes mean), `direction` and `pairing` (who asked and who answered),
 //! `check` and `finding` (what is wrong), `session` (all of it behind one `feed`), `records` and `columns` (rows and how
 //! they are read), `write` (text and Arrow), `view` (lines for people), `predicate` (filters), `stats`, `text` (recordings in text).
@@ -19,6 +19,7 @@ pub mod learn;
 pub mod line;
 pub mod logic;
 pub mod marks;
+pub mod pace;
 pub mod pairing;
 pub mod pcap;
 pub mod pdu;

@@ -36,6 +36,14 @@ struct Item {
     data: Option<Vec<u8>>,
     errors: Vec<u32>,
     hole: bool,
+    /// The port is read so seldom that each read is worth a look.
+    seldom: bool,
+}
+
+impl Item {
+    fn new(port: usize, time: Ns, data: Option<Vec<u8>>, errors: Vec<u32>) -> Self {
+        Self { port, time, data, errors, hole: false, seldom: false }
+    }
 }
 
 #[derive(Default)]
@@ -53,6 +61,8 @@ struct Queue {
     taken: Option<Instant>,
     /// The time of the newest read.
     newest: Ns,
+    /// Ports whose last read was one of those.
+    seldom: Vec<usize>,
 }
 
 struct Shared {
@@ -70,6 +80,10 @@ impl Shared {
     fn push(&self, mut item: Item) {
         let mut queue = self.queue();
         queue.newest = queue.newest.max(item.time);
+        if queue.seldom.contains(&item.port) != item.seldom {
+            queue.seldom.retain(|&port| port != item.port);
+            queue.seldom.extend(item.seldom.then_some(item.port));
+        }
         let cost = item.data.as_ref().map_or(0, Vec::len) + ITEM_COST;
         if item.data.is_some() && queue.size + cost > self.limit {
             queue.lost += item.data.map_or(0, |data| data.len() as u64);
@@ -142,7 +156,7 @@ impl Inbox {
     }
 
     fn put(&self, port: usize, time_ns: i64, data: Option<Vec<u8>>) {
-        self.shared.push(Item { port, time: time_ns, data, errors: Vec::new(), hole: false });
+        self.shared.push(Item::new(port, time_ns, data, Vec::new()));
     }
 
     #[pyo3(signature = (timeout, every=0.0))]
@@ -236,11 +250,13 @@ impl Inbox {
         self.listeners.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A busy line is looked at every so many seconds, which wakes one thread once; the first bytes after a silence
+    /// A busy line is looked at every so many seconds, which wakes one thread once, unless its reader waits as long; the first bytes after a silence
     /// are handed over as they come.
     fn wait(&self, until: Instant, every: f64) -> VecDeque<Item> {
+        let listening = self.listeners().len();
         let mut queue = self.shared.queue();
-        let due = queue.taken.map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
+        let seldom = listening > 0 && queue.seldom.len() == listening;
+        let due = queue.taken.filter(|_| !seldom).map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
         if let Some(left) = due.and_then(|due| due.checked_duration_since(Instant::now())) {
             drop(queue);
             std::thread::sleep(left);
@@ -274,6 +290,7 @@ mod reader {
     use std::io::PipeReader;
     use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
+    use modlens_core::pace::Pace;
     use rustix::event::{poll, PollFd, PollFlags};
     use rustix::io::Errno;
     use rustix::time::{clock_gettime, ClockId};
@@ -290,7 +307,7 @@ mod reader {
         let run = move || {
             let number = listen(&shared, port, &file, &stop, unmark);
             if let Some(number) = number {
-                shared.push(Item { port, time: now(), data: None, errors: vec![number], hole: false });
+                shared.push(Item::new(port, now(), None, vec![number]));
             }
         };
         Ok(std::thread::Builder::new().name(format!("modlens port {port}")).spawn(run)?)
@@ -299,6 +316,7 @@ mod reader {
     /// Reads until the port ends (gives the error's number, 0 for none) or it is told to stop (None).
     fn listen(shared: &Shared, port: usize, file: &OwnedFd, stop: &PipeReader, mut unmark: Option<Unmark>) -> Option<u32> {
         let mut buffer = [0u8; READ_SIZE];
+        let mut pace = Pace::default();
         loop {
             let mut ready = [PollFd::new(file, PollFlags::IN), PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
             match poll(&mut ready, None) {
@@ -321,8 +339,12 @@ mod reader {
                 Some(unmark) => unmark.push(&buffer[..length], &mut data, &mut errors),
                 None => data.extend_from_slice(&buffer[..length]),
             }
+            let rest = pace.rest(length, time);
             if !data.is_empty() {
-                shared.push(Item { port, time, data: Some(data), errors, hole: false });
+                shared.push(Item { seldom: !rest.is_zero(), ..Item::new(port, time, Some(data), errors) });
+            }
+            if !rest.is_zero() {
+                std::thread::sleep(rest);
             }
         }
     }

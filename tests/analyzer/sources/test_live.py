@@ -168,9 +168,7 @@ class Machine:
         self.clock = Clock(lambda: time.time_ns() + self.set, asleep=lambda: self.slept)
 
 
-def test_a_sleep_of_the_machine_is_a_hole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sleep_of_the_machine_is_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody knows what was on the line meanwhile; times are those of the wall at once."""
     monkeypatch.setattr(live_module, "CHECK_NS", 0)
     end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
@@ -194,9 +192,7 @@ def test_a_clock_that_is_set_forward_is_no_hole(
     end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
     tapped = [Tapped(str(end.link), LINE)]
     times = []
-    with closing(
-        Listening(tapped, said.append, clock=machine.clock, pause_ns=S // 5)
-    ) as listening:
+    with closing(Listening(tapped, said.append, clock=machine.clock, pause_ns=S // 5)) as listening:
         os.write(end.far, b"a")
         gather(listening, 1)
         machine.set = 3600 * S

@@ -1,4 +1,4 @@
-"""Small tables: widths and sides. The lines of rows are the core's, tested there and in test_table."""
+"""Small tables: widths and sides. The lines of rows are the core's; see test_table."""
 
 from __future__ import annotations
 

@@ -138,7 +138,8 @@ def test_names_and_labels_move_no_cursor(
     profile = tmp_path / "p.toml"
     label = "on\\u001b[2J\\u00ad\\u202e"
     profile.write_text(
-        f'profile = 1\n[[registers]]\nat = "hr:0"\nname = "mode"\ntype = "u16"\nenum = {{7 = "{label}"}}'
+        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "mode"\ntype = "u16"\n'
+        f'enum = {{7 = "{label}"}}\n'
     )
     path = tmp_path / "bus.hex"
     path.write_text("010300000001840a\n0103020007f986\n")
