@@ -90,7 +90,10 @@ mod tests {
     #[test]
     fn a_fast_line_is_read_before_its_driver_is_full() {
         let mut pace = Pace::default();
-        let rest = (1..20).map(|ms| pace.rest(300, ms * MS)).next_back().unwrap();
+        let mut rest = Duration::ZERO;
+        for ms in 1..20 {
+            rest = pace.rest(300, ms * MS);
+        }
         assert!(rest > Duration::from_millis(6) && rest < Duration::from_millis(7), "{rest:?}");
     }
 }
