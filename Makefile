@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel load soak bench bench-text bench-readings bench-exports speed accuracy noise fuzz captures vectors corpus clean
+.PHONY: demo test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -53,12 +53,16 @@ bench-exports: $(VENV)/.tested
 
 # A saturated line through a tap for minutes: loss, CPU, latency. The soak tells memory at its end.
 load: $(VENV)/.tested
-	$(BIN)/python bench/tap_load.py --seconds 600
+	$(BIN)/python bench/tap_load.py --seconds 600 --floor
 	$(BIN)/python bench/tap_load.py --seconds 600 --view table
 	$(BIN)/python bench/tap_load.py --seconds 60 --baud 3000000
 
 soak: $(VENV)/.tested
 	$(BIN)/python bench/tap_load.py --seconds 1200 --load 0.4
+
+# Settings found by listening: every standard rate, every shape of a character; two minutes.
+settings: $(VENV)/.tested
+	$(BIN)/python -m bench.settings_sweep --seeds 2
 
 # The engine and its rivals against simulated buses, scenario by scenario; minutes.
 accuracy:

@@ -4,7 +4,7 @@ Checked against the built module by tests/border. Times are integer nanoseconds;
 are bytes.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, final
 
 __version__: str
@@ -285,6 +285,42 @@ class Capture:
         """Frames written so far."""
 
 @final
+class Lines:
+    """Rows of one table as lines for people, while the table grows; the first rows decide it all.
+
+    `width` are the columns of the terminal, `address` is `wire`, `5digit`, `6digit` or `hex`,
+    `times` is `clock`, `elapsed` or `delta`. `labels` are buses' names with their short ones, for a
+    column that says the bus. `shift` gives how far clocks are ahead of UTC at a moment, both in ns;
+    it is asked once for each minute. ValueError for no rows, rows of several tables, or other
+    words.
+    """
+
+    def __new__(
+        cls,
+        rows: Sequence[Row],
+        width: int,
+        *,
+        address: str = "wire",
+        times: str = "elapsed",
+        labels: Sequence[tuple[str, str]] | None = None,
+        shift: Callable[[int], int] | None = None,
+    ) -> Lines: ...
+    def text(self, table: Table, start: int = 0, count: int = ...) -> str:
+        """The lines of `count` rows from `start` on, without colours.
+
+        In front of the first of all come the titles, and in front of each day its date.
+        """
+    def parts(self, table: Table, start: int = 0, count: int = ...) -> list[list[tuple[str, str]]]:
+        """The same as parts: each a text and the name of its style."""
+    def head(self) -> list[tuple[str, str]]:
+        """The line of titles."""
+    def row(self, row: Row) -> list[tuple[str, str]]:
+        """The line of a row."""
+
+def carried(row: Row, address: str, width: int) -> str:
+    """The values that a transaction carried, as many as fit into so many columns."""
+
+@final
 class Inbox:
     """What has come in at several ports, in order of arrival; it only reads.
 
@@ -314,20 +350,27 @@ class Inbox:
         whether bytes were lost before). Where a port has ended, bytes are None and the places hold
         the system's number of the error, 0 for the end of the stream.
         """
+    def route(self, port: int, bus: int, line: int) -> None:
+        """From now on `feed` gives this port's reads to a bus and line (0; 1 and 2 for A and B)."""
+    def hole(self, port: int) -> None:
+        """Bytes were lost before what is read next at this port."""
     def feed(
         self,
         session: Session,
-        routes: Sequence[tuple[int, int] | None],
         shift_ns: int,
+        told_ns: int,
         timeout: float,
         every: float = 0.0,
     ) -> list[tuple[int, int, bytes | None, list[int], bool]]:
         """As `take`, but reads go straight to the session, their times with `shift_ns` added.
 
-        `routes` says for each port to which bus and line (0, or 1 and 2 for A and B), None for a
-        port whose reads the caller wants. The first read that has no route, the end of a port, and
-        all behind it come back as `take` gives them. IndexError for a bus that is not there.
+        Returns when the session has rows, or after `timeout` seconds. After each look at the ports
+        the session is told the time (`Session.poll`): `told_ns`, which runs on during the call. The
+        first read of a port without a route, the end of a port, and all behind it come back as
+        `take` gives them. IndexError for a bus that is not there.
         """
+    def newest(self) -> int:
+        """The time of the newest read, as `take` gives it; 0 before the first."""
     def lost(self) -> int:
         """Bytes that did not fit into `limit`."""
     def close(self) -> None:

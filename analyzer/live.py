@@ -18,7 +18,7 @@ from typing import Any
 import _modlens
 from analyzer.line import Line, parse_line
 from analyzer.session import Settings
-from analyzer.sources.live import Listening, Tapped
+from analyzer.sources.live import PAUSE_NS, Listening, Tapped
 from analyzer.sources.serial import Chunk
 from analyzer.sources.tuning import Tuner
 from dissectors.errors import UsageError
@@ -111,6 +111,7 @@ class LiveRun:
         self._known = known
         self._buses: list[_Bus] = []
         self._searched: list[_Bus] = []
+        self._searching = False
         self._places: list[tuple[_Bus, str | None]] = []
         tapped: list[Tapped] = []
         for tap in taps:
@@ -120,8 +121,13 @@ class LiveRun:
             for port, line in zip(tap.ports, LINES, strict=False):
                 tapped.append(Tapped(port, tap.line or settings.line))
                 self._places.append((bus, line if len(tap.ports) > 1 else None))
-        self._routes: list[tuple[int, int] | None] = [None] * len(tapped)
-        self._listening = Listening(tapped, told, reconnect=reconnect, every=EVERY)
+        self._listening = Listening(
+            tapped,
+            told,
+            reconnect=reconnect,
+            every=EVERY,
+            pause_ns=(settings.timeout_ns or 0) + PAUSE_NS,
+        )
         for bus in self._buses:
             given = bus.tap.line or settings.line
             if (detect or given is None) and self._listening.tunable(bus.ports[0]):
@@ -136,21 +142,21 @@ class LiveRun:
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """What each read decided, or the passing of time; without end."""
+        self._searching = bool(self._searched)
         while self._searched:
             self._search(self._searched.pop(0))
         told = 0
         while True:
-            for number, chunk in self._listening.take(PATIENCE, self._core, self._routes):
+            arrivals = self._listening.feed(self._core, PATIENCE, LAG_NS)
+            for number, chunk in arrivals:
                 self._take(number, chunk)
-            now = self._listening.clock.now_ns() - LAG_NS
-            for bus in self._buses:
-                if bus.tuner is not None:
-                    bus.tuner.advance(now)
-                    self._follow(bus, bus.tuner)
-            self._core.poll(now)
-            if self._core.pending_rows() or now - told >= PATIENCE_NS:
+            if arrivals or self._searching:
+                now = self._listening.clock.now_ns()
+                self._advance(now - LAG_NS)
+                if not self._core.pending_rows() and now - told < PATIENCE_NS:
+                    continue
                 told = now
-                yield self._core.take()
+            yield self._core.take()
 
     def finish(self) -> _modlens.Batch:
         """What was still open; recordings hear of the end, or their replay would know less."""
@@ -176,6 +182,15 @@ class LiveRun:
     def close(self) -> None:
         """Close the ports."""
         self._listening.close()
+
+    def _advance(self, now: int) -> None:
+        """Time goes on for those who wait for it."""
+        for bus in self._buses:
+            if bus.tuner is not None:
+                bus.tuner.advance(now)
+                self._follow(bus, bus.tuner)
+        self._searching = any(bus.tuner is not None for bus in self._buses)
+        self._core.poll(now)
 
     def _search(self, bus: _Bus) -> None:
         """Begin to look for the settings of a bus."""
@@ -224,7 +239,7 @@ class LiveRun:
         self._known(bus.tap, line)
         if self._heard is None:  # nobody here looks at its reads any more
             for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
-                self._routes[port] = (bus.number, side)
+                self._listening.route(port, bus.number, side)
 
     def _feed(self, number: int, chunk: Chunk) -> None:
         bus, line = self._places[number]

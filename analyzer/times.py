@@ -16,7 +16,7 @@ from datetime import UTC, datetime, timedelta
 
 from dissectors.errors import UsageError
 
-__all__ = ["clock_text", "parse_ns", "seconds", "transitions", "zone_text"]
+__all__ = ["parse_ns", "seconds", "transitions"]
 
 _SECOND = 1_000_000_000
 _FIXED = re.compile(r"([+-])(\d\d):?(\d\d)")
@@ -49,25 +49,6 @@ def parse_ns(text: str) -> int | None:
 def seconds(elapsed_us: float, digits: int) -> str:
     """Microseconds as seconds with a fixed number of digits."""
     return f"{elapsed_us / 1e6:.{digits}f}"
-
-
-def clock_text(moment: datetime, digits: int) -> str:
-    """The time of day of a moment, cut (not rounded.
-
-    A clock does not run ahead) to 0 to 6 digits of a second.
-    """
-    text = f"{moment:%H:%M:%S}"
-    return f"{text}.{moment.microsecond:06d}"[: len(text) + 1 + digits] if digits else text
-
-
-def zone_text(moment: datetime) -> str:
-    """The moment's zone as `+02:00`, `UTC` where it has no shift."""
-    shift = moment.utcoffset() or timedelta(0)
-    if not shift:
-        return "UTC"
-    minutes = shift // timedelta(minutes=1)
-    sign = "-" if minutes < 0 else "+"
-    return f"{sign}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
 
 
 def transitions(zone: str | None) -> list[tuple[int, int]]:

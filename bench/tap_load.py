@@ -7,7 +7,9 @@
 
 Requests and responses follow each other without a pause (`--load` 1), handed over each millisecond
 as a USB adapter does. Latency is from the write of a response's last byte to the line that tells of
-it. CPU time is that of the whole tap process, its start left out. Linux only.
+it. CPU time is that of the whole tap process, its start left out. With `--floor` a loop of bare
+reads listens to the same line at the same time: what it takes is what this machine, as busy as it
+is, asks for waking a process a thousand times a second. Linux only.
 """
 
 from __future__ import annotations
@@ -42,6 +44,9 @@ SCREEN_S = 10.0
 
 SIZE = struct.pack("4H", 50, 160, 0, 0)
 
+BARE = "import os, sys\nfd = os.open(sys.argv[1], os.O_RDONLY)\nwhile os.read(fd, 4096): pass"
+"""The least that can be done with a line: each read wakes the process once."""
+
 
 @dataclass(slots=True)
 class Outcome:
@@ -57,6 +62,29 @@ class Outcome:
     cpu: float
     latencies_ms: list[float]
     memory_kb: list[int] = field(default_factory=list)
+    floor: float | None = None
+
+
+class Bare:
+    """A process that reads the same bytes and does nothing with them."""
+
+    def __init__(self) -> None:
+        """Begin to read."""
+        self.far, self._near = pty.openpty()
+        tty.setraw(self._near)
+        words = [sys.executable, "-c", BARE, os.ttyname(self._near)]
+        self._process = subprocess.Popen(words)
+
+    def cpu_s(self) -> float:
+        """CPU seconds so far."""
+        return cpu_s(self._process.pid)
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+        os.close(self.far)
+        os.close(self._near)
 
 
 def traffic() -> list[bytes]:
@@ -100,8 +128,8 @@ class Lines:
                     time.sleep(TICK_S / 2)
 
 
-def feed(
-    far: int, baud: int, load: float, seconds: float, pid: int
+def feed(  # noqa: PLR0913, PLR0917 - what a line is
+    far: int, baud: int, load: float, seconds: float, pid: int, bare: Bare | None = None
 ) -> tuple[int, list[float], list[int]]:
     """Write at the line's pace; bytes, when each response was complete, samples of memory."""
     frames = traffic()
@@ -120,6 +148,8 @@ def feed(
             at = sent % len(stream)
             taken = os.write(far, stream[at : at + min(due - sent, 4000)])
             moment = time.monotonic()
+            if bare is not None:
+                os.write(bare.far, stream[at : at + taken])
             done += [moment for end in closing if at < end <= at + taken]
             sent += taken
         if now - sampled > max(seconds / 20, 1):
@@ -142,7 +172,14 @@ def cpu_s(pid: int) -> float:
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def run(seconds: float, baud: int = 115200, load: float = 1.0, view: str | None = None) -> Outcome:
+def run(
+    seconds: float,
+    baud: int = 115200,
+    load: float = 1.0,
+    view: str | None = None,
+    *,
+    floor: bool = False,
+) -> Outcome:
     """One tap, one line, so long."""
     far, near = pty.openpty()
     tty.setraw(near)
@@ -166,9 +203,13 @@ def run(seconds: float, baud: int = 115200, load: float = 1.0, view: str | None 
     if view is None:
         tap.stderr.readline()  # it listens
     time.sleep(1.0 if view is None else SCREEN_S)
-    before = cpu_s(tap.pid)
-    sent, done, memory = feed(far, baud, load, seconds, tap.pid)
-    used = cpu_s(tap.pid) - before
+    bare = Bare() if floor else None
+    time.sleep(1.0 if floor else 0.0)
+    before, idle = cpu_s(tap.pid), bare.cpu_s() if bare else 0.0
+    sent, done, memory = feed(far, baud, load, seconds, tap.pid, bare)
+    used, idle = cpu_s(tap.pid) - before, bare.cpu_s() - idle if bare else 0.0
+    if bare:
+        bare.close()
     time.sleep(1.0)
     tap.send_signal(signal.SIGTERM)  # SIGINT is ignored in the background of a shell
     said = tap.communicate()[1].decode()
@@ -187,6 +228,7 @@ def run(seconds: float, baud: int = 115200, load: float = 1.0, view: str | None 
         used / seconds,
         latencies,
         memory,
+        idle / seconds if floor else None,
     )
 
 
@@ -197,14 +239,17 @@ def main() -> None:
     parser.add_argument("--baud", type=int, default=115200)
     parser.add_argument("--load", type=float, default=1.0)
     parser.add_argument("--view", default=None)
+    parser.add_argument("--floor", action="store_true", help="beside it a loop of bare reads")
     options = parser.parse_args()
-    done = run(options.seconds, options.baud, options.load, options.view)
+    done = run(options.seconds, options.baud, options.load, options.view, floor=options.floor)
     out = sys.stdout.write
     out(f"{options.baud} baud, {options.load:.0%} load, {options.seconds:.0f} s\n")
     out(f"sent {done.sent:,} bytes, lost {done.sent - done.heard:,},")
     out(f" in good frames {done.good:,}\n")
     out(f"transactions {done.transactions:,}\n")
     out(f"CPU {done.cpu:.1%} of one core\n")
+    if done.floor is not None:
+        out(f"a loop of bare reads of the same line {done.floor:.1%}\n")
     if done.latencies_ms:
         cuts = statistics.quantiles(done.latencies_ms, n=100)
         out(f"last byte to line: p50 {cuts[49]:.1f} ms, p99 {cuts[98]:.1f} ms\n")

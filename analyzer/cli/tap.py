@@ -127,7 +127,7 @@ def run(options: argparse.Namespace) -> int:
         outputs = opened.enter_context(
             Outputs(options, notes, to=to, names=live.buses, growing=True, more=more)
         )
-        outputs.watch(limits, Hourly(live.stats, voice.say))
+        outputs.watch(*[limits] * limits.set, Hourly(live.stats, voice.say))
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))
         voice.say(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")

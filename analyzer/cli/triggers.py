@@ -35,6 +35,11 @@ class Limits:
         self._until = None if until is None else parse(until, "transactions").predicate()
         self._end = None if duration is None else time.monotonic() + duration
 
+    @property
+    def set(self) -> bool:
+        """Whether there is any."""
+        return not (self._left is None and self._until is None and self._end is None)
+
     def put(self, batch: _modlens.Batch) -> None:
         """Count and compare."""
         if self._left is not None:

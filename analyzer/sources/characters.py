@@ -33,6 +33,7 @@ VAIN = 72
 """Bytes without a frame after which a shape is left, where the driver marks nothing."""
 
 _CLEAN, _FEW, _MOST, _TEXT = 0.03, 0.1, 0.9, 0.9
+_NEWEST = 24
 _GAP_CHARS = 5
 _GAP_NS = 3_000_000
 _ALPHABET = frozenset(b":0123456789ABCDEFabcdef\r\n")
@@ -71,8 +72,12 @@ class Trial:
         self.marked += len(chunk.errors)
 
     def looks_like_text(self) -> bool:
-        """Whether these are characters of ASCII frames, whatever bit 7 is."""
-        return sum(byte & 0x7F in _ALPHABET for byte in self.data) >= _TEXT * len(self.data)
+        """Whether these are characters of ASCII frames, whatever bit 7 is.
+
+        The newest count only: who begins to listen within a burst hears nonsense to its end.
+        """
+        newest = self.data[-_NEWEST:]
+        return sum(byte & 0x7F in _ALPHABET for byte in newest) >= _TEXT * len(newest)
 
 
 class Shaping:

@@ -16,12 +16,15 @@ from analyzer.sources.clock import Clock, monotonic_ns
 from analyzer.sources.serial import Chunk, Port, lost
 from dissectors.errors import PortError
 
-__all__ = ["Listening", "Tapped"]
+__all__ = ["PAUSE_NS", "Listening", "Tapped"]
 
 Arrival = tuple[int, Chunk]
 """The number of the port, and what came in; no bytes and a hole where the port has ended."""
 
+_Taken = tuple[int, int, bytes | None, list[int], bool]
+
 FIRST_TRY_NS, NEXT_TRY_NS = 200_000_000, 1_000_000_000
+PAUSE_NS = 1_500_000_000
 CHECK_NS = 1_000_000_000
 """How often clocks and counters are looked at."""
 
@@ -43,7 +46,6 @@ class _Place:
     name: str
     line: Line | None
     port: Port | None
-    hole: bool = False
     lost_ns: int = 0
     next_try_ns: int = 0
     said: str = ""
@@ -54,26 +56,29 @@ class _Place:
 class Listening:
     """Open ports; use it in `closing`. `told` hears in words what happens to them.
 
-    `PortError` if one cannot be opened in the beginning; later only with `reconnect` False.
+    After `pause_ns` without bytes nothing is under way on the line. `PortError` if a port cannot be
+    opened in the beginning; later only with `reconnect` False.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - most by keyword
         self,
         ports: Sequence[Tapped],
         told: Callable[[str], None],
         *,
         reconnect: bool = True,
         every: float = 0.0,
+        pause_ns: int = PAUSE_NS,
+        clock: Clock | None = None,
     ) -> None:
-        self.clock = Clock()
+        self.clock = clock or Clock()
         self.reconnects = 0
         self._told = told
         self._reconnect = reconnect
         self._every = every
+        self._pause_ns = pause_ns
         self._inbox = Inbox()
         self._dropped = 0
-        self._next_check_ns = 0
-        self._away = False
+        self._next_check_ns = self._look_ns = 0
         self._places: list[_Place] = []
         try:
             for one in ports:
@@ -84,38 +89,40 @@ class Listening:
             self.close()
             raise
 
-    def take(
-        self,
-        timeout: float,
-        core: Session | None = None,
-        routes: Sequence[tuple[int, int] | None] = (),
-    ) -> list[Arrival]:
-        """Wait at most `timeout` seconds for reads; hand those of ports with a route to the core.
+    def take(self, timeout: float) -> list[Arrival]:
+        """Wait at most `timeout` seconds for reads.
 
-        `routes` says for each port which bus and line of `core`; the others' reads come back, and
-        all that needs more than to be fed. `PortError` if a port was lost and is not to be waited
-        for.
+        `PortError` if a port was lost and is not to be waited for.
         """
-        if core is None:
-            taken = self._inbox.take(timeout, self._every)
-        else:
-            straight = [
-                None if place.hole else route
-                for place, route in zip(self._places, routes, strict=True)
-            ]
-            shift = self.clock.shift_ns
-            taken = self._inbox.feed(core, straight, shift, timeout, self._every)
+        taken = self._inbox.take(timeout, self._every)
+        return self._arrivals(taken, monotonic_ns())
+
+    def feed(self, core: Session, timeout: float, lag_ns: int) -> list[Arrival]:
+        """As `take`, but the reads of ports with a route go to the core, which is told the time.
+
+        Ends when the core has rows. What it is told is `lag_ns` late, because reads may still be on
+        their way. The others' reads come back, and all that needs more than to be fed.
+        """
+        now, shift = monotonic_ns(), self.clock.shift_ns
+        taken = self._inbox.feed(core, shift, now + shift - lag_ns, timeout, self._every)
+        if taken or now >= self._look_ns:
+            return self._arrivals(taken, now)
+        return []
+
+    def route(self, number: int, bus: int, line: int) -> None:
+        """Where `feed` brings the reads of a port: see `_modlens.Inbox.route`."""
+        self._inbox.route(number, bus, line)
+
+    def _arrivals(self, taken: Sequence[_Taken], now: int) -> list[Arrival]:
         arrivals: list[Arrival] = []
         for number, time_ns, data, errors, hole in taken:
-            place = self._places[number]
             if data is None:
                 self._gone(number, errors[0] if errors else 0)
                 arrivals.append((number, Chunk(b"", self.clock.at(time_ns), hole=True)))
-                continue
-            chunk = Chunk(data, self.clock.at(time_ns), errors, hole or place.hole)
-            place.hole = False
-            arrivals.append((number, chunk))
-        self._look_after()
+            else:
+                arrivals.append((number, Chunk(data, self.clock.at(time_ns), errors, hole)))
+        if now >= self._look_ns:
+            self._look_after(now)
         return arrivals
 
     def tune(self, number: int, line: Line) -> None:
@@ -174,18 +181,17 @@ class Listening:
             place.port.close()
         if not self._reconnect:
             raise error
-        place.port, self._away = None, True
+        place.port = None
         place.lost_ns = monotonic_ns()
-        place.next_try_ns = place.lost_ns + FIRST_TRY_NS
+        place.next_try_ns = self._look_ns = place.lost_ns + FIRST_TRY_NS
         self._told(f"{error.message}; waiting for it to come back")
 
-    def _look_after(self) -> None:
-        now = monotonic_ns()
-        if self._away:
-            for number, place in enumerate(self._places):
-                if place.port is None and now >= place.next_try_ns:
-                    self._try_again(number)
-            self._away = any(place.port is None for place in self._places)
+    def _look_after(self, now: int) -> None:
+        for number, place in enumerate(self._places):
+            if place.port is None and now >= place.next_try_ns:
+                self._try_again(number)
+        away = any(place.port is None for place in self._places)
+        self._look_ns = now + (FIRST_TRY_NS if away else CHECK_NS)
         if now >= self._next_check_ns:
             self._next_check_ns = now + CHECK_NS
             self._check()
@@ -200,29 +206,41 @@ class Listening:
                 place.said = error.message
                 self._told(f"{error.message}; still waiting")
             return
-        place.hole = True
+        self._inbox.hole(number)
         self.reconnects += 1
         away = (monotonic_ns() - place.lost_ns) / NS_PER_S
         self._told(f"{place.name}: back after {away:.1f} s; what was on the line meanwhile is lost")
         self._begin(number)
 
     def _check(self) -> None:
-        step = self.clock.check() / NS_PER_S
-        if step > 0:
-            self._told(f"the clock jumped forward by {step:.1f} s; times follow it")
-            for place in self._places:
-                place.hole = True
-        elif step < 0:
-            self._told(f"the clock was set back by {-step:.1f} s; times go on without a step")
+        self._look_at_clocks()
         dropped = self._inbox.lost()
         if dropped > self._dropped:
             self._told(f"{dropped - self._dropped:,} bytes lost: more waited than memory allows")
             self._dropped = dropped
-        for place in self._places:
+        for number, place in enumerate(self._places):
             if place.port is not None:
-                self._compare(place, dict(place.port.counters()))
+                self._compare(number, place, dict(place.port.counters()))
 
-    def _compare(self, place: _Place, counts: dict[str, int]) -> None:
+    def _look_at_clocks(self) -> None:
+        change = self.clock.check()
+        if change.slept_ns:
+            self._told(
+                f"the machine slept for {change.slept_ns / NS_PER_S:.1f} s;"
+                " what was on the line meanwhile is lost"
+            )
+            for number in range(len(self._places)):
+                self._inbox.hole(number)
+        if change.step_ns > 0:
+            follows = "; times follow at a pause of the line" if self.clock.is_late else ""
+            self._told(f"the clock was set forward by {change.step_ns / NS_PER_S:.1f} s{follows}")
+        elif change.step_ns < 0:
+            back = -change.step_ns / NS_PER_S
+            self._told(f"the clock was set back by {back:.1f} s; times go on without a step")
+        if self.clock.is_late and monotonic_ns() - self._inbox.newest() > self._pause_ns:
+            self.clock.follow()
+
+    def _compare(self, number: int, place: _Place, counts: dict[str, int]) -> None:
         """Driver's counters run on; what they gained since the last look belongs to this tap."""
         for name, count in counts.items():
             more = count - place.counts.get(name, count)
@@ -230,6 +248,6 @@ class Listening:
                 continue
             place.damage[name] = place.damage.get(name, 0) + more
             if "overrun" in name:
-                place.hole = True
+                self._inbox.hole(number)
                 self._told(f"{place.name}: the driver lost bytes {more} times (overrun)")
         place.counts = counts

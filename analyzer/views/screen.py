@@ -9,8 +9,9 @@ that clears the screen. Everything that is printed goes through `visible`.
 
 from __future__ import annotations
 
+import contextlib
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NoReturn, TextIO
 
 from rich.cells import cell_len, set_cell_size
@@ -42,6 +43,7 @@ _SHOWN = {
     for code in (
         *range(0x20),
         *range(0x7F, 0xA0),
+        0xAD,  # a soft hyphen
         *range(0x200B, 0x2010),  # invisible marks of direction
         *range(0x2028, 0x202F),
         *range(0x2066, 0x206A),
@@ -72,6 +74,21 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
         return set_cell_size(text, max(width - 1, 0)) + ("…" if width > 0 else "")
     gap = " " * (width - length)
     return gap + text if right else text + gap
+
+
+def _unwritten(error: OSError) -> SourceError:
+    return SourceError(f"standard output: cannot be written: {error.strerror}")
+
+
+@contextlib.contextmanager
+def _written() -> Iterator[None]:
+    """What the system says against writing, as `SourceError`; `BrokenPipeError` as it is."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise _unwritten(error) from error
 
 
 class _Terminal(Console):
@@ -110,24 +127,26 @@ class Screen:
 
         `BrokenPipeError` when nobody reads, `SourceError` when they cannot be written.
         """
-        try:
-            self._print(lines)
+        if self.is_plain:
+            self.text("".join("".join(text for text, _ in line).rstrip() + "\n" for line in lines))
+            return
+        segments = []
+        for line in lines:
+            segments += [Segment(text, STYLES.get(style)) for text, style in line]
+            segments.append(Segment.line())
+        with _written():
+            self._console.print(Segments(segments), end="", soft_wrap=True)
+            self._stream.flush()
+
+    def text(self, lines: str) -> None:
+        """Print whole lines without styles, made visible before; errors as those of `lines`."""
+        try:  # a live tap comes here for each transaction: a context manager costs as much as this
+            self._stream.write(lines)
+            self._stream.flush()
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise SourceError(f"standard output: cannot be written: {error.strerror}") from error
-
-    def _print(self, lines: Iterable[Iterable[Part]]) -> None:
-        if self.is_plain:
-            text = "".join("".join(part for part, _ in line).rstrip() + "\n" for line in lines)
-            self._stream.write(text)
-        else:
-            segments = []
-            for line in lines:
-                segments += [Segment(text, STYLES.get(style)) for text, style in line]
-                segments.append(Segment.line())
-            self._console.print(Segments(segments), end="", soft_wrap=True)
-        self._stream.flush()
+            raise _unwritten(error) from error
 
     @property
     def size(self) -> tuple[int, int]:

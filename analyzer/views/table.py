@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import islice
 
 import _modlens
 from analyzer.filters import parse
-from analyzer.views.grid import ROOMY, Grid
-from analyzer.views.moments import Moments
-from analyzer.views.screen import Part, Screen
-from analyzer.views.tables import Look, fields
+from analyzer.views.screen import Screen
+from analyzer.views.tables import Look, lines
 
 __all__ = ["TableSink"]
 
@@ -18,7 +15,7 @@ SAMPLE = 500
 """Rows that decide the widths."""
 
 AT_ONCE = 1000
-"""Lines that are printed with one write."""
+"""Rows that are printed with one write."""
 
 
 class TableSink:
@@ -32,8 +29,7 @@ class TableSink:
         self._screen = screen
         self._look = look
         self._predicate = None if where is None else parse(where, table).predicate()
-        self._grid: Grid | None = None
-        self._moments: Moments | None = None
+        self._lines: _modlens.Lines | None = None
 
     def put(self, batch: _modlens.Batch) -> None:
         """Print the batch's rows."""
@@ -44,30 +40,20 @@ class TableSink:
 
     def show(self, table: _modlens.Table) -> None:
         """Print these rows."""
-        if not len(table):
+        count = len(table)
+        if not count:
             return
-        self.rows += len(table)
-        lines = self._lines(table)
-        while chunk := list(islice(lines, AT_ONCE)):
-            self._screen.lines(chunk)
+        self.rows += count
+        if self._lines is None:
+            self._lines = lines(list(islice(table, SAMPLE)), self._look, self._screen.width)
+        for start in range(0, count, AT_ONCE):
+            if self._screen.is_plain:
+                self._screen.text(self._lines.text(table, start, AT_ONCE))
+            else:
+                self._screen.lines(self._lines.parts(table, start, AT_ONCE))
 
     def close(self) -> None:
         """Nothing to do: every line has been printed."""
 
     def abandon(self) -> None:
         """Nothing to do: what is printed is printed."""
-
-    def _lines(self, table: _modlens.Table) -> Iterator[list[Part]]:
-        if self._grid is None or self._moments is None:
-            width = self._screen.width
-            sample = list(islice(table, SAMPLE))
-            self._moments = Moments(self._look.times, sample, digits=6 if width >= ROOMY else 3)
-            chosen = fields(self.table, self._look, sample, width, self._moments)
-            self._grid = Grid(chosen, sample, width)
-            yield self._grid.head()
-        for row in table:
-            day = self._moments.day(row)
-            if day is not None:
-                yield [(day, "dim")]
-            yield [(self._grid.text(row), "")] if self._screen.is_plain else self._grid.line(row)
-            self._moments.advance(row)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta, timezone
-
 import pytest
 
-from analyzer.times import clock_text, parse_ns, seconds, zone_text
+from analyzer.times import parse_ns, seconds
 
 NOON = 1697025600 * 10**9
 
@@ -32,25 +30,6 @@ def test_iso_text_is_a_moment(text: str, nanoseconds: int | None) -> None:
     assert parse_ns(text) == nanoseconds
 
 
-def test_a_clock_is_cut_not_rounded() -> None:
-    """A time of day never shows what has not come yet."""
-    moment = datetime(2023, 10, 11, 23, 59, 59, 999_999, tzinfo=UTC)
-    assert [clock_text(moment, digits) for digits in (0, 3, 6)] == [
-        "23:59:59",
-        "23:59:59.999",
-        "23:59:59.999999",
-    ]
-
-
 def test_elapsed_time_is_in_seconds() -> None:
     """Microseconds in, seconds out."""
     assert seconds(1_234_567.8, 3) == "1.235"
-
-
-@pytest.mark.parametrize(
-    ("hours", "text"), [(0, "UTC"), (2, "+02:00"), (-3.5, "-03:30"), (5.75, "+05:45")]
-)
-def test_a_zone_has_hours_and_minutes(hours: float, text: str) -> None:
-    """Also those that are not whole hours."""
-    moment = datetime(2023, 10, 11, tzinfo=timezone(timedelta(hours=hours)))
-    assert zone_text(moment) == text

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from analyzer.views.grid import ROOMY, Grid
+import _modlens
 from analyzer.views.live.board import Board, Mark
-from analyzer.views.moments import Moments
 from analyzer.views.screen import Part, fit, visible
-from analyzer.views.tables import fields
+from analyzer.views.tables import lines as lines_of
 
 __all__ = ["lines"]
 
@@ -20,18 +19,16 @@ def lines(board: Board, width: int, height: int) -> list[list[Part]]:
     if not rows:
         waiting = "nothing passed the filter yet" if board.filter else "nothing heard yet"
         return [[(waiting, "dim")]]
-    moments = Moments(board.look.times, rows, digits=6 if width >= ROOMY else 3)
-    grid = Grid(fields("transactions", board.look, rows, width, moments), rows, width)
-    return [grid.head(), *_body(shown, grid, moments, width)]
+    made = lines_of(rows, board.look, width)
+    return [made.head(), *_body(shown, made, width)]
 
 
 def _body(
-    shown: Sequence[object], grid: Grid, moments: Moments, width: int
+    shown: Sequence[_modlens.Row | Mark], made: _modlens.Lines, width: int
 ) -> Iterator[list[Part]]:
     for row in shown:
         if isinstance(row, Mark):
             text = fit(f"--- mark {row.number} {visible(row.text)} ".ljust(width, "-"), width)
             yield [(text, "note")]
         else:
-            yield grid.line(row)
-            moments.advance(row)
+            yield made.row(row)

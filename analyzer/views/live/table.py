@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.grid import ROOMY, Field, Grid, Head, Items
+from analyzer.views.grid import ROOMY, Carried, Field, Grid, Head
 from analyzer.views.live.board import Board
 from analyzer.views.screen import Part
 
@@ -66,5 +66,5 @@ def _time(name: str) -> Any:
     return lambda row: cells.milliseconds((row["response_time"] or {}).get(name))
 
 
-def _last(row: Any, board: Board) -> Items | str:
-    return "" if row["last"] is None else cells.values(row["last"], board.look.address)
+def _last(row: Any, board: Board) -> Carried | str:
+    return "" if row["last"] is None else Carried(row["last"], board.look.address)

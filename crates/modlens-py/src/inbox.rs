@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use modlens_core::chunk::{Chunk, Times};
 use modlens_core::marks::Unmark;
+use modlens_core::session::Session as Core;
 use modlens_core::Ns;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -26,12 +27,23 @@ const ITEM_COST: usize = 96;
 /// (port, time, bytes or None at the end, places of marked bytes or the error's number, hole)
 type Arrival<'py> = (usize, i64, Option<Bound<'py, PyBytes>>, Vec<u32>, bool);
 
+/// Bus and line of a session; None where Python wants the reads.
+type Route = Option<(usize, u8)>;
+
 struct Item {
     port: usize,
     time: Ns,
     data: Option<Vec<u8>>,
     errors: Vec<u32>,
     hole: bool,
+    /// The port is read so seldom that each read is worth a look.
+    seldom: bool,
+}
+
+impl Item {
+    fn new(port: usize, time: Ns, data: Option<Vec<u8>>, errors: Vec<u32>) -> Self {
+        Self { port, time, data, errors, hole: false, seldom: false }
+    }
 }
 
 #[derive(Default)]
@@ -39,12 +51,18 @@ struct Queue {
     items: VecDeque<Item>,
     size: usize,
     lost: u64,
-    /// Ports of which something was thrown away since their last item.
+    /// Ports of which something is missing since their last item.
     holes: Vec<usize>,
+    /// Where the reads of each port go: bus and line.
+    routes: Vec<Route>,
     /// Somebody waits for the first item; to wake a thread costs more than all else that a reader does.
     awaited: bool,
     /// When items were last taken.
     taken: Option<Instant>,
+    /// The time of the newest read.
+    newest: Ns,
+    /// Ports whose last read was one of those.
+    seldom: Vec<usize>,
 }
 
 struct Shared {
@@ -61,6 +79,11 @@ impl Shared {
     /// Queues it; what does not fit any more is counted, and the port's next item says that something is missing.
     fn push(&self, mut item: Item) {
         let mut queue = self.queue();
+        queue.newest = queue.newest.max(item.time);
+        if queue.seldom.contains(&item.port) != item.seldom {
+            queue.seldom.retain(|&port| port != item.port);
+            queue.seldom.extend(item.seldom.then_some(item.port));
+        }
         let cost = item.data.as_ref().map_or(0, Vec::len) + ITEM_COST;
         if item.data.is_some() && queue.size + cost > self.limit {
             queue.lost += item.data.map_or(0, |data| data.len() as u64);
@@ -133,38 +156,62 @@ impl Inbox {
     }
 
     fn put(&self, port: usize, time_ns: i64, data: Option<Vec<u8>>) {
-        self.shared.push(Item { port, time: time_ns, data, errors: Vec::new(), hole: false });
+        self.shared.push(Item::new(port, time_ns, data, Vec::new()));
     }
 
     #[pyo3(signature = (timeout, every=0.0))]
     fn take<'py>(&self, py: Python<'py>, timeout: f64, every: f64) -> Vec<Arrival<'py>> {
-        arrivals(py, py.detach(|| self.wait(timeout, every)))
+        arrivals(py, py.detach(|| self.wait(Instant::now() + seconds(timeout), every)))
     }
 
-    #[pyo3(signature = (session, routes, shift_ns, timeout, every=0.0))]
+    fn route(&self, port: usize, bus: usize, line: u8) {
+        let routes = &mut self.shared.queue().routes;
+        routes.resize(routes.len().max(port + 1), None);
+        routes[port] = Some((bus, line));
+    }
+
+    #[pyo3(signature = (session, shift_ns, told_ns, timeout, every=0.0))]
     fn feed<'py>(
         &self,
         py: Python<'py>,
         mut session: PyRefMut<'_, Session>,
-        routes: Vec<Option<(usize, u8)>>,
         shift_ns: i64,
+        told_ns: i64,
         timeout: f64,
         every: f64,
     ) -> PyResult<Vec<Arrival<'py>>> {
+        let routes = self.shared.queue().routes.clone();
         routes.iter().flatten().try_for_each(|(bus, _)| session.check(*bus))?;
         let core = session.core();
         let rest = py.detach(|| {
-            let mut items = self.wait(timeout, every);
-            while let Some(item) = items.front() {
-                let (Some(data), Some(Some((bus, line)))) = (&item.data, routes.get(item.port)) else { break };
-                let times = Times::Read(item.time + shift_ns);
-                let chunk = Chunk { bytes: data, line: *line, times, errors: &item.errors, hole: item.hole, ..Chunk::default() };
-                core.feed(*bus, &chunk);
-                items.pop_front();
+            let begun = Instant::now();
+            let until = begun + seconds(timeout);
+            loop {
+                let mut items = self.wait(until, every);
+                while let Some(item) = items.front() {
+                    let (Some(data), Some(Some(route))) = (&item.data, routes.get(item.port)) else { return items };
+                    pass(core, *route, item, data, shift_ns);
+                    items.pop_front();
+                }
+                core.poll(told_ns + begun.elapsed().as_nanos() as Ns);
+                // Python is not asked for anything until there is something to show: its waking costs more than all of this.
+                if core.pending_rows() > 0 || Instant::now() >= until {
+                    return items;
+                }
             }
-            items
         });
         Ok(arrivals(py, rest))
+    }
+
+    fn hole(&self, port: usize) {
+        let mut queue = self.shared.queue();
+        if !queue.holes.contains(&port) {
+            queue.holes.push(port);
+        }
+    }
+
+    fn newest(&self) -> Ns {
+        self.shared.queue().newest
     }
 
     fn lost(&self) -> u64 {
@@ -179,6 +226,20 @@ impl Inbox {
     }
 }
 
+/// Gives a read to the session.
+fn pass(core: &mut Core, (bus, line): (usize, u8), item: &Item, data: &[u8], shift_ns: Ns) {
+    let times = Times::Read(item.time + shift_ns);
+    if item.hole {
+        // What time alone decides is decided before what came before is closed; `analyzer.live` does the same.
+        core.feed(bus, &Chunk { line, times, hole: true, ..Chunk::default() });
+    }
+    core.feed(bus, &Chunk { bytes: data, line, times, errors: &item.errors, hole: item.hole, ..Chunk::default() });
+}
+
+fn seconds(number: f64) -> Duration {
+    Duration::from_secs_f64(number.clamp(0.0, 3600.0))
+}
+
 fn arrivals(py: Python<'_>, items: VecDeque<Item>) -> Vec<Arrival<'_>> {
     let bytes = |data: Vec<u8>| PyBytes::new(py, &data);
     items.into_iter().map(|item| (item.port, item.time, item.data.map(bytes), item.errors, item.hole)).collect()
@@ -189,18 +250,18 @@ impl Inbox {
         self.listeners.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A busy line is looked at every so many seconds, which wakes one thread once; the first bytes after a silence
+    /// A busy line is looked at every so many seconds, which wakes one thread once, unless its reader waits as long; the first bytes after a silence
     /// are handed over as they come.
-    fn wait(&self, timeout: f64, every: f64) -> VecDeque<Item> {
-        let begun = Instant::now();
+    fn wait(&self, until: Instant, every: f64) -> VecDeque<Item> {
+        let listening = self.listeners().len();
         let mut queue = self.shared.queue();
-        let due = queue.taken.map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
-        if let Some(left) = due.and_then(|due| due.checked_duration_since(begun)) {
+        let seldom = listening > 0 && queue.seldom.len() == listening;
+        let due = queue.taken.filter(|_| !seldom).map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
+        if let Some(left) = due.and_then(|due| due.checked_duration_since(Instant::now())) {
             drop(queue);
             std::thread::sleep(left);
             queue = self.shared.queue();
         }
-        let until = begun + Duration::from_secs_f64(timeout.clamp(0.0, 3600.0));
         while queue.items.is_empty() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
@@ -229,6 +290,7 @@ mod reader {
     use std::io::PipeReader;
     use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
+    use modlens_core::pace::Pace;
     use rustix::event::{poll, PollFd, PollFlags};
     use rustix::io::Errno;
     use rustix::time::{clock_gettime, ClockId};
@@ -245,7 +307,7 @@ mod reader {
         let run = move || {
             let number = listen(&shared, port, &file, &stop, unmark);
             if let Some(number) = number {
-                shared.push(Item { port, time: now(), data: None, errors: vec![number], hole: false });
+                shared.push(Item::new(port, now(), None, vec![number]));
             }
         };
         Ok(std::thread::Builder::new().name(format!("modlens port {port}")).spawn(run)?)
@@ -254,6 +316,7 @@ mod reader {
     /// Reads until the port ends (gives the error's number, 0 for none) or it is told to stop (None).
     fn listen(shared: &Shared, port: usize, file: &OwnedFd, stop: &PipeReader, mut unmark: Option<Unmark>) -> Option<u32> {
         let mut buffer = [0u8; READ_SIZE];
+        let mut pace = Pace::default();
         loop {
             let mut ready = [PollFd::new(file, PollFlags::IN), PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
             match poll(&mut ready, None) {
@@ -276,8 +339,12 @@ mod reader {
                 Some(unmark) => unmark.push(&buffer[..length], &mut data, &mut errors),
                 None => data.extend_from_slice(&buffer[..length]),
             }
+            let rest = pace.rest(length, time);
             if !data.is_empty() {
-                shared.push(Item { port, time, data: Some(data), errors, hole: false });
+                shared.push(Item { seldom: !rest.is_zero(), ..Item::new(port, time, Some(data), errors) });
+            }
+            if !rest.is_zero() {
+                std::thread::sleep(rest);
             }
         }
     }

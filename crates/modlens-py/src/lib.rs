@@ -11,6 +11,7 @@ mod profile;
 mod session;
 mod stream;
 mod table;
+mod view;
 
 use modlens_core::checksum;
 use modlens_core::finding::Finding;
@@ -117,6 +118,8 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<lines::Pieces>()?;
     module.add_class::<stream::ArrowStream>()?;
     module.add_class::<inbox::Inbox>()?;
+    module.add_class::<view::Lines>()?;
+    module.add_function(wrap_pyfunction!(view::carried, module)?)?;
     module.add_class::<session::Batch>()?;
     module.add_class::<session::Session>()?;
     Ok(())

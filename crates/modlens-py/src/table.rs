@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema};
 use arrow_array::{Array, RecordBatch, StructArray};
-use modlens_core::columns::{Cell, Kind, Table as Core, TableKind};
+use modlens_core::columns::{Cell, Kind, RowRef, Table as Core, TableKind};
 use modlens_core::predicate::Predicate as CorePredicate;
 use modlens_core::records::Frame;
 use modlens_core::write;
@@ -216,7 +216,7 @@ impl Rows {
 /// One row; every column is an attribute.
 #[pyclass(frozen, module = "_modlens")]
 pub struct Row {
-    table: Core,
+    pub(crate) table: Core,
     row: usize,
 }
 
@@ -261,6 +261,10 @@ impl Row {
 }
 
 impl Row {
+    pub(crate) fn core(&self) -> RowRef<'_> {
+        self.table.row(self.row)
+    }
+
     fn value<'py>(&self, py: Python<'py>, column: usize) -> PyResult<Bound<'py, PyAny>> {
         let cell = self.table.cell(self.row, column);
         let float = matches!(self.table.kind.columns()[column].kind, Kind::Float);

@@ -6,25 +6,102 @@ import time
 
 import pytest
 
-from analyzer.sources import clock as clock_module
-from analyzer.sources.clock import Clock
+from analyzer.sources.clock import Change, Clock, asleep_ns, monotonic_ns
 
 S = 10**9
 
 
-def test_the_clock_never_runs_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small corrections do not show, steps forward are followed, steps back are told once."""
-    wall, steady = [1_000 * S], [5 * S]
-    monkeypatch.setattr(time, "time_ns", lambda: wall[0])
-    monkeypatch.setattr(clock_module, "monotonic_ns", lambda: steady[0])
-    clock = Clock()
-    assert clock.now_ns() == wall[0]
-    steady[0] += S
-    wall[0] += S + 400_000_000  # a correction
-    assert (clock.check(), clock.now_ns()) == (0, 1_001 * S)
-    wall[0] -= 3600 * S  # set back an hour
-    assert clock.check() == pytest.approx(-3600 * S, abs=S)
-    assert (clock.check(), clock.now_ns()) == (0, 1_001 * S)
-    wall[0] = 5_000 * S  # woken from sleep
-    assert (clock.check(), clock.now_ns()) == (3_999 * S, 5_000 * S)
-    assert clock.at(0) == 5_000 * S - steady[0]
+class Machine:
+    """Three clocks in a test's hand: seconds on the wall, since the start, asleep since then."""
+
+    def __init__(self) -> None:
+        """It has run for five seconds."""
+        self.wall, self.steady, self.asleep = 1_000 * S, 5 * S, 0
+        self.clock = Clock(lambda: self.wall, lambda: self.steady, lambda: self.asleep)
+
+    def go_on(self, seconds: float) -> None:
+        """Time passes on all of them."""
+        self.wall += round(seconds * S)
+        self.steady += round(seconds * S)
+
+    def sleep(self, seconds: float) -> None:
+        """The monotonic clock stands still."""
+        self.wall += round(seconds * S)
+        self.asleep += round(seconds * S)
+
+
+def test_a_correction_does_not_show() -> None:
+    """Less than a second, forward or back: times go on as they did."""
+    machine = Machine()
+    for correction in (0.4, -0.9, 0.99):
+        machine.go_on(1)
+        machine.wall += round(correction * S)
+        before = machine.clock.now_ns()
+        assert machine.clock.check() == Change()
+        machine.clock.follow()
+        machine.go_on(1)
+        assert machine.clock.now_ns() >= before + S
+
+
+def test_a_clock_that_is_set_forward_is_followed_when_somebody_says_so() -> None:
+    """The step is told once; until then what is under way on the line keeps its times."""
+    machine = Machine()
+    machine.wall += 3600 * S
+    assert machine.clock.check() == Change(step_ns=3600 * S)
+    assert machine.clock.is_late
+    machine.go_on(10)
+    assert machine.clock.check() == Change()
+    assert machine.clock.now_ns() == 1_010 * S
+    machine.clock.follow()
+    assert machine.clock.now_ns() == machine.wall == 4_610 * S
+    assert not machine.clock.is_late
+    assert machine.clock.check() == Change()
+
+
+def test_a_clock_that_is_set_back_is_not_followed() -> None:
+    """It is told once; when it is right again nothing jumps."""
+    machine = Machine()
+    machine.wall -= 3600 * S
+    assert machine.clock.check() == Change(step_ns=-3600 * S)
+    machine.go_on(1)
+    assert machine.clock.check() == Change()
+    machine.clock.follow()
+    assert machine.clock.now_ns() == 1_001 * S
+    machine.wall += 3600 * S
+    assert machine.clock.check() == Change(step_ns=3600 * S)
+    assert machine.clock.now_ns() == 1_001 * S
+    assert machine.clock.at(0) == 1_001 * S - machine.steady
+
+
+@pytest.mark.parametrize("nap", [0.2, 3600])
+def test_a_sleep_is_no_step_of_the_clock(nap: float) -> None:
+    """The wall clock is ahead by as much; it is followed at once, because nothing is under way."""
+    machine = Machine()
+    machine.go_on(7)
+    machine.sleep(nap)
+    machine.go_on(1)
+    assert machine.clock.check() == Change(slept_ns=round(nap * S))
+    assert machine.clock.now_ns() == machine.wall
+    assert machine.clock.check() == Change()
+
+
+def test_a_clock_may_be_set_in_the_sleep() -> None:
+    """As by a server of times, right after it: both are told."""
+    machine = Machine()
+    machine.sleep(100)
+    machine.wall += 50 * S
+    assert machine.clock.check() == Change(step_ns=50 * S, slept_ns=100 * S)
+    assert machine.clock.now_ns() == machine.wall
+    machine.sleep(100)
+    machine.wall -= 50 * S
+    assert machine.clock.check() == Change(step_ns=-50 * S, slept_ns=100 * S)
+    assert machine.clock.check() == Change()
+
+
+def test_this_machine_is_awake() -> None:
+    """What it has slept does not change while it runs."""
+    before = asleep_ns()
+    time.sleep(0.05)
+    assert abs(asleep_ns() - before) < S // 100
+    assert Clock().now_ns() == pytest.approx(time.time_ns(), abs=S)
+    assert monotonic_ns() == pytest.approx(time.monotonic_ns(), abs=S)

@@ -14,6 +14,7 @@ import pytest
 from analyzer import PortError
 from analyzer.line import Line
 from analyzer.sources import live as live_module
+from analyzer.sources.clock import Clock
 from analyzer.sources.live import Listening, Tapped
 from analyzer.sources.serial import Chunk, Port
 
@@ -24,6 +25,7 @@ import pty
 import tty
 
 LINE = Line(19200)
+S = 10**9
 
 
 class FarEnd:
@@ -157,17 +159,50 @@ def test_overruns_are_told_and_marked(tmp_path: Path, monkeypatch: pytest.Monkey
     end.pull()
 
 
-def test_a_jump_of_the_clock_is_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The machine slept: nobody knows what was on the line."""
+class Machine:
+    """A clock whose wall can be set, and which can sleep: the nanoseconds are added to the real."""
+
+    def __init__(self) -> None:
+        """Nothing has happened yet."""
+        self.set = self.slept = 0
+        self.clock = Clock(lambda: time.time_ns() + self.set, asleep=lambda: self.slept)
+
+
+def test_a_sleep_of_the_machine_is_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody knows what was on the line meanwhile; times are those of the wall at once."""
     monkeypatch.setattr(live_module, "CHECK_NS", 0)
-    end = FarEnd(tmp_path / "ttyA")
-    said: list[str] = []
-    with closing(Listening([Tapped(str(end.link), LINE)], said.append)) as listening:
-        listening.clock._shift -= 3600 * 10**9
+    end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
+    tapped = [Tapped(str(end.link), LINE)]
+    with closing(Listening(tapped, said.append, clock=machine.clock)) as listening:
+        machine.set = machine.slept = 3600 * S
         listening.take(0.0)
         os.write(end.far, b"x")
         ((_, chunk),) = gather(listening, 1)
     assert chunk.hole
-    assert abs(chunk.time_ns - time.time_ns()) < 10**9
-    assert said == ["the clock jumped forward by 3600.0 s; times follow it"]
+    assert abs(chunk.time_ns - time.time_ns() - 3600 * S) < S
+    assert said == ["the machine slept for 3600.0 s; what was on the line meanwhile is lost"]
+    end.pull()
+
+
+def test_a_clock_that_is_set_forward_is_no_hole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The line went on: times follow when nothing is under way on it, and not before."""
+    monkeypatch.setattr(live_module, "CHECK_NS", 0)
+    end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
+    tapped = [Tapped(str(end.link), LINE)]
+    times = []
+    with closing(Listening(tapped, said.append, clock=machine.clock, pause_ns=S // 5)) as listening:
+        os.write(end.far, b"a")
+        gather(listening, 1)
+        machine.set = 3600 * S
+        for pause in (0.0, 0.05, 0.4):
+            time.sleep(pause)
+            listening.take(0.0)
+            os.write(end.far, b"x")
+            ((_, chunk),) = gather(listening, 1)
+            assert not chunk.hole
+            times.append(round((chunk.time_ns - time.time_ns()) / S))
+    assert times == [0, 0, 3600]
+    assert said == ["the clock was set forward by 3600.0 s; times follow at a pause of the line"]
     end.pull()

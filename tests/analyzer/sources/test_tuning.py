@@ -3,96 +3,13 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 
 import pytest
 
-import _modlens
-from analyzer.line import Line, parse_line
+from analyzer.line import parse_line
 from analyzer.sources.serial import Chunk
 from analyzer.sources.tuning import BAUDS, Tuner
-from tests.support.uart import Heard, Uart, Wire
-
-LOAD = 0.2
-MOST_S = 10.0
-"""Of traffic at 20 % bus load, within which the settings are to be found."""
-
-NS = 1_000_000_000
-READ_S, FLUSH_S = 0.001, 0.016
-RTU = ("8E1", "8O1", "8N1", "8N2")
-ASCII = ("7E1", "7O1", "7N2", "8N1", "8E1", "7E2")
-
-
-def rtu(body: bytes) -> bytes:
-    """With its checksum."""
-    return body + _modlens.crc16(body).to_bytes(2, "little")
-
-
-def colon(body: bytes) -> bytes:
-    """In ASCII."""
-    return b":" + (body + bytes([_modlens.lrc(body)])).hex().upper().encode() + b"\r\n"
-
-
-def polls(mode: str, seed: int) -> Iterator[tuple[bytes, bytes]]:
-    """A master's list, round and round; the values move."""
-    rng = random.Random(seed)
-    wrap = rtu if mode == "rtu" else colon
-    units = rng.sample(range(1, 40), 3)
-    while True:
-        for unit in units:
-            address, count = rng.choice([0, 100, 1000]), rng.choice([1, 2, 4, 6])
-            request = bytes([unit, 3]) + address.to_bytes(2, "big") + count.to_bytes(2, "big")
-            values = b"".join(
-                rng.choice([0, 1, rng.randrange(65536)]).to_bytes(2, "big") for _ in range(count)
-            )
-            yield wrap(request), wrap(bytes([unit, 3, 2 * count]) + values)
-
-
-def traffic(line: Line, mode: str, seed: int, *, inverted: bool = False) -> Wire:
-    """A line with some more seconds of polling at 20 % load."""
-    wire, now = Wire(line, inverted=inverted), 0.05
-    for request, response in polls(mode, seed):
-        begun = now
-        busy = (len(request) + len(response)) * line.char_bits / line.baud
-        behind = wire.send(request, now)
-        wire.send(response, behind + 0.005)
-        now = begun + max(busy / LOAD, busy + 0.01)
-        if now > MOST_S * 1.5:
-            return wire
-    return wire
-
-
-def listen(
-    tuner: Tuner, wire: Wire, *, coarse: int = 1, marks: bool = True, resync: bool = True
-) -> float:
-    """Let it hear the line until it knows; gives the seconds that it took.
-
-    The line is read each millisecond; `coarse` is an adapter that hands over so many bytes at a
-    time, all of them marked if one is.
-    """
-    now = 0.0
-    receiving, line = Uart(tuner.line, resync=resync).receive(wire, now), tuner.line
-    following = next(receiving, None)
-    buffered: list[Heard] = []
-    while tuner.found is None and now < MOST_S * 1.5 and (following or buffered):
-        now += READ_S
-        while following is not None and following.time_s <= now:
-            buffered.append(following)
-            following = next(receiving, None)
-        if not buffered:
-            tuner.advance(round(now * NS))
-        elif len(buffered) >= coarse or now - buffered[-1].time_s > FLUSH_S:
-            errors = [place for place, one in enumerate(buffered) if one.error]
-            if coarse > 1 and errors:
-                errors = list(range(len(buffered)))
-            data = bytes(one.byte for one in buffered)
-            tuner.feed(0, Chunk(data, round(now * NS), errors if marks else ()))
-            buffered.clear()
-        if tuner.line != line:
-            receiving, line = Uart(tuner.line, resync=resync).receive(wire, now), tuner.line
-            following = next(receiving, None)
-            buffered.clear()
-    return now
+from tests.support.overheard import ASCII, MOST_S, RTU, listen, polls, traffic
 
 
 def cases() -> list[tuple[str, str]]:
@@ -114,6 +31,18 @@ def test_the_settings_are_found(settings: str, mode: str) -> None:
     assert tuner.found is not None
     assert (str(tuner.found.line), tuner.found.mode) == (settings, mode)
     assert "right checksum" in tuner.found.evidence
+    assert seconds < MOST_S
+
+
+@pytest.mark.parametrize(
+    "settings", ["1200-7E1", "2400-7E1", "2400-7O1", "1200-7N2", "2400-7N2", "4800-8N1"]
+)
+def test_who_begins_to_listen_within_a_burst_waits_for_the_next(settings: str) -> None:
+    """The first characters are nonsense at any settings; `make settings` tries all of them."""
+    tuner = Tuner()
+    seconds = listen(tuner, traffic(parse_line(settings), "ascii", 1))
+    assert tuner.found is not None
+    assert (str(tuner.found.line), tuner.found.mode) == (settings, "ascii")
     assert seconds < MOST_S
 
 

@@ -1,11 +1,8 @@
-"""Tables that are printed while they grow."""
+"""Small tables: widths and sides. The lines of rows are the core's; see test_table."""
 
 from __future__ import annotations
 
-from hypothesis import given
-from hypothesis import strategies as st
-
-from analyzer.views.grid import Field, Grid, Head, Items, Run
+from analyzer.views.grid import Field, Grid, Head
 from analyzer.views.screen import Part
 
 
@@ -53,28 +50,3 @@ def test_a_narrow_terminal_gets_the_least_widths() -> None:
     """Nothing becomes negative."""
     table = grid([Head("name", 8, share=1), Head("n")], [["a", "1"]], 5)
     assert text_of(table.line(["abcdefghijk", "1"])) == "abcdefg… 1"
-
-
-@given(st.lists(st.integers(0, 65535).map(str)), st.integers(1, 60))
-def test_items_are_shown_as_far_as_they_fit(values: list[str], width: int) -> None:
-    """All of them, or some and the number of the others."""
-    shown = Items(values).within(width)
-    if "…" not in shown:
-        assert shown == " ".join(values)
-    else:
-        begun, _, more = shown.partition("…")
-        assert begun.split() == values[: len(begun.split())]
-        assert len(begun.split()) + int(more.strip().removeprefix("+")) == len(values)
-        assert len(shown) <= width or not begun
-
-
-def test_items_can_stand_for_several() -> None:
-    """Groups of bits count as bits."""
-    assert Items(["10110011", "10110011", "1"], [8, 8, 1]).within(14) == "10110011 … +9"
-
-
-@given(st.lists(st.text("abc", max_size=9), max_size=5), st.integers(0, 40))
-def test_a_run_never_takes_more_than_its_room(texts: list[str], width: int) -> None:
-    """What is behind the end is left out."""
-    run = Run([(text, "") for text in texts] + [(Items(["1", "2", "3"]), "")])
-    assert len(text_of(run.within(width))) <= width

@@ -17,13 +17,15 @@ from analyzer.views.tables import Look
 
 def shown(  # noqa: PLR0913 - a table can look in so many ways
     path: Path, monkeypatch: pytest.MonkeyPatch, *, table: str = "transactions", width: int = 80,
-    look: Look | None = None, where: str | None = None,
+    look: Look | None = None, where: str | None = None, settings: str | None = "19200-8E1",
+    profile: str | None = None,
 ) -> list[str]:  # fmt: skip
     """The lines of a recording's table."""
     monkeypatch.setenv("COLUMNS", str(width))
+    profiles = [] if profile is None else [f"1={profile}"]
     stream = io.StringIO()
     sink = TableSink(table, Screen(stream), look or Look(times="utc"), where=where)
-    for batch in decode(path, line="19200-8E1").batches(table):
+    for batch in decode(path, line=settings, profiles=profiles).batches(table):
         sink.put(batch)
     return stream.getvalue().splitlines()
 
@@ -114,6 +116,36 @@ def test_local_time_names_its_zone(polls: Path, monkeypatch: pytest.MonkeyPatch)
     assert "time +14:00" in head
     assert day == "2026-11-22"
     assert " 01:13:10." in line
+
+
+@pytest.mark.parametrize(("width", "shown_as"), [(80, "11:59:59.999"), (132, "11:59:59.999999")])
+def test_a_clock_is_cut_not_rounded(
+    width: int, shown_as: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A time of day never shows what has not come yet."""
+    path = tmp_path / "bus.jsonl"
+    path.write_text('{"t": 1697025599.9999999, "hex": "010300000001840a"}\n')
+    _, day, line = shown(path, monkeypatch, width=width, settings=None)
+    assert day == "2023-10-11"
+    assert line.split()[1] == shown_as
+
+
+@pytest.mark.parametrize("table", ["transactions", "readings"])
+def test_names_and_labels_move_no_cursor(
+    table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A profile is text from outside, too: what hides in it is spelled out."""
+    profile = tmp_path / "p.toml"
+    label = "on\\u001b[2J\\u00ad\\u202e"
+    profile.write_text(
+        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "mode"\ntype = "u16"\n'
+        f'enum = {{7 = "{label}"}}\n'
+    )
+    path = tmp_path / "bus.hex"
+    path.write_text("010300000001840a\n0103020007f986\n")
+    text = "".join(shown(path, monkeypatch, table=table, width=200, profile=str(profile)))
+    assert "on\\x1b[2J\\xad\\u202e" in text
+    assert text.isprintable()
 
 
 def test_without_a_clock_the_place_in_the_file_stands_there(

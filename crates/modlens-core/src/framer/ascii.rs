@@ -46,7 +46,7 @@ impl Ascii {
         let edge = input.edge_after(0, bytes.len().min(LIMIT), CHARACTER_TIMEOUT);
         let there = &bytes[..edge.unwrap_or(bytes.len()).min(LIMIT)];
         let end = |at, text, cut_by, finding| Some(End { at, text, cut_by, finding });
-        for i in memchr3_iter(b':', b'\n', b'\r', there).skip_while(|&at| at == 0) {
+        if let Some(i) = memchr3_iter(b':', b'\n', b'\r', there).find(|&at| at > 0) {
             match there[i] {
                 b':' => return end(i, i, CutBy::Restart, None),
                 b'\n' => return end(i + 1, i, CutBy::Delimiter, Some(Finding::BareLineFeed)),

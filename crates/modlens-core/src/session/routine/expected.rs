@@ -75,17 +75,13 @@ impl Expected {
         if bytes.len() < length {
             return false;
         }
-        match self.id {
-            Some(id) => {
-                let [id, other] = id.to_be_bytes();
-                let header = [id, other, 0, 0, 0, (length - MBAP) as u8];
-                bytes[..MBAP] == header && bytes[MBAP..MBAP + HEAD] == head && self.padding & bytes[length - 1] == 0
-            }
-            None => {
-                let last = bytes[length - 1 - CHECKSUM];
-                bytes[..HEAD] == head && self.padding & last == 0 && crc_valid_at(bytes, length)
-            }
-        }
+        let Some(id) = self.id else {
+            let last = bytes[length - 1 - CHECKSUM];
+            return bytes[..HEAD] == head && self.padding & last == 0 && crc_valid_at(bytes, length);
+        };
+        let [id, other] = id.to_be_bytes();
+        let header = [id, other, 0, 0, 0, (length - MBAP) as u8];
+        bytes[..MBAP] == header && bytes[MBAP..MBAP + HEAD] == head && self.padding & bytes[length - 1] == 0
     }
 
     /// Where the PDU stands in a frame, and what of its length is not PDU.
