@@ -33,7 +33,7 @@ class Cockpit:
     """
 
     name = "the screen"
-    table = "transactions"
+    table = ""
 
     def __init__(self, board: Board, view: str, screen: Screen) -> None:
         self.leaving = False

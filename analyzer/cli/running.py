@@ -76,7 +76,7 @@ def run_files(
 
 
 class LiveSink(Sink, Protocol):
-    """A sink that counts its rows and can be closed."""
+    """A sink that counts its rows and can be closed; `table` is empty where nothing is written."""
 
     table: str
     rows: int
@@ -112,6 +112,7 @@ class Outputs:
         self._filtered = options.where is not None
         self._sinks: list[LiveSink] = list(more)
         self._watching: list[Sink] = []
+        self._failures = 0
         wanted = [] if getattr(options, "around", None) else targets(options)
         with ExitStack() as opened:
             if to == TABLE:
@@ -144,11 +145,16 @@ class Outputs:
             raise UsageError("nowhere to write to; add -o FILE or --to FORMAT")
 
     def pump(self, run: Run, stop: Callable[[], bool]) -> None:
-        """Pass everything through until `stop()` says so.
+        """Pass everything through until `stop()` says so, or nobody is left to write to.
 
         Errors of the input are raised when the sinks have got what came before.
         """
-        pump(run, [*self._watching, *self._sinks], stop=stop, failed=self._failed)
+        pump(
+            run,
+            [*self._watching, *self._sinks],
+            stop=lambda: stop() or self._failures >= len(self._sinks),
+            failed=self._failed,
+        )
 
     def watch(self, *sinks: Sink) -> None:
         """Show them everything, too; they write nothing."""
@@ -162,7 +168,7 @@ class Outputs:
             except (SourceError, BrokenPipeError) as error:
                 self._failed(sink, error)
                 continue
-            if not isinstance(sink, TableSink) or self._filtered:
+            if sink.table and (not isinstance(sink, TableSink) or self._filtered):
                 self._notes.say(f"{sink.name}: {sink.rows:,} {sink.table}")
             remark = sink.remark() if isinstance(sink, ExportSink) else ""
             if remark:
@@ -175,6 +181,7 @@ class Outputs:
         self._opened.close()
 
     def _failed(self, sink: Sink, error: SourceError | BrokenPipeError) -> None:
+        self._failures += 1
         if isinstance(error, BrokenPipeError):
             self.silenced = len(self._sinks) == 1
             forget(STDOUT)

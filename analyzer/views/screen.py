@@ -91,6 +91,17 @@ def _written() -> Iterator[None]:
         raise _unwritten(error) from error
 
 
+def _cut(line: Iterable[Part], width: int) -> Iterator[Part]:
+    """As much of a line as there is room for."""
+    for text, style in line:
+        taken = width_of(text)
+        if taken > width:
+            yield fit(text, width), style
+            return
+        width -= taken
+        yield text, style
+
+
 class _Terminal(Console):
     """rich ends the process when the reader of a pipe goes away; here the caller decides."""
 
@@ -164,10 +175,10 @@ class Screen:
         self._console.set_alt_screen(False)
 
     def page(self, lines: Sequence[Iterable[Part]]) -> None:
-        """Draw lines over the ones before, each to the edge of the terminal."""
-        segments = [Control.home().segment]
+        """Draw lines over the ones before, each to the edge of the terminal and not beyond."""
+        segments, width = [Control.home().segment], self.size[0]
         for number, line in enumerate(lines):
-            segments += [Segment(text, STYLES.get(style)) for text, style in line]
+            segments += [Segment(text, STYLES.get(style)) for text, style in _cut(line, width)]
             segments.append(_CLEAR_REST)
             if number < len(lines) - 1:
                 segments.append(Segment.line())

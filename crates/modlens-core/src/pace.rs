@@ -24,7 +24,7 @@ impl Pace {
     const LEAST: usize = 512;
 
     /// What is printed of a line is printed so late.
-    const REST: Ns = 7_000_000;
+    const REST: Ns = 8_000_000;
 
     /// Drivers hold a few thousand bytes.
     const MOST: usize = 2048;

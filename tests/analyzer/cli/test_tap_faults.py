@@ -102,6 +102,25 @@ def test_a_stalled_display_loses_nothing(tmp_path: Path) -> None:
     assert shown.read_text().count(" ok 7") == count
 
 
+def test_a_closed_pipe_ends_the_tap() -> None:
+    """As `modlens tap PORT | head` does: nobody is left to write to, and nothing is said of it."""
+    wired = Wired()
+    running = tap(wired.name, stdout=subprocess.PIPE)
+    assert running.stdout is not None
+    os.write(wired.far, PAIR)
+    assert "txn" in running.stdout.readline()
+    running.stdout.close()
+    until = time.monotonic() + 10.0
+    while running.poll() is None and time.monotonic() < until:
+        os.write(wired.far, PAIR)
+        time.sleep(0.05)
+    assert running.poll() == 0
+    assert running.stderr is not None
+    assert running.stderr.read() == ""
+    running.stderr.close()
+    wired.close()
+
+
 def test_a_full_disk_stops_one_file_only(tmp_path: Path) -> None:
     """It is told at once, the other file is whole, the exit status says it."""
     wired = Wired()

@@ -62,6 +62,11 @@ def test_keys_do_what_the_foot_says() -> None:
         terminal.press("-l", "unit == 1")
         terminal.press("Enter")
         terminal.wait_for("filter: unit == 1")
+        terminal.press("t")
+        terminal.resize(40, 8)
+        small = terminal.wait_for(lambda text: "modlens table" in text and "quit" not in text)
+        assert small.splitlines()[0].startswith("modlens table")
+        assert [line.split()[0] for line in small.splitlines()[1:3]] == ["unit", "1"]
         terminal.press("m")
         terminal.resize(80, 6)
         first = terminal.wait_for("1-4 of")
