@@ -2,6 +2,7 @@
 #![allow(clippy::inline_always)] // See `Put`.
 
 use std::mem::ManuallyDrop;
+use std::ops::Range;
 use std::sync::Arc;
 
 use arrow_array::{
@@ -44,12 +45,12 @@ fn data_type(kind: Kind) -> DataType {
 
 /// The rows of a table as one record batch.
 pub fn batch(table: &Table) -> RecordBatch {
-    batch_of(table, &all(table.kind))
+    batch_of(table, 0..table.len(), &all(table.kind))
 }
 
-/// Some columns of the rows as one record batch.
-pub fn batch_of(table: &Table, columns: &[usize]) -> RecordBatch {
-    let rows: Vec<RowRef<'_>> = (0..table.len()).map(|row| table.row(row)).collect();
+/// Some columns of some rows as one record batch.
+pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordBatch {
+    let rows: Vec<RowRef<'_>> = rows.map(|row| table.row(row)).collect();
     let arrays = columns.iter().map(|&column| array(&rows, table.kind, column)).collect();
     RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }

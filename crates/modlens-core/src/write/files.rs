@@ -6,7 +6,6 @@ use std::collections::HashMap;
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 
-use arrow_array::RecordBatch;
 use arrow_ipc::writer::FileWriter;
 use arrow_schema::{ArrowError, Schema};
 use parquet::arrow::ArrowWriter;
@@ -19,6 +18,10 @@ use crate::columns::{Kind, Table, TableKind};
 
 /// Rows that a part of a Parquet file holds; its columns are in memory until it is complete.
 const ROW_GROUP: usize = 65_536;
+
+/// Rows that are Arrow columns at the same time on their way to Parquet; a multiple of the rows that its writer takes at a
+/// time, so that nothing shows of it.
+const AT_ONCE: usize = 16_384;
 
 /// Columns with few different values: a dictionary makes them small. On all others it costs time and room.
 const FEW_VALUES: [&str; 21] = [
@@ -128,16 +131,17 @@ impl RowFile {
 
     /// Takes the rows of a table; `out` gets what can be written.
     pub fn rows(&mut self, table: &Table, out: &mut Vec<u8>) -> Result<(), ArrowError> {
-        if !table.is_empty() {
-            let batch: RecordBatch = batch_of(table, &self.columns);
-            match self.writer.as_mut() {
-                Some(Writer::Arrow(writer)) => {
-                    let batch = batch.with_schema(Arc::clone(writer.schema()))?;
-                    writer.write(&batch)?;
-                }
-                Some(Writer::Parquet(writer)) => writer.write(&batch)?,
-                None => {}
+        match self.writer.as_mut() {
+            Some(Writer::Arrow(writer)) if !table.is_empty() => {
+                let batch = batch_of(table, 0..table.len(), &self.columns).with_schema(Arc::clone(writer.schema()))?;
+                writer.write(&batch)?;
             }
+            Some(Writer::Parquet(writer)) => {
+                for start in (0..table.len()).step_by(AT_ONCE) {
+                    writer.write(&batch_of(table, start..table.len().min(start + AT_ONCE), &self.columns))?;
+                }
+            }
+            _ => {}
         }
         self.made.take(out);
         Ok(())
