@@ -131,10 +131,22 @@ def test_no_line_is_lost(name: str) -> None:
     check()
 
 
+BLANKS = " \t\r\f\u00a0\u202f\u3000" + "".join(map(chr, range(0x2000, 0x200C)))
+"""Typographers' ones among them, as pasted text has them."""
+
+
 def is_countable(line: bytes) -> bool:
     """Neither blank nor a comment, as the README has them."""
-    text = line.strip(b" \t\r\f")
-    return bool(text) and not text.startswith((b"#", b"//", b";", b"```"))
+    text = line.decode("utf-8", "surrogateescape").strip(BLANKS)
+    ascii_form = "".join(chr(ord(c) - 0xFEE0) if 0xFF01 <= ord(c) <= 0xFF5E else c for c in text)
+    return bool(text) and not ascii_form.startswith(("#", "//", ";", "```"))
+
+
+@pytest.mark.parametrize("line", ["\u00a0", "\u3000 ", "\uff03 a comment", "\u2003// one more"])
+def test_blanks_of_typographers_are_blank(line: str) -> None:
+    """A line of them is none, and what stands behind them begins the line."""
+    _, _, unparsed = TABLE.read("hex", f"{line}\n".encode())
+    assert (unparsed, is_countable(line.encode())) == (0, False)
 
 
 @pytest.mark.parametrize("name", WRITERS)
