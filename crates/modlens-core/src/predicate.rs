@@ -69,14 +69,25 @@ impl Predicate {
     /// The rows to be kept.
     #[must_use]
     pub fn filter(&self, table: &Table) -> Table {
-        if let Expr::Compare(op, a, b) = &self.root {
-            if let (Expr::Column(column), Some(limit)) = (&**a, limit(b)) {
-                if let Some(numbers) = table.numbers(*column) {
-                    return table.filter(|_, row| numbers(row).is_some_and(|number| fits(*op, number.partial_cmp(&limit))));
-                }
-            }
+        if let Some(kept) = self.by_numbers(table) {
+            return kept;
         }
         table.filter(|table, row| self.holds(table, row))
+    }
+
+    /// A column of numbers beside a constant: without a look at each row.
+    fn by_numbers(&self, table: &Table) -> Option<Table> {
+        let Expr::Compare(op, a, b) = &self.root else { return None };
+        let (Expr::Column(column), limit) = (&**a, limit(b)?) else { return None };
+        match op {
+            Compare::Eq => table.with_numbers(*column, |number| number.partial_cmp(&limit) == Some(Ordering::Equal)),
+            // What is no number differs from nothing.
+            Compare::Ne => table.with_numbers(*column, |number| number.partial_cmp(&limit).is_some_and(Ordering::is_ne)),
+            Compare::Lt => table.with_numbers(*column, |number| number < limit),
+            Compare::Le => table.with_numbers(*column, |number| number <= limit),
+            Compare::Gt => table.with_numbers(*column, |number| number > limit),
+            Compare::Ge => table.with_numbers(*column, |number| number >= limit),
+        }
     }
 
     /// Whether the row is to be kept.

@@ -1,9 +1,9 @@
 //! The session.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use modlens_core::chunk::{Chunk, Times};
-use modlens_core::columns::TableKind;
+use modlens_core::columns::{Table as CoreTable, TableKind};
 use modlens_core::framer::silence::Rule;
 use modlens_core::framer::Mode;
 use modlens_core::logic::Wiring;
@@ -44,6 +44,7 @@ fn clock_name(clock: Clock) -> &'static str {
 #[pyclass(frozen, module = "_modlens")]
 pub struct Batch {
     pub(crate) core: Arc<CoreBatch>,
+    readings: OnceLock<CoreTable>,
 }
 
 #[pymethods]
@@ -60,7 +61,9 @@ impl Batch {
 
     #[getter]
     fn readings(&self) -> Table {
-        table(&self.core, TableKind::Readings)
+        // Its rows are counted to make it: once is enough.
+        let made = || CoreTable::new(Arc::clone(&self.core), TableKind::Readings);
+        Table { core: self.readings.get_or_init(made).clone() }
     }
 
     #[getter]
@@ -281,7 +284,7 @@ impl Session {
     }
 
     fn take(&mut self) -> Batch {
-        Batch { core: Arc::new(self.core.take()) }
+        Batch { core: Arc::new(self.core.take()), readings: OnceLock::new() }
     }
 
     fn stats(&self) -> String {

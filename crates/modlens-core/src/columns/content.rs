@@ -9,6 +9,7 @@ use crate::columns::{functions, Cell, Items};
 use crate::functions::{Layout, Operation, Row};
 use crate::pdu::{self, u16_at, Node};
 use crate::points::Value;
+use crate::profile::Space;
 use crate::records::{Batch, Status, Transaction};
 
 /// A transaction with its row of the table of functions, which most columns ask for.
@@ -69,6 +70,23 @@ impl<'a> Exchange<'a> {
         self.row?.register_type.as_deref()
     }
 
+    #[inline]
+    pub(super) fn space(self) -> Option<Space> {
+        self.row?.space
+    }
+
+    /// First register or bit of what was read, and its content.
+    #[inline]
+    pub(super) fn read(self, batch: &Batch) -> Option<(u16, Items<'_>)> {
+        Some((self.read_range(batch)?.0, self.read_data(batch)?))
+    }
+
+    /// The same of what was written.
+    #[inline]
+    pub(super) fn written(self, batch: &Batch) -> Option<(u16, Items<'_>)> {
+        Some((self.write_range(batch)?.0, self.write_data(batch)?))
+    }
+
     fn response(self, batch: &Batch) -> &[u8] {
         self.t.response.pdu.of(&batch.arena)
     }
@@ -82,10 +100,10 @@ impl<'a> Exchange<'a> {
     #[inline]
     pub(super) fn read_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
-        let body = self.asked(batch)?;
         if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
             return None;
         }
+        let body = self.asked(batch)?;
         Some((u16_at(body, row.roles.address?)?, u16_at(body, row.roles.quantity?)?))
     }
 

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use serde_json::Value as Json;
 
+mod blocks;
 mod content;
 mod readings;
 mod shown;
@@ -18,9 +19,10 @@ use crate::functions::Functions;
 use crate::points::Value;
 use crate::records::{Batch, FindingRow, Frame, Place, Transaction};
 use crate::Ns;
+use blocks::{Item, Readings};
 use content::Exchange;
+use readings::READINGS;
 pub use readings::{each_value, Part};
-use readings::{Readings, READINGS};
 use tables::{Findings, Frames, Pass, PassExchange, Transactions, OF_THE_BUS};
 
 /// The embedded columns.
@@ -240,7 +242,7 @@ enum RowOf<'a> {
     Frame(&'a Frame),
     Transaction(Exchange<'a>),
     Finding(&'a FindingRow),
-    Reading(readings::Item<'a>),
+    Reading(Item<'a>),
 }
 
 /// Takes the values of columns: a writer.
@@ -390,7 +392,7 @@ impl Table {
     pub fn row(&self, row: usize) -> RowRef<'_> {
         let batch = &*self.batch;
         let of = match (&self.rows, self.kind) {
-            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(row)),
+            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(batch, row)),
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
             _ => RowOf::Transaction(Exchange::new(batch, &batch.transactions[self.index(row)])),
@@ -398,10 +400,14 @@ impl Table {
         RowRef { batch, of }
     }
 
-    /// A column of numbers, where these are to be had without a `Cell` between: the values of readings.
-    pub fn numbers(&self, column: usize) -> Option<impl Fn(usize) -> Option<f64> + '_> {
+    /// The rows whose number in a column is right, where the numbers are to be had without a `Cell` between: the values
+    /// of readings. Rows without a number are left out.
+    pub fn with_numbers(&self, column: usize, keep: impl Fn(f64) -> bool) -> Option<Self> {
         match &self.rows {
-            Rows::Readings(readings) if READINGS[column].0 == "value" => Some(|row| readings.number(&self.batch, row)),
+            Rows::Readings(readings) if READINGS[column].0 == "value" => {
+                let rows = Rows::Readings(readings.with_numbers(&self.batch, keep));
+                Some(Self { batch: Arc::clone(&self.batch), kind: self.kind, rows })
+            }
             _ => None,
         }
     }

@@ -1,63 +1,14 @@
 //! The readings table: a row a register or bit, and where a profile applies a row a value.
 
-use std::sync::Arc;
-
 use serde_json::{Map, Value as Json};
 
-use crate::columns::content::{read_data, read_range, row_of, write_data, write_range};
+use crate::columns::blocks::{parts, Item};
+use crate::columns::content::row_of;
 use crate::columns::tables::{bus, network, time, us};
 use crate::columns::{Cell, Items};
-use crate::points::{Bound, Compiled, Plan, Step, Value};
+use crate::points::{Bound, Compiled, Value};
 use crate::profile::Space;
-use crate::records::{Batch, Half, Span, Transaction};
-
-/// One row: which block, which part of it, which value of its plan.
-#[derive(Clone, Copy, Debug)]
-pub struct Reading {
-    /// In `Readings::blocks`.
-    block: u32,
-    /// In the plan of the transaction; `NONE` for a bare register or bit.
-    compiled: u32,
-    /// In the block.
-    item: u16,
-}
-
-/// What one transaction read or wrote: looked up once for all of its rows.
-#[derive(Clone, Copy, Debug)]
-struct Block {
-    /// In `Batch::transactions`.
-    txn: u32,
-    /// Whether it was written.
-    write: bool,
-    /// Its first register or bit.
-    first: u16,
-    data: Data,
-}
-
-/// Where the registers or bits of a block are in the arena.
-#[derive(Clone, Copy, Debug)]
-enum Data {
-    Words(Span),
-    Bits(Span, usize),
-    One(i32),
-}
-
-/// The rows of the table, and the blocks that they are parts of.
-#[derive(Clone, Debug)]
-pub struct Readings {
-    blocks: Arc<Vec<Block>>,
-    rows: Arc<Vec<Reading>>,
-}
-
-/// A row with its block.
-#[derive(Clone, Copy)]
-pub(super) struct Item<'a> {
-    block: &'a Block,
-    compiled: u32,
-    place: u16,
-}
-
-const NONE: u32 = u32::MAX;
+use crate::records::{Batch, Half, Transaction};
 
 pub(super) type ReadItem = for<'a> fn(&'a Batch, Item<'a>) -> Cell<'a>;
 
@@ -74,7 +25,7 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     ("unit", |b, r| Cell::Int(i64::from(txn(b, r).unit))),
     ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
     ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
-    ("address", |_, r| Cell::Int((i64::from(r.block.first) + i64::from(r.place)) & 0xFFFF)),
+    ("address", |_, r| Cell::Int(i64::from(r.step.address))),
     ("operation", |_, r| Cell::Word(if r.block.write { "write" } else { "read" })),
     ("status", |b, r| Cell::Word(txn(b, r).status.text())),
     ("raw", |b, r| raw(b, r).map_or(Cell::Null, Cell::Ints)),
@@ -93,87 +44,14 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     }),
 ];
 
-impl Readings {
-    /// The rows of a batch. Refused and unanswered writes are listed too, with their status.
-    pub(super) fn new(batch: &Batch) -> Self {
-        let mut blocks = Vec::with_capacity(batch.transactions.len());
-        // Mostly registers, of two bytes each.
-        let mut rows = Vec::with_capacity(if batch.transactions.is_empty() { 0 } else { batch.arena.len() / 2 });
-        for (txn, t) in batch.transactions.iter().enumerate() {
-            for write in [true, false] {
-                let Some((first, items)) = items_of(batch, t, write) else { continue };
-                let block = blocks.len() as u32;
-                match plan_of(batch, t) {
-                    Some((plan, space)) => plan.block(space, first, items.len(), |step| {
-                        rows.push(Reading { block, compiled: step.compiled.unwrap_or(NONE), item: step.item });
-                    }),
-                    None => rows.extend((0..items.len() as u16).map(|item| Reading { block, compiled: NONE, item })),
-                }
-                let data = match items {
-                    Items::Words(bytes) => Data::Words(batch.span_of(bytes)),
-                    Items::Bits(bytes, count) => Data::Bits(batch.span_of(bytes), count),
-                    Items::One(value) => Data::One(value),
-                };
-                blocks.push(Block { txn: txn as u32, write, first, data });
-            }
-        }
-        Self { blocks: Arc::new(blocks), rows: Arc::new(rows) }
-    }
-
-    /// Some of the rows.
-    pub(super) fn some(&self, rows: &[usize]) -> Self {
-        let rows = rows.iter().map(|&row| self.rows[row]).collect();
-        Self { blocks: Arc::clone(&self.blocks), rows: Arc::new(rows) }
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    #[inline]
-    pub(super) fn item(&self, row: usize) -> Item<'_> {
-        let Reading { block, compiled, item } = self.rows[row];
-        Item { block: &self.blocks[block as usize], compiled, place: item }
-    }
-
-    /// The column `value` of a row.
-    #[inline]
-    pub(super) fn number(&self, batch: &Batch, row: usize) -> Option<f64> {
-        number(batch, self.item(row))
-    }
-}
-
-/// What was written or read, and its first register or bit.
-fn items_of<'a>(batch: &'a Batch, t: &Transaction, write: bool) -> Option<(u16, Items<'a>)> {
-    let (items, range) =
-        if write { (write_data(batch, t)?, write_range(batch, t)?) } else { (read_data(batch, t)?, read_range(batch, t)?) };
-    Some((range.0, items))
-}
-
-/// The plan of a transaction, where its function has a table that points stand in.
-fn plan_of<'a>(batch: &Batch, t: &'a Transaction) -> Option<(&'a Plan, Space)> {
-    let bound = t.points.as_ref()?;
-    let space = row_of(batch, t).and_then(|row| Space::from_word(row.register_type.as_deref()?))?;
-    Some((&bound.plan, space))
-}
-
-/// The parts of what was written or read: registers, bits, and values of the plan.
-fn parts<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, Step)) {
-    let Some((first, items)) = items_of(batch, t, write) else { return };
-    match plan_of(batch, t) {
-        Some((plan, space)) => plan.block(space, first, items.len(), |step| part(&items, step)),
-        None => (0..items.len()).for_each(|item| part(&items, Step { item: item as u16, compiled: None })),
-    }
-}
-
 /// The named values of a transaction, as a map; those written first.
 pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let Some(bound) = &t.points else { return Cell::Null };
     let mut map = Map::new();
     for write in [true, false] {
-        parts(batch, t, write, |items, step| {
-            let Some(compiled) = step.compiled.map(|at| bound.plan.compiled(at)) else { return };
-            let value = value_of(items, step.item, bound, compiled);
+        parts(batch, t, write, |items, item, step| {
+            let Some(compiled) = step.compiled().map(|at| bound.plan.compiled(at)) else { return };
+            let value = value_of(items, item, bound, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
         });
     }
@@ -210,22 +88,9 @@ fn half<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Half {
     }
 }
 
-#[inline]
-fn items<'a>(batch: &'a Batch, block: &Block) -> Items<'a> {
-    match block.data {
-        Data::Words(span) => Items::Words(span.of(&batch.arena)),
-        Data::Bits(span, count) => Items::Bits(span.of(&batch.arena), count),
-        Data::One(value) => Items::One(value),
-    }
-}
-
-#[inline]
 fn point_of<'a>(batch: &'a Batch, at: Item<'_>) -> Option<(&'a Bound, &'a Compiled)> {
-    if at.compiled == NONE {
-        return None;
-    }
-    let bound = txn(batch, at).points.as_deref()?;
-    Some((bound, bound.plan.compiled(at.compiled)))
+    let (index, bound) = (at.step.compiled()?, txn(batch, at).points.as_deref()?);
+    Some((bound, bound.plan.compiled(index)))
 }
 
 fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
@@ -234,7 +99,7 @@ fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
 
 /// The registers or the bit of a row.
 fn raw<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Items<'a>> {
-    part(&items(batch, at.block), at.place, compiled(batch, at).map_or(1, |point| point.width))
+    part(&at.block.items(batch), at.place() as u16, compiled(batch, at).map_or(1, |point| point.width))
 }
 
 #[inline]
@@ -260,26 +125,9 @@ fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compi
 
 fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
     match point_of(batch, at) {
-        Some((bound, compiled)) => value_of(&items(batch, at.block), at.place, bound, compiled),
+        Some((bound, compiled)) => value_of(&at.block.items(batch), at.place() as u16, bound, compiled),
         None => raw(batch, at).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
     }
-}
-
-/// The number of a row: that of its value, without making one where the point is simple.
-#[inline]
-fn number(batch: &Batch, at: Item<'_>) -> Option<f64> {
-    let items = items(batch, at.block);
-    let Some((bound, point)) = point_of(batch, at) else {
-        return (usize::from(at.place) < items.len()).then(|| f64::from(items.get(usize::from(at.place))));
-    };
-    if let Items::Words(bytes) = items {
-        let first = 2 * usize::from(at.place);
-        let bytes = bytes.get(first..first + 2 * usize::from(point.width))?;
-        if let Some(number) = point.quick(bytes) {
-            return Some(number).filter(|number| number.is_finite());
-        }
-    }
-    value_of(&items, at.place, bound, point)?.number()
 }
 
 /// A value or a bare register or bit of a transaction, for those who go through all of them.
@@ -313,19 +161,18 @@ impl Part<'_> {
 /// Every value of a batch, by transaction; those written first.
 pub fn each_value(batch: &Batch, mut part: impl FnMut(Part<'_>)) {
     for t in &batch.transactions {
-        let Some(space) = row_of(batch, t).and_then(|row| Space::from_word(row.register_type.as_deref()?)) else { continue };
+        let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for write in [true, false] {
-            let Some((first, _)) = items_of(batch, t, write) else { continue };
-            parts(batch, t, write, |items, step| {
-                let compiled = step.compiled.and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
+            parts(batch, t, write, |items, item, step| {
+                let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
-                let Some(items) = self::part(items, step.item, width) else { return };
+                let Some(items) = self::part(items, item, width) else { return };
                 let raw = match items {
                     Items::Words(bytes) => bytes.to_vec(),
                     Items::One(number) if !space.bits() => (number as u16).to_be_bytes().to_vec(),
                     bit => vec![bit.get(0) as u8],
                 };
-                part(Part { transaction: t, space, address: first.wrapping_add(step.item), write, compiled, raw });
+                part(Part { transaction: t, space, address: step.address, write, compiled, raw });
             });
         }
     }

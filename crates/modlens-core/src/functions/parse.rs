@@ -4,6 +4,7 @@ use serde_json::Value as Json;
 
 use crate::functions::row::{Echo, Operation, Permit, Plain, Roles, Row};
 use crate::functions::shape::{Extent, Field, Layout, Shape, Word};
+use crate::profile::Space;
 
 /// The words of the table, as the messages name them.
 pub const WORDS: &str = "u8 u16 len8 len16 count8 count16 bits u8[] u16[] bytes group{...}";
@@ -86,6 +87,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
         name,
         when,
         operation,
+        space: register_type.as_deref().and_then(Space::from_word),
         register_type,
         plain: plain(&request, &response, &roles, &permits),
         echoes: echoes(&echo, &request, &response),

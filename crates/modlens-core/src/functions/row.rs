@@ -4,6 +4,7 @@ use serde_json::Value as Json;
 
 use crate::direction::Direction;
 use crate::functions::shape::{number, Layout};
+use crate::profile::Space;
 
 /// What a transaction does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,6 +112,8 @@ pub struct Row {
     pub operation: Operation,
     /// To what: `coil`, `discrete_input`, `holding_register`, `input_register`.
     pub register_type: Option<String>,
+    /// The same as a table, worked out once.
+    pub space: Option<Space>,
     /// Whether it reads in the plainest way.
     pub plain: Option<Plain>,
     /// Whether request and response have the same layout: then they can look the same.

@@ -1,11 +1,13 @@
 //! Which type, in which order? Judged from the values that the same registers had over time.
 //!
 //! What counts, in bits: a lower register that jumps all over its range while the upper one hardly moves; carries, where
-//! the upper one steps as the lower one wraps; numbers that are short in decimal, as people and sensors make them; and
-//! that a master asks for just these registers. Without any of it the registers are told as what they are, single.
+//! the upper one steps as the lower one wraps; numbers that are short in decimal, as people and sensors make them;
+//! and that a master asks for just these registers. What an upper register that never moves leaves open, the order tells
+//! that the device has elsewhere. Without any of it the registers are told as what they are, single.
 
 use std::fmt::Write;
 
+use crate::learn::movement::Movement;
 use crate::points::{Convert, Value};
 use crate::profile::{Order, Type};
 
@@ -44,12 +46,14 @@ const RISING: f64 = 8.0;
 /// A total in four registers is not so large that more than these bits of the highest one are used.
 const TOP: u64 = 0x0200;
 
-/// Bits for a fit of registers, at least and at most.
-const LEAST_FIT: f64 = 8.0;
-const MOST_FIT: f64 = 16.0;
+/// A constant that is a round number as a float.
+const ROUND: f64 = 6.0;
+
+/// An upper register that never moves.
+const STILL: f64 = 3.5;
 
 /// What the best claim has to be ahead.
-const AHEAD: f64 = 2.0;
+pub(super) const AHEAD: f64 = 2.0;
 
 /// A lower register that moves so far at a time is no quantity of its own.
 const WILD: f64 = 6_000.0;
@@ -92,11 +96,11 @@ pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
     claims
 }
 
-/// Whether these registers make sense as floats in an order other than this one; if not, `judge` claims no such float.
-pub fn float_elsewhere(rows: &[&[u16]], order: Order) -> bool {
-    let words = rows.first().map_or(0, |row| row.len());
-    let others = Order::ALL.iter().filter(|(other, _)| *other != order);
-    matches!(words, 2 | 4) && others.clone().any(|(other, _)| sizes(&floats(&bits_of(rows, words, *other), words)).is_some())
+/// Whether two or four registers may be a float in this order; where one sample is none, `judge` claims no float.
+pub fn sensible_float(registers: &[u8], order: Order) -> bool {
+    let kind = if registers.len() == 4 { Type::F32 } else { Type::F64 };
+    let number = Convert::of_type(kind, order).value(registers, None).number();
+    number.is_some_and(|number| number == 0.0 || SIZES.contains(&number.abs()))
 }
 
 fn bits_of(rows: &[&[u16]], words: usize, order: Order) -> Vec<u64> {
@@ -116,133 +120,19 @@ fn floats(values: &[u64], words: usize) -> Vec<f64> {
     values.iter().map(float).collect()
 }
 
-/// Smallest and largest size, where they are those of quantities of plants: from hundredths of a milli to some hundred
-/// millions.
+/// Sizes of quantities of plants: from hundredths of a milli to some hundred millions.
+const SIZES: std::ops::Range<f64> = 1e-5..1e9;
+
+/// Smallest and largest size, where they are those of quantities of plants.
 fn sizes(numbers: &[f64]) -> Option<(f64, f64)> {
     let (mut low, mut high) = (f64::MAX, 0.0f64);
     for size in numbers.iter().filter(|&&number| number != 0.0).map(|number| number.abs()) {
-        if !(1e-5..1e9).contains(&size) {
+        if !SIZES.contains(&size) {
             return None;
         }
         (low, high) = (low.min(size), high.max(size));
     }
     (high > 0.0 && high / low <= 1e6).then_some((low, high))
-}
-
-/// What the values do as numbers of one order.
-struct Movement {
-    /// Mean step of the lowest register, in the order of its bytes that makes it smaller.
-    low_step: f64,
-    /// The same of the one above it, where there are four.
-    next_step: f64,
-    /// Mean step of the highest register.
-    high_step: f64,
-    /// Steps at which all above the lowest register moved otherwise than usual, and how many of these were carries.
-    high_changes: u32,
-    carries: u32,
-    distinct: usize,
-    /// How much more often an upper byte moves than one below it.
-    disorder: f64,
-    /// Mean step of the whole number.
-    step: f64,
-    /// Bits for the lower half as digits behind the upper one.
-    fit: f64,
-}
-
-fn movement(values: &[u64], words: usize, float: bool) -> Movement {
-    let numbers: Vec<i128> = values.iter().map(|&bits| sortable(bits, words, float)).collect();
-    let steps = |of: &dyn Fn(u64) -> i64| {
-        let sum: u64 = values.windows(2).map(|pair| (of(pair[1]) - of(pair[0])).unsigned_abs()).sum();
-        sum as f64 / values.len().saturating_sub(1).max(1) as f64
-    };
-    let word = |bits: u64, at: usize| (bits >> (16 * at)) as u16;
-    let low = |at: usize| steps(&|bits| i64::from(word(bits, at))).min(steps(&|bits| i64::from(word(bits, at).swap_bytes())));
-    // The sign of a float is no size; that of a whole number wraps through zero.
-    let high = |bits: u64| {
-        let top = word(bits, words - 1);
-        if float {
-            i64::from(top & 0x7FFF)
-        } else {
-            i64::from(top as i16)
-        }
-    };
-    let deltas: Vec<i128> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let uppers: Vec<i128> = numbers.windows(2).map(|pair| (pair[1] >> 16) - (pair[0] >> 16)).collect();
-    let (usual, usual_upper) = (median(&deltas), median(&uppers));
-    let odd = || deltas.iter().zip(&uppers).filter(|(_, upper)| **upper != usual_upper);
-    let carries = odd().filter(|(delta, _)| (**delta - usual).abs() < 0x4000).count();
-    let mut distinct = values.to_vec();
-    distinct.sort_unstable();
-    distinct.dedup();
-    let step = deltas.iter().map(|delta| delta.unsigned_abs() as f64).sum::<f64>() / deltas.len().max(1) as f64;
-    Movement {
-        low_step: low(0),
-        next_step: low(words / 2 - 1),
-        high_step: steps(&high),
-        high_changes: odd().count() as u32,
-        carries: carries as u32,
-        distinct: distinct.len(),
-        disorder: disorder(values, words),
-        step,
-        fit: fit(&numbers, 8 * words as u32),
-    }
-}
-
-/// Whether the steps of a number are smoother than those of its upper half alone.
-///
-/// They are where the lower half are its digits: rounding them off adds the variance of rounding twice, 1/6. Where
-/// they belong to something else, they are noise, and it is the whole that has so much more.
-fn fit(numbers: &[i128], below: u32) -> f64 {
-    // Counters wrap through zero, and their upper halves.
-    let wrapped = |step: i128, width: u32| (step + (1 << (width - 1))).rem_euclid(1 << width) - (1 << (width - 1));
-    let variance = |of: &dyn Fn(i128, i128) -> f64| {
-        let steps: Vec<f64> = numbers.windows(2).map(|pair| of(pair[0], pair[1])).collect();
-        let count = steps.len().max(1) as f64;
-        let mean = steps.iter().sum::<f64>() / count;
-        steps.iter().map(|step| (step - mean) * (step - mean)).sum::<f64>() / count
-    };
-    let top = variance(&|one, next| wrapped((next >> below) - (one >> below), below) as f64);
-    let whole = variance(&|one, next| wrapped(next - one, 2 * below) as f64 / (1u128 << below) as f64);
-    if top == 0.0 || whole == 0.0 {
-        return 0.0;
-    }
-    (numbers.len() as f64 / 2.0 * (top / whole).log2()).clamp(-LEAST_FIT, MOST_FIT)
-}
-
-/// The bits as a number that is larger where the value is.
-fn sortable(bits: u64, words: usize, float: bool) -> i128 {
-    let width = 16 * words as u32;
-    let negative = bits >> (width - 1) & 1 == 1;
-    let magnitude = i128::from(bits & !(1 << (width - 1)));
-    match (negative, float) {
-        (false, _) => i128::from(bits),
-        (true, true) => -magnitude,
-        (true, false) => magnitude - (1 << (width - 1)),
-    }
-}
-
-fn median(numbers: &[i128]) -> i128 {
-    let mut sorted = numbers.to_vec();
-    sorted.sort_unstable();
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0)
-}
-
-fn disorder(values: &[u64], words: usize) -> f64 {
-    let mut moves = vec![0.0; 2 * words];
-    for pair in values.windows(2) {
-        for (i, count) in moves.iter_mut().enumerate() {
-            let shift = 8 * (2 * words - 1 - i);
-            *count += f64::from(u8::from(pair[0] >> shift & 0xFF != pair[1] >> shift & 0xFF));
-        }
-    }
-    let steps = values.len().saturating_sub(1).max(1) as f64;
-    let mut worst = 0.0f64;
-    for i in 0..moves.len() {
-        for j in i + 1..moves.len() {
-            worst = worst.max((moves[i] - moves[j]) / steps);
-        }
-    }
-    worst
 }
 
 /// Bits for the movement, and the words for it.
@@ -281,13 +171,13 @@ fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     let numbers = floats(values, words);
     sizes(&numbers)?;
     let mut reason = String::new();
-    let movement = movement(values, words, true);
+    let movement = Movement::of(values, words, true);
     let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
     if words == 4 && (movement.low_step < WILD || movement.next_step < WILD) {
         bits = 0.0;
     } else if words == 4 {
         let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
-        bits += coupling(&self::movement(&halves, 2, true), &mut String::new());
+        bits += coupling(&Movement::of(&halves, 2, true), &mut String::new());
     }
     let short = short_decimals(values, words);
     if short > 0.0 {
@@ -295,8 +185,13 @@ fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
         reason.push_str("the numbers are short in decimal; ");
     }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
-    if movement.distinct > 16 && numbers.windows(2).all(|pair| pair[0] <= pair[1]) && short == 0.0 {
+    // Bits that only rise: a float below zero falls then.
+    if movement.distinct > 16 && values.windows(2).all(|pair| pair[0] <= pair[1]) && short == 0.0 {
         bits -= RISING;
+    }
+    if words == 2 && !order.swaps_bytes() && round(values) {
+        bits += ROUND;
+        reason.push_str("a constant that is a round number as a float; ");
     }
     if bits < ENOUGH {
         return None;
@@ -328,6 +223,14 @@ fn short_decimals(values: &[u64], words: usize) -> f64 {
     (each * short as f64).min(24.0)
 }
 
+/// A constant with an empty lower register that is a number of four figures at most, as people set them. Of all
+/// registers one in 25 is the upper half of such a number, and few have an empty one behind them.
+fn round(values: &[u64]) -> bool {
+    let constant = values.iter().all(|&bits| bits == values[0]);
+    let size = f32::from_bits(values[0] as u32).abs();
+    constant && values[0].trailing_zeros() >= 16 && (1e-3..1e6).contains(&size) && significant(values[0], 2) <= 4
+}
+
 fn significant(bits: u64, words: usize) -> usize {
     let text = if words == 2 { Value::Single(f32::from_bits(bits as u32)) } else { Value::Double(f64::from_bits(bits)) };
     let text = text.text().unwrap_or_default();
@@ -336,7 +239,7 @@ fn significant(bits: u64, words: usize) -> usize {
 }
 
 fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
-    let movement = movement(values, words, false);
+    let movement = Movement::of(values, words, false);
     let width = 16 * words as u32;
     let top = |value: u64| value >> (width - 16);
     // Numbers whose upper half is empty are told as the shorter type they may be.
@@ -350,7 +253,9 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     }
     let mut reason = String::new();
     let mut bits = asked_for(asked, &mut reason);
+    let still = if words == 2 { still_half(values, &mut reason) } else { 0.0 };
     bits += if words == 4 { halves(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
+    bits = bits.max(still);
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     if all_negative && !any_small && bits > 0.0 {
         bits += 2.0;
@@ -360,7 +265,7 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
         bits += 2.0;
         reason.push_str("the sign changes where the value passes zero; ");
     }
-    if bits < ENOUGH {
+    if bits < ENOUGH && still == 0.0 {
         return None;
     }
     let kind = match (words, signed) {
@@ -389,6 +294,32 @@ fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim
     Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
+/// Bits for an upper register that never moves, beside a lower one that does: never enough without the order that the
+/// device has shown elsewhere.
+fn still_half(values: &[u64], reason: &mut String) -> f64 {
+    let top = values[0] >> 16;
+    let mut lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF).collect();
+    let rising = lower.windows(2).all(|pair| pair[0] <= pair[1]);
+    lower.dedup();
+    if values.iter().any(|value| value >> 16 != top) || lower.len() < 5 {
+        return 0.0;
+    }
+    match top {
+        // 65535 alone says "not there" in many devices.
+        0xFF00..=0xFFFE => {
+            reason.push_str("the upper register is that of a small number below zero; ");
+            STILL
+        }
+        1..0x8000 if rising => {
+            reason.push_str("a register that only rises beside a constant one, as the halves of a total; ");
+            // Totals are of all sizes, so small upper halves are more frequent than large ones (Benford); constants of
+            // their own are small, too, but not that much.
+            STILL + (65_536.0 / (11.0 * top as f64)).log2().clamp(-STILL, 2.0)
+        }
+        _ => 0.0,
+    }
+}
+
 /// Bits for a whole number of four registers: its halves are judged as numbers of two.
 fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
     let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
@@ -396,7 +327,7 @@ fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -
     if changes * 20 <= upper.len() {
         // A total whose upper half hardly moves; or a shorter one behind constants.
         let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
-        let bits = coupling(&movement(&lower, 2, false), reason);
+        let bits = coupling(&Movement::of(&lower, 2, false), reason);
         let carries = (1..upper.len()).filter(|&at| upper[at] == upper[at - 1] + 1 && lower[at] < lower[at - 1]).count();
         let total = !signed && upper[0] > 0 && upper[0] >> 16 < TOP;
         return match (bits > 0.0, carries == changes) {
@@ -408,7 +339,7 @@ fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -
     if whole.low_step < WILD || whole.next_step < WILD {
         return 0.0;
     }
-    let bits = coupling(whole, reason) + coupling(&movement(&upper, 2, false), &mut String::new());
+    let bits = coupling(whole, reason) + coupling(&Movement::of(&upper, 2, false), &mut String::new());
     if signed && upper.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
         reason.push_str("the highest register is nothing but the sign; ");
         return bits + 8.0;
@@ -449,6 +380,41 @@ mod tests {
             let counter: Vec<_> = (0..60u32).map(|i| words(1_234_567 + 1_931 * i, order)).collect();
             assert_eq!(best(&counter), Some((Type::U32, order)));
         }
+    }
+
+    fn claimed(rows: &[[u16; 2]], usual: Option<Order>) -> Option<(Type, Order)> {
+        let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
+        judge(&rows, 0.0, usual).first().filter(|claim| claim.sure).map(|claim| (claim.kind, claim.order))
+    }
+
+    #[test]
+    fn a_still_upper_half_needs_the_order_that_the_device_keeps_to() {
+        let total: Vec<_> = (0..60u32).map(|i| words(0x0007_1234 + 3 * i, Order::Cdab)).collect();
+        let debt: Vec<_> = (0..60u32).map(|i| words((-300_000i32 - 7 * (i % 13) as i32) as u32, Order::Cdab)).collect();
+        for (rows, kind) in [(total, Type::U32), (debt, Type::S32)] {
+            assert_eq!(claimed(&rows, Some(Order::Cdab)), Some((kind, Order::Cdab)));
+            assert_eq!(claimed(&rows, Some(Order::Abcd)), None);
+            assert_eq!(claimed(&rows, None), None);
+        }
+        // 65535 and 0 stand beside counters that have nothing to do with them.
+        for idle in [0, 0xFFFF] {
+            let rows: Vec<_> = (0..60u16).map(|i| [idle, 700 + 3 * i]).collect();
+            assert_eq!(claimed(&rows, Some(Order::Abcd)), None);
+        }
+    }
+
+    #[test]
+    fn round_constants_are_floats() {
+        // 12.25 and 100.0 (IEEE 754).
+        assert_eq!(best(&[[0x4144, 0]; 40]), Some((Type::F32, Order::Abcd)));
+        assert_eq!(best(&[[0, 0x42C8]; 40]), Some((Type::F32, Order::Cdab)));
+        assert_eq!(best(&[[4711, 0]; 40]), None);
+    }
+
+    #[test]
+    fn what_only_rises_is_no_float_below_zero() {
+        let rows: Vec<_> = (0..90u32).map(|i| words(0xB747_1000 + 4001 * i, Order::Abcd)).collect();
+        assert_eq!(best(&rows), Some((Type::U32, Order::Abcd)));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! them belong together. The result is a skeleton of a profile, with the evidence.
 
 mod judge;
+mod movement;
 mod text;
 
 use std::collections::BTreeMap;
@@ -12,7 +13,7 @@ use crate::columns::{read_data, read_range, row_of, write_data, write_range, Ite
 use crate::profile::{Order, Space};
 use crate::records::{Batch, Status, Transaction};
 
-pub use judge::{float_elsewhere, judge, Claim};
+pub use judge::{judge, sensible_float, Claim};
 
 /// Samples of a block that are kept: the first ones.
 const SAMPLES: usize = 512;
@@ -38,7 +39,7 @@ impl Survey {
     /// The transactions of a batch.
     pub fn add(&mut self, batch: &Batch) {
         for t in &batch.transactions {
-            let space = row_of(batch, t).and_then(|row| Space::from_word(row.register_type.as_deref()?));
+            let space = row_of(batch, t).and_then(|row| row.space);
             let Some(space) = space.filter(|_| matches!(t.status, Status::Ok | Status::Exception)) else { continue };
             let blocks = self.units.entry((t.unit, space)).or_default();
             if let Some(range) = read_range(batch, t) {
@@ -148,6 +149,25 @@ struct Found {
 }
 
 impl Found {
+    fn end(&self) -> u32 {
+        u32::from(self.address) + u32::from(self.count)
+    }
+
+    /// Whether another claim takes some of its registers.
+    fn overlaps(&self, other: &Self) -> bool {
+        let same = (self.address, self.count) == (other.address, other.count);
+        !same && u32::from(self.address) < other.end() && u32::from(other.address) < self.end()
+    }
+
+    /// What nothing else comes near counts more than what is a guess.
+    fn worth(&self) -> f64 {
+        if self.sure {
+            self.bits
+        } else {
+            self.bits / 4.0
+        }
+    }
+
     fn json(&self) -> Json {
         let rivals: Vec<Json> = self.rivals.iter().map(|(kind, order)| json!({"type": kind, "order": order.word()})).collect();
         json!({
@@ -236,24 +256,40 @@ fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Op
     })
 }
 
-/// Weighted interval scheduling: the claims without overlap that have the most bits together.
+/// Weighted interval scheduling: the claims without overlap that have the most bits together. One that another set of
+/// claims comes near without is not sure.
 fn best_set(mut all: Vec<Found>) -> Vec<Found> {
-    all.sort_by_key(|found| u32::from(found.address) + u32::from(found.count));
-    let end = |found: &Found| u32::from(found.address) + u32::from(found.count);
-    // best[i]: of the first i claims.
-    let mut best = vec![(0.0, None, 0); all.len() + 1];
+    all.sort_by_key(Found::end);
+    let before: Vec<usize> = all.iter().map(|one| all.partition_point(|other| other.end() <= u32::from(one.address))).collect();
+    // front[i]: of the first i claims.
+    let mut front = vec![0.0f64; all.len() + 1];
     for (i, found) in all.iter().enumerate() {
-        let before = all[..i].partition_point(|other| end(other) <= u32::from(found.address));
-        // What nothing else comes near counts more than what is a guess.
-        let worth = best[before].0 + if found.sure { found.bits } else { found.bits / 4.0 };
-        best[i + 1] = if worth > best[i].0 { (worth, Some(i), before) } else { (best[i].0, None, i) };
+        front[i + 1] = front[i].max(front[before[i]] + found.worth());
     }
+    // back[at]: of the claims that begin at or behind an address.
+    let mut back: BTreeMap<u32, f64> = BTreeMap::new();
+    let mut by_start: Vec<&Found> = all.iter().collect();
+    by_start.sort_by_key(|found| std::cmp::Reverse(found.address));
+    let behind = |back: &BTreeMap<u32, f64>, at: u32| back.range(at..).next().map_or(0.0, |(_, bits)| *bits);
+    for found in by_start {
+        let with = found.worth() + behind(&back, found.end());
+        let best = behind(&back, u32::from(found.address)).max(with);
+        back.insert(u32::from(found.address), best);
+    }
+    let through: Vec<f64> =
+        all.iter().zip(&before).map(|(one, at)| front[*at] + one.worth() + behind(&back, one.end())).collect();
     let (mut chosen, mut at) = (Vec::new(), all.len());
     while at > 0 {
-        if let Some(i) = best[at].1 {
-            chosen.push(all[i].clone());
+        let i = at - 1;
+        if front[at] > front[i] {
+            let mut found = all[i].clone();
+            let rival = all.iter().zip(&through).filter(|(other, _)| other.overlaps(&found)).map(|(_, bits)| *bits);
+            found.sure &= rival.fold(0.0, f64::max) + judge::AHEAD <= through[i];
+            chosen.push(found);
+            at = before[i];
+        } else {
+            at = i;
         }
-        at = best[at].2;
     }
     chosen.reverse();
     chosen

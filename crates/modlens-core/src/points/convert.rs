@@ -15,23 +15,11 @@ pub struct Convert {
     /// value = raw * scale + offset.
     linear: Option<(Decimal, Decimal)>,
     nan: Vec<Sentinel>,
-    quick: Quick,
-}
-
-/// How to come to a number without a `Value` between; the same number.
-#[derive(Clone, Copy, Debug)]
-enum Quick {
-    /// It takes a `Value`.
-    No,
-    /// raw * digits / divisor: all of it exact but the division.
-    Whole { signed: bool, digits: i64, divisor: f64 },
-    /// A float as it is.
-    Single,
 }
 
 /// What to make of the bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Make {
+pub(super) enum Make {
     Unsigned,
     Signed,
     Half,
@@ -43,7 +31,7 @@ enum Make {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Halves {
+pub(super) enum Halves {
     Both,
     High,
     Low,
@@ -60,9 +48,6 @@ impl Convert {
             chosen.linear = Some((point.scale.unwrap_or(Decimal::ONE), point.offset.unwrap_or(Decimal::ZERO)));
         }
         chosen.nan.clone_from(&point.nan);
-        if point.nan.is_empty() && point.labels.is_empty() && point.bit_labels.is_empty() {
-            chosen.quick = chosen.shortcut();
-        }
         chosen
     }
 
@@ -83,36 +68,12 @@ impl Convert {
         };
         let shift = if matches!(kind, Type::U8h | Type::S8h) { 8 } else { 0 };
         let width = if kind == Type::Bool { 1 } else { kind.width() };
-        Self { load: loader(kind.registers(), order), shift, width, make, linear: None, nan: Vec::new(), quick: Quick::No }
+        Self { load: loader(kind.registers(), order), shift, width, make, linear: None, nan: Vec::new() }
     }
 
-    fn shortcut(&self) -> Quick {
-        let (scale, offset) = self.linear.unwrap_or((Decimal::ONE, Decimal::ZERO));
-        // 32 bits times 20 bits: a float64 holds them.
-        let exact = offset.digits == 0 && scale.digits.unsigned_abs() < 1 << 20 && (-22..=0).contains(&scale.exponent);
-        match self.make {
-            Make::Unsigned | Make::Signed if exact && self.width <= 32 => {
-                let (digits, divisor) = (scale.digits, 10f64.powi(-scale.exponent));
-                Quick::Whole { signed: self.make == Make::Signed, digits, divisor }
-            }
-            Make::Single if self.linear.is_none() => Quick::Single,
-            _ => Quick::No,
-        }
-    }
-
-    /// The number of these registers, where it is simple.
-    #[inline]
-    pub fn quick(&self, bytes: &[u8]) -> Option<f64> {
-        match self.quick {
-            Quick::No => None,
-            Quick::Whole { signed, digits, divisor } => {
-                let bits = self.bits(bytes);
-                let sign = 64 - self.width;
-                let raw = if signed { ((bits << sign) as i64) >> sign } else { bits as i64 };
-                Some((raw * digits) as f64 / divisor)
-            }
-            Quick::Single => Some(f64::from(f32::from_bits((self.load)(bytes) as u32))),
-        }
+    /// Which part of the bits counts (shift, width), and what is made of it.
+    pub(super) fn part(&self) -> (u32, u32, Make) {
+        (self.shift, self.width, self.make)
     }
 
     /// The value of a bit of a block of coils.

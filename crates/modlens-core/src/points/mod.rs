@@ -4,6 +4,8 @@
 //! registers: what is cut by the end of a read, or split over two, is not put together.
 
 mod convert;
+mod layout;
+mod shortcut;
 pub mod sunspec;
 mod value;
 pub mod watch;
@@ -12,7 +14,11 @@ use std::sync::Arc;
 
 use crate::profile::{Point, Profile, Space};
 
+use layout::Layout;
+use shortcut::{Shortcut, NOTHING};
+
 pub use convert::Convert;
+pub use layout::{Edge, Piece, Step};
 pub use value::{push_float, Value};
 
 /// One value of a point, as it is looked for in blocks.
@@ -29,15 +35,8 @@ pub struct Compiled {
     /// Which scale factor it needs.
     pub factor: Option<u16>,
     convert: Convert,
-}
-
-/// A part of a block: a value, or a register that no point of the plan has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Step {
-    /// Where it begins in the block.
-    pub item: u16,
-    /// In `Plan::compiled`; `None` for a bare register.
-    pub compiled: Option<u32>,
+    /// In `Plan::shortcuts`.
+    shortcut: u16,
 }
 
 /// A compiled profile.
@@ -48,9 +47,27 @@ pub struct Plan {
     compiled: Vec<Compiled>,
     /// For each table, its part of `compiled`, which is sorted by address.
     spaces: [(u32, u32); 4],
+    /// How numbers are come to quickly; the first is that of a bare register.
+    shortcuts: Vec<Shortcut>,
+    /// Where the steps of each table are.
+    layouts: [Layout; 4],
+    steps: Vec<Step>,
     /// What holds the scale factors, in `compiled`.
     holders: Vec<u32>,
-    wide: usize,
+    wide: Vec<Wide>,
+}
+
+/// A number of several registers, whose order matters.
+#[derive(Clone, Copy, Debug)]
+pub struct Wide {
+    /// Which table.
+    pub space: Space,
+    /// Its first register.
+    pub address: u16,
+    /// How many it takes.
+    pub width: u16,
+    /// In the plan.
+    pub compiled: u32,
 }
 
 /// A plan as it applies to a unit at one moment: the scale factors last seen.
@@ -64,9 +81,17 @@ pub struct Bound {
 impl Plan {
     /// Compiles a profile.
     pub fn new(profile: Profile) -> Self {
-        let mut plan = Self { compiled: Vec::new(), spaces: [(0, 0); 4], holders: Vec::new(), wide: 0, profile };
+        let mut plan = Self { profile, shortcuts: vec![Shortcut::BARE], ..Self::default() };
         plan.compile();
-        plan.wide = (0..plan.compiled.len() as u32).filter(|&index| plan.is_wide(index)).count();
+        plan.wide = (0..plan.compiled.len() as u32).filter_map(|index| plan.wide_number(index)).collect();
+        for (space, layout) in Space::ALL.iter().zip(&mut plan.layouts) {
+            let (start, end) = plan.spaces[space.0 as usize];
+            let values = (start..end).map(|index| {
+                let value = &plan.compiled[index as usize];
+                (value.address, value.width, Step::value(value.address, value.shortcut, index))
+            });
+            *layout = Layout::new(&values.collect::<Vec<_>>(), &mut plan.steps);
+        }
         plan
     }
 
@@ -78,7 +103,11 @@ impl Plan {
         let mut all: Vec<(Space, Compiled)> = Vec::new();
         for (i, point) in self.profile.points.iter().enumerate() {
             let factor = scoped(point).and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
-            all.extend(values(point, i as u32, factor).map(|compiled| (point.space, compiled)));
+            let convert = Convert::new(point);
+            let shortcut = shared(&mut self.shortcuts, Shortcut::new(point, &convert, factor));
+            let (address, width) = (point.address, point.step());
+            let base = Compiled { address, width, name: String::new(), point: i as u32, factor, convert, shortcut };
+            all.extend(values(point, &base).map(|compiled| (point.space, compiled)));
         }
         all.sort_by_key(|(space, compiled)| (*space, compiled.address));
         for (space, range) in self.spaces.iter_mut().enumerate() {
@@ -102,15 +131,16 @@ impl Plan {
         &self.compiled[index as usize]
     }
 
-    /// Whether a value is a number of several registers, whose order matters.
-    pub fn is_wide(&self, index: u32) -> bool {
-        let compiled = self.compiled(index);
-        compiled.width > 1 && self.point(compiled).kind.number()
+    fn wide_number(&self, compiled: u32) -> Option<Wide> {
+        let value = self.compiled(compiled);
+        let point = self.point(value);
+        let wide = Wide { space: point.space, address: value.address, width: value.width, compiled };
+        (value.width > 1 && point.kind.number()).then_some(wide)
     }
 
-    /// How many of them there are.
-    pub fn wide(&self) -> usize {
-        self.wide
+    /// The numbers of several registers, by table and address.
+    pub fn wide(&self) -> &[Wide] {
+        &self.wide
     }
 
     /// All values, by table and address.
@@ -124,62 +154,66 @@ impl Plan {
         &self.profile.points[compiled.point as usize]
     }
 
-    /// The values that begin with this register or bit.
-    pub fn beginning(&self, space: Space, address: u16) -> impl Iterator<Item = u32> + '_ {
-        let (start, end) = self.spaces[space as usize];
-        let points = &self.compiled[start as usize..end as usize];
-        let first = points.partition_point(|point| point.address < address);
-        (first..)
-            .take_while(move |&at| points.get(at).is_some_and(|point| point.address == address))
-            .map(move |at| start + at as u32)
+    /// The steps of all layouts.
+    #[inline]
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// A block in parts: slices of `steps`, and edges.
+    #[inline]
+    pub fn pieces(&self, space: Space, first: u16, count: usize, piece: impl FnMut(Piece)) {
+        self.layouts[space as usize].pieces(first, count, piece);
+    }
+
+    /// What an edge holds, by address: values that it holds whole, and the registers that are in none of them.
+    pub fn edge(&self, edge: &Edge, mut step: impl FnMut(Step)) {
+        // Registers before `covered` were told already.
+        let mut covered = edge.place.start;
+        for one in &self.steps[edge.steps.clone()] {
+            let first = usize::from(one.address);
+            (covered..first).for_each(|address| step(Step::bare(address as u16)));
+            covered = covered.max(first);
+            let behind = first + usize::from(self.shortcuts[usize::from(one.shortcut)].width);
+            if behind <= edge.place.end {
+                step(*one);
+                covered = covered.max(behind);
+            }
+        }
+        (covered..edge.place.end).for_each(|address| step(Step::bare(address as u16)));
     }
 
     /// What a block of `count` registers or bits holds, by address: values that it holds whole, and the registers that
     /// are in none of them.
-    #[inline]
     pub fn block(&self, space: Space, first: u16, count: usize, mut step: impl FnMut(Step)) {
-        let (start, end) = self.spaces[space as usize];
-        let points = &self.compiled[start as usize..end as usize];
-        let mut next = points.partition_point(|point| point.address < first);
-        // Registers before `covered` belong to a value that was told already.
-        let mut covered = 0;
-        for item in 0..count {
-            let address = usize::from(first) + item;
-            while let Some(point) = points.get(next).filter(|point| usize::from(point.address) == address) {
-                if item + usize::from(point.width) <= count {
-                    step(Step { item: item as u16, compiled: Some(start + next as u32) });
-                    covered = covered.max(item + usize::from(point.width));
-                }
-                next += 1;
-            }
-            if item >= covered {
-                step(Step { item: item as u16, compiled: None });
-            }
-        }
+        self.pieces(space, first, count, |piece| match piece {
+            Piece::Bare(place) => place.for_each(|address| step(Step::bare(address as u16))),
+            Piece::Steps(steps) => self.steps[steps].iter().for_each(|one| step(*one)),
+            Piece::Edge(edge) => self.edge(&edge, &mut step),
+        });
     }
 }
 
-fn values(point: &Point, index: u32, factor: Option<u16>) -> impl Iterator<Item = Compiled> + '_ {
+/// So many shortcuts are told apart; then only widths are.
+const SHORTCUTS: usize = 1024;
+
+/// The number of a shortcut; points of a plan have few different ones.
+fn shared(shortcuts: &mut Vec<Shortcut>, wanted: Shortcut) -> u16 {
+    let wanted = if shortcuts.len() < SHORTCUTS { wanted } else { Shortcut::long(wanted.width) };
+    let known = shortcuts.iter().position(|known| *known == wanted);
+    known.unwrap_or_else(|| {
+        shortcuts.push(wanted);
+        shortcuts.len() - 1
+    }) as u16
+}
+
+fn values<'a>(point: &'a Point, base: &'a Compiled) -> impl Iterator<Item = Compiled> + 'a {
     let (width, length) = (point.step(), point.length());
     (0..length).map(move |i| Compiled {
         address: point.address + i * width,
-        width,
         name: if length > 1 { format!("{}[{i}]", point.name) } else { point.name.clone() },
-        point: index,
-        factor,
-        convert: Convert::new(point),
+        ..base.clone()
     })
-}
-
-impl Compiled {
-    /// The number of these registers at once, where it takes neither labels nor scale factors nor sentinels.
-    #[inline]
-    pub fn quick(&self, bytes: &[u8]) -> Option<f64> {
-        if self.factor.is_some() {
-            return None;
-        }
-        self.convert.quick(bytes)
-    }
 }
 
 impl Bound {
@@ -213,6 +247,30 @@ impl Bound {
             },
         };
         self.labelled(compiled, compiled.convert.value(bytes, factor), || compiled.convert.raw(bytes))
+    }
+
+    /// The numbers of some steps in a block of registers, `NOTHING` where there is none: tight, unlike `value`.
+    pub fn numbers(&self, steps: &[Step], first: u16, bytes: &[u8], out: &mut Vec<f64>) {
+        let (shortcuts, factors) = (&self.plan.shortcuts[..], &self.factors[..]);
+        // A chunk at a time, so that the compiler knows where the numbers go.
+        let mut chunk = [NOTHING; 64];
+        for steps in steps.chunks(chunk.len()) {
+            for (step, number) in steps.iter().zip(&mut chunk) {
+                let at = 2 * usize::from(step.address.wrapping_sub(first));
+                *number = match shortcuts[usize::from(step.shortcut)].number(bytes, at, factors) {
+                    Ok(number) => number,
+                    Err(()) => self.long_number(*step, bytes, at),
+                };
+            }
+            out.extend_from_slice(&chunk[..steps.len()]);
+        }
+    }
+
+    #[cold]
+    fn long_number(&self, step: Step, bytes: &[u8], at: usize) -> f64 {
+        let compiled = step.compiled().map(|index| self.plan.compiled(index));
+        let registers = compiled.and_then(|value| Some((value, bytes.get(at..at + 2 * usize::from(value.width))?)));
+        registers.and_then(|(value, bytes)| self.value(value, bytes).number()).unwrap_or(NOTHING)
     }
 
     /// The value of a coil or discrete input.
@@ -278,7 +336,7 @@ mod tests {
     fn steps(plan: &Plan, first: u16, count: usize) -> Vec<(u16, Option<String>)> {
         let mut found = Vec::new();
         plan.block(Space::Holding, first, count, |step| {
-            found.push((step.item, step.compiled.map(|at| plan.compiled(at).name.clone())));
+            found.push((step.address - first, step.compiled().map(|at| plan.compiled(at).name.clone())));
         });
         found
     }

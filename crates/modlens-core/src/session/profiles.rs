@@ -92,12 +92,27 @@ impl Profiles {
         Some(Arc::clone(bound))
     }
 
-    /// Whether nothing that a unit answers can say more of its profile.
+    /// Whether an answer says nothing more of the profile of its unit; else `on` has to look. The request begins with the
+    /// unit, the block is what was read.
     #[inline]
-    pub(super) fn settled(&self, unit: u8) -> bool {
-        let Some(bound) = self.by_unit.get(usize::from(unit)) else { return true };
-        let watched = |bound: &Arc<Bound>| !bound.has_factors() && self.watches[usize::from(unit)].done(&bound.plan);
-        bound.as_ref().is_none_or(watched) && !self.chains.contains_key(&unit)
+    pub(super) fn settled(&self, functions: &Functions, request: &[u8], block: &[u8]) -> bool {
+        self.by_unit.is_empty() || self.says_nothing(functions, request, block)
+    }
+
+    fn says_nothing(&self, functions: &Functions, request: &[u8], block: &[u8]) -> bool {
+        let [unit, code, high, low, ..] = *request else { return false };
+        let Some(bound) = &self.by_unit[usize::from(unit)] else { return !self.chains.contains_key(&unit) };
+        let (plan, first, watch) = (&bound.plan, u16::from_be_bytes([high, low]), &self.watches[usize::from(unit)]);
+        let known = &plan.profile.device.functions;
+        if self.chains.contains_key(&unit) || !(known.is_empty() || known.contains(&code)) {
+            return false;
+        }
+        if watch.done(plan) && !bound.has_factors() {
+            return true;
+        }
+        let space = functions.row(code, &request[2..]).and_then(|row| row.space);
+        let news = |space| watch.waits(plan, space, first, block) || bound.learn(space, first, block).is_some();
+        space.is_some_and(|space| space.bits() || !news(space))
     }
 
     /// The profile of a unit.
@@ -135,7 +150,7 @@ fn registers_read<'e>(functions: &Functions, exchange: &'e Exchange) -> Option<(
     if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
         return None;
     }
-    let space = Space::from_word(row.register_type.as_deref()?)?;
+    let space = row.space?;
     let (at, bits) = row.roles.response_block?;
     let bytes = exchange.response.pdu().get(1 + at..).filter(|_| !bits)?;
     Some((space, u16_at(body, row.roles.address?)?, bytes))

@@ -60,7 +60,8 @@ impl Session {
             if !whole || !line.input.holds_exchange(known.asked, known.answered, patience) {
                 break;
             }
-            let (Some(framer), true) = (line.framer.routine(), state.profiles.settled(known.unit)) else { break };
+            let settled = state.profiles.settled(&self.functions, request, &rest[3..known.answered - 2]);
+            let (Some(framer), true) = (line.framer.routine(), settled) else { break };
             if !framer.again(request, &rest[..known.answered]) {
                 break;
             }
@@ -93,7 +94,10 @@ impl Session {
             // In the order of time: no other request came before the answer.
             let (sent, following) = after;
             let in_turn = sent < next.0 && next.0 - sent < state.pairing.patience() && following.is_none_or(|time| time > next.0);
-            if !(in_turn && known.is_answered(answered.bytes()) && state.profiles.settled(known.unit)) {
+            let (request, response) = (asked.bytes(), answered.bytes());
+            let whole = in_turn && known.is_answered(response);
+            // Behind the header, the unit stands before the function as on a serial line.
+            if !(whole && state.profiles.settled(&self.functions, &request[6..], &response[9..known.answered])) {
                 break;
             }
             last = Some(self.exchange(bus, &known, [client, server], &setting, told_apart));
