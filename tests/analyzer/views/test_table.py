@@ -151,7 +151,7 @@ def test_names_and_labels_move_no_cursor(
 def test_what_is_no_block_of_registers_is_shown_field_by_field(
     captures: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As the requests and responses of that recording say (application protocol, 6.7, 6.8, 6.18)."""
+    """As the recording has it (application protocol, 6.7, 6.8, 6.18)."""
     path = captures / "pymodbus_all_functions" / "recording.jsonl"
     text = "\n".join(shown(path, monkeypatch, width=160))
     for words in ("Read Exception Status", "Diagnostics", "Read FIFO Queue"):
