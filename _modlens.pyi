@@ -350,8 +350,11 @@ class Inbox:
         whether bytes were lost before). Where a port has ended, bytes are None and the places hold
         the system's number of the error, 0 for the end of the stream.
         """
-    def route(self, port: int, bus: int, line: int) -> None:
-        """From now on `feed` gives this port's reads to a bus and line (0; 1 and 2 for A and B)."""
+    def route(self, port: int, bus: int, line: int, char_ns: int = 0) -> None:
+        """From now on `feed` gives this port's reads to a bus and line (0; 1 and 2 for A and B).
+
+        `char_ns` is what a character takes: a line that is full is read less often then.
+        """
     def hole(self, port: int) -> None:
         """Bytes were lost before what is read next at this port."""
     def feed(

@@ -238,8 +238,9 @@ class LiveRun:
         bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
         self._known(bus.tap, line)
         if self._heard is None:  # nobody here looks at its reads any more
+            char_ns = 0 if line is None else line.character_ns
             for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
-                self._listening.route(port, bus.number, side)
+                self._listening.route(port, bus.number, side, char_ns)
 
     def _feed(self, number: int, chunk: Chunk) -> None:
         bus, line = self._places[number]

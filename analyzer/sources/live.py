@@ -109,9 +109,9 @@ class Listening:
             return self._arrivals(taken, now)
         return []
 
-    def route(self, number: int, bus: int, line: int) -> None:
+    def route(self, number: int, bus: int, line: int, char_ns: int) -> None:
         """Where `feed` brings the reads of a port: see `_modlens.Inbox.route`."""
-        self._inbox.route(number, bus, line)
+        self._inbox.route(number, bus, line, char_ns)
 
     def _arrivals(self, taken: Sequence[_Taken], now: int) -> list[Arrival]:
         arrivals: list[Arrival] = []

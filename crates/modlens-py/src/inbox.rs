@@ -55,6 +55,8 @@ struct Queue {
     holes: Vec<usize>,
     /// Where the reads of each port go: bus and line.
     routes: Vec<Route>,
+    /// How long a character takes at each of these ports.
+    chars: Vec<Ns>,
     /// Somebody waits for the first item; to wake a thread costs more than all else that a reader does.
     awaited: bool,
     /// When items were last taken.
@@ -72,6 +74,11 @@ struct Shared {
 }
 
 impl Shared {
+    /// How long a character takes at a port with a route; 0 where that is not known.
+    fn char_ns(&self, port: usize) -> Ns {
+        self.queue().chars.get(port).copied().unwrap_or(0)
+    }
+
     fn queue(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -164,10 +171,14 @@ impl Inbox {
         arrivals(py, py.detach(|| self.wait(Instant::now() + seconds(timeout), every)))
     }
 
-    fn route(&self, port: usize, bus: usize, line: u8) {
-        let routes = &mut self.shared.queue().routes;
-        routes.resize(routes.len().max(port + 1), None);
-        routes[port] = Some((bus, line));
+    #[pyo3(signature = (port, bus, line, char_ns=0))]
+    fn route(&self, port: usize, bus: usize, line: u8, char_ns: i64) {
+        let mut queue = self.shared.queue();
+        let ports = queue.routes.len().max(port + 1);
+        queue.routes.resize(ports, None);
+        queue.chars.resize(ports, 0);
+        queue.routes[port] = Some((bus, line));
+        queue.chars[port] = char_ns;
     }
 
     #[pyo3(signature = (session, shift_ns, told_ns, timeout, every=0.0))]
@@ -339,7 +350,7 @@ mod reader {
                 Some(unmark) => unmark.push(&buffer[..length], &mut data, &mut errors),
                 None => data.extend_from_slice(&buffer[..length]),
             }
-            let rest = pace.rest(length, time);
+            let rest = pace.rest(length, time, shared.char_ns(port));
             if !data.is_empty() {
                 shared.push(Item { seldom: !rest.is_zero(), ..Item::new(port, time, Some(data), errors) });
             }

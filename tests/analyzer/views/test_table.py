@@ -148,6 +148,19 @@ def test_names_and_labels_move_no_cursor(
     assert text.isprintable()
 
 
+def test_what_is_no_block_of_registers_is_shown_field_by_field(
+    captures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the recording has it (application protocol, 6.7, 6.8, 6.18)."""
+    path = captures / "pymodbus_all_functions" / "recording.jsonl"
+    text = "\n".join(shown(path, monkeypatch, width=160))
+    for words in ("Read Exception Status", "Diagnostics", "Read FIFO Queue"):
+        assert words in text
+    assert "status=95" in text
+    assert "sub_function=11" in text
+    assert "fifo=[0 1 2" in text
+
+
 def test_without_a_clock_the_place_in_the_file_stands_there(
     captures: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -165,7 +165,8 @@ impl Carried {
         if let Some(items) = ints(row.cell(self.write_data)) {
             push_block(&items, kind, &mut texts);
         }
-        if let Cell::Map(Json::Object(fields)) = row.cell(self.fields) {
+        if let cell @ Cell::Fields(_) = row.cell(self.fields) {
+            let fields: serde_json::Map<String, Json> = serde_json::from_str(&crate::write::cell_text(&cell)).unwrap_or_default();
             for (key, value) in fields.iter().filter(|(key, _)| *key != "byte_count") {
                 texts.push((visible(&format!("{key}={}", field(value))), 1));
             }
