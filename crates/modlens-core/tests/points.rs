@@ -1,5 +1,7 @@
 //! The quick ways of profiles say the same as the slow, obvious ones: blocks, numbers, filters.
 
+mod wire;
+
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -13,6 +15,8 @@ use modlens_core::predicate::Predicate;
 use modlens_core::profile::{Form, Profile, Space};
 use modlens_core::session::{BusOptions, Session, Wanted};
 use proptest::prelude::*;
+
+use wire::in_pieces;
 
 const ORDERS: [&str; 4] = ["ABCD", "CDAB", "BADC", "DCBA"];
 
@@ -147,14 +151,7 @@ proptest! {
 fn told(plan: &Arc<Plan>, bytes: &[u8], piece: usize) -> (Vec<String>, Vec<String>) {
     let mut session = Session::default();
     session.bind(None, &[7], plan);
-    let mut options = BusOptions::named("bus");
-    options.mode = Some(Mode::Rtu);
-    let bus = session.add_bus(options);
-    for bytes in bytes.chunks(piece) {
-        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
-    }
-    session.flush();
-    let batch = Arc::new(session.take());
+    let batch = Arc::new(in_pieces(&mut session, bytes, piece));
     let findings = batch.findings.iter().map(|row| format!("{:?} {:?} {}", row.txn, row.finding, row.detail)).collect();
     let table = Table::new(batch, TableKind::Readings);
     let value = table.kind.column("value_text").unwrap();

@@ -1,13 +1,15 @@
 //! A line at work: a poll cycle with what disturbs one in the field. What is learned from it and the short way that
 //! frames without doubt take must not depend on how the bytes came, nor lose a frame.
 
+mod wire;
+
 use modlens_core::checksum::crc16;
-use modlens_core::chunk::Chunk;
 use modlens_core::direction::Direction;
-use modlens_core::framer::Mode;
 use modlens_core::records::Batch;
-use modlens_core::session::{BusOptions, Session};
+use modlens_core::session::Session;
 use proptest::prelude::*;
+
+use wire::in_pieces;
 
 /// What happens to one poll.
 #[derive(Clone, Debug)]
@@ -92,15 +94,7 @@ fn recording(polls: &[Poll]) -> (Vec<u8>, Vec<Sent>) {
 }
 
 fn decode(bytes: &[u8], piece: usize) -> Batch {
-    let mut session = Session::default();
-    let mut options = BusOptions::named("bus");
-    options.mode = Some(Mode::Rtu);
-    let bus = session.add_bus(options);
-    for bytes in bytes.chunks(piece) {
-        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
-    }
-    session.flush();
-    session.take()
+    in_pieces(&mut Session::default(), bytes, piece)
 }
 
 fn shown(batch: &Batch) -> Vec<String> {

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use modlens_core::checksum::crc16;
+use modlens_core::chunk::Chunk;
 use modlens_core::direction::Direction;
 use modlens_core::framer::{Mode, Verdict};
 use modlens_core::functions::Functions;
@@ -46,6 +47,14 @@ pub fn session(live: bool, clock: Clock) -> (Session, usize) {
     options.bus.clock = clock;
     let bus = session.add_bus(options);
     (session, bus)
+}
+
+/// Gives a session with one RTU bus these bytes, so many at once, and ends it.
+pub fn in_pieces(session: &mut Session, bytes: &[u8], piece: usize) -> Batch {
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    bytes.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    session.flush();
+    session.take()
 }
 
 /// The frames with right checksums, and who sent them.
