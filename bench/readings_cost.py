@@ -15,10 +15,10 @@ import sys
 import time
 
 import _modlens
+from analyzer.sources.files import BLOCK
 from bench.decode_speed import UNITS, traffic
 
 SIZE = 16 << 20
-BLOCK = 1 << 18
 ROUNDS = 7
 
 

@@ -37,7 +37,7 @@ __all__ = ["STDIN", "Recording", "check"]
 STDIN = "-"
 """The name that means standard input."""
 
-BLOCK = 256 * 1024
+BLOCK = 64 * 1024
 """Bytes of one block; a pipe gives less."""
 
 _LAYERS = 3

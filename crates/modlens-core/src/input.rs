@@ -213,8 +213,8 @@ impl Input {
 
     /// Whether the first `asked` bytes and the `answered` ones behind them came in one read that says nothing of them, or
     /// in a read each, the second one within this time.
-    pub fn holds_exchange(&self, asked: usize, answered: usize, within: Ns) -> bool {
-        let plain = |read: &Read| !read.no_checksum && read.framing.is_none_or(|mode| mode == Mode::Rtu);
+    pub fn holds_exchange(&self, mode: Mode, asked: usize, answered: usize, within: Ns) -> bool {
+        let plain = |read: &Read| !read.no_checksum && read.framing.is_none_or(|proven| proven == mode);
         let Some(first) = self.reads.front().filter(|read| plain(read) && !self.marked) else { return false };
         let (middle, end) = (self.offset + asked as u64, self.offset + (asked + answered) as u64);
         if first.end >= end {

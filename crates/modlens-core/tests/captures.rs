@@ -96,11 +96,28 @@ fn read_registers(id: u16, quantity: u8) -> (Vec<u8>, Vec<u8>) {
     (ask, message(id, 17, &answer))
 }
 
-/// A poll in segments of the given sizes, in order; each answer follows its question.
+/// The same that writes.
+fn write_registers(id: u16, quantity: u8) -> (Vec<u8>, Vec<u8>) {
+    let mut ask = vec![16, 0, id as u8, 0, quantity, 2 * quantity];
+    ask.extend((0..2 * quantity).map(|byte| byte ^ id as u8));
+    (message(id, 17, &ask), message(id, 17, &ask[..5]))
+}
+
+/// One that is answered by itself.
+fn write_register(id: u16, value: u8) -> (Vec<u8>, Vec<u8>) {
+    let ask = message(id, 17, &[6, 0, id as u8, 0, value]);
+    (ask.clone(), ask)
+}
+
+/// A poll in segments of the given sizes, in order; each answer follows its question. The largest of 30 quantities write.
 fn poll(sizes: &[(u8, usize)]) -> Vec<Sent> {
     let (mut numbers, mut sent) = ([1000u32, 4_294_967_000], Vec::new());
     for (id, (quantity, cut)) in (1u16..).zip(sizes) {
-        let (ask, answer) = read_registers(id, *quantity);
+        let (ask, answer) = match quantity {
+            ..=20 => read_registers(id, *quantity),
+            21..=25 => write_registers(id, *quantity),
+            26.. => write_register(id, *quantity),
+        };
         for (side, bytes) in [(0, ask), (1, answer)] {
             for piece in bytes.chunks((*cut).max(1)) {
                 let ident = sent.len() as u16 + 1;
@@ -152,13 +169,15 @@ proptest! {
     }
 
     #[test]
-    fn blocks_of_any_size_give_the_same_rows(sizes in prop::collection::vec((1u8..=20, 1usize..60), 1..6), block in 1usize..200) {
+    fn blocks_of_any_size_give_the_same_rows(sizes in prop::collection::vec((1u8..=30, 1usize..60), 1..6), block in 1usize..200) {
         let file = file(&poll(&sizes));
         let (whole, parts) = (decoded(&file), decoded_in(&file, block, Ports::default()).0);
         let csv = |batch: Batch| {
-            let mut out = Vec::new();
-            let columns: Vec<usize> = (0..TableKind::Frames.columns().len()).collect();
-            modlens_core::write::csv::rows(&Table::new(Arc::new(batch), TableKind::Frames), &columns, &mut out);
+            let (mut out, batch) = (Vec::new(), Arc::new(batch));
+            for kind in [TableKind::Frames, TableKind::Transactions] {
+                let columns: Vec<usize> = (0..kind.columns().len()).collect();
+                modlens_core::write::csv::rows(&Table::new(Arc::clone(&batch), kind), &columns, &mut out);
+            }
             String::from_utf8(out).unwrap()
         };
         prop_assert_eq!(csv(parts), csv(whole));

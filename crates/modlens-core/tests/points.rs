@@ -10,7 +10,7 @@ use modlens_core::chunk::Chunk;
 use modlens_core::columns::{each_value, Cell, Table, TableKind};
 use modlens_core::framer::Mode;
 use modlens_core::functions::Functions;
-use modlens_core::points::{Bound, Plan};
+use modlens_core::points::{Bound, Part, Plan};
 use modlens_core::predicate::Predicate;
 use modlens_core::profile::{Form, Profile, Space};
 use modlens_core::session::{BusOptions, Session, Wanted};
@@ -109,7 +109,7 @@ proptest! {
         let mut steps = Vec::new();
         plan.block(Space::Holding, 0, words.len(), |step| steps.push(step));
         let mut numbers = Vec::new();
-        bound.numbers(&steps, 0, &bytes, &mut numbers);
+        bound.numbers(&steps, 0, &bytes, &mut Part::default(), |some| numbers.extend_from_slice(some));
         for (step, number) in steps.iter().zip(numbers) {
             let at = 2 * usize::from(step.address);
             let expected = match step.compiled().map(|index| plan.compiled(index)) {

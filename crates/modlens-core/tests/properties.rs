@@ -128,18 +128,19 @@ fn traffic() -> impl Strategy<Value = Vec<u8>> {
 }
 
 /// Everything that is told of these bytes, given in such pieces: rows with their bytes, and the statistics.
-fn all_told(data: &[u8], piece: usize) -> Vec<String> {
+fn all_told(data: &[u8], mode: Mode, piece: usize) -> Vec<String> {
     let mut session = Session::default();
-    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
     data.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
     told(session)
 }
 
 /// The same of a log with a record a line, given so many lines at once.
-fn all_logged(log: &[String], lines: usize) -> Vec<String> {
+fn all_logged(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
     let mut session = Session::default();
-    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
-    let rows = Dialects::embedded().named("hex").unwrap();
+    let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
+    let dialect = if mode == Mode::Ascii { "ascii-lines" } else { "hex" };
+    let rows = Dialects::embedded().named(dialect).unwrap();
     session.open_text(bus, Reader::new(rows, None, Arc::default()), b"");
     log.chunks(lines).for_each(|lines| session.feed_text(bus, lines.concat().as_bytes(), false));
     session.feed_text(bus, b"", true);
@@ -170,22 +171,39 @@ fn framed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
 }
 
+/// A request that reads or writes in a plain way, and its answer.
+fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u8>, Vec<u8>) {
+    let [high, low] = address.to_be_bytes();
+    let head = [unit, code, high, low, 0, quantity];
+    let count = if matches!(code, 1 | 2 | 15) { quantity.div_ceil(8) } else { 2 * quantity };
+    // Most devices leave the bits behind the last one asked for at zero.
+    let data = (0..count).map(|at| if code < 3 && at + 1 == count { value & 1 } else { value ^ at });
+    let (request, response) = match code {
+        1..=4 => (head.to_vec(), [unit, code, count].into_iter().chain(data).collect()),
+        5 => ([unit, 5, high, low, if value > 99 { 0xFF } else { 0 }, value / 200].to_vec(), Vec::new()),
+        6 => ([unit, 6, high, low, value, quantity].to_vec(), Vec::new()),
+        _ => (head.into_iter().chain([count]).chain(data).collect(), head.to_vec()),
+    };
+    (framed(&request), framed(if response.is_empty() { &request } else { &response }))
+}
+
 /// A poll cycle with what may happen to one exchange of it in five; what each side sends, and how long it waits before.
+/// The adapters of some lines hear themselves.
 fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
-    let poll = (1u8..4, 1u8..5, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
+    let code = prop_oneof![4 => 1u8..5, 1 => prop_oneof![Just(5u8), Just(6), Just(15), Just(16)]];
+    let poll = (1u8..4, code, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
     let accident = (0u8..60, any::<u8>(), any::<u16>());
-    (proptest::collection::vec(poll, 1..5), proptest::collection::vec(accident, 4..60)).prop_map(|(polls, turns)| {
+    let (polls, turns) = (proptest::collection::vec(poll, 1..5), proptest::collection::vec(accident, 4..60));
+    (polls, turns, proptest::bool::weighted(0.2)).prop_map(|(polls, turns, echo)| {
         let mut bursts = Vec::new();
         for (turn, (accident, value, place)) in turns.into_iter().enumerate() {
             let pauses = if accident == 12 { (2_000, 900) } else { (10 + u32::from(value) % 7, 3 + u32::from(place) % 20) };
             let (unit, code, address, quantity) = polls[turn % polls.len()];
-            let [high, low] = address.to_be_bytes();
-            let request = framed(&[unit, code, high, low, 0, quantity]);
-            let count = if code < 3 { quantity.div_ceil(8) } else { 2 * quantity };
-            // Most devices leave the bits behind the last one asked for at zero.
-            let data = (0..count).map(|at| if code < 3 && at + 1 == count { value & 1 } else { value ^ at });
-            let mut response = framed(&[unit, code, count].into_iter().chain(data).collect::<Vec<u8>>());
+            let (request, mut response) = exchange(unit, code, address, quantity, value);
             bursts.push((request.clone(), pauses.0));
+            if echo {
+                bursts.push((request.clone(), 1));
+            }
             match accident {
                 0 => continue,
                 1 => bursts.push((request, 400)),
@@ -207,6 +225,18 @@ fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
     })
 }
 
+/// The same in characters; what is no frame stays as it is.
+fn in_ascii(bursts: &[(Vec<u8>, u32)]) -> Vec<(Vec<u8>, u32)> {
+    let frame = |bytes: &[u8]| {
+        let content = bytes.split_last_chunk::<2>().filter(|(content, sum)| crc16(content).to_le_bytes() == **sum)?.0;
+        let mut adu = content.to_vec();
+        adu.push(lrc(&adu));
+        let text = modlens_core::pdu::hex(&adu);
+        Some(format!(":{}\r\n", if adu.last() == Some(&7) { text } else { text.to_uppercase() }).into_bytes())
+    };
+    bursts.iter().map(|(bytes, pause)| (frame(bytes).unwrap_or_else(|| bytes.clone()), *pause)).collect()
+}
+
 fn bytes_of(bursts: &[(Vec<u8>, u32)]) -> Vec<u8> {
     bursts.iter().flat_map(|(bytes, _)| bytes).copied().collect()
 }
@@ -217,9 +247,10 @@ fn log_of(bursts: &[(Vec<u8>, u32)], stamped: bool) -> Vec<String> {
     let lines = bursts.iter().map(|(bytes, pause)| {
         ms += pause;
         let stamp = format!("2026-11-21 12:{:02}:{:02}.{:03} ", ms / 60_000, ms / 1000 % 60, ms % 1000);
-        let side = if bytes.len() == 8 { "Tx" } else { "Rx" };
-        let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-        format!("{}{side}: {}\n", if stamped { &stamp } else { "" }, hex.join(" "))
+        let side = if matches!(bytes.len(), 8 | 17) { "Tx" } else { "Rx" };
+        let hex = || bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<String>>().join(" ");
+        let shown = if bytes.starts_with(b":") { String::from_utf8_lossy(bytes).trim_end().to_owned() } else { hex() };
+        format!("{}{side}: {shown}\n", if stamped { &stamp } else { "" })
     });
     lines.collect()
 }
@@ -244,18 +275,22 @@ proptest! {
     // are parted, each is told by itself.
     #[test]
     fn what_came_before_is_told_as_if_it_never_had(bursts in cycle(), piece in 2usize..70) {
-        let data = bytes_of(&bursts);
-        let apart = all_told(&data, 1);
-        prop_assert_eq!(&all_told(&data, usize::MAX), &apart);
-        prop_assert_eq!(&all_told(&data, piece), &apart);
+        for (mode, bursts) in [(Mode::Rtu, bursts.clone()), (Mode::Ascii, in_ascii(&bursts))] {
+            let data = bytes_of(&bursts);
+            let apart = all_told(&data, mode, 1);
+            prop_assert_eq!(&all_told(&data, mode, usize::MAX), &apart);
+            prop_assert_eq!(&all_told(&data, mode, piece), &apart);
+        }
     }
 
     #[test]
     fn records_of_a_log_are_told_alike_however_many_come_at_once(bursts in cycle(), lines in 2usize..9, stamped in any::<bool>()) {
-        let log = log_of(&bursts, stamped);
-        let apart = all_logged(&log, 1);
-        prop_assert_eq!(&all_logged(&log, usize::MAX), &apart);
-        prop_assert_eq!(&all_logged(&log, lines), &apart);
+        for (mode, bursts) in [(Mode::Rtu, bursts.clone()), (Mode::Ascii, in_ascii(&bursts))] {
+            let log = log_of(&bursts, stamped);
+            let apart = all_logged(&log, mode, 1);
+            prop_assert_eq!(&all_logged(&log, mode, usize::MAX), &apart);
+            prop_assert_eq!(&all_logged(&log, mode, lines), &apart);
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::columns::content::Exchange;
 use crate::columns::Items;
 use crate::functions::Operation;
-use crate::points::{Bound, Piece, Plan, Step};
+use crate::points::{Bound, Part, Piece, Plan, Step};
 use crate::profile::Space;
 use crate::records::{Batch, Span, Transaction};
 
@@ -89,6 +89,21 @@ impl Item<'_> {
     }
 }
 
+impl Data {
+    /// What was read in the plainest way: its first register or bit, where it is, how many there are.
+    #[inline]
+    fn plain(t: &Transaction, (bits, first, quantity): (bool, u16, u16)) -> (u16, Self, usize) {
+        // Behind function code and count.
+        let span = Span { start: t.response.pdu.start + 2, length: t.response.pdu.length - 2 };
+        let (bytes, asked) = (span.length as usize, usize::from(quantity));
+        if bits {
+            (first, Self::Bits(span, asked), asked.min(8 * bytes))
+        } else {
+            (first, Self::Words(span), bytes / 2)
+        }
+    }
+}
+
 impl Block {
     #[inline]
     pub fn items<'a>(&self, batch: &'a Batch) -> Items<'a> {
@@ -111,6 +126,11 @@ impl Readings {
             let exchange = Exchange::new(batch, t);
             let space = exchange.space();
             let plan = t.points.as_deref().zip(space).map(|(bound, space)| (&*bound.plan, space));
+            if let Some((first, data, count)) = exchange.plain(batch).map(|plain| Data::plain(t, plain)) {
+                all.blocks.push(Block { txn: txn as u32, write: false, first, data });
+                all.add(plan, first, count);
+                continue;
+            }
             let sides = match exchange.operation() {
                 Operation::Read => &[false][..],
                 Operation::Write => &[true],
@@ -142,22 +162,21 @@ impl Readings {
     /// The rows whose number is right; those without a number are left out.
     pub fn with_numbers(&self, batch: &Batch, keep: impl Fn(f64) -> bool) -> Self {
         let mut rows = Vec::new();
-        let mut numbers = Vec::new();
+        let mut part = Part::default();
         // Bits are one of two numbers.
         let no_bit = !keep(0.0) && !keep(1.0);
         for (at, run) in self.all.runs.iter().enumerate() {
             if no_bit && matches!(self.all.blocks[run.block as usize].data, Data::Bits(..)) {
                 continue;
             }
-            numbers.clear();
-            self.all.numbers(batch, run, self.all.length(at), &mut numbers);
-            // Most filters keep few: whole stretches are left out without a look at each.
-            for (i, some) in numbers.chunks(64).enumerate() {
+            let mut from = run.row;
+            self.all.numbers(batch, run, self.all.length(at), &mut part, |some| {
+                // Most filters keep few: whole stretches are left out without a look at each.
                 if some.iter().fold(false, |any, &number| any | keep(number)) {
-                    let from = run.row + 64 * i as u32;
                     rows.extend((from..).zip(some).filter(|(_, number)| keep(**number)).map(|(row, _)| row));
                 }
-            }
+                from += some.len() as u32;
+            });
         }
         if let Some(some) = &self.some {
             rows.retain(|row| some.binary_search(row).is_ok());
@@ -223,37 +242,41 @@ impl All {
         (self.runs.get(run + 1).map_or(self.rows, |next| next.row) - self.runs[run].row) as usize
     }
 
-    /// The numbers of a run.
-    fn numbers(&self, batch: &Batch, run: &Run, count: usize, out: &mut Vec<f64>) {
+    /// The numbers of a run, some at a time.
+    #[inline]
+    fn numbers(&self, batch: &Batch, run: &Run, count: usize, part: &mut Part, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
         let bound = batch.transactions[block.txn as usize].points.as_deref();
         let steps = match run.steps {
-            Steps::Bare(address) => return bare(&block.items(batch), address.wrapping_sub(block.first), count, out),
+            Steps::Bare(address) => return bare(&block.items(batch), address.wrapping_sub(block.first), count, part, each),
             Steps::Plan(from) => bound.map_or(&[][..], |bound| &bound.plan.steps()[from as usize..][..count]),
             Steps::Own(from) => &self.own[from as usize..][..count],
         };
         let Some(bound) = bound else { return };
         match block.data {
-            Data::Words(span) => bound.numbers(steps, block.first, span.of(&batch.arena), out),
-            Data::Register(value) => bound.numbers(steps, block.first, &(value as u16).to_be_bytes(), out),
+            Data::Words(span) => bound.numbers(steps, block.first, span.of(&batch.arena), part, each),
+            Data::Register(value) => bound.numbers(steps, block.first, &(value as u16).to_be_bytes(), part, each),
             Data::Bits(..) | Data::Coil(_) => {
                 let items = block.items(batch);
-                let bit = |step: &Step| items.get(usize::from(step.address.wrapping_sub(block.first)));
-                out.extend(steps.iter().map(|step| f64::from(bit(step))));
+                let bit = |step: &Step| f64::from(items.get(usize::from(step.address.wrapping_sub(block.first))));
+                part.of(steps, each, bit);
             }
         }
     }
 }
 
-fn bare(items: &Items<'_>, place: u16, count: usize, out: &mut Vec<f64>) {
+fn bare(items: &Items<'_>, place: u16, count: usize, part: &mut Part, mut each: impl FnMut(&[f64])) {
     let places = usize::from(place)..usize::from(place) + count;
     match items {
         Items::Words(bytes) => {
-            let pairs = bytes[2 * places.start..2 * places.end].chunks_exact(2);
-            out.extend(pairs.map(|pair| f64::from(u16::from_be_bytes([pair[0], pair[1]]))));
+            let pairs = bytes[2 * places.start..2 * places.end].as_chunks().0;
+            part.of(pairs, each, |pair| f64::from(u16::from_be_bytes(*pair)));
         }
-        Items::Bits(bytes, _) => out.extend(places.map(|place| [0.0, 1.0][usize::from(bytes[place / 8] >> (place % 8) & 1)])),
-        Items::One(value) => out.push(f64::from(*value)),
+        Items::Bits(bytes, _) => {
+            let bit = |place: usize| [0.0, 1.0][usize::from(bytes[place / 8] >> (place % 8) & 1)];
+            places.for_each(|place| each(&[bit(place)]));
+        }
+        Items::One(value) => each(&[f64::from(*value)]),
     }
 }
 

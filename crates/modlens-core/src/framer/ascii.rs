@@ -17,6 +17,9 @@ const LIMIT: usize = 513;
 /// Longest pause between two characters (2.5.2.1).
 const CHARACTER_TIMEOUT: Ns = 1_000_000_000;
 
+/// What a right frame is worth: eight bits of LRC, colon and line end.
+pub const AGREES: u8 = 32;
+
 /// The framer of an ASCII line.
 #[derive(Debug)]
 pub struct Ascii {
@@ -108,8 +111,7 @@ impl Ascii {
             }
             let pause = (context.pause)(input.pause_before(0));
             cut.direction = judge(context.functions, context.asked, adu[0], &adu[1..], context.said_at(input, 0), pause);
-            // Eight bits of LRC, colon and line end.
-            cut.confidence = 32;
+            cut.confidence = AGREES;
             if let [_, 8, 0, 3, delimiter, ..] = adu[..] {
                 self.delimiter = delimiter;
             }
@@ -142,6 +144,10 @@ impl Framer for Ascii {
 
     fn mode(&self) -> Mode {
         Mode::Ascii
+    }
+
+    fn settled(&self, _offset: u64) -> bool {
+        true
     }
 
     fn break_ns(&self, _line: Option<&Line>) -> Ns {

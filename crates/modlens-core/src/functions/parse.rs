@@ -79,6 +79,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     let roles = roles(&request, &response, operation);
     let permits = [permits(row, &request)?, permits(row, &response)?];
     let echo = strings(row.get("echo"))?;
+    let echoes = echoes(&echo, &request, &response);
     let limits = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
     Ok(Row {
         judged: limits.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
@@ -89,8 +90,8 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
         operation,
         space: register_type.as_deref().and_then(Space::from_word),
         register_type,
-        plain: plain(&request, &response, &roles, &permits),
-        echoes: echoes(&echo, &request, &response),
+        plain: plain(&request, &response, &roles, &echoes, &permits),
+        echoes,
         echo,
         permits,
         mirrored: request == response,
@@ -183,14 +184,29 @@ fn parse_field(text: &str) -> Result<Field, String> {
     Ok(Field { name: name.to_owned(), word })
 }
 
-fn plain(request: &Layout, response: &Layout, roles: &Roles, permits: &[Vec<Permit>; 2]) -> Option<Plain> {
-    let (_, bits) = roles.response_block.filter(|&(at, _)| at == 1)?;
-    let asks = request.extent(&[0; 4]) == Extent::Exactly(4) && (roles.address, roles.quantity) == (Some(0), Some(2));
-    let counted = [1u8, 2, 250].iter().all(|&count| response.extent(&[count]) == Extent::Exactly(1 + usize::from(count)));
-    // What is permitted of the answer must not depend on its values.
+fn plain(request: &Layout, response: &Layout, roles: &Roles, echoes: &[Echo], permits: &[Vec<Permit>; 2]) -> Option<Plain> {
+    let four = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
+    let counted = |layout: &Layout, at: usize| {
+        let extent = |count: u8| layout.extent(&[&[0u8; 4][..at], &[count]].concat());
+        [1u8, 2, 250].iter().all(|&count| extent(count) == Extent::Exactly(at + 1 + usize::from(count)))
+    };
+    // What is permitted of the answer must not depend on its values, unless those are the request's.
     let by_count = permits[1].iter().all(|permit| permit.offset + permit.width <= 1);
-    let kind = if bits { Plain::Bits } else { Plain::Registers };
-    (asks && counted && by_count && request != response).then_some(kind)
+    let repeats = |at: usize| echoes.iter().any(|echo| (echo.asked, echo.answered, echo.width) == (at, at, 2));
+    let same = four(response) && repeats(0) && repeats(2) && permits[1].iter().all(|permit| permits[0].contains(permit));
+    if roles.address != Some(0) {
+        return None;
+    }
+    match (roles.quantity, roles.request_block, roles.response_block) {
+        (Some(2), None, Some((1, bits))) if four(request) && counted(response, 0) && by_count => {
+            Some(if bits { Plain::ReadBits } else { Plain::ReadRegisters })
+        }
+        (Some(2), Some((5, bits)), None) if counted(request, 4) && same => {
+            Some(if bits { Plain::WriteBits } else { Plain::WriteRegisters })
+        }
+        (None, None, None) if roles.value == Some(2) && four(request) && request == response && same => Some(Plain::WriteOne),
+        _ => None,
+    }
 }
 
 /// The numbers of these names that have a place in both bodies.

@@ -63,17 +63,24 @@ pub struct Echo {
     pub width: usize,
 }
 
-/// Functions of the plainest kind: address and quantity are asked, a count and as many bytes are the answer.
+/// Functions of the plainest kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plain {
-    /// Eight to a byte.
-    Bits,
-    /// Two bytes each.
-    Registers,
+    /// Address and quantity are asked, a count and as many bytes are the answer; eight bits to a byte.
+    ReadBits,
+    /// The same, two bytes each.
+    ReadRegisters,
+    /// Behind address and quantity a count and as many bytes are sent, address and quantity are the answer; eight bits to
+    /// a byte.
+    WriteBits,
+    /// The same, two bytes each.
+    WriteRegisters,
+    /// Address and value are sent, and are the answer.
+    WriteOne,
 }
 
 /// What the specification permits for one number of a body.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Permit {
     /// The field.
     pub name: String,
@@ -114,7 +121,7 @@ pub struct Row {
     pub register_type: Option<String>,
     /// The same as a table, worked out once.
     pub space: Option<Space>,
-    /// Whether it reads in the plainest way.
+    /// Whether it reads or writes in a plain way.
     pub plain: Option<Plain>,
     /// Whether request and response have the same layout: then they can look the same.
     pub mirrored: bool,

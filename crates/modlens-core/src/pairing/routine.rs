@@ -12,16 +12,17 @@ impl Pairing {
         !open && self.notes.is_empty() && self.past.idle() && self.masters.idle()
     }
 
-    /// A unit has answered a request: not one of those whose answers may look like them.
+    /// A unit has answered a request; `mirrored`: by repeating it, which teaches nothing of copies and times.
     #[inline]
-    pub fn again(&mut self, unit: u8, mbap_id: Option<u16>, response_time: Option<Ns>) {
+    pub fn again(&mut self, unit: u8, mbap_id: Option<u16>, mirrored: bool, response_time: Option<Ns>) {
         match mbap_id {
             Some(id) => self.remember_id(id),
+            None if mirrored => {}
             None => self.copies.next(),
         }
         self.past.answered_again();
         self.present[usize::from(unit)] = true;
-        if let Some(time) = response_time {
+        if let Some(time) = response_time.filter(|_| !mirrored) {
             self.tempo.answered(time);
         }
     }

@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use foldhash::fast::RandomState;
+
 use crate::finding::Finding;
 use crate::framer::Mode;
 use crate::functions::Functions;
@@ -94,7 +96,7 @@ struct Around<'a, 'b> {
 #[derive(Debug, Default)]
 pub struct Table {
     ports: Ports,
-    index: HashMap<Key, usize>,
+    index: HashMap<Key, usize, RandomState>,
     slots: Vec<Option<Connection>>,
     free: Vec<usize>,
     /// Where the last packet belonged: the next one mostly does, too.

@@ -250,20 +250,13 @@ impl Bound {
     }
 
     /// The numbers of some steps in a block of registers, `NOTHING` where there is none: tight, unlike `value`.
-    pub fn numbers(&self, steps: &[Step], first: u16, bytes: &[u8], out: &mut Vec<f64>) {
+    pub fn numbers(&self, steps: &[Step], first: u16, bytes: &[u8], part: &mut Part, each: impl FnMut(&[f64])) {
         let (shortcuts, factors) = (&self.plan.shortcuts[..], &self.factors[..]);
-        // A chunk at a time, so that the compiler knows where the numbers go.
-        let mut chunk = [NOTHING; 64];
-        for steps in steps.chunks(chunk.len()) {
-            for (step, number) in steps.iter().zip(&mut chunk) {
-                let at = 2 * usize::from(step.address.wrapping_sub(first));
-                *number = match shortcuts[usize::from(step.shortcut)].number(bytes, at, factors) {
-                    Ok(number) => number,
-                    Err(()) => self.long_number(*step, bytes, at),
-                };
-            }
-            out.extend_from_slice(&chunk[..steps.len()]);
-        }
+        part.of(steps, each, |step| {
+            let at = 2 * usize::from(step.address.wrapping_sub(first));
+            let number = shortcuts[usize::from(step.shortcut)].number(bytes, at, factors);
+            number.unwrap_or_else(|()| self.long_number(*step, bytes, at))
+        });
     }
 
     #[cold]
@@ -321,6 +314,29 @@ impl Bound {
     pub fn exception(&self, code: u8) -> Option<&str> {
         let words = &self.plan.profile.device.exceptions;
         words.iter().find(|(known, _)| *known == code).map(|(_, text)| text.as_str())
+    }
+}
+
+/// So many numbers are given at a time: a place for all of them would have to be filled twice.
+const PART: usize = 64;
+
+/// Room for some numbers.
+pub struct Part([f64; PART]);
+
+impl Default for Part {
+    fn default() -> Self {
+        Self([NOTHING; PART])
+    }
+}
+
+impl Part {
+    /// Gives the numbers of some items, a part of them at a time.
+    #[inline]
+    pub fn of<T>(&mut self, items: &[T], mut each: impl FnMut(&[f64]), number: impl Fn(&T) -> f64) {
+        for items in items.chunks(PART) {
+            self.0.iter_mut().zip(items).for_each(|(place, item)| *place = number(item));
+            each(&self.0[..items.len()]);
+        }
     }
 }
 

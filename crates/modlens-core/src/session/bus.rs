@@ -45,6 +45,13 @@ pub(super) struct LineState {
     pub(super) ahead: Option<Box<Ahead>>,
 }
 
+impl LineState {
+    /// Whether nothing is open on it.
+    pub(super) fn is_settled(&self) -> bool {
+        self.ahead.is_none() && self.framer.settled(self.input.offset())
+    }
+}
+
 pub(super) struct BusState {
     pub(super) options: BusOptions,
     pub(super) lines: Vec<(u8, LineState)>,
@@ -316,7 +323,7 @@ pub(super) fn learn(known_units: &mut [bool; 256], sides: &mut [i32; 2], seen: &
 }
 
 /// What a log's word means: what its frames have shown, or else that the logging process is the master.
-fn said(sides: [i32; 2], side: Side) -> Direction {
+pub(super) fn said(sides: [i32; 2], side: Side) -> Direction {
     let lead = sides[0] - sides[1];
     let master_logs = lead >= 0;
     if (side == Side::Sent) == master_logs {

@@ -76,6 +76,8 @@ pub struct Session {
     assignments: Vec<Assignment>,
     /// Scratch.
     adu: Vec<u8>,
+    /// The same of a request and its answer.
+    adus: [Vec<u8>; 2],
     text: Vec<u8>,
     done: Vec<Box<Exchange>>,
     found: check::Found,
@@ -117,6 +119,7 @@ impl Session {
             stats: Stats::default(),
             assignments: Vec::new(),
             adu: Vec::new(),
+            adus: <[Vec<u8>; 2]>::default(),
             text: Vec::new(),
             done: Vec::new(),
             found: Vec::new(),

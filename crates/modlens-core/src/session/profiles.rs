@@ -92,27 +92,25 @@ impl Profiles {
         Some(Arc::clone(bound))
     }
 
-    /// Whether an answer says nothing more of the profile of its unit; else `on` has to look. The request begins with the
-    /// unit, the block is what was read.
+    /// Whether an answer says nothing that is to be told; else `on` has to look. The request begins with the unit, the
+    /// block is what was read, if anything was; it is taken note of.
     #[inline]
-    pub(super) fn settled(&self, functions: &Functions, request: &[u8], block: &[u8]) -> bool {
-        self.by_unit.is_empty() || self.says_nothing(functions, request, block)
+    pub(super) fn take(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
+        self.by_unit.is_empty() || self.take_block(functions, request, block)
     }
 
-    fn says_nothing(&self, functions: &Functions, request: &[u8], block: &[u8]) -> bool {
+    fn take_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         let [unit, code, high, low, ..] = *request else { return false };
         let Some(bound) = &self.by_unit[usize::from(unit)] else { return !self.chains.contains_key(&unit) };
-        let (plan, first, watch) = (&bound.plan, u16::from_be_bytes([high, low]), &self.watches[usize::from(unit)]);
+        let (plan, first, watch) = (&bound.plan, u16::from_be_bytes([high, low]), &mut self.watches[usize::from(unit)]);
         let known = &plan.profile.device.functions;
         if self.chains.contains_key(&unit) || !(known.is_empty() || known.contains(&code)) {
             return false;
         }
-        if watch.done(plan) && !bound.has_factors() {
-            return true;
-        }
+        let Some(block) = block.filter(|_| bound.has_factors() || !watch.done(plan)) else { return true };
         let space = functions.row(code, &request[2..]).and_then(|row| row.space);
-        let news = |space| watch.waits(plan, space, first, block) || bound.learn(space, first, block).is_some();
-        space.is_some_and(|space| space.bits() || !news(space))
+        let mut quiet = |space| bound.learn(space, first, block).is_none() && watch.take(plan, space, first, block);
+        space.is_some_and(|space| space.bits() || quiet(space))
     }
 
     /// The profile of a unit.

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
+use foldhash::fast::RandomState;
 use serde_json::{json, Value as Json};
 
 use super::Times;
@@ -35,8 +36,8 @@ impl Key {
         Self(exchange.unit, exchange.function, range)
     }
 
-    /// A request that reads so many from an address on.
-    pub(crate) fn reading(unit: u8, function: u8, address: u16, quantity: u16) -> Self {
+    /// A request for so many from an address on.
+    pub(crate) fn plain(unit: u8, function: u8, address: u16, quantity: u16) -> Self {
         Self(unit, function, Some((address, quantity)))
     }
 
@@ -68,7 +69,7 @@ struct Slot {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Requests {
     slots: Vec<Slot>,
-    places: HashMap<Key, usize>,
+    places: HashMap<Key, usize, RandomState>,
     /// The slot of the last request.
     latest: usize,
     waited: Times,

@@ -24,7 +24,7 @@ const MOST_STRAYS: usize = 3;
 const MOST_POLL: usize = 16;
 
 /// A silence that is so much more like an answer than like a time-out, in bits.
-const SURELY_AN_ANSWER: f32 = -10.0;
+pub(super) const SURELY_AN_ANSWER: f32 = -10.0;
 
 /// What a look at the next header says.
 pub enum Certain {
@@ -218,7 +218,7 @@ pub fn answer(row: &Row, pdu: &[u8]) -> Option<(u8, usize)> {
 }
 
 /// Whether the bytes begin with the same frame twice; `None` if more bytes are needed to tell.
-fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
+pub(super) fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
     let second = bytes.get(length..).unwrap_or(&[]);
     let compared = second.len().min(length);
     if second[..compared] != bytes[..compared] {

@@ -395,8 +395,8 @@ impl Model {
 
     /// Learns from a request that leaves no doubt and from its answer, right behind another frame.
     #[inline]
-    pub fn learn_exchange(&mut self, request: &[u8], response: &[u8]) {
-        self.learn(request, REQUEST, Setting { waiting: false, junk: 0 }, Copy::First);
+    pub fn learn_exchange(&mut self, request: &[u8], response: &[u8], copy: Copy) {
+        self.learn(request, REQUEST, Setting { waiting: false, junk: 0 }, copy);
         self.learn(response, RESPONSE, Setting { waiting: true, junk: 0 }, Copy::Unclear);
     }
 

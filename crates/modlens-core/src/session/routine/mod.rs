@@ -1,15 +1,17 @@
 //! Exchanges that need no thought.
 //!
-//! Most traffic is reads that are answered at once. Where a unit and a function are known, nothing is open, and a request
+//! Most traffic is plain reads and writes that are answered at once. Where a unit and a function are known, nothing is open, and a request
 //! that asks for what may be asked for is followed by just the answer it announces, there is nothing to search, to pair
 //! or to find. The rows are those of the long way, which every chunking that parts a request from its answer takes
 //! (`tests/properties.rs`).
 
+mod ascii;
 mod expected;
 mod rows;
 
 use crate::checksum::crc_valid_at;
 use crate::direction::Direction;
+use crate::framer::rtu::Rtu;
 use crate::framer::Mode;
 use crate::records::{Batch, Span};
 use crate::session::bus::{learn_side, LineState};
@@ -21,18 +23,36 @@ use crate::Ns;
 use expected::Expected;
 use rows::Told;
 
+/// Bytes before the unit: transaction, protocol and length (messaging on TCP/IP, 3.1.3).
+const MBAP: usize = 6;
+
+/// Bytes of the checksum of RTU.
+const CHECKSUM: usize = 2;
+
+/// An exchange on the wire.
+struct Found {
+    known: Expected,
+    mode: Mode,
+    /// Transaction identifier.
+    id: Option<u16>,
+    /// The lines of request and answer, and their lengths there.
+    lines: [usize; 2],
+    lengths: [usize; 2],
+}
+
 impl Session {
     /// Tells exchanges at the head of the input, as long as each leaves no doubt.
     pub(super) fn routine(&mut self, bus: usize) {
         let state = &self.buses[bus];
-        if state.jumped || !state.pairing.idle() {
+        if state.jumped || !state.pairing.idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
             return;
         }
         match &state.lines[..] {
-            [(_, line)] if line.framer.mode() == Mode::Rtu && line.ahead.is_none() => self.routine_rtu(bus),
+            [(_, line)] if line.framer.mode() == Mode::Rtu => self.routine_rtu(bus),
+            [(_, line)] if line.framer.mode() == Mode::Ascii => self.routine_ascii(bus),
             [(first, line), _] if state.options.bus.network.is_some() && line.framer.mode() == Mode::Tcp => {
                 let server_first = *first == FROM_SERVER;
-                self.routine_tcp(bus, usize::from(server_first), usize::from(!server_first));
+                self.routine_tcp(bus, [usize::from(server_first), usize::from(!server_first)]);
             }
             _ => {}
         }
@@ -41,10 +61,8 @@ impl Session {
     /// On one line, request and answer follow each other.
     fn routine_rtu(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
-        let line = &state.lines[0].1;
         // What silences say is told of each frame.
-        let silences = line.input.timed && state.options.rule().is_some();
-        if silences || !line.framer.settled(line.input.offset()) {
+        if state.lines[0].1.input.timed && state.options.rule().is_some() {
             return;
         }
         let setting = state.setting(0);
@@ -54,18 +72,28 @@ impl Session {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
             let Some(known) = Expected::of(&self.functions, Mode::Rtu, line.input.bytes()) else { break };
-            let (request, rest) = line.input.bytes().split_at(known.asked.min(line.input.bytes().len()));
+            let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
+            let Some((request, rest)) = line.input.bytes().split_at_checked(asked) else { break };
+            let Some((response, _)) = rest.split_at_checked(answered) else { break };
             let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
-            let whole = known.is_answered(rest) && crc_valid_at(request, known.asked);
-            if !whole || !line.input.holds_exchange(known.asked, known.answered, patience) {
+            let whole = known.is_answered(request, response) && crc_valid_at(response, answered) && crc_valid_at(request, asked);
+            if !whole || !line.input.holds_exchange(Mode::Rtu, asked, answered, patience) {
                 break;
             }
-            let settled = state.profiles.settled(&self.functions, request, &rest[3..known.answered - 2]);
-            let (Some(framer), true) = (line.framer.routine(), settled) else { break };
-            if !framer.again(request, &rest[..known.answered]) {
+            if known.mirrored {
+                let pause = state.pairing.tempo.judge(line.input.pause_before(asked));
+                if !Rtu::answers_itself(pause, line.input.timed, rest, asked) {
+                    break;
+                }
+            }
+            let Some(framer) = line.framer.routine().filter(|framer| framer.knows(known.unit, known.code)) else { break };
+            // From here on, note is taken of it.
+            if !state.profiles.take(&self.functions, request, known.block(&response[..known.answered])) {
                 break;
             }
-            last = Some(self.exchange(bus, &known, [0, 0], &setting, told_apart));
+            framer.again(request, response, known.mirrored);
+            let found = Found { known, mode: Mode::Rtu, id: None, lines: [0, 0], lengths: [asked, answered] };
+            last = Some(self.exchange(bus, &found, None, &setting, told_apart));
         }
         let Some((request, response)) = last else { return };
         let state = &mut self.buses[bus];
@@ -74,58 +102,73 @@ impl Session {
         if let Some(framer) = line.framer.routine() {
             framer.resume(request, response, line.input.offset());
         }
-        state.pairing.resume(response[0], &response[1..response.len() - 2]);
+        state.pairing.resume(response[0], &response[1..response.len() - CHECKSUM]);
     }
 
     /// On a connection, each side has its own line, and a message comes in a packet.
-    fn routine_tcp(&mut self, bus: usize, client: usize, server: usize) {
+    fn routine_tcp(&mut self, bus: usize, lines: [usize; 2]) {
+        let [client, server] = lines;
         let state = &mut self.buses[bus];
-        if !state.lines.iter().all(|(_, line)| line.framer.settled(line.input.offset())) {
-            return;
-        }
         let setting = state.setting(client);
         let told_apart = 2 * state.coarsest();
         let mut last = None;
         loop {
-            let state = &self.buses[bus];
-            let (asked, answered) = (&state.lines[client].1.input, &state.lines[server].1.input);
-            let Some(known) = Expected::of(&self.functions, Mode::Tcp, asked.bytes()) else { break };
-            let Some((after, next)) = asked.packet(known.asked).zip(answered.packet(known.answered)) else { break };
+            let state = &mut self.buses[bus];
+            let (asking, answering) = (&state.lines[client].1.input, &state.lines[server].1.input);
+            let Some((header, request)) = asking.bytes().split_first_chunk::<MBAP>() else { break };
+            let Some(known) = Expected::of(&self.functions, Mode::Tcp, request) else { break };
+            let lengths = [MBAP + known.asked, MBAP + known.answered];
+            let Some((after, next)) = asking.packet(lengths[0]).zip(answering.packet(lengths[1])) else { break };
             // In the order of time: no other request came before the answer.
             let (sent, following) = after;
             let in_turn = sent < next.0 && next.0 - sent < state.pairing.patience() && following.is_none_or(|time| time > next.0);
-            let (request, response) = (asked.bytes(), answered.bytes());
-            let whole = in_turn && known.is_answered(response);
-            // Behind the header, the unit stands before the function as on a serial line.
-            if !(whole && state.profiles.settled(&self.functions, &request[6..], &response[9..known.answered])) {
+            // A packet that is there is whole.
+            let (request, response) = (&request[..known.asked], &answering.bytes()[..lengths[1]]);
+            let id = [header[0], header[1]];
+            let begins = |head: &[u8], length: usize| *head == [id[0], id[1], 0, 0, 0, length as u8];
+            let framed = begins(header, known.asked) && begins(&response[..MBAP], known.answered);
+            let response = &response[MBAP..];
+            if !(in_turn && framed && known.is_answered(request, response)) {
                 break;
             }
-            last = Some(self.exchange(bus, &known, [client, server], &setting, told_apart));
+            if !state.profiles.take(&self.functions, request, known.block(response)) {
+                break;
+            }
+            let found = Found { known, mode: Mode::Tcp, id: Some(u16::from_be_bytes(id)), lines, lengths };
+            last = Some(self.exchange(bus, &found, None, &setting, told_apart));
         }
         if let Some((_, response)) = last {
-            let response = response.of(&self.batch.arena);
-            self.buses[bus].pairing.resume(response[6], &response[7..]);
+            let response = &response.of(&self.batch.arena)[MBAP..];
+            self.buses[bus].pairing.resume(response[0], &response[1..]);
         }
     }
 
-    /// Tells an exchange at the heads of these lines; gives its bytes.
-    fn exchange(&mut self, bus: usize, known: &Expected, lines: [usize; 2], setting: &Setting, told_apart: Ns) -> (Span, Span) {
+    /// Tells an exchange at the heads of its lines; gives its bytes there. `adus`: unit and PDU of both, where the lines
+    /// have characters.
+    fn exchange(
+        &mut self,
+        bus: usize,
+        found: &Found,
+        adus: Option<&[Vec<u8>; 2]>,
+        setting: &Setting,
+        told_apart: Ns,
+    ) -> (Span, Span) {
         let state = &mut self.buses[bus];
-        let [client, server] = lines;
-        let (request, asked) = taken(&mut self.batch, &mut state.lines[client].1, known.asked, setting);
-        let (response, answered) = taken(&mut self.batch, &mut state.lines[server].1, known.answered, setting);
+        let Found { known, mode, id, lines: [client, server], lengths } = found;
+        let (request, asked) = taken(&mut self.batch, &mut state.lines[*client].1, lengths[0], setting);
+        let (response, answered) = taken(&mut self.batch, &mut state.lines[*server].1, lengths[1], setting);
         learn_side(&mut state.sides, asked.side, Direction::Request);
         learn_side(&mut state.sides, answered.side, Direction::Response);
         let response_time = state.pairing.since(asked.end, answered.start, answered.clean_start);
-        state.pairing.again(known.unit, known.id, response_time);
+        state.pairing.again(known.unit, *id, known.mirrored, response_time);
         let unit = usize::from(known.unit);
         (state.known_units[unit], state.paired_units[unit]) = (true, true);
         let told = Told {
             number: self.next_txn,
             frame: self.next_frame,
             bus: bus as u32,
-            lines: [state.lines[client].0, state.lines[server].0],
-            known,
+            lines: [state.lines[*client].0, state.lines[*server].0],
+            found,
             request,
             response,
             asked,
@@ -134,7 +177,7 @@ impl Session {
             recording: self.origin,
         };
         let spans = [asked.span(), answered.span()];
-        self.stats.again(state.counts, known.mode, known.key, known.asked + known.answered, spans, told.response_time);
+        self.stats.again(state.counts, *mode, known.key, lengths[0] + lengths[1], spans, told.response_time);
         self.next_txn += 1;
         self.next_frame += 2;
         let findings = self.batch.keep_codes(&[]);
@@ -143,11 +186,21 @@ impl Session {
             self.batch.frames.push(told.frame(Direction::Response, findings));
         }
         if self.wanted.transactions {
+            let pdus = match adus {
+                Some([request, response]) => [self.batch.keep(&request[1..]), self.batch.keep(&response[1..])],
+                None => [inside(*mode, request, known.asked), inside(*mode, response, known.answered)],
+            };
             let points = state.profiles.of(known.unit);
-            self.held.push(told.transaction(points, findings));
+            self.held.push(told.transaction(points, pdus, findings));
         }
         (request, response)
     }
+}
+
+/// The PDU in the bytes of a frame, behind its unit.
+fn inside(mode: Mode, wire: Span, length: usize) -> Span {
+    let before = if mode == Mode::Tcp { MBAP + 1 } else { 1 };
+    Span { start: wire.start + before as u32, length: length as u32 - 1 }
 }
 
 /// The first bytes of a line, kept and told.

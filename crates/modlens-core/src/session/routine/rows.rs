@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::direction::Direction;
-use crate::framer::{rtu, tcp, CutBy, Mode, Verdict};
+use crate::framer::{ascii, rtu, tcp, CutBy, Mode, Verdict};
 use crate::points::Bound;
 use crate::records::{Frame, Half, Span, Status, Transaction};
 use crate::session::moment::Moment;
-use crate::session::routine::expected::Expected;
+use crate::session::routine::Found;
 use crate::session::rows::elapsed;
 use crate::Ns;
 
@@ -19,7 +19,7 @@ pub(super) struct Told<'a> {
     pub bus: u32,
     /// Of the request and of the answer.
     pub lines: [u8; 2],
-    pub known: &'a Expected,
+    pub found: &'a Found,
     pub request: Span,
     pub response: Span,
     pub asked: Moment,
@@ -30,20 +30,17 @@ pub(super) struct Told<'a> {
 }
 
 impl Told<'_> {
-    pub(super) fn transaction(&self, points: Option<Arc<Bound>>, findings: Span) -> Transaction {
-        let half = |frame: u64, wire: Span, start: Option<Ns>| {
-            let (before, around) = self.known.around();
-            let pdu = Span { start: wire.start + before as u32, length: wire.length - around as u32 };
-            Half { frame, wire, pdu, start }
-        };
+    /// `pdus`: of the request and of the answer.
+    pub(super) fn transaction(&self, points: Option<Arc<Bound>>, pdus: [Span; 2], findings: Span) -> Transaction {
+        let half = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| Half { frame, wire, pdu, start };
         Transaction {
             number: self.number,
             bus: self.bus,
-            mode: self.known.mode,
+            mode: self.found.mode,
             start: self.asked.start,
             elapsed: elapsed(self.recording, self.asked.start),
-            unit: self.known.unit,
-            function: self.known.code,
+            unit: self.found.known.unit,
+            function: self.found.known.code,
             status: Status::Ok,
             exception: None,
             response_time: self.response_time,
@@ -52,9 +49,9 @@ impl Told<'_> {
             retry_of: None,
             late_for: None,
             gap: self.asked.gap,
-            mbap_id: self.known.id,
-            request: half(self.frame, self.request, self.asked.start),
-            response: half(self.frame + 1, self.response, self.answered.start),
+            mbap_id: self.found.id,
+            request: half(self.frame, self.request, pdus[0], self.asked.start),
+            response: half(self.frame + 1, self.response, pdus[1], self.answered.start),
             findings,
             points,
             origin: self.asked.origin,
@@ -66,6 +63,11 @@ impl Told<'_> {
             Direction::Request => (self.frame, self.lines[0], self.request, &self.asked),
             _ => (self.frame + 1, self.lines[1], self.response, &self.answered),
         };
+        let (confidence, cut_by) = match self.found.mode {
+            Mode::Rtu => (rtu::SURE, CutBy::Length),
+            Mode::Ascii => (ascii::AGREES, CutBy::Delimiter),
+            Mode::Tcp => (tcp::AGREES, CutBy::Length),
+        };
         Frame {
             number,
             bus: self.bus,
@@ -75,17 +77,17 @@ impl Told<'_> {
             start: moment.start,
             elapsed: elapsed(self.recording, moment.start),
             gap: moment.gap,
-            mode: self.known.mode,
+            mode: self.found.mode,
             direction,
-            unit: Some(self.known.unit),
-            code: Some(self.known.code),
+            unit: Some(self.found.known.unit),
+            code: Some(self.found.known.code),
             exception: None,
             verdict: Verdict::Ok,
             tentative: false,
-            confidence: if self.known.mode == Mode::Tcp { tcp::AGREES } else { rtu::SURE },
-            cut_by: CutBy::Length,
+            confidence,
+            cut_by,
             txn: Some(self.number),
-            mbap_id: self.known.id,
+            mbap_id: self.found.id,
             findings,
             origin: moment.origin,
             last_origin: moment.last_origin,
