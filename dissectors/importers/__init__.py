@@ -20,7 +20,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.errors import UsageError
+from dissectors.errors import ProfileError, UsageError
 from dissectors.importers.draft import Imported, Options, order_of
 from dissectors.profile import Profile
 from dissectors.words import near
@@ -30,13 +30,17 @@ __all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "order_of", "r
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format: what it is, its module, which ways it goes, and the suffix of its files."""
+    """A format: what it is, its module, which ways it goes, and the suffix of its files.
+
+    `options` are those of `Options` that a file of the format leaves open.
+    """
 
     title: str
     module: str
     reads: bool
     writes: bool
     suffix: str
+    options: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +51,18 @@ class Written:
     notes: tuple[str, ...]
 
 
+_ORDERED = ("order", "unit")
+
 FORMATS = {
-    "toml": Format("the profile's own TOML", "toml", reads=False, writes=True, suffix=".toml"),
-    "csv": Format("tables of any header, Kepware's among them", "csv", True, True, ".csv"),
-    "telegraf": Format("Telegraf inputs.modbus", "telegraf", True, True, ".conf"),
-    "homeassistant": Format("Home Assistant modbus:", "homeassistant", True, True, ".yaml"),
-    "esphome": Format("ESPHome modbus_controller", "esphome", True, False, ".yaml"),
+    "toml": Format("the profile's own TOML", "toml", False, True, ".toml"),
+    "csv": Format(
+        "tables of any header, Kepware's among them", "csv", True, True, ".csv", ("base", *_ORDERED)
+    ),
+    "telegraf": Format("Telegraf inputs.modbus", "telegraf", True, True, ".conf", _ORDERED),
+    "homeassistant": Format(
+        "Home Assistant modbus:", "homeassistant", True, True, ".yaml", _ORDERED
+    ),
+    "esphome": Format("ESPHome modbus_controller", "esphome", True, False, ".yaml", _ORDERED),
     "sunspec": Format("SunSpec model JSON", "sunspec", True, False, ".json"),
 }
 """Name -> format; the module is dissectors/importers/<module>.py."""
@@ -61,11 +71,20 @@ FORMATS = {
 def read(form: str, text: str, name: str, options: Options | None = None) -> Imported:
     """The model of a file of another program; `name` names it in errors.
 
-    `UsageError` for an unknown format, `ProfileError` where the text is none of it.
+    `UsageError` for an unknown format, `ProfileError` where the text is none of it, or has no point.
     """
-    module = _module(form, "reads")
-    found: Imported = module.read(text, name, options or Options())
-    return found
+    module, told = _module(form, "reads"), options or Options()
+    unused = [
+        f"--{key} is not used: a file for {form} says it itself"
+        for key in ("base", "order", "unit")
+        if getattr(told, key) is not None and key not in FORMATS[form].options
+    ]
+    found: Imported = module.read(text, name, told)
+    notes = (*unused, *found.notes)
+    if not found.model["registers"]:
+        why = f": {notes[-1]}" if notes else ""
+        raise ProfileError(f"no point in it that a profile can hold{why}", path=name)
+    return Imported(found.model, notes)
 
 
 def write(form: str, profile: Profile) -> Written:
