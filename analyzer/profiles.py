@@ -128,9 +128,11 @@ def read(path: str) -> str:
     """The text of a file; `SourceError` if it cannot be read."""
     try:
         return Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise SourceError(f"{path}: cannot be read: {reason}") from error
+    except UnicodeError as error:
+        at = error.start if isinstance(error, UnicodeDecodeError) else 0
+        raise SourceError(f"{path}: is no UTF-8 at byte {at}; save it as UTF-8") from error
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def with_vendors(functions: _modlens.Functions, bindings: Iterable[Binding]) -> _modlens.Functions:

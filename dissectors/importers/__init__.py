@@ -20,7 +20,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.errors import ProfileError, UsageError
+from dissectors.errors import ModlensError, ProfileError, UsageError
 from dissectors.importers.draft import Imported, Options, order_of
 from dissectors.profile import Profile
 from dissectors.words import near
@@ -71,20 +71,40 @@ FORMATS = {
 def read(form: str, text: str, name: str, options: Options | None = None) -> Imported:
     """The model of a file of another program; `name` names it in errors.
 
-    `UsageError` for an unknown format, `ProfileError` where the text is none of it, or has no point.
+    `UsageError` for an unknown format; `ProfileError` where the text is none of it, or no point of
+    it can be kept.
     """
     module, told = _module(form, "reads"), options or Options()
+    if not text.strip("\ufeff \r\n\t"):
+        raise ProfileError("the file is empty", path=name)
     unused = [
         f"--{key} is not used: a file for {form} says it itself"
         for key in ("base", "order", "unit")
         if getattr(told, key) is not None and key not in FORMATS[form].options
     ]
-    found: Imported = module.read(text, name, told)
+    try:
+        found: Imported = module.read(text, name, told)
+    except ProfileError as error:
+        raise _with_format(error, form, text, name) from None
     notes = (*unused, *found.notes)
     if not found.model["registers"]:
         why = f": {notes[-1]}" if notes else ""
         raise ProfileError(f"no point in it that a profile can hold{why}", path=name)
     return Imported(found.model, notes)
+
+
+def _with_format(error: ProfileError, form: str, text: str, name: str) -> ProfileError:
+    """The error, with the format that the text seems to be of, if it is of another one."""
+    for other, row in FORMATS.items():
+        if row.reads and other != form:
+            try:
+                found = _module(other, "reads").read(text, name, Options())
+            except ModlensError:
+                continue
+            if found.model["registers"]:
+                message = f"no file for {form}: it is read by `modlens import {other}`"
+                return ProfileError(message, path=name)
+    return error
 
 
 def write(form: str, profile: Profile) -> Written:

@@ -108,11 +108,13 @@ class LeftOut(Exception):  # noqa: N818 - no error: a note
 class Draft:
     """Points so far, and notes.
 
-    `device` are keys of `[device]`, `order` is that of numbers of several registers which say none.
+    `device` are keys of `[device]`, `order` is that of numbers of several registers which say none,
+    `where` stands in front of what is said of a point.
     """
 
     device: dict[str, Any] = field(default_factory=dict)
     order: str | None = None
+    where: str = ""
     notes: list[str] = field(default_factory=list)
     _points: list[dict[str, Any]] = field(default_factory=list)
     _taken: dict[tuple[str, int], str] = field(default_factory=dict)
@@ -138,14 +140,14 @@ class Draft:
         width = point.get("count") or WIDTHS.get(kind, 1)
         if not 0 <= address <= 0x10000 - width or width > 0xFFFF:  # noqa: PLR2004 - a u16
             reach = address if address < 0 else address + width - 1
-            self.notes.append(f"{name}: wire address {reach} is none; left out")
+            self._say(f"{name}: wire address {reach} is none; left out")
             return
         whole = part is None and not kind.startswith(("u8", "s8"))
         places = [(space, address + offset) for offset in range(width)] if whole else []
         for place in places:
             if place in self._taken:
                 other = self._taken[place]
-                self.notes.append(f"{name}: {space}:{place[1]} belongs to {other}; left out")
+                self._say(f"{name}: {space}:{place[1]} belongs to {other}; left out")
                 return
         unique = self._unique(name or f"{space}_{address}")
         single = space in ("co", "di") or (part is not None and part[0] == part[1])
@@ -165,21 +167,21 @@ class Draft:
             "enum": kind in _FLOATS or kind in _TEXTS,
         }
         for key in [key for key, refuses in refused.items() if refuses and key in point]:
-            self.notes.append(f"{name}: {key} {point.pop(key)} of a {kind} has no place; left out")
+            self._say(f"{name}: {key} {point.pop(key)} of a {kind} has no place; left out")
         for key in ("scale", "offset"):
             if key in point and not _is_decimal(point[key]):
-                self.notes.append(f"{name}: {key} {point.pop(key)} has too many digits; left out")
+                self._say(f"{name}: {key} {point.pop(key)} has too many digits; left out")
         nan = point.pop("nan", [])
         raws = nan if isinstance(nan, list) else [nan]
         kept = [raw for raw in raws if _is_raw(raw, kind)]
         if kept:
             point["nan"] = kept
         if len(kept) < len(raws):
-            self.notes.append(f"{name}: nan {nan} is no raw value of a {kind}; left out")
+            self._say(f"{name}: nan {nan} is no raw value of a {kind}; left out")
         for key in ("unit", "group", "note"):
             value = point.get(key, "")
             if isinstance(value, bool) or not isinstance(value, str | int | float):
-                self.notes.append(f"{name}: {key} {point.pop(key)!r} is no text; left out")
+                self._say(f"{name}: {key} {point.pop(key)!r} is no text; left out")
         order = point.pop("order", None)
         if WIDTHS.get(kind, 1) > 1:
             order = order or self.order
@@ -208,13 +210,16 @@ class Draft:
         model = {"profile": 1, "device": device, "registers": self._points}
         return Imported(model, tuple(self.notes))
 
+    def _say(self, note: str) -> None:
+        self.notes.append(self.where + note)
+
     def _unique(self, name: str) -> str:
         unique, count = name, 1
         while unique in self._names:
             count += 1
             unique = f"{name}_{count}"
         if unique != name:
-            self.notes.append(f"{name}: the name stands twice; called {unique}")
+            self._say(f"{name}: the name stands twice; called {unique}")
         self._names.add(unique)
         return unique
 

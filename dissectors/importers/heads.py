@@ -31,7 +31,7 @@ _HEADS: Mapping[str, tuple[str, ...]] = {
     "access": ("access", "rw", "client access", "r/w", "writable", "writeable", "read/write"),
     "count": ("count", "quantity", "registers", "register count", "number of registers"),
     "length": ("length", "len", "size"),
-    "note": ("note", "description", "comment", "notes", "documented name"),
+    "note": ("description", "documented name", "note", "notes", "comment"),
     "group": ("group", "category"),
     "enum": ("enum", "values"),
     "nan": ("nan", "no value", "invalid value", "error value"),
@@ -48,7 +48,7 @@ _HEADS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 HEADS: Mapping[str, tuple[str, ...]] = {
-    key: tuple(map(plain, words)) for key, words in _HEADS.items()
+    key: tuple(dict.fromkeys(map(plain, words))) for key, words in _HEADS.items()
 }
 """Key -> what tables call it, without case and punctuation."""
 

@@ -122,9 +122,10 @@ def _add(draft: Draft, entity: _Entity) -> None:
         raise LeftOut("no address" if address is None else f"address {address!r} is no number")
     space = _space(row, kind)
     access = None if kind in _READ_ONLY else "rw"
-    more = tidy(row.get("virtual_count", row.get("slave_count"))) or 0
+    told = row.get("virtual_count", row.get("slave_count"))
+    more = 0 if told is None else tidy(told)
     if not isinstance(more, int) or not 0 <= more < 0xFFFF:  # noqa: PLR2004 - registers there are
-        raise LeftOut(f"virtual_count {more} is no number of values")
+        raise LeftOut(f"virtual_count {told!r} is no number of values")
     known = _KNOWN
     if space in ("co", "di"):
         draft.add(label, space, address, access=access, count=more + 1 if more else None)

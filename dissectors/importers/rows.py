@@ -70,6 +70,7 @@ class Rows:
 
     def add(self, cells: Mapping[str, str], where: str) -> None:
         """A row, its cells by key; `where` names its line."""
+        self.draft.where = f"{where}, "
         where = f"{where}, {cells.get('name') or 'no name'}"
         try:
             self._add(cells, where)
@@ -166,7 +167,9 @@ class Rows:
             if table:
                 self.draft.once("numbers that name tables are function codes (assumed)")
             code = re.search(r"0x[0-9a-f]+|\d+", table or function, re.IGNORECASE)
-            space = SPACES.get(plain(function)) if code is None else FUNCTIONS.get(int(code[0], 0))
+            space = (
+                SPACES.get(plain(function)) if code is None else FUNCTIONS.get(number(code[0]) or 0)
+            )
         else:
             return None
         if space is None:
@@ -316,17 +319,21 @@ class Rows:
         r"""`0=off;1=on`, `0: off, 1: on` or `{"0": "off"}`."""
         text = cells.get("enum", "").strip().strip("{}")
         labels = {}
-        for part in re.split(rf"[,;|\n]\s*(?={_LABEL})", text) if text else []:
-            match = re.fullmatch(rf"\s*{_LABEL}\s*[\"']?(.*?)[\"']?[\s,;|]*", part, re.DOTALL)
-            if match is None:
+        for part in _BETWEEN_LABELS.split(text) if text else []:
+            match = _LABEL.fullmatch(part)
+            raw = match and _signed(match[1])
+            if not match or not isinstance(raw, int) or not -(2**63) <= raw < 2**63:
                 self.draft.notes.append(f"{where}: labels {part!r} are not understood; left out")
-                continue
-            labels[str(_signed(match[1]))] = match[2].strip()
-        return {key: label for key, label in labels.items() if label}
+            elif match[2].strip():
+                labels[str(raw)] = match[2].strip()
+        return labels
 
 
+_RAW = r"[\"']?(-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20}))[\"']?\s*[=:]"
+_LABEL = re.compile(rf"\s*{_RAW}\s*[\"']?(.*?)[\"']?[\s,;|]*", re.DOTALL)
+_BETWEEN_LABELS = re.compile(rf"[,;|\n]\s*(?={_RAW.replace('(-', '(?:-', 1)})")
 _LIMITS = ("rawlow", "rawhigh", "scaledlow", "scaledhigh")
-_LABEL = r"[\"']?(-?(?:0[xX][0-9a-fA-F]+|\d+))[\"']?\s*[=:]"
+_RAW = r"-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20})"
 
 
 def _modicon(digits: str, told: str | None, text: str) -> tuple[str | None, int]:
