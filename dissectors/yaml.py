@@ -68,10 +68,14 @@ def scalar(node: Any) -> Any:
     """The value of a scalar node, by its resolved tag; what YAML 1.2 calls text is text."""
     tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "").rsplit(":", 1)[-1]
     text = str(node.value)
-    if tag == "int" and len(text) <= _LONGEST:
-        return int(text.replace("_", ""), 0 if text.lstrip("+-")[:2].lower() in _RADIX else 10)
-    if tag == "float":
-        return float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+    try:
+        if tag == "int" and len(text) <= _LONGEST:
+            base = 0 if text.lstrip("+-")[:2].lower() in _RADIX else 10
+            return int(text.replace("_", ""), base)
+        if tag == "float":
+            return float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+    except ValueError:
+        return text  # a tag that does not fit: !!int x
     if tag == "bool":
         return text.lower() == "true"
     return None if tag == "null" else text

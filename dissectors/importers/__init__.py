@@ -51,6 +51,9 @@ class Written:
     notes: tuple[str, ...]
 
 
+_QUICK = 50_000
+"""Characters up to which a text that is none of a format is tried as the other ones."""
+
 _ORDERED = ("order", "unit")
 
 FORMATS = {
@@ -96,7 +99,7 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
 def _with_format(error: ProfileError, form: str, text: str, name: str) -> ProfileError:
     """The error, with the format that the text seems to be of, if it is of another one."""
     for other, row in FORMATS.items():
-        if row.reads and other != form:
+        if row.reads and other != form and len(text) <= _QUICK:
             try:
                 found = _module(other, "reads").read(text, name, Options())
             except ModlensError:

@@ -111,14 +111,14 @@ def _rows(listed: Any) -> Iterator[Mapping[str, Any]]:
 
 def _unit(row: Mapping[str, Any]) -> int | None:
     unit = row.get("slave", row.get("device_address"))
-    return unit if isinstance(unit, int) else None
+    return unit if isinstance(unit, int) and not isinstance(unit, bool) else None
 
 
 def _add(draft: Draft, entity: _Entity) -> None:
     row, kind = entity.row, entity.kind
     label = str(row.get("name", ""))
     address = row.get("address", row.get("register"))
-    if not isinstance(address, int):
+    if not isinstance(address, int) or isinstance(address, bool):
         raise LeftOut("no address" if address is None else f"address {address!r} is no number")
     space = _space(row, kind)
     access = None if kind in _READ_ONLY else "rw"
@@ -236,7 +236,7 @@ def write(profile: Profile) -> tuple[str, list[str]]:
             continue
         rows[kind].append(_item(keys))
         lost = {"enum", "bits", "sf", "group", "note"}
-        lost |= {"access"} if kind == "sensors" or point.get("access") == "w" else set()
+        lost |= {"access"} if kind != "switches" or point["access"] == "w" else set()
         lost |= {"unit"} if kind != "sensors" else set()
         for key in point:
             if key in lost:

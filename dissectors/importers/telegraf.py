@@ -133,7 +133,7 @@ def _add(draft: Draft, field: _Field) -> None:
     listed = [
         one
         for one in (addresses if isinstance(addresses, list) else [addresses])
-        if isinstance(one, int)
+        if isinstance(one, int) and not isinstance(one, bool)
     ]
     if not listed:
         raise LeftOut("no address" if not addresses else f"address {addresses!r} is no number")
@@ -145,7 +145,7 @@ def _add(draft: Draft, field: _Field) -> None:
         return
     kind = _kind(row, width)
     bit = row.get("bit", 0)
-    if kind == "bool" and not (isinstance(bit, int) and 0 <= bit <= 15):  # noqa: PLR2004
+    if kind == "bool" and (type(bit) is not int or bit not in range(16)):
         raise LeftOut(f"bit {bit!r} is none of 0 to 15")
     if isinstance(addresses, list) and WIDTHS.get(kind, width) != width:
         raise LeftOut(f"{_word(row)} takes {WIDTHS[kind]} registers, not {width}")

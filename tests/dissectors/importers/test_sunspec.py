@@ -34,8 +34,10 @@ def point(kind: str, size: int = 1, **keys: Any) -> dict[str, Any]:
     return {"name": "x", "type": kind, "size": size, **keys}
 
 
-def x(kind: str = "u16", at: int = 2, **keys: Any) -> dict[str, dict[str, Any]]:
+def x(kind: str = "u16", at: int = 2, nan: int | None = None, **keys: Any) -> dict[str, Any]:
     """The point x behind ID and length."""
+    if nan is not None:
+        keys["nan"] = [nan]
     head = {"type": "u16", "nan": [0xFFFF], "group": "own"}
     return {
         "ID": {"at": "hr:0", **head},
@@ -57,15 +59,11 @@ TYPES = [
 
 TEXTS = [("string", 8, "str"), ("ipaddr", 2, "raw"), ("ipv6addr", 8, "raw"), ("eui48", 4, "raw")]
 
-NAN = {"nan": [0xFFFF]}
-
 SYMBOLS = [{"name": "OFF", "value": 0}, {"name": "MPPT", "value": 4, "label": "tracking"}]
 
 FEATURES = {
     **{
-        f"type-{word}": Feature(
-            model(point(word, size)), x(kind, **({} if nan is None else {"nan": [nan]}))
-        )
+        f"type-{word}": Feature(model(point(word, size)), x(kind, nan=nan))
         for word, size, kind, nan in TYPES
     },
     **{
@@ -93,10 +91,11 @@ FEATURES = {
         x(unit="Wh", access="rw", note="Energy"),
     ),
     "symbols": Feature(
-        model(point("enum16", symbols=SYMBOLS)), x(enum={"0": "OFF", "4": "tracking"}, **NAN)
+        model(point("enum16", symbols=SYMBOLS)), x(enum={"0": "OFF", "4": "tracking"}, nan=0xFFFF)
     ),
     "symbols-of-bits": Feature(
-        model(point("bitfield16", symbols=SYMBOLS)), x(bits={"0": "OFF", "4": "tracking"}, **NAN)
+        model(point("bitfield16", symbols=SYMBOLS)),
+        x(bits={"0": "OFF", "4": "tracking"}, nan=0xFFFF),
     ),
     "left-keys": Feature(
         model(point("acc16", mandatory="M", desc="words", static="S"), desc="a model"),
@@ -162,7 +161,7 @@ def test_feature(feature: Feature) -> None:
 
 def test_every_type_of_the_alliance_is_known() -> None:
     """The types of the JSON models, `pad` included."""
-    used = set()
+    used: set[str] = set()
 
     def walk(group: dict[str, Any]) -> None:
         used.update(one["type"] for one in group["points"])
