@@ -1,4 +1,4 @@
-"""A row of a table becomes a point: where it stands, what it is, how it is scaled.
+"""A row of a table becomes a point: where it stands, and what it is.
 
 What a row says that a profile cannot hold is a note that names its line.
 """
@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.importers.draft import SPACES, WIDTHS, Draft, LeftOut, composed, known_order, tidy
+from dissectors.importers.cells import Cells
+from dissectors.importers.draft import SPACES, WIDTHS, Draft, LeftOut, tidy
 from dissectors.importers.heads import FUNCTIONS, KINDS, SUFFIXES, WIDTHLESS, Preset
 from dissectors.words import number, plain
 
@@ -30,11 +31,6 @@ _AT = re.compile(
 _DIGITS = {"0": "co", "1": "di", "3": "ir", "4": "hr"}
 _LAST = 0xFFFF
 _BITS = 16
-_YES = ("t", "true", "yes", "y", "1", "x", "mixed")
-_NO = ("", "f", "false", "no", "n", "0")
-_WRITES = (*_YES, "rw", "rdwr", "readwrite", "rorw", "write", "writable", "writeable")
-_WRITES_ONLY = ("w", "wo", "writeonly")
-_READS = (*_NO, "r", "ro", "read", "readonly", "rd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,50 +64,48 @@ class Rows:
     base: int | str
     preset: Preset = PLAIN
 
-    def add(self, cells: Mapping[str, str], where: str) -> None:
+    def add(self, row: Mapping[str, str], where: str) -> None:
         """A row, its cells by key; `where` names its line."""
         self.draft.where = f"{where}, "
-        where = f"{where}, {cells.get('name') or 'no name'}"
+        cells = Cells(row, f"{where}, {row.get('name') or 'no name'}", self.draft)
         try:
-            self._add(cells, where)
+            self._add(cells)
         except LeftOut as reason:
-            self.draft.notes.append(f"{where}: {reason}; left out")
+            cells.note(f"{reason}; left out")
 
-    def _add(self, cells: Mapping[str, str], where: str) -> None:
-        place = self._place(cells)
-        kind = self._kind(cells.get("type", ""))
-        keys: dict[str, Any] = {
-            "unit": cells.get("unit"), "group": cells.get("group"), "note": cells.get("note"),
-            "access": self._access(cells, where), "enum": self._labels(cells, where),
-        }  # fmt: skip
-        keys["scale"], keys["offset"] = self._linear(cells, where)
-        scaled = re.match(r"([\d.]+)\s*(\D.*)", cells.get("unit", ""))
+    def _add(self, cells: Cells) -> None:
+        place, kind = self._place(cells), self._kind(cells.get("type"))
+        keys: dict[str, Any] = {key: cells.get(key) for key in ("unit", "group", "note")}
+        keys["access"], keys["enum"], keys["nan"] = (
+            cells.access(),
+            cells.labels(),
+            cells.sentinels(),
+        )
+        keys["scale"], keys["offset"] = cells.linear()
+        scaled = re.match(r"([\d.]+)\s*(\D.*)", cells.get("unit"))
         if self.preset.scaled_units and scaled:
             keys["scale"], keys["unit"] = tidy(scaled[1]), scaled[2]
-        keys["nan"] = self._sentinels(cells, where)
-        name = cells.get("name", "")
         if place.space in ("co", "di"):
             count = tidy(cells.get("count") or cells.get("length")) or place.elements
             if kind.word not in (None, "bool"):
-                self.draft.notes.append(f"{where}: a coil is a bool, not {cells['type']!r}")
+                cells.note(f"a coil is a bool, not {cells.get('type')!r}")
             keys["count"] = count if isinstance(count, int) and count > 1 else None
-            self.draft.add(name, place.space, place.address, **keys)
+            self.draft.add(cells.get("name"), place.space, place.address, **keys)
             return
-        word, count = self._extent(kind, place, cells, where)
-        order = self._order(cells) or place.order or kind.order
+        word, count = self._extent(kind, place, cells)
         self.draft.add(
-            name,
+            cells.get("name"),
             place.space,
             place.address,
             part=None if place.bit is None else (place.bit, place.bit),
             type=None if word in ("bool", "u16") else word,
             count=count,
-            order=order,
+            order=cells.order() or place.order or kind.order,
             **keys,
         )
 
-    def _place(self, cells: Mapping[str, str]) -> _Place:
-        text = cells.get("address", "")
+    def _place(self, cells: Cells) -> _Place:
+        text = cells.get("address")
         match = _AT.fullmatch(text.strip())
         if match is None:
             raise LeftOut(f"{text!r} is no address" if text else "no address")
@@ -153,14 +147,14 @@ class Rows:
             return registers, None, None
         return None, None, None
 
-    def _table(self, match: re.Match[str], cells: Mapping[str, str]) -> str | None:
+    def _table(self, match: re.Match[str], cells: Cells) -> str | None:
         """The table that the address, the column of tables, or the function code says."""
         if match["table"]:
             space = SPACES.get(plain(match["table"]))
             if space is None or (self.preset.base == "modicon" and plain(match["table"]) == "h"):
                 raise LeftOut(f"{match[0]!r}: {match['table']!r} is no table that is known")
             return space
-        table, function = cells.get("table", ""), cells.get("function", "")
+        table, function = cells.get("table"), cells.get("function")
         if table and not table.isdigit():
             space = SPACES.get(plain(table))
         elif table or function:
@@ -191,18 +185,16 @@ class Rows:
             return _Kind(KINDS[word[:-2]], SUFFIXES[word[-2:]])
         raise LeftOut(f"type {text!r} is not known")
 
-    def _extent(
-        self, kind: _Kind, place: _Place, cells: Mapping[str, str], where: str
-    ) -> tuple[str | None, int | None]:
+    def _extent(self, kind: _Kind, place: _Place, cells: Cells) -> tuple[str | None, int | None]:
         """The type, as wide as the registers say, and the count of an array or a text."""
         if place.half:
             return ("s8" if (kind.word or "u")[0] == "s" else "u8") + place.half[0], None
         if place.bit is not None:
             if kind.word not in (None, "bool"):
-                raise LeftOut(f"a bit of a register is a bool, not {cells['type']!r}")
+                raise LeftOut(f"a bit of a register is a bool, not {cells.get('type')!r}")
             return "bool", None
         if kind.word == "bool":
-            self.draft.notes.append(f"{where}: a bool without a bit is the whole register")
+            cells.note("a bool without a bit is the whole register")
             return "u16", None
         registers = place.registers or kind.registers or tidy(cells.get("count"))
         length = tidy(cells.get("length"))
@@ -216,17 +208,18 @@ class Rows:
         word, width = kind.word or "u16", WIDTHS[kind.word or "u16"]
         if place.elements:
             return word, place.elements * width if place.elements > 1 else None
-        return self._number(kind, registers, length, (word, width, where))
+        return self._number(kind, registers, length, (word, width), cells)
 
     def _number(
         self,
         kind: _Kind,
         registers: float | None,
         length: float | None,
-        what: tuple[str, int, str],
+        what: tuple[str, int],
+        cells: Cells,
     ) -> tuple[str, int | None]:
         """A number: wider if only its registers say how wide it is, or an array."""
-        word, width, where = what
+        word, width = what
         size = registers or length
         wide = {("u16", 2): "u32", ("s16", 2): "s32", ("u16", 4): "u64", ("s16", 4): "s64"}
         if not kind.told and (word, size) in wide:
@@ -237,103 +230,8 @@ class Rows:
             return word, None  # a length counts bytes or bits, too
         if registers is not None and registers >= 1 and registers % width == 0:
             return word, int(registers)
-        self.draft.notes.append(f"{where}: a {word} does not take {size} registers; left out")
+        cells.note(f"a {word} does not take {size} registers; left out")
         return word, None
-
-    def _order(self, cells: Mapping[str, str]) -> str | None:
-        """The order of bytes, of words, or both; `LeftOut` for a word that nobody knows."""
-        of_bytes, of_words = plain(cells.get("order", "")), plain(cells.get("words", ""))
-        if not of_words or of_bytes in ("abcd", "cdab", "badc", "dcba"):
-            if of_bytes in _YES + _NO:
-                return "CDAB" if of_bytes in _YES else None
-            return known_order(cells.get("order"))
-        turned = of_words in _YES or (
-            of_words not in _NO and known_order(cells["words"]) in ("CDAB", "DCBA")
-        )
-        swapped = of_bytes in _YES or (
-            of_bytes not in _NO and known_order(cells["order"]) in ("BADC", "DCBA")
-        )
-        return composed("CDAB" if turned else None, "BADC" if swapped else None)
-
-    def _linear(
-        self, cells: Mapping[str, str], where: str
-    ) -> tuple[int | float | None, int | float | None]:
-        scaling = cells.get("scaling", "linear").strip().lower() or "none"
-        limits = [tidy(cells.get(key)) for key in _LIMITS]
-        told = [key for key in ("scale", "offset") if cells.get(key)]
-        if transform := cells.get("transform"):
-            match = re.fullmatch(r"scale(?:_int)?\(([^()]+)\)", transform.strip())
-            return self._factor({"scale": match[1] if match else transform}, where)
-        if told or scaling == "none":
-            return self._factor(cells, where)
-        if scaling != "linear":
-            self.draft.notes.append(
-                f"{where}: scaling {cells['scaling']!r} is not linear; left out"
-            )
-            return None, None
-        low, high, down, up = limits
-        if low is None or high is None or down is None or up is None or low == high:
-            if cells.get("scaling") or any(limits):
-                self.draft.notes.append(f"{where}: scaling without its four limits; left out")
-            return None, None
-        scale = (up - down) / (high - low)
-        if cells.get("negatevalue", "").lower() in _YES:
-            scale, down = -scale, -down
-        self.draft.dropped(
-            key for key in ("clamplow", "clamphigh") if cells.get(key, "").lower() in _YES
-        )
-        return self._factor(
-            {"scale": repr(round(scale, 12)), "offset": repr(round(down - low * scale, 9))}, where
-        )
-
-    def _factor(
-        self, cells: Mapping[str, str], where: str
-    ) -> tuple[int | float | None, int | float | None]:
-        found = []
-        for key, nothing in (("scale", (1, 0)), ("offset", (0,))):
-            value = tidy(cells.get(key))
-            if cells.get(key) and (value is None or (key, value) == ("scale", 0)):
-                said = cells[key]
-                self.draft.notes.append(
-                    f"{where}: {key} {said!r} is no number to scale by; left out"
-                )
-            found.append(None if value in nothing else value)
-        return found[0], found[1]
-
-    def _sentinels(self, cells: Mapping[str, str], where: str) -> list[int | float]:
-        found = [(part, _signed(part)) for part in cells.get("nan", "").split(";") if part.strip()]
-        for part, value in found:
-            if value is None:
-                self.draft.notes.append(f"{where}: no value {part!r} is no number; left out")
-        return [value for _, value in found if value is not None]
-
-    def _access(self, cells: Mapping[str, str], where: str) -> str | None:
-        word = plain(cells.get("access", ""))
-        if word in _WRITES_ONLY:
-            return "w"
-        if word not in _WRITES + _READS:
-            self.draft.notes.append(f"{where}: access {cells['access']!r} is not known; left out")
-        return "rw" if word in _WRITES else None
-
-    def _labels(self, cells: Mapping[str, str], where: str) -> dict[str, str]:
-        r"""`0=off;1=on`, `0: off, 1: on` or `{"0": "off"}`."""
-        text = cells.get("enum", "").strip().strip("{}")
-        labels = {}
-        for part in _BETWEEN_LABELS.split(text) if text else []:
-            match = _LABEL.fullmatch(part)
-            raw = match and _signed(match[1])
-            if not match or not isinstance(raw, int) or not -(2**63) <= raw < 2**63:
-                self.draft.notes.append(f"{where}: labels {part!r} are not understood; left out")
-            elif match[2].strip():
-                labels[str(raw)] = match[2].strip()
-        return labels
-
-
-_RAW = r"[\"']?(-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20}))[\"']?\s*[=:]"
-_LABEL = re.compile(rf"\s*{_RAW}\s*[\"']?(.*?)[\"']?[\s,;|]*", re.DOTALL)
-_BETWEEN_LABELS = re.compile(rf"[,;|\n]\s*(?={_RAW.replace('(-', '(?:-', 1)})")
-_LIMITS = ("rawlow", "rawhigh", "scaledlow", "scaledhigh")
-_RAW = r"-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20})"
 
 
 def _modicon(digits: str, told: str | None, text: str) -> tuple[str | None, int]:
@@ -347,9 +245,3 @@ def _modicon(digits: str, told: str | None, text: str) -> tuple[str | None, int]
     if space is None or (told and told != space) or not 0 <= wire <= _LAST:
         raise wrong
     return space, wire
-
-
-def _signed(text: str) -> int | float | None:
-    text = text.strip()
-    value = tidy(text.removeprefix("-"))
-    return -value if value is not None and text.startswith("-") else value

@@ -227,6 +227,14 @@ FEATURES = {
         x(),
         ("line 2, x: scaling without its four limits; left out",),
     ),
+    "scale-beside-limits": Feature(
+        one("K,X1,X2,Y1,Y2", "0.5,0,10,0,100"),
+        x(scale=0.5),
+        ("line 2, x: scale and offset count; the four limits beside them are left out",),
+    ),
+    "scale-offset-no-number": Feature(
+        one("Offset", "low"), x(), ("line 2, x: offset 'low' is no number; left out",)
+    ),
     "scale-of-a-bit": Feature(
         rows("Address,Name,Scale", "7.3,x,10"),
         {"x": {"at": "hr:7.3", "type": "bool"}},
