@@ -115,7 +115,7 @@ def known() -> tuple[Known, ...]:
     for folder in _folders():
         if folder.is_dir():
             for path in sorted(folder.iterdir()):
-                if path.suffix.lower() in FORMS:
+                if path.suffix.lower() in FORMS and path.is_file():
                     found.setdefault(path.stem, Known(path.stem, str(path)))
     for name in shipped_names():
         found.setdefault(name, Known(name, "shipped"))
@@ -162,6 +162,13 @@ def _entry_points() -> Iterable[_EntryPoint]:
 
 
 def _from_entry_point(point: _EntryPoint) -> Profile:
-    found = point.load()
-    text = found() if callable(found) else found
-    return parse(str(text), f"entry point {point.value}", "toml")
+    where = f"entry point {point.value}"
+    try:
+        found = point.load()
+        text = found() if callable(found) else found
+    except Exception as error:  # what another package does wrong
+        what = f"cannot be loaded: {type(error).__name__}: {error}; see to its package"
+        raise ProfileError(what, path=where) from error
+    if not isinstance(text, str):
+        raise ProfileError(f"is no text of a profile, but {type(text).__name__}", path=where)
+    return parse(text, where, "toml")
