@@ -26,7 +26,7 @@ from typing import Any
 
 from analyzer.line import Line, parse_line
 from analyzer.profiles import Binding, load, parse_units, read
-from dissectors.errors import ProfileError, UsageError
+from dissectors.errors import ModlensError, ProfileError, UsageError
 from dissectors.words import near
 
 __all__ = ["Bus", "choose_bus", "choose_buses", "load_plant"]
@@ -113,7 +113,7 @@ def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError])
         except UsageError as error:
             wrong("line", error.message)
     mode = row.get("mode", "auto")
-    if mode not in _MODES:
+    if isinstance(mode, str) and mode not in _MODES:
         wrong("mode", f"{mode!r} is none of {', '.join(_MODES)}")
     port = row.get("port")
     units = row.get("units", {})
@@ -124,7 +124,7 @@ def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError])
     for text, word in units.items():
         try:
             bindings.append(Binding(load(_beside(path, str(word))), parse_units(text)))
-        except (UsageError, ProfileError) as error:
+        except ModlensError as error:
             wrong(f"units.{text}", error.message)
     name = str(row.get("name", port or key))
     return Bus(name, port, line, str(mode), tuple(bindings))

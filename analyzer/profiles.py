@@ -115,7 +115,7 @@ def known() -> tuple[Known, ...]:
     for folder in _folders():
         if folder.is_dir():
             for path in sorted(folder.iterdir()):
-                if path.suffix.lower() in FORMS:
+                if path.suffix.lower() in FORMS and path.is_file():
                     found.setdefault(path.stem, Known(path.stem, str(path)))
     for name in shipped_names():
         found.setdefault(name, Known(name, "shipped"))
@@ -128,9 +128,11 @@ def read(path: str) -> str:
     """The text of a file; `SourceError` if it cannot be read."""
     try:
         return Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise SourceError(f"{path}: cannot be read: {reason}") from error
+    except UnicodeError as error:
+        at = error.start if isinstance(error, UnicodeDecodeError) else 0
+        raise SourceError(f"{path}: is no UTF-8 at byte {at}; save it as UTF-8") from error
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def with_vendors(functions: _modlens.Functions, bindings: Iterable[Binding]) -> _modlens.Functions:
@@ -160,6 +162,13 @@ def _entry_points() -> Iterable[_EntryPoint]:
 
 
 def _from_entry_point(point: _EntryPoint) -> Profile:
-    found = point.load()
-    text = found() if callable(found) else found
-    return parse(str(text), f"entry point {point.value}", "toml")
+    where = f"entry point {point.value}"
+    try:
+        found = point.load()
+        text = found() if callable(found) else found
+    except Exception as error:  # what another package does wrong
+        what = f"cannot be loaded: {type(error).__name__}: {error}; see to its package"
+        raise ProfileError(what, path=where) from error
+    if not isinstance(text, str):
+        raise ProfileError(f"is no text of a profile, but {type(text).__name__}", path=where)
+    return parse(text, where, "toml")

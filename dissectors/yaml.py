@@ -12,6 +12,9 @@ from dissectors.errors import ProfileError, UsageError
 
 __all__ = ["load", "plain_data", "scalar", "tree"]
 
+_LONGEST = 100
+"""Digits of a number: Python refuses to read thousands of them, which stay a text."""
+
 _RADIX = ("0x", "0o", "0b")
 
 
@@ -22,7 +25,7 @@ def load(text: str, path: str) -> Any:
     """
     try:
         from ruamel.yaml import YAML  # noqa: PLC0415 - an extra
-        from ruamel.yaml.error import MarkedYAMLError  # noqa: PLC0415
+        from ruamel.yaml.error import MarkedYAMLError, YAMLError  # noqa: PLC0415
     except ImportError:
         raise UsageError(f"{path}: YAML needs ruamel.yaml; pip install 'modlens[yaml]'") from None
     try:
@@ -31,6 +34,12 @@ def load(text: str, path: str) -> Any:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
         raise ProfileError(f"no YAML: {error.problem}", path=path, line=line) from None
+    except YAMLError as error:  # a character that YAML does not allow
+        at = text.count("\n", 0, getattr(error, "position", 0)) + 1
+        what = str(error).splitlines()[0]
+        raise ProfileError(f"no YAML: {what}", path=path, line=at) from None
+    except RecursionError:
+        raise ProfileError("no YAML of a sane depth", path=path) from None
 
 
 def tree(text: str, path: str) -> list[Any]:
@@ -59,10 +68,14 @@ def scalar(node: Any) -> Any:
     """The value of a scalar node, by its resolved tag; what YAML 1.2 calls text is text."""
     tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "").rsplit(":", 1)[-1]
     text = str(node.value)
-    if tag == "int":
-        return int(text.replace("_", ""), 0 if text.lstrip("+-")[:2].lower() in _RADIX else 10)
-    if tag == "float":
-        return float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+    try:
+        if tag == "int" and len(text) <= _LONGEST:
+            base = 0 if text.lstrip("+-")[:2].lower() in _RADIX else 10
+            return int(text.replace("_", ""), base)
+        if tag == "float":
+            return float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+    except ValueError:
+        return text  # a tag that does not fit: !!int x
     if tag == "bool":
         return text.lower() == "true"
     return None if tag == "null" else text
@@ -71,22 +84,41 @@ def scalar(node: Any) -> Any:
 def plain_data(text: str, path: str) -> tuple[Any, list[tuple[int, str]]]:
     """A document as plain data, and the places of tags that only its own program knows.
 
-    What stands behind `!include`, `!secret` or `!lambda` is None.
+    What stands behind `!include`, `!secret` or `!lambda` is None. Merged keys (`<<: *anchor`) stand
+    where they are merged into.
     """
     root = load(text, path)
-    tags: list[tuple[int, str]] = []
-    return (None if root is None else _plain(root, tags)), tags
+    tags: dict[tuple[int, str], None] = {}
+    try:
+        return (None if root is None else _plain(root, tags)), list(tags)
+    except RecursionError:
+        raise ProfileError("an anchor that holds itself", path=path) from None
 
 
-def _plain(node: Any, tags: list[tuple[int, str]]) -> Any:
+def _plain(node: Any, tags: dict[tuple[int, str], None]) -> Any:
     tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "")
     if tag.startswith("!"):
-        tags.append(
-            (node.start_mark.line + 1, f"{tag} {node.value}" if node.id == "scalar" else tag)
-        )
+        what = f"{tag} {node.value}" if node.id == "scalar" else tag
+        tags[node.start_mark.line + 1, what] = None
         return None
     if node.id == "mapping":
-        return {_plain(key, tags): _plain(value, tags) for key, value in node.value}
+        return _merged([(_key(key, tags), _plain(value, tags)) for key, value in node.value])
     if node.id == "sequence":
         return [_plain(item, tags) for item in node.value]
     return scalar(node)
+
+
+def _key(node: Any, tags: dict[tuple[int, str], None]) -> Any:
+    key = _plain(node, tags)
+    return key if key.__hash__ is not None else str(key)
+
+
+def _merged(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    """A table with the tables merged into it by `<<`, whose keys give way to its own."""
+    table: dict[Any, Any] = {}
+    for key, value in pairs:
+        if key == "<<":
+            for one in value if isinstance(value, list) else [value]:
+                table = {**(one if isinstance(one, dict) else {}), **table}
+    own = {key: value for key, value in pairs if key != "<<"}
+    return {**table, **own}

@@ -84,6 +84,8 @@ def decoded(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str
     ('Größe', [])
     """
     marked = next((code for mark, code in MARKS.items() if data.startswith(mark)), None)
+    if not encoding and not marked and b"\0" in data:
+        return _wide(data, name)
     try:
         return data.decode(encoding or marked or "utf-8"), []
     except LookupError as error:
@@ -93,6 +95,17 @@ def decoded(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str
             raise SourceError(f"{name}: no {encoding or marked} at byte {error.start}") from error
     note = "no UTF-8: read as Windows-1252 (assumed; --encoding says it, as cp1251 or cp936)"
     return data.decode("cp1252", "replace"), [note]
+
+
+def _wide(data: bytes, name: str) -> tuple[str, list[str]]:
+    """Text with a zero byte in every character, which is UTF-16 that says nothing of itself."""
+    for first, code in ((1, "utf-16-le"), (0, "utf-16-be")):
+        zeros, letters = data[first::2], data[1 - first :: 2]
+        if len(data) % 2 == 0 and 5 * zeros.count(0) > 4 * len(zeros) and 0 not in letters:
+            note = f"zeros between the characters: read as {code} (assumed; --encoding says it)"
+            return data.decode(code, "replace"), [note]
+    at = data.index(0)
+    raise SourceError(f"{name}: is no text: a zero at byte {at}; --encoding says how to read it")
 
 
 def _bytes(path: str) -> bytes:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Iterator
 
 from analyzer.cli.learn import tables_of
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.surveying import survey
 from analyzer.profiles import known, load
-from analyzer.views.screen import stdout, visible
+from analyzer.views.screen import Screen, stdout, visible
+from dissectors.errors import ModlensError
 from dissectors.learned import score
+from dissectors.profile import Profile
 
 __all__ = ["add_arguments", "run"]
 
@@ -42,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     tables = survey(options)
     if options.unit is not None:
         tables = tables_of(tables, options.unit, "match")
-    profiles = [load(name) for name in options.names or [one.name for one in known()]]
+    profiles = [load(name) for name in options.names] if options.names else list(_usable())
     screen = stdout()
     for unit in sorted({table["unit"] for table in tables}):
         screen.line(f"unit {unit}", "head")
@@ -53,3 +57,13 @@ def run(options: argparse.Namespace) -> int:
             head = f"  {found.points:3d} %  {profile.name}: "
             screen.lines([[(head, style), (visible("; ".join(found.reasons)), "")]])
     return 0
+
+
+def _usable() -> Iterator[Profile]:
+    """All profiles that are known; one that has mistakes is said, and hides no other one."""
+    for one in known():
+        try:
+            yield load(one.name)
+        except ModlensError as error:
+            what = f"{one.name} is left out: {error.message.splitlines()[0]}"
+            Screen(sys.stderr).line(visible(what), "odd")

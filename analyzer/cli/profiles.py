@@ -10,7 +10,7 @@ from analyzer.cli.import_ import show_notes, write_text
 from analyzer.profiles import known, load
 from analyzer.views.screen import stdout, visible
 from dissectors import importers
-from dissectors.errors import UsageError
+from dissectors.errors import ModlensError, UsageError
 
 __all__ = ["add_arguments", "run"]
 
@@ -52,7 +52,13 @@ def run(options: argparse.Namespace) -> int:
 def _list() -> None:
     screen = stdout()
     for one in known():
-        profile = load(one.name)
+        try:
+            profile = load(one.name)
+        except ModlensError as error:
+            # The other ones are as good as they were.
+            title = f"cannot be used: {error.message.splitlines()[0]}"
+            screen.lines([[(f"{one.name:<12} ", "note"), (visible(title), "bad")]])
+            continue
         title = f"{profile.title}, {len(profile.points)} points"
         screen.lines([[(f"{one.name:<12} ", "note"), (visible(f"{title} ({one.origin})"), "")]])
 

@@ -20,7 +20,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.errors import UsageError
+from dissectors.errors import ModlensError, ProfileError, UsageError
 from dissectors.importers.draft import Imported, Options, order_of
 from dissectors.profile import Profile
 from dissectors.words import near
@@ -30,13 +30,17 @@ __all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "order_of", "r
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format: what it is, its module, which ways it goes, and the suffix of its files."""
+    """A format: what it is, its module, which ways it goes, and the suffix of its files.
+
+    `options` are those of `Options` that a file of the format leaves open.
+    """
 
     title: str
     module: str
     reads: bool
     writes: bool
     suffix: str
+    options: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +51,21 @@ class Written:
     notes: tuple[str, ...]
 
 
+_QUICK = 50_000
+"""Characters up to which a text that is none of a format is tried as the other ones."""
+
+_ORDERED = ("order", "unit")
+
 FORMATS = {
-    "toml": Format("the profile's own TOML", "toml", reads=False, writes=True, suffix=".toml"),
-    "csv": Format("tables of any header, Kepware's among them", "csv", True, True, ".csv"),
-    "telegraf": Format("Telegraf inputs.modbus", "telegraf", True, True, ".conf"),
-    "homeassistant": Format("Home Assistant modbus:", "homeassistant", True, True, ".yaml"),
-    "esphome": Format("ESPHome modbus_controller", "esphome", True, False, ".yaml"),
+    "toml": Format("the profile's own TOML", "toml", False, True, ".toml"),
+    "csv": Format(
+        "tables of any header, Kepware's among them", "csv", True, True, ".csv", ("base", *_ORDERED)
+    ),
+    "telegraf": Format("Telegraf inputs.modbus", "telegraf", True, True, ".conf", _ORDERED),
+    "homeassistant": Format(
+        "Home Assistant modbus:", "homeassistant", True, True, ".yaml", _ORDERED
+    ),
+    "esphome": Format("ESPHome modbus_controller", "esphome", True, False, ".yaml", _ORDERED),
     "sunspec": Format("SunSpec model JSON", "sunspec", True, False, ".json"),
 }
 """Name -> format; the module is dissectors/importers/<module>.py."""
@@ -61,11 +74,40 @@ FORMATS = {
 def read(form: str, text: str, name: str, options: Options | None = None) -> Imported:
     """The model of a file of another program; `name` names it in errors.
 
-    `UsageError` for an unknown format, `ProfileError` where the text is none of it.
+    `UsageError` for an unknown format; `ProfileError` where the text is none of it, or no point of
+    it can be kept.
     """
-    module = _module(form, "reads")
-    found: Imported = module.read(text, name, options or Options())
-    return found
+    module, told = _module(form, "reads"), options or Options()
+    if not text.strip("\ufeff \r\n\t"):
+        raise ProfileError("the file is empty", path=name)
+    unused = [
+        f"--{key} is not used: a file for {form} says it itself"
+        for key in ("base", "order", "unit")
+        if getattr(told, key) is not None and key not in FORMATS[form].options
+    ]
+    try:
+        found: Imported = module.read(text, name, told)
+    except ProfileError as error:
+        raise _with_format(error, form, text, name) from None
+    notes = (*unused, *found.notes)
+    if not found.model["registers"]:
+        why = f": {notes[-1]}" if notes else ""
+        raise ProfileError(f"no point in it that a profile can hold{why}", path=name)
+    return Imported(found.model, notes)
+
+
+def _with_format(error: ProfileError, form: str, text: str, name: str) -> ProfileError:
+    """The error, with the format that the text seems to be of, if it is of another one."""
+    for other, row in FORMATS.items():
+        if row.reads and other != form and len(text) <= _QUICK:
+            try:
+                found = _module(other, "reads").read(text, name, Options())
+            except ModlensError:
+                continue
+            if found.model["registers"]:
+                message = f"no file for {form}: it is read by `modlens import {other}`"
+                return ProfileError(message, path=name)
+    return error
 
 
 def write(form: str, profile: Profile) -> Written:

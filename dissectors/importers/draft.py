@@ -6,6 +6,7 @@ stays with the first point, and both are notes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,20 @@ from typing import Any
 from dissectors.errors import UsageError
 from dissectors.words import number, plain
 
-__all__ = ["ORDERS", "SPACES", "WIDTHS", "Draft", "Imported", "Options", "order_of", "tidy"]
+__all__ = [
+    "ORDERS",
+    "SPACES",
+    "WIDTHS",
+    "Draft",
+    "Imported",
+    "LeftOut",
+    "Options",
+    "choose_unit",
+    "composed",
+    "known_order",
+    "order_of",
+    "tidy",
+]
 
 WIDTHS: Mapping[str, int] = {
     "bool": 1, "u8h": 1, "u8l": 1, "s8h": 1, "s8l": 1, "u16": 1, "s16": 1, "f16": 1, "bcd16": 1,
@@ -21,25 +35,32 @@ WIDTHS: Mapping[str, int] = {
 }  # fmt: skip
 """Registers of the types that do not need `count`."""
 
+_KEYS = (
+    "type", "count", "order", "scale", "offset", "sf", "unit", "access", "enum", "bits", "nan",
+    "group", "note",
+)  # fmt: skip
+
+_TEXTS = ("str", "strh", "strl", "raw")
+
+_LONGEST = 100
+"""Characters of a number: Python refuses to read those of thousands."""
+
+_FLOATS = ("f16", "f32", "f64")
+
 SPACES: Mapping[str, str] = {
     plain(word): space
     for space, words in {
-        "hr": (
-            "hr",
-            "holding",
-            "holding_register",
-            "holding registers",
-            "h",
-            "4",
-            "4x",
-            "3 holding",
-        ),
-        "ir": ("ir", "input", "input_register", "input registers", "read", "3x", "analog input"),
-        "co": ("co", "coil", "coils", "c", "0x", "discrete output", "digital output"),
-        "di": ("di", "discrete", "discrete_input", "discrete inputs", "discreteinput", "1x"),
+        "hr": ("hr", "holding", "holding_register", "holding registers", "h", "4x", "3 holding",
+               "holdings", "analog_output", "analog_output_holding_registers", "hreg"),
+        "ir": ("ir", "input", "input_register", "input registers", "read", "3x", "4 input",
+               "analog input", "analog_input_registers", "ireg"),
+        "co": ("co", "coil", "coils", "c", "0x", "1 coil", "discrete output", "digital output",
+               "discrete_output_coils", "coil status"),
+        "di": ("di", "discrete", "discrete_input", "discrete inputs", "discreteinput", "1x",
+               "2 discrete", "discrete_input_contacts", "digital input", "input status"),
     }.items()
     for word in words
-}
+}  # fmt: skip
 """What other programs call the four tables."""
 
 ORDERS: Mapping[str, str] = {
@@ -79,11 +100,21 @@ class Imported:
     notes: tuple[str, ...]
 
 
+class LeftOut(Exception):  # noqa: N818 - no error: a note
+    """Why a row cannot be carried over; the reader makes a note of it."""
+
+
 @dataclass(slots=True)
 class Draft:
-    """Points so far, and notes; `device` are keys of `[device]`."""
+    """Points so far, and notes.
+
+    `device` are keys of `[device]`, `order` is that of numbers of several registers which say none,
+    `where` stands in front of what is said of a point.
+    """
 
     device: dict[str, Any] = field(default_factory=dict)
+    order: str | None = None
+    where: str = ""
     notes: list[str] = field(default_factory=list)
     _points: list[dict[str, Any]] = field(default_factory=list)
     _taken: dict[tuple[str, int], str] = field(default_factory=dict)
@@ -101,28 +132,64 @@ class Draft:
     ) -> None:
         """A point at a wire address, or a part of it (first and last bit).
 
-        Keys that are None or empty are left out.
+        Keys that are None or empty are left out, and so is, with a note, what a profile refuses.
         """
         name = name.strip()
-        if not 0 <= address <= 0xFFFF:  # noqa: PLR2004 - the last address
-            self.notes.append(f"{name}: wire address {address} is none; left out")
-            return
         point = {key: value for key, value in keys.items() if value not in (None, "", {}, [])}
         kind = point.get("type", "u16")
         width = point.get("count") or WIDTHS.get(kind, 1)
+        if not 0 <= address <= 0x10000 - width or width > 0xFFFF:  # noqa: PLR2004 - a u16
+            reach = address if address < 0 else address + width - 1
+            self._say(f"{name}: wire address {reach} is none; left out")
+            return
         whole = part is None and not kind.startswith(("u8", "s8"))
         places = [(space, address + offset) for offset in range(width)] if whole else []
         for place in places:
             if place in self._taken:
                 other = self._taken[place]
-                self.notes.append(f"{name}: {space}:{place[1]} belongs to {other}; left out")
+                self._say(f"{name}: {space}:{place[1]} belongs to {other}; left out")
                 return
         unique = self._unique(name or f"{space}_{address}")
+        single = space in ("co", "di") or (part is not None and part[0] == part[1])
+        self._fit(point, unique, space, "bool" if single else kind)
         self._taken.update(dict.fromkeys(places, unique))
         bits = ""
         if part is not None:
             bits = f".{part[0]}" if part[0] == part[1] else f".{part[0]}-{part[1]}"
-        self._points.append({"at": f"{space}:{address}{bits}", "name": unique, **point})
+        ordered = {key: point[key] for key in _KEYS if key in point}
+        self._points.append({"at": f"{space}:{address}{bits}", "name": unique, **ordered})
+
+    def _fit(self, point: dict[str, Any], name: str, space: str, kind: str) -> None:
+        """Take away, with a note, what does not go together with the type."""
+        no_number = kind == "bool" or kind in _TEXTS
+        refused = {
+            **dict.fromkeys(("scale", "offset", "sf", "nan"), no_number),
+            "enum": kind in _FLOATS or kind in _TEXTS,
+        }
+        for key in [key for key, refuses in refused.items() if refuses and key in point]:
+            self._say(f"{name}: {key} {point.pop(key)} of a {kind} has no place; left out")
+        for key in ("scale", "offset"):
+            if key in point and not _is_decimal(point[key]):
+                self._say(f"{name}: {key} {point.pop(key)} has too many digits; left out")
+        nan = point.pop("nan", [])
+        raws = nan if isinstance(nan, list) else [nan]
+        kept = [raw for raw in raws if _is_raw(raw, kind)]
+        if kept:
+            point["nan"] = kept
+        if len(kept) < len(raws):
+            self._say(f"{name}: nan {nan} is no raw value of a {kind}; left out")
+        for key in ("unit", "group", "note"):
+            value = point.get(key, "")
+            if isinstance(value, bool) or not isinstance(value, str | int | float):
+                self._say(f"{name}: {key} {point.pop(key)!r} is no text; left out")
+        order = point.pop("order", None)
+        if WIDTHS.get(kind, 1) > 1:
+            order = order or self.order
+        elif order is not None:
+            # One register, or a text: only the order of its two bytes says something.
+            order = "BADC" if order in ("BADC", "DCBA") and space in ("hr", "ir") else None
+        if order not in (None, "ABCD"):
+            point["order"] = order
 
     def dropped(self, keys: Iterable[str], why: str = "has no place in a profile") -> None:
         """Features that were left out; the same one of several points is one note."""
@@ -130,13 +197,21 @@ class Draft:
             text = f"{key}: {why}"
             self._dropped[text] = self._dropped.get(text, 0) + 1
 
+    def once(self, note: str) -> None:
+        """A note that is said once."""
+        if note not in self.notes:
+            self.notes.append(note)
+
     def done(self) -> Imported:
-        """The model; points by table and address."""
+        """The model, its points in the order of the file."""
         for text, count in self._dropped.items():
             self.notes.append(f"{text} ({count} times)" if count > 1 else text)
         device = {"address_base": 0, **self.device}
         model = {"profile": 1, "device": device, "registers": self._points}
         return Imported(model, tuple(self.notes))
+
+    def _say(self, note: str) -> None:
+        self.notes.append(self.where + note)
 
     def _unique(self, name: str) -> str:
         unique, count = name, 1
@@ -144,9 +219,31 @@ class Draft:
             count += 1
             unique = f"{name}_{count}"
         if unique != name:
-            self.notes.append(f"{name}: the name stands twice; called {unique}")
+            self._say(f"{name}: the name stands twice; called {unique}")
         self._names.add(unique)
         return unique
+
+
+def choose_unit(units: Iterable[int | None], told: int | None, name: str) -> int | None:
+    """Whose registers: the unit that is told, or the only one; None where a file has no units.
+
+    `UsageError` where there are several and none is told, or where the told one is not there.
+    """
+    known = sorted({unit for unit in units if unit is not None})
+    if told is None and len(known) < 2:  # noqa: PLR2004 - nothing to choose
+        return next(iter(known), None)
+    if told is None or (known and told not in known):
+        there = ", ".join(map(str, known))
+        raise UsageError(f"{name}: which unit? --unit N; there are {there}")
+    return told
+
+
+def known_order(word: object) -> str | None:
+    """The order that a word of a file means, None for none; `LeftOut` if nobody knows it."""
+    try:
+        return order_of(word, "")
+    except UsageError:
+        raise LeftOut(f"{word!r} is no order of bytes") from None
 
 
 def order_of(word: object, where: str) -> str | None:
@@ -159,21 +256,56 @@ def order_of(word: object, where: str) -> str | None:
     return found
 
 
-def tidy(value: object) -> int | float | None:
-    """A number as profiles write it: `0.1`, `1` for 1.0, None where it says nothing.
+def composed(*orders: str | None) -> str:
+    """One order behind the other: words are turned or not, and bytes are.
 
-    >>> tidy("0,5"), tidy(1.0), tidy("0x10"), tidy("")
-    (0.5, 1, 16, None)
+    >>> composed("DCBA", "CDAB"), composed(None, "BADC"), composed("CDAB", "CDAB")
+    ('BADC', 'BADC', 'ABCD')
     """
-    if value in (None, ""):
+    by_turns = ("ABCD", "CDAB", "BADC", "DCBA")  # bit 0: the words, bit 1: the bytes
+    turns = 0
+    for order in orders:
+        turns ^= by_turns.index(order or "ABCD")
+    return by_turns[turns]
+
+
+def tidy(value: object) -> int | float | None:  # noqa: PLR0911 - a way a kind of number
+    """A number as profiles write it: `0.1`, `1` for 1.0, None where it is none.
+
+    >>> tidy("0,5"), tidy(1.0), tidy("0x10"), tidy(""), tidy("1/10"), tidy("inf")
+    (0.5, 1, 16, None, 0.1, None)
+    """
+    if value in (None, "") or isinstance(value, bool):
         return None
     if isinstance(value, str):
+        if len(value) > _LONGEST:
+            return None
         whole = number(value)
         if whole is not None:
             return whole
+        above, slash, below = value.partition("/")
+        divisor = tidy(below) if slash else None
+        if divisor:
+            dividend = tidy(above)
+            return None if dividend is None else tidy(dividend / divisor)
         value = value.strip().replace(",", ".")
+    if isinstance(value, int):
+        return value
     try:
         found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
+        return None
+    if not math.isfinite(found):
         return None
     return int(found) if found.is_integer() and abs(found) < 2**53 else found
+
+
+def _is_decimal(value: float) -> bool:
+    """Whether it is a number of at most 18 digits, as scale and offset are."""
+    return value == 0 or 1e-46 < abs(value) < 1e18  # noqa: PLR2004
+
+
+def _is_raw(value: float, kind: str) -> bool:
+    """Whether it can stand in registers: a whole number of 64 bits, or any number of a float."""
+    whole = isinstance(value, int) and -(2**63) <= value < 2**64
+    return whole or (isinstance(value, float) and kind in _FLOATS)

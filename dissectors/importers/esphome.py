@@ -9,22 +9,26 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
-from dissectors.importers.draft import Draft, Imported, Options, tidy
+from dissectors.importers.draft import WIDTHS, Draft, Imported, LeftOut, Options, tidy
 from dissectors.yaml import plain_data
 
 __all__ = ["read"]
 
 _LISTS = ("sensor", "binary_sensor", "number", "select", "switch", "text_sensor", "output")
+_WRITTEN = ("number", "select", "switch", "output")
 _TABLES = {"coil": "co", "discrete_input": "di", "holding": "hr", "read": "ir", "input": "ir"}
 _KINDS = {
     "U_WORD": "u16", "S_WORD": "s16", "U_DWORD": "u32", "S_DWORD": "s32", "U_QWORD": "u64",
     "S_QWORD": "s64", "FP32": "f32",
 }  # fmt: skip
+_RAW_TEXTS = ("HEXBYTES", "COMMA")
+"""`raw_encode` of text sensors that show the bytes, not their characters."""
 _KNOWN = {
     "platform", "modbus_controller_id", "name", "id", "address", "register_type", "value_type",
-    "bitmask", "offset", "byte_offset", "register_count", "response_size", "filters", "multiply",
-    "unit_of_measurement", "optionsmap",
+    "bitmask", "offset", "byte_offset", "filters", "multiply", "unit_of_measurement", "optionsmap",
 }  # fmt: skip
+_NO_MASK = 0xFFFFFFFF
+_SIZES = {"register_count", "response_size"}
 
 
 def read(text: str, name: str, options: Options) -> Imported:
@@ -32,31 +36,36 @@ def read(text: str, name: str, options: Options) -> Imported:
     data, tags = plain_data(text, name)
     rows = list(_entities(data)) if isinstance(data, Mapping) else []
     if not rows:
-        raise ProfileError("no entity on platform modbus_controller in it", path=name)
-    controllers = {
-        str(one.get("id")): one.get("address")
-        for one in _list(data.get("modbus_controller"))
-        if isinstance(one, Mapping)
-    }
-    wanted = _controller(controllers, options, name)
-    draft = Draft({"source": f"ESPHome configuration {name}"})
+        line, tag = tags[0] if tags else (None, "")
+        hint = f"; {tag.split()[0]} is not followed: import that file" if tags else ""
+        message = f"no entity on platform modbus_controller in it{hint}"
+        raise ProfileError(message, path=name, line=line)
+    wanted = _controller(data, options, name)
+    draft = Draft({"source": f"ESPHome configuration {name}"}, options.order)
     draft.notes.append("addresses count from 0, as ESPHome does")
     draft.notes += [f"line {line}: {tag} is not understood; left out" for line, tag in tags]
     draft.dropped((key for key in ("substitutions", "packages") if key in data), "is not resolved")
     for kind, row in rows:
         if wanted is None or row.get("modbus_controller_id") in (None, wanted):
-            _add(draft, kind, row, options)
+            try:
+                _add(draft, kind, row)
+            except LeftOut as reason:
+                draft.notes.append(f"{_label(row)}: {reason}; left out")
     return draft.done()
 
 
-def _controller(known: Mapping[str, Any], options: Options, name: str) -> str | None:
-    if len(known) < 2:  # noqa: PLR2004 - nothing to choose
-        return None
+def _controller(data: Mapping[str, Any], options: Options, name: str) -> str | None:
+    """The id of the controller whose unit is told; None where there is but one."""
+    rows = [one for one in _list(data.get("modbus_controller")) if isinstance(one, Mapping)]
+    known = {str(one.get("id")): one.get("address") for one in rows}
     for controller, unit in known.items():
         if options.unit is not None and unit == options.unit:
             return controller
-    units = ", ".join(f"{unit} ({controller})" for controller, unit in known.items())
-    raise UsageError(f"{name}: units {units}; --unit N chooses one")
+    told = options.unit is not None and known
+    if not told and len(known) < 2:  # noqa: PLR2004 - nothing to choose
+        return None
+    there = ", ".join(f"{unit} ({controller})" for controller, unit in known.items())
+    raise UsageError(f"{name}: which unit? --unit N; there are {there}")
 
 
 def _entities(data: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -70,82 +79,124 @@ def _list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [] if value is None else [value]
 
 
-def _add(draft: Draft, kind: str, row: Mapping[str, Any], options: Options) -> None:
-    label = str(row.get("name", row.get("id", "")))
-    draft.dropped(sorted(set(row) - _KNOWN))
-    if "${" in label:
-        draft.notes.append(f"{label}: substitutions are not resolved")
-    address = tidy(row.get("address"))
+def _label(row: Mapping[str, Any]) -> str:
+    return str(row.get("name", row.get("id", "")))
+
+
+def _add(draft: Draft, kind: str, row: Mapping[str, Any]) -> None:
+    label = _label(row)
+    address, shift = tidy(row.get("address")), _whole(row, ("byte_offset", "offset"), 0)
     if not isinstance(address, int):
-        draft.notes.append(f"{label}: no address; left out")
-        return
-    shift = int(tidy(row.get("byte_offset", row.get("offset", 0))) or 0)
-    space = _TABLES.get(str(row.get("register_type", "holding")), "hr")
-    access = "rw" if kind in ("number", "select", "switch", "output") else None
+        raise LeftOut("no address")
+    space = _TABLES.get(str(row.get("register_type", "holding")))
+    if space is None:
+        raise LeftOut(f"register_type {row['register_type']!r} is not known")
+    _say(draft, kind, row)
+    access = "rw" if kind in _WRITTEN else None
     if space in ("co", "di"):
         # Of coils the offset counts bits.
         draft.add(label, space, address + shift, access=access)
         return
     if shift % 2:
-        draft.notes.append(f"{label}: begins at byte {shift}, inside a register; left out")
-        return
-    address += shift // 2
-    part = _mask(row.get("bitmask"))
-    if part == ():
-        draft.notes.append(f"{label}: bitmask {row['bitmask']!r} is no run of bits; left out")
-        return
-    words = _type(row, kind)
-    if words is None:
-        draft.notes.append(f"{label}: {row.get('value_type', 'RAW')} is not understood; left out")
-        return
-    word_type, count, order = words
-    scale, offset = _filters(draft, row, label)
-    bits = (part[0], part[1]) if part else None
+        raise LeftOut(f"begins at byte {shift}, inside a register")
+    word, count, order = _type(row, kind)
+    address, word, part = _masked(row, address + shift // 2, word, order)
+    scale, offset = _filters(draft, row)
     draft.add(
         label,
         space,
         address,
-        part=bits,
-        type=None if bits or word_type == "u16" else word_type,
+        part=part,
+        type=None if word == "u16" else word,
         count=count,
-        order=order or (options.order if options.order != "ABCD" and not bits else None),
+        order=order,
         scale=scale,
         offset=offset,
         unit=row.get("unit_of_measurement"),
         access=access,
-        enum={str(raw): option for option, raw in (row.get("optionsmap") or {}).items()},
+        enum=_options(draft, row),
     )
 
 
-def _type(row: Mapping[str, Any], kind: str) -> tuple[str, int | None, str | None] | None:
-    if kind == "text_sensor":
-        size = int(row.get("response_size") or 2 * int(row.get("register_count") or 1))
-        return "str", (size + 1) // 2, None
-    default = "RAW" if "lambda" in row and "value_type" not in row else "U_WORD"
-    word = str(row.get("value_type", default))
+def _say(draft: Draft, kind: str, row: Mapping[str, Any]) -> None:
+    """Notes on what a point does not carry."""
+    label = _label(row)
+    texts = kind == "text_sensor"
+    known = _KNOWN | (_SIZES | {"raw_encode"} if texts or "value_type" in row else set())
+    draft.dropped(sorted(str(key) for key in set(row) - known if "lambda" not in str(key)))
+    for key in ("lambda", "write_lambda"):
+        if key in row:
+            draft.notes.append(f"{label}: {key} is not understood; the value is the raw one")
+    if "${" in label:
+        draft.notes.append(f"{label}: substitutions are not resolved")
+
+
+def _whole(row: Mapping[str, Any], keys: tuple[str, ...], nothing: int) -> int:
+    """The whole number of the first of some keys that stands there."""
+    for key in keys:
+        if row.get(key) is not None:
+            found = tidy(row[key])
+            if not isinstance(found, int) or found < 0:
+                raise LeftOut(f"{key} {row[key]!r} is no whole number")
+            return found
+    return nothing
+
+
+def _type(row: Mapping[str, Any], kind: str) -> tuple[str, int | None, str | None]:
+    """The type, the registers of a text or of raw bytes, the order; `LeftOut` where unknown."""
+    word = str(row.get("value_type", "U_WORD"))
+    if kind == "text_sensor" or word == "RAW":
+        size = _whole(row, ("response_size",), 2 * _whole(row, ("register_count",), 1))
+        raw = kind != "text_sensor" or row.get("raw_encode") in _RAW_TEXTS
+        return "raw" if raw else "str", max((size + 1) // 2, 1), None
     found = _KINDS.get(word.removesuffix("_R"))
-    return None if found is None else (found, None, "CDAB" if word.endswith("_R") else None)
+    if found is None:
+        raise LeftOut(f"value_type {word} is not known")
+    return found, None, "CDAB" if word.endswith("_R") else None
 
 
-def _mask(mask: Any) -> tuple[int, ...] | None:
-    """First and last bit of a mask; None for none, () where it is no run of bits of a register.
+def _masked(
+    row: Mapping[str, Any], address: int, word: str, order: str | None
+) -> tuple[int, str, tuple[int, int] | None]:
+    """Register, type and bits of what a mask leaves of a whole number.
 
-    >>> _mask(0xF0), _mask(0x8000), _mask(0x5), _mask(None)
-    ((4, 7), (15, 15), (), None)
+    >>> _masked({"bitmask": 0xF0}, 5, "u16", None), _masked({"bitmask": 0xFFFF}, 5, "u32", None)
+    ((5, 'u16', (4, 7)), (6, 'u16', None))
+    >>> _masked({"bitmask": 0x8000}, 5, "u32", "CDAB")
+    (5, 'u16', (15, 15))
     """
-    number = tidy(mask)
-    if number in (None, 0xFFFF, 0xFFFFFFFF):
-        return None
-    if not isinstance(number, int) or not 0 < number <= 0xFFFF:  # noqa: PLR2004
-        return ()
-    low = (number & -number).bit_length() - 1
-    run = number >> low
-    return () if run & (run + 1) else (low, number.bit_length() - 1)
+    mask, width = _whole(row, ("bitmask",), _NO_MASK), WIDTHS.get(word, 1)
+    everything = (1 << 16 * width) - 1
+    if mask in (_NO_MASK, everything) or word in ("f32", "str", "raw"):
+        return address, word, None
+    low, high = (mask & -mask).bit_length() - 1, mask.bit_length() - 1
+    run = mask >> max(low, 0)
+    if not 0 < mask <= everything or run & (run + 1) or low // 16 != high // 16:
+        raise LeftOut(f"bitmask {row['bitmask']!r} is no run of bits of a register")
+    from_right = low // 16
+    register = address + (from_right if order == "CDAB" else width - 1 - from_right)
+    whole = high - low == 15  # noqa: PLR2004 - all bits of a register
+    return register, "u16", None if whole else (low % 16, high % 16)
 
 
-def _filters(
-    draft: Draft, row: Mapping[str, Any], label: str
-) -> tuple[int | float | None, int | float | None]:
+def _options(draft: Draft, row: Mapping[str, Any]) -> dict[str, str]:
+    """The labels of a select: option -> raw value in ESPHome."""
+    table = row.get("optionsmap")
+    if not isinstance(table, Mapping):
+        return {}
+    labels = {}
+    for option, raw in table.items():
+        value = tidy(raw)
+        if isinstance(value, int) and option is not None:
+            labels[str(value)] = str(option)
+        else:
+            draft.notes.append(
+                f"{_label(row)}: option {option!r}: {raw!r} is no raw value; left out"
+            )
+    return labels
+
+
+def _filters(draft: Draft, row: Mapping[str, Any]) -> tuple[int | float | None, int | float | None]:
     """Scale and offset of `multiply` and `offset` filters, one after the other."""
     scale, offset = 1.0, 0.0
     if kind := tidy(row.get("multiply")):

@@ -8,10 +8,23 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
-from dissectors.errors import ProfileError, UsageError
-from dissectors.importers.draft import WIDTHS, Draft, Imported, Options, order_of, tidy
+from dissectors.errors import ProfileError
+from dissectors.importers.draft import (
+    WIDTHS,
+    Draft,
+    Imported,
+    LeftOut,
+    Options,
+    choose_unit,
+    composed,
+    known_order,
+    tidy,
+)
+from dissectors.importers.losses import Losses
 from dissectors.profile import Profile
 from dissectors.yaml import plain_data
 
@@ -28,49 +41,66 @@ _KINDS = {
 _OLD = {"int": "s", "uint": "u", "float": "f"}
 _STRUCT = {
     "h": "s16", "H": "u16", "i": "s32", "I": "u32", "l": "s32", "L": "u32", "q": "s64", "Q": "u64",
-    "e": "f16", "f": "f32", "d": "f64", "b": "s8l", "B": "u8l",
+    "e": "f16", "f": "f32", "d": "f64", "s": "str",
 }  # fmt: skip
 _KNOWN = {
     "name", "address", "register", "slave", "device_address", "input_type", "register_type",
     "write_type", "data_type", "count", "swap", "reverse_order", "scale", "offset",
-    "unit_of_measurement", "structure", "nan_value", "virtual_count", "slave_count", "platform",
+    "unit_of_measurement", "structure", "nan_value", "virtual_count", "slave_count",
 }  # fmt: skip
+_READ_ONLY = ("sensors", "binary_sensors", "climates")
+"""Of a climate, `address` is what it measures."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entity:
+    """An entity of a hub: its unit, its list, its keys."""
+
+    unit: int | None
+    kind: str
+    row: Mapping[str, Any]
 
 
 def read(text: str, name: str, options: Options) -> Imported:
     """Sensors, binary sensors, switches and the like; `ProfileError` where there are none."""
     data, tags = plain_data(text, name)
-    entities = [found for hub in _hubs(data) for found in _entities(hub)]
-    if not entities:
-        raise ProfileError("no modbus: with sensors or switches in it", path=name)
-    units = sorted({unit for unit, *_ in entities if unit is not None})
-    if options.unit is None and len(units) > 1:
-        raise UsageError(f"{name}: units {', '.join(map(str, units))}; --unit N chooses one")
-    unit = options.unit if options.unit is not None else next(iter(units), None)
-    draft = Draft({"source": f"Home Assistant configuration {name}"})
+    draft = Draft({"source": f"Home Assistant configuration {name}"}, options.order)
     draft.notes.append("addresses count from 0, as Home Assistant does")
     draft.notes += [f"line {line}: {tag} is not followed; left out" for line, tag in tags]
-    for own, kind, row in entities:
-        if own in (unit, None):
-            _add(draft, kind, row, options)
+    entities = [found for hub in _hubs(data) for found in _entities(hub, draft)]
+    if not entities:
+        line, tag = tags[0] if tags else (None, "")
+        hint = f"; {tag} is not followed: import that file" if tags else ""
+        raise ProfileError(f"no modbus: with sensors or switches in it{hint}", path=name, line=line)
+    unit = choose_unit((entity.unit for entity in entities), options.unit, name)
+    for entity in entities:
+        if entity.unit in (unit, None):
+            try:
+                _add(draft, entity)
+            except LeftOut as reason:
+                label = entity.row.get("name", entity.row.get("address"))
+                draft.notes.append(f"{label}: {reason}; left out")
     return draft.done()
 
 
-def _hubs(data: Any) -> Iterator[Any]:
+def _hubs(data: Any) -> Iterator[Mapping[str, Any]]:
     found = data.get("modbus", data) if isinstance(data, Mapping) else data
-    yield from found if isinstance(found, list) else [found]
+    listed = found if isinstance(found, list) else [found]
+    yield from (hub for hub in listed if isinstance(hub, Mapping))
 
 
-def _entities(hub: Any) -> Iterator[tuple[int | None, str, Mapping[str, Any]]]:
-    """Unit, kind and keys of every entity of a hub, or of a platform of 2021."""
-    if not isinstance(hub, Mapping):
-        return
+def _entities(hub: Mapping[str, Any], draft: Draft) -> Iterator[_Entity]:
+    """Every entity of a hub, of a platform of 2021, or of a list in a file of its own."""
     for key in _LISTS:
         for row in _rows(hub.get(key)):
-            yield _unit(row), key, row
+            yield _Entity(_unit(row), key, row)
     if hub.get("platform") == "modbus":
         for row in _rows(hub.get("registers") or hub.get("coils")):
-            yield _unit(row), "sensors" if "registers" in hub else "binary_sensors", row
+            kind = "sensors" if "registers" in hub else "binary_sensors"
+            yield _Entity(_unit(row), kind, row)
+    elif "address" in hub and not set(hub) & set(_LISTS):
+        draft.once("a list of entities without a hub: sensors (assumed)")
+        yield _Entity(_unit(hub), "sensors", hub)
 
 
 def _rows(listed: Any) -> Iterator[Mapping[str, Any]]:
@@ -81,110 +111,167 @@ def _rows(listed: Any) -> Iterator[Mapping[str, Any]]:
 
 def _unit(row: Mapping[str, Any]) -> int | None:
     unit = row.get("slave", row.get("device_address"))
-    return unit if isinstance(unit, int) else None
+    return unit if isinstance(unit, int) and not isinstance(unit, bool) else None
 
 
-def _add(draft: Draft, kind: str, row: Mapping[str, Any], options: Options) -> None:
+def _add(draft: Draft, entity: _Entity) -> None:
+    row, kind = entity.row, entity.kind
     label = str(row.get("name", ""))
-    draft.dropped(sorted(set(row) - _KNOWN))
     address = row.get("address", row.get("register"))
-    if not isinstance(address, int):
-        draft.notes.append(f"{label}: no address; left out")
-        return
-    default = {"sensors": "holding", "climates": "holding", "binary_sensors": "coil"}
-    word = row.get("input_type") or row.get("register_type") or row.get("write_type")
-    space = _INPUTS.get(str(word or default.get(kind, "holding")).removesuffix("s"), "hr")
-    access = "rw" if kind not in ("sensors", "binary_sensors") else None
+    if not isinstance(address, int) or isinstance(address, bool):
+        raise LeftOut("no address" if address is None else f"address {address!r} is no number")
+    space = _space(row, kind)
+    access = None if kind in _READ_ONLY else "rw"
+    told = row.get("virtual_count", row.get("slave_count"))
+    more = 0 if told is None else tidy(told)
+    if not isinstance(more, int) or not 0 <= more < 0xFFFF:  # noqa: PLR2004 - registers there are
+        raise LeftOut(f"virtual_count {told!r} is no number of values")
+    known = _KNOWN
     if space in ("co", "di"):
-        draft.add(label, space, address, access=access)
-        return
-    if kind not in ("sensors", "climates"):
-        draft.add(label, space, address, access=access)
-        return
-    found = _type(row)
-    if found is None:
-        what = row.get("structure") or row.get("data_type")
-        draft.notes.append(f"{label}: data type {what!r} is not understood; left out")
-        return
-    word_type, count, order = found
-    swap = order_of(row.get("swap"), label) or ("CDAB" if row.get("reverse_order") else None)
-    order = order or swap or options.order
-    scale, offset = tidy(row.get("scale")), tidy(row.get("offset"))
+        draft.add(label, space, address, access=access, count=more + 1 if more else None)
+    elif kind == "binary_sensors":
+        # Of a register, a binary sensor is the lowest bit.
+        draft.add(label, space, address, part=(0, 0))
+        known = known - {"virtual_count", "slave_count"}
+    elif kind not in ("sensors", "climates"):
+        labels = {key: tidy(row.get(f"command_{key}")) for key in ("off", "on")}
+        enum = {str(raw): key for key, raw in labels.items() if isinstance(raw, int)}
+        known = known | {f"command_{key}" for key, raw in labels.items() if isinstance(raw, int)}
+        draft.add(label, space, address, access=access, enum=enum)
+    else:
+        _add_sensor(draft, label, (space, address), row, more)
+    draft.dropped(sorted(str(key) for key in set(row) - known))
+
+
+def _space(row: Mapping[str, Any], kind: str) -> str:
+    word = row.get("input_type") or row.get("register_type") or row.get("write_type")
+    default = "coil" if kind == "binary_sensors" else "holding"
+    space = _INPUTS.get(str(word or default).removesuffix("s"))
+    if space is None:
+        raise LeftOut(f"input_type {word!r} is not known")
+    return space
+
+
+def _add_sensor(
+    draft: Draft, label: str, at: tuple[str, int], row: Mapping[str, Any], more: int
+) -> None:
+    word, count, order = _type(row)
+    swap = known_order(row.get("swap")) or ("CDAB" if row.get("reverse_order") else None)
+    if word == "str" and swap in ("CDAB", "DCBA"):
+        raise LeftOut("registers of a text in turned order")
+    numbers = {key: tidy(row.get(key)) for key in ("scale", "offset", "nan_value")}
+    for key, value in numbers.items():
+        if value is None and row.get(key) is not None:
+            draft.notes.append(f"{label}: {key} {row[key]!r} is no number; left out")
+    if word != "str":
+        values = (count or 1) * (more + 1)
+        count = WIDTHS[word] * values if values > 1 else None
+    elif more:
+        raise LeftOut("an array of texts")
+    scale, offset = numbers["scale"], numbers["offset"]
     draft.add(
         label,
-        space,
-        address,
-        type=None if word_type == "u16" else word_type,
-        count=_length(row, word_type, count),
-        order=None if order == "ABCD" else order,
+        *at,
+        type=None if word == "u16" else word,
+        count=count,
+        order=composed(order, swap) if order or swap else None,
         scale=None if scale in (1, 0) else scale,
         offset=None if offset == 0 else offset,
         unit=row.get("unit_of_measurement"),
-        nan=tidy(row.get("nan_value")),
-        access=access,
+        nan=numbers["nan_value"],
     )
 
 
-def _length(row: Mapping[str, Any], kind: str, count: int | None) -> int | None:
-    """Registers: of a text as many as are counted, of an array as many as its values take."""
-    if kind == "str":
-        return count or 1
-    more = tidy(row.get("virtual_count", row.get("slave_count")))
-    return WIDTHS[kind] * (int(more) + 1) if more else None
-
-
-def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None] | None:
-    """Type, count and order of a sensor; None where it is not understood."""
+def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
+    """Type of a sensor; registers of a text, or values of an array; order. `LeftOut` if odd."""
     word = str(row.get("data_type", "int16"))
     told = tidy(row.get("count"))
-    count = None if told is None else int(told)
+    count = told if isinstance(told, int) and told > 0 else None
+    if word == "string":
+        return "str", count or 1, None
     if word in _KINDS:
-        return _KINDS[word], count, None
+        return _KINDS[word], None, None
     if word in _OLD:
-        kind = f"{_OLD[word]}{16 * (count or (2 if word == 'float' else 1))}"
-        return (kind, None, None) if kind in WIDTHS else None
-    match = re.fullmatch(r"([<>!=@]?)(\w)", str(row.get("structure", "")))
-    if word == "custom" and match and match[2] in _STRUCT:
-        kind = _STRUCT[match[2]]
-        return kind, None, "DCBA" if match[1] == "<" else None
-    return None
+        # Until 2021 the count said how wide a number is; one register if nothing was said.
+        kind = f"{_OLD[word]}{16 * (count or 1)}"
+        if kind in WIDTHS:
+            return kind, None, None
+    structure = str(row.get("structure", ""))
+    match = re.fullmatch(r"([<>!=@]?)(\d*)([a-zA-Z])(\3*)", structure)
+    if word == "custom" and match and match[3] in _STRUCT:
+        kind = _STRUCT[match[3]]
+        size = int(match[2] or 1) + len(match[4])
+        if kind == "str":
+            return kind, (size + 1) // 2, None
+        # Without a mark, or with = or @, struct goes by the machine; nearly all are little-endian.
+        return kind, size, None if match[1] in (">", "!") else "DCBA"
+    raise LeftOut(f"data type {structure or word!r} is not understood")
 
 
 _BACK = {kind: word for word, kind in _KINDS.items()}
 _SWAPS = {"CDAB": "word", "BADC": "byte", "DCBA": "word_byte"}
+_HUB = """\
+modbus:
+  - name: modbus
+    type: serial
+    port: /dev/ttyUSB0
+    baudrate: 19200
+    bytesize: 8
+    method: rtu
+    parity: E
+    stopbits: 1
+"""
 
 
 def write(profile: Profile) -> tuple[str, list[str]]:
-    """A hub with sensors and switches; labels, bits and scale factors are left out."""
-    notes: list[str] = []
+    """A hub with sensors and switches; what has no place in it, and what it assumes, are notes."""
+    losses = Losses("Home Assistant")
+    losses.device(profile)
+    notes = ["port, line settings and slave: 1 are examples"]
     rows: dict[str, list[str]] = {"sensors": [], "binary_sensors": [], "switches": []}
-    back = {short: word for word, short in _INPUTS.items()}
     for point in profile.points:
-        for key in ("enum", "bits", "sf", "group", "note"):
-            if key in point:
-                notes.append(f"{point['name']}: {key} has no place in Home Assistant")
-        space, _, place = point["at"].partition(":")
-        if "." in place or (space in ("hr", "ir") and point["type"] not in _BACK):
+        kind, keys = _entity(point, profile)
+        if not kind:
             notes.append(f"{point['name']}: {point['type']} {point['at']} cannot be read; left out")
             continue
-        keys: dict[str, Any] = {"name": point["name"], "address": int(place), "slave": 1}
-        if space in ("co", "di"):
-            writes = point.get("access") == "rw" and space == "co"
-            keys["write_type" if writes else "input_type"] = back[space]
-            rows["switches" if writes else "binary_sensors"].append(_item(keys))
-            continue
-        rows["sensors"].append(_item(keys | _keys(point, profile, back[space])))
-    lines = ["modbus:", "  - name: modbus", "    type: serial", "    port: /dev/ttyUSB0"]
-    lines += ["    baudrate: 19200", "    bytesize: 8", "    method: rtu", "    parity: E"]
-    lines += ["    stopbits: 1"]
-    notes.append("port and line settings are examples")
+        rows[kind].append(_item(keys))
+        lost = {"enum", "bits", "sf", "group", "note"}
+        lost |= {"access"} if kind != "switches" or point["access"] == "w" else set()
+        lost |= {"unit"} if kind != "sensors" else set()
+        for key in point:
+            if key in lost:
+                losses.add(key, point["name"])
+        if len(point.get("nan", ())) > 1:
+            losses.add("the second value of nan", point["name"])
+    lines = [_HUB.rstrip("\n")]
     for key, items in rows.items():
         if items:
             lines += [f"    {key}:", *items]
-    return "\n".join(lines) + "\n", notes
+    return "\n".join(lines) + "\n", [*notes, *losses.notes()]
 
 
-def _keys(point: Mapping[str, Any], profile: Profile, table: str) -> dict[str, Any]:
+def _entity(point: Mapping[str, Any], profile: Profile) -> tuple[str, dict[str, Any]]:
+    """In which list a point stands, and its keys; no list for what cannot be read."""
+    space, _, place = point["at"].partition(":")
+    address, _, bits = place.partition(".")
+    table = {short: word for word, short in _INPUTS.items()}[space]
+    keys: dict[str, Any] = {"name": point["name"], "address": int(address), "slave": 1}
+    if space in ("co", "di"):
+        writes = point.get("access", "r") != "r" and space == "co"
+        keys["write_type" if writes else "input_type"] = table
+        if point.get("count", 1) > 1:
+            keys["virtual_count"] = point["count"] - 1
+        return "switches" if writes else "binary_sensors", keys
+    order = point.get("order", profile.device.get("order", "ABCD"))
+    if bits == "0" and order in ("ABCD", "CDAB"):
+        # Of a register, a binary sensor is the lowest bit.
+        return "binary_sensors", {**keys, "input_type": table}
+    if bits or point["type"] not in _BACK:
+        return "", {}
+    return "sensors", keys | _keys(point, order, table)
+
+
+def _keys(point: Mapping[str, Any], order: str, table: str) -> dict[str, Any]:
     kind = point["type"]
     keys: dict[str, Any] = {"input_type": table, "data_type": _BACK[kind]}
     width = WIDTHS.get(kind)
@@ -192,21 +279,31 @@ def _keys(point: Mapping[str, Any], profile: Profile, table: str) -> dict[str, A
         keys["count"] = point["count"]
     elif width and point.get("count", width) != width:
         keys["virtual_count"] = point["count"] // width - 1
-    order = point.get("order", profile.device.get("order", "ABCD"))
+    if width in (None, 1):
+        # Of one register, or of a text, only its bytes can be turned.
+        order = {"CDAB": "ABCD", "DCBA": "BADC"}.get(order, order)
     if order in _SWAPS:
         keys["swap"] = _SWAPS[order]
     for key in ("scale", "offset"):
         if key in point:
             keys[key] = point[key]
     if "scale" in point or "offset" in point:
-        keys["precision"] = max(
-            len(str(point.get(key, 0)).partition(".")[2]) for key in ("scale", "offset")
-        )
+        keys["precision"] = max(_places(point.get(key, 0)) for key in ("scale", "offset"))
     if "unit" in point:
         keys["unit_of_measurement"] = point["unit"]
     if "nan" in point:
         keys["nan_value"] = point["nan"][0]
     return keys
+
+
+def _places(number: float) -> int:
+    """Decimal places.
+
+    >>> _places(0.25), _places(1e-05), _places(10)
+    (2, 5, 0)
+    """
+    exponent = Decimal(str(number)).as_tuple().exponent
+    return max(-exponent, 0) if isinstance(exponent, int) else 0
 
 
 def _item(keys: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError
-from dissectors.importers.draft import Draft, Imported, Options
+from dissectors.importers.draft import Draft, Imported, Options, tidy
 
 __all__ = ["read"]
 
@@ -28,53 +28,83 @@ _KINDS: Mapping[str, tuple[str, int | None]] = {
     "eui48": ("raw", None),
 }  # fmt: skip
 
+_HIGHEST = 10
+"""A scale factor is -10 to 10 (Device Information Model Specification, type `sunssf`)."""
+
 _BITFIELDS = ("bitfield16", "bitfield32", "bitfield64")
 
 
-def read(text: str, name: str, options: Options) -> Imported:
-    """The points of a model; repeated groups are left out, with a note."""
+_POINT = {"name", "type", "size", "sf", "units", "access", "symbols", "label"}
+_GROUP = {"name", "type", "label", "points", "groups", "count"}
+
+
+def read(text: str, name: str, _options: Options) -> Imported:
+    """The points of a model; groups that repeat as the device says are left out, with a note."""
     try:
-        model = json.loads(text)
+        model = json.loads(text.lstrip("\ufeff"))
         group, number = model["group"], int(model["id"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ProfileError(f"no SunSpec model: {error}", path=name) from None
-    draft = Draft(
-        {
-            "id": f"sunspec.{number}",
-            "vendor": "SunSpec Alliance",
-            "model": f"{number} {group.get('label', group.get('name', ''))}".strip(),
-            "source": f"SunSpec model {number}, JSON",
-            "sunspec": number,
-        }
-    )
-    at = 0
-    for point in group.get("points", ()):
-        at += _point(draft, point, at, group.get("name"))
-    for inner in group.get("groups", ()):
-        draft.dropped([f"group {inner.get('name')}"], "repeats as often as the device says")
+        draft = Draft(
+            {
+                "id": f"sunspec.{number}",
+                "vendor": "SunSpec Alliance",
+                "model": f"{number} {group.get('label', group.get('name', ''))}".strip(),
+                "source": f"SunSpec model {number}, JSON",
+                "sunspec": number,
+            }
+        )
+        _group(draft, group, 0, "")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else error
+        raise ProfileError(f"no SunSpec model: {what}", path=name) from None
     return draft.done()
 
 
-def _point(draft: Draft, point: Mapping[str, Any], at: int, group: str | None) -> int:
+def _group(draft: Draft, group: Mapping[str, Any], at: int, prefix: str) -> int | None:
+    """The points of a group and of those in it; the address behind it, None if nobody knows it."""
+    draft.dropped(sorted(set(group) - _GROUP))
+    names = {point["name"] for point in group.get("points", ())}
+    for point in group.get("points", ()):
+        at += _point(draft, point, at, (group.get("name"), prefix, names))
+    for inner in group.get("groups", ()):
+        label, count = str(inner.get("name")), inner.get("count", 1)
+        if not isinstance(count, int) or not 1 <= count <= 0xFFFF:  # noqa: PLR2004 - registers
+            draft.dropped([f"group {label}, and what follows it"], "repeats as the device says")
+            return None
+        for turn in range(count):
+            inside = f"{prefix}{label}_" if count == 1 else f"{prefix}{label}_{turn + 1}_"
+            behind = _group(draft, inner, at, inside)
+            if behind is None:
+                return None
+            at = behind
+    return at
+
+
+def _point(
+    draft: Draft, point: Mapping[str, Any], at: int, where: tuple[str | None, str, set[str]]
+) -> int:
+    group, prefix, names = where
     size = int(point.get("size", 1))
+    if size < 1:
+        raise ValueError(f"size {size} of {point['name']}")
     kind, nan = _KINDS.get(point["type"], ("raw", None))
     if point["type"] not in _KINDS:
         draft.dropped([f"type {point['type']}"], "is not known, its registers are raw")
     if point["type"] == "pad":
         return size
+    draft.dropped(sorted(set(point) - _POINT))
     symbols = {
         str(symbol["value"]): symbol.get("label") or symbol["name"]
         for symbol in point.get("symbols", ())
     }
     scale = point.get("sf")
     draft.add(
-        point["name"],
+        prefix + point["name"],
         "hr",
         at,
         type=kind,
         count=size if kind in ("str", "raw") else None,
-        scale=10.0**scale if isinstance(scale, int) and scale < 0 else _power(scale),
-        sf=scale if isinstance(scale, str) else None,
+        scale=_power(scale),
+        sf=(prefix if scale in names else "") + scale if isinstance(scale, str) else None,
         unit=point.get("units"),
         access="rw" if point.get("access") == "RW" else None,
         enum=None if point["type"] in _BITFIELDS else symbols,
@@ -86,5 +116,8 @@ def _point(draft: Draft, point: Mapping[str, Any], at: int, group: str | None) -
     return size
 
 
-def _power(scale: object) -> int | None:
-    return int(10**scale) if isinstance(scale, int) and scale > 0 else None
+def _power(scale: object) -> int | float | None:
+    """The factor of a constant scale: a whole number where it is one."""
+    if not isinstance(scale, int) or scale == 0 or abs(scale) > _HIGHEST:
+        return None
+    return tidy(10.0**scale)

@@ -8,10 +8,21 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from dissectors.errors import ProfileError, UsageError
-from dissectors.importers.draft import WIDTHS, Draft, Imported, Options, order_of, tidy
+from dissectors.errors import ProfileError
+from dissectors.importers.draft import (
+    WIDTHS,
+    Draft,
+    Imported,
+    LeftOut,
+    Options,
+    choose_unit,
+    known_order,
+    tidy,
+)
+from dissectors.importers.losses import Losses
 from dissectors.profile import Profile
 
 __all__ = ["read", "write"]
@@ -29,134 +40,205 @@ _KINDS = {
     "UINT64": "u64", "FLOAT16": "f16", "FLOAT32": "f32", "FLOAT64": "f64", "STRING": "str",
 }  # fmt: skip
 _FIXED = {1: "16", 2: "32", 4: "64"}
-_KNOWN = {
+_HALVES = {"lower": "strl", "upper": "strh"}
+_FIELD = {
     "name", "address", "byte_order", "data_type", "type", "bit", "length", "scale", "register",
+    "omit",
 }  # fmt: skip
+_REQUEST = {"slave_id", "byte_order", "register", "fields"}
+_PLUGIN = {
+    *_STYLES, "request", "metric", "slave_id", "configuration_type", "string_register_location",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """A field with what its request and its plugin say: unit, table, order, kind of texts."""
+
+    unit: int | None
+    space: str
+    order: Any
+    texts: str
+    row: Mapping[str, Any]
 
 
 def read(text: str, name: str, options: Options) -> Imported:
     """The fields of a configuration; `ProfileError` where it is no TOML or has no inputs.modbus."""
     try:
-        inputs = tomllib.loads(text).get("inputs", {}).get("modbus", [])
+        tree: Any = tomllib.loads(text.lstrip("\ufeff"))
     except tomllib.TOMLDecodeError as error:
         raise ProfileError(f"no TOML: {error}", path=name) from None
-    if not inputs:
+    inputs = _table(tree.get("inputs")).get("modbus")
+    plugins = _tables(inputs if isinstance(inputs, list) else [inputs])
+    if not plugins:
         raise ProfileError("no [[inputs.modbus]] in it", path=name)
-    fields = [found for row in inputs for found in _fields(row)]
-    units = sorted({unit for unit, *_ in fields if unit is not None})
-    if options.unit is None and len(units) > 1:
-        raise UsageError(f"{name}: units {', '.join(map(str, units))}; --unit N chooses one")
-    unit = options.unit if options.unit is not None else next(iter(units), None)
-    draft = Draft({"source": f"Telegraf configuration {name}"})
+    draft = Draft({"source": f"Telegraf configuration {name}"}, options.order)
     draft.notes.append("addresses count from 0, as Telegraf does")
-    for own, space, order, row in fields:
-        if own in (unit, None):
-            _add(draft, space, row, order_of(row.get("byte_order", order), name) or options.order)
+    fields = [found for plugin in plugins for found in _fields(plugin, draft)]
+    unit = choose_unit((field.unit for field in fields), options.unit, name)
+    for field in fields:
+        if field.unit in (unit, None):
+            try:
+                _add(draft, field)
+            except LeftOut as reason:
+                label = field.row.get("name", field.row.get("address"))
+                draft.notes.append(f"{label}: {reason}; left out")
     return draft.done()
 
 
-def _fields(row: Mapping[str, Any]) -> Iterator[tuple[int | None, str, Any, Mapping[str, Any]]]:
-    """Unit, table, order and keys of every field, in all three styles."""
+def _table(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _tables(value: Any) -> list[Mapping[str, Any]]:
+    """The tables of a list; anything else has no fields in it."""
+    rows = value if isinstance(value, list) else []
+    return [row for row in rows if isinstance(row, Mapping)]
+
+
+def _fields(plugin: Mapping[str, Any], draft: Draft) -> Iterator[_Field]:
+    """Every field, in all three styles; what else a plugin and its requests say is dropped."""
+    draft.dropped(sorted(set(plugin) - _PLUGIN), "is no part of a register map")
+    where = plugin.get("string_register_location", "")
+    texts = _HALVES.get(where if isinstance(where, str) else "", "str")
     for key, space in _STYLES.items():
-        for one in row.get(key, ()):
-            yield row.get("slave_id"), space, None, one
-    for request in row.get("request", ()):
-        table = _TABLES.get(request.get("register", "holding"), "hr")
-        for one in request.get("fields", ()):
-            yield request.get("slave_id"), table, request.get("byte_order"), one
-    for metric in row.get("metric", ()):
-        for one in metric.get("fields", ()):
-            table = _TABLES.get(one.get("register", "holding"), "hr")
-            yield metric.get("slave_id"), table, metric.get("byte_order"), one
+        for one in _tables(plugin.get(key)):
+            yield _Field(_unit(plugin), space, None, texts, one)
+    for style in ("request", "metric"):
+        for request in _tables(plugin.get(style)):
+            draft.dropped(
+                sorted(set(request) - _REQUEST), f"of a {style} has no place in a profile"
+            )
+            for one in _tables(request.get("fields")):
+                # The table stands in the request, or, of a metric, in the field.
+                told = str((request if style == "request" else one).get("register", "holding"))
+                unit = _unit(request)
+                yield _Field(unit, _TABLES.get(told, told), request.get("byte_order"), texts, one)
 
 
-def _add(draft: Draft, space: str, row: Mapping[str, Any], order: str | None) -> None:
+def _unit(row: Mapping[str, Any]) -> int | None:
+    unit = row.get("slave_id")
+    return unit if isinstance(unit, int) else None
+
+
+def _add(draft: Draft, field: _Field) -> None:
+    row, space = field.row, field.space
     if row.get("omit"):
-        draft.notes.append(f"{row.get('name', row.get('address'))}: omit = true; left out")
-        return
-    draft.dropped(sorted(set(row) - _KNOWN - {"omit", "output", "measurement", "tags"}))
-    draft.dropped(key for key in ("output", "measurement", "tags") if key in row)
+        raise LeftOut("omit = true")
+    if space not in _TABLES.values():
+        raise LeftOut(f"table {space!r} is not known")
+    draft.dropped(sorted(set(row) - _FIELD))
     label = str(row.get("name", ""))
-    addresses = row.get("address", 0)
-    addresses = addresses if isinstance(addresses, list) else [addresses]
-    first, width = int(addresses[0]), len(addresses)
-    if addresses != list(range(first, first + width)):
-        draft.notes.append(f"{label}: registers {addresses} are not in a row; left out")
-        return
+    addresses = row.get("address")
+    listed = [
+        one
+        for one in (addresses if isinstance(addresses, list) else [addresses])
+        if isinstance(one, int) and not isinstance(one, bool)
+    ]
+    if not listed:
+        raise LeftOut("no address" if not addresses else f"address {addresses!r} is no number")
+    first, width = listed[0], len(listed)
+    if isinstance(addresses, list) and addresses != list(range(first, first + len(addresses))):
+        raise LeftOut(f"registers {addresses} are not in a row")
     if space in ("co", "di"):
         draft.add(label, space, first)
         return
-    word = str(row.get("data_type", row.get("type", "UINT16"))).upper()
-    kind = _KINDS.get(word.removesuffix("-IEEE"))
-    if word in ("FIXED", "UFIXED") or (word == "FLOAT32" and "data_type" in row):
-        # FLOAT32 without -IEEE is the old name of UFIXED in the style with data_type.
-        kind = ("s" if word == "FIXED" else "u") + _FIXED.get(width, "?")
-    if kind is None or kind.endswith("?"):
-        draft.notes.append(f"{label}: type {word} of {width} registers; left out")
-        return
-    bit = row.get("bit")
-    count = int(row.get("length", width)) if kind == "str" else None
-    plain_order = order if order != "ABCD" and kind != "bool" else None
+    kind = _kind(row, width)
+    bit = row.get("bit", 0)
+    if kind == "bool" and (type(bit) is not int or bit not in range(16)):
+        raise LeftOut(f"bit {bit!r} is none of 0 to 15")
+    if isinstance(addresses, list) and WIDTHS.get(kind, width) != width:
+        raise LeftOut(f"{_word(row)} takes {WIDTHS[kind]} registers, not {width}")
+    length = tidy(row.get("length", width))
+    if kind == "str" and not (isinstance(length, int) and length > 0):
+        raise LeftOut(f"length {row['length']!r} is no number of registers")
     draft.add(
         label,
         space,
         first,
-        part=(int(bit or 0), int(bit or 0)) if kind == "bool" else None,
-        type=None if kind == "bool" else kind,
-        count=count,
-        order=plain_order,
+        part=(bit, bit) if kind == "bool" else None,
+        type=None if kind == "bool" else field.texts if kind == "str" else kind,
+        count=length if kind == "str" else None,
+        order=known_order(row.get("byte_order", field.order)),
         scale=_scale(row),
     )
 
 
+def _word(row: Mapping[str, Any]) -> str:
+    return str(row.get("data_type", row.get("type", "UINT16"))).upper()
+
+
+def _kind(row: Mapping[str, Any], width: int) -> str:
+    """The type; fixed point numbers are whole ones with a scale."""
+    word = _word(row)
+    if word in ("FIXED", "UFIXED") or (word == "FLOAT32" and "data_type" in row):
+        # FLOAT32 without -IEEE is the old name of UFIXED in the style with data_type.
+        if width not in _FIXED:
+            raise LeftOut(f"{word} of {width} registers")
+        return ("s" if word == "FIXED" else "u") + _FIXED[width]
+    kind = _KINDS.get(word.removesuffix("-IEEE"))
+    if kind is None:
+        raise LeftOut(f"type {word} is not known")
+    return kind
+
+
 def _scale(row: Mapping[str, Any]) -> int | float | None:
     scale = tidy(row.get("scale"))
+    if scale is None and "scale" in row:
+        raise LeftOut(f"scale {row['scale']!r} is no number")
     return None if scale in (1, 0) else scale
 
 
-_BACK = {
-    **{kind: word for word, kind in _KINDS.items()}, "bool": "BIT",
-}  # fmt: skip
+_BACK = {kind: word for word, kind in _KINDS.items()}
+_LOST = ("enum", "bits", "nan", "sf", "offset", "unit", "access", "group", "note")
 
 
 def write(profile: Profile) -> tuple[str, list[str]]:
-    """A `request` style configuration; labels, sentinels and scale factors are left out."""
-    notes: list[str] = []
+    """A `request` style configuration; what has no place in it, and what it assumes, are notes."""
+    losses = Losses("Telegraf")
+    losses.device(profile)
+    notes = ["slave_id = 1 is an example"]
     tables: dict[str, list[str]] = {}
     for point in profile.points:
         space, _, place = point["at"].partition(":")
-        address, _, bits = place.partition(".")
-        kind = point["type"]
-        for key in ("enum", "bits", "nan", "sf", "offset", "unit", "group", "note"):
-            if key in point:
-                notes.append(f"{point['name']}: {key} has no place in Telegraf")
-        if (kind not in _BACK and space in ("hr", "ir")) or "-" in bits:
+        kind = "bool" if "." in place and "-" not in place else point["type"]
+        if (kind not in _BACK and space in ("hr", "ir")) or "-" in place:
             notes.append(
                 f"{point['name']}: {kind} {point['at']} cannot be read by Telegraf; left out"
             )
             continue
-        for suffix, offset in _elements(point):
-            words = [
-                f"address = {int(address) + offset}",
-                f"name = {_text(point['name'] + suffix)}",
-            ]
-            if space in ("hr", "ir"):
-                words.append(f"type = {_text(_BACK[kind])}")
-                if bits:
-                    words.append(f"bit = {bits}")
-                if kind == "str":
-                    words.append(f"length = {point['count']}")
-                if "scale" in point:
-                    words.append(f"scale = {float(point['scale'])!r}")
-            key = f"{space} {point.get('order', profile.device.get('order', 'ABCD'))}"
-            tables.setdefault(key, []).append(f"    {{ {', '.join(words)} }},")
+        for key in _LOST:
+            if key in point:
+                losses.add(key, point["name"])
+        rows = list(_fields_of(point, kind))
+        if len(rows) > 1:
+            notes.append(f"{point['name']}: {len(rows)} values, each of them a field")
+        key = f"{space} {point.get('order', profile.device.get('order', 'ABCD'))}"
+        tables.setdefault(key, []).extend(rows)
     lines = ["[[inputs.modbus]]", 'name = "modbus"', 'configuration_type = "request"']
     back = {short: word for word, short in _TABLES.items()}
     for key, rows in tables.items():
         space, order = key.split()
         lines += ["", "  [[inputs.modbus.request]]", "  slave_id = 1", f'  byte_order = "{order}"']
         lines += [f'  register = "{back[space]}"', "  fields = [", *rows, "  ]"]
-    return "\n".join(lines) + "\n", notes
+    return "\n".join(lines) + "\n", [*notes, *losses.notes()]
+
+
+def _fields_of(point: Mapping[str, Any], kind: str) -> Iterator[str]:
+    """The fields of a point: one, or one a value of an array."""
+    space, _, place = point["at"].partition(":")
+    address, _, bit = place.partition(".")
+    for suffix, offset in _elements(point):
+        words = [f"address = {int(address) + offset}", f"name = {_text(point['name'] + suffix)}"]
+        if space in ("hr", "ir"):
+            words.append(f"type = {_text(_BACK[kind])}")
+            if bit:
+                words.append(f"bit = {bit}")
+            if kind == "str":
+                words.append(f"length = {point['count']}")
+            if "scale" in point:
+                words.append(f"scale = {float(point['scale'])!r}")
+        yield f"    {{ {', '.join(words)} }},"
 
 
 def _elements(point: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
@@ -171,4 +253,5 @@ def _elements(point: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
 
 
 def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+    # TOML's basic strings escape as JSON does, but for DEL.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")

@@ -75,6 +75,26 @@ def test_mightyzap_2_2_3_3_write_multiple(tmp_path: Path) -> None:
     ]
 
 
+def test_mightyzap_2_2_1_3_request_not_ok(tmp_path: Path) -> None:
+    """Manual, 2.2.1.3: the refusal with the checksum that is printed, 40 F3."""
+    path = recording(tmp_path / "bus.hex", "01 03 00D3 0001 75F3", "01 83 04 40F3")
+    (row,) = decode(path, profiles=["1=mightyzap"])
+    assert (row.status, row.exception) == ("exception", 4)
+    assert named(path, "1=mightyzap") == []
+
+
+def test_mightyzap_2_2_2_2_a_misprint(tmp_path: Path) -> None:
+    """Manual, 2.2.2.2: the refusal of a write has the checksum of 2.2.1.3's; it is 43 A3.
+
+    CRC-16/MODBUS of 01 86 04, by the specification's appendix B.
+    """
+    path = tmp_path / "bus.hex"
+    for checksum, status in [("40F3", "bad_response"), ("43A3", "exception")]:
+        path.write_text(f"0106 00D1 0320 D8DB\n018604 {checksum}\n")
+        (row,) = decode(path, profiles=["1=mightyzap"])
+        assert row.status == status
+
+
 def test_mightyzap_2_1_2_6_exceptions(tmp_path: Path) -> None:
     """Manual, 2.1.2.6 and 2.2.2.2: the device's own words for code 4."""
     path = recording(tmp_path / "bus.hex", "01 06 00D1 0320 D8DB", "01 86 04")

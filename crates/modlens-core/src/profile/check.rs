@@ -162,7 +162,7 @@ impl Checker<'_> {
         let name = self.text(&table, "name").filter(|name| {
             let good = !name.trim().is_empty();
             if !good {
-                self.say(node.line, &table.path("name"), "is empty".into());
+                self.say(line_of(node, "name"), &table.path("name"), "is empty".into());
             }
             good
         });

@@ -19,16 +19,19 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     let mut head: Option<Vec<String>> = None;
     let mut registers = Vec::new();
     let delimiter = delimiter(text);
+    // Where semicolons or tabs part the cells, 0,1 is a number.
+    let comma = delimiter != ',';
     for (line, cells) in records(text, delimiter, mistakes) {
         if let Some(setting) = cells[0].strip_prefix('#') {
-            device.extend(setting_of(setting, line));
+            // A spreadsheet fills the line up to the width of the table.
+            device.extend(setting_of(setting.trim_end_matches(delimiter), line, comma));
         } else if cells.iter().all(|cell| cell.trim().is_empty()) {
             // An empty line, or one of commas only, as spreadsheets leave them.
         } else if let Some(head) = &head {
             if cells.len() > head.len() {
                 mistakes.push(Mistake::new(line, "", format!("{} cells, but {} keys in the head", cells.len(), head.len())));
             }
-            registers.push(row(head, &cells, line));
+            registers.push(row(head, &cells, line, comma));
         } else {
             head = Some(cells.iter().map(|cell| cell.trim().to_ascii_lowercase()).collect());
         }
@@ -45,27 +48,27 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     Node { line: 1, value: Value::Map(entries) }
 }
 
-fn setting_of(setting: &str, line: u32) -> Option<Entry> {
+fn setting_of(setting: &str, line: u32, comma: bool) -> Option<Entry> {
     // A line that begins with # and has no = is a comment.
     let (key, value) = setting.split_once('=')?;
     let key = key.trim().to_ascii_lowercase();
     let key = if key == "base" { "address_base".to_owned() } else { key };
     let shape = DEVICE.iter().find(|known| known.key == key).map_or(Shape::Text, |known| known.shape);
-    Some(Entry { key, line, node: cell(shape, value.trim(), line) })
+    Some(Entry { key, line, node: cell(shape, value.trim(), line, comma) })
 }
 
-fn row(head: &[String], cells: &[String], line: u32) -> Node {
+fn row(head: &[String], cells: &[String], line: u32, comma: bool) -> Node {
     let filled = head.iter().zip(cells).filter(|(_, cell)| !cell.trim().is_empty());
     let entries = filled.map(|(key, text)| {
         let shape = POINT.iter().find(|known| known.key == *key).map_or(Shape::Text, |known| known.shape);
-        Entry { key: key.clone(), line, node: cell(shape, text.trim(), line) }
+        Entry { key: key.clone(), line, node: cell(shape, text.trim(), line, comma) }
     });
     Node { line, value: Value::Map(entries.collect()) }
 }
 
 /// A cell as the value that its key wants; what cannot be one stays a text, which is then refused with its line.
-fn cell(shape: Shape, text: &str, line: u32) -> Node {
-    let one = |text: &str| Node { line, value: number(text).unwrap_or_else(|| Value::Text(text.to_owned())) };
+fn cell(shape: Shape, text: &str, line: u32, comma: bool) -> Node {
+    let one = |text: &str| Node { line, value: number(text, comma).unwrap_or_else(|| Value::Text(text.to_owned())) };
     let parts = || text.split(';').map(str::trim).filter(|part| !part.is_empty());
     let value = match shape {
         Shape::Number | Shape::Whole | Shape::Base => return one(text),
@@ -83,14 +86,15 @@ fn cell(shape: Shape, text: &str, line: u32) -> Node {
     Node { line, value }
 }
 
-fn number(text: &str) -> Option<Value> {
+fn number(text: &str, comma: bool) -> Option<Value> {
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         return i128::from_str_radix(digits, 16).ok().map(Value::Integer);
     }
     if let Ok(number) = text.parse() {
         return Some(Value::Integer(number));
     }
-    text.parse::<f64>().ok().map(|_| Value::Float(text.to_owned()))
+    let point = if comma { text.replacen(',', ".", 1) } else { text.to_owned() };
+    point.parse::<f64>().ok().map(|_| Value::Float(point))
 }
 
 fn delimiter(text: &str) -> char {

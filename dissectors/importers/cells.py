@@ -1,0 +1,132 @@
+"""The cells of a row that say something of a value: its order, scale, labels, access, sentinels.
+
+What a cell says that is not understood is a note that names the line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from dissectors.importers.draft import Draft, composed, known_order, tidy
+from dissectors.words import plain
+
+__all__ = ["Cells"]
+
+_YES = ("t", "true", "yes", "y", "1", "x", "mixed")
+_NO = ("", "f", "false", "no", "n", "0")
+_WRITES = (*_YES, "rw", "rdwr", "readwrite", "rorw", "write", "writable", "writeable")
+_WRITES_ONLY = ("w", "wo", "writeonly")
+_READS = (*_NO, "r", "ro", "read", "readonly", "rd")
+_LIMITS = ("rawlow", "rawhigh", "scaledlow", "scaledhigh")
+
+_Line = tuple[int | float | None, int | float | None]
+"""Scale and offset."""
+
+_RAW = r"[\"']?(-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20}))[\"']?\s*[=:]"
+_LABEL = re.compile(rf"\s*{_RAW}\s*[\"']?(.*?)[\"']?[\s,;|]*", re.DOTALL)
+_BETWEEN_LABELS = re.compile(rf"[,;|\n]\s*(?={_RAW.replace('(-', '(?:-', 1)})")
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """A row: its cells by key, its line and name, and the draft that takes the notes."""
+
+    row: Mapping[str, str]
+    where: str
+    draft: Draft
+
+    def get(self, key: str) -> str:
+        """A cell, empty where the table has no such column."""
+        return self.row.get(key, "")
+
+    def note(self, text: str) -> None:
+        """A note on this row."""
+        self.draft.notes.append(f"{self.where}: {text}")
+
+    def order(self) -> str | None:
+        """The order of bytes, of words, or both; `LeftOut` for a word that nobody knows."""
+        of_bytes, of_words = plain(self.get("order")), plain(self.get("words"))
+        if not of_words or of_bytes in ("abcd", "cdab", "badc", "dcba"):
+            if of_bytes in _YES + _NO:
+                return "CDAB" if of_bytes in _YES else None
+            return known_order(self.row.get("order"))
+        turned = of_words in _YES or (
+            of_words not in _NO and known_order(self.row["words"]) in ("CDAB", "DCBA")
+        )
+        swapped = of_bytes in _YES or (
+            of_bytes not in _NO and known_order(self.row["order"]) in ("BADC", "DCBA")
+        )
+        return composed("CDAB" if turned else None, "BADC" if swapped else None)
+
+    def linear(self) -> _Line:
+        """Scale and offset: of their columns, of Kepware's limits, or of VOLTTRON's transform."""
+        scaling = self.row.get("scaling", "linear").strip().lower() or "none"
+        if transform := self.get("transform").strip():
+            match = re.fullmatch(r"scale(?:_int)?\(([^()]+)\)", transform)
+            return self._factors(match[1] if match else transform, "")
+        scale, offset = self.get("scale"), self.get("offset")
+        limits = [tidy(self.get(key)) for key in _LIMITS]
+        if scale or offset or scaling == "none":
+            if any(limits) and scaling != "none":
+                self.note("scale and offset count; the four limits beside them are left out")
+            return self._factors(scale, offset)
+        if scaling != "linear":
+            self.note(f"scaling {self.row['scaling']!r} is not linear; left out")
+            return None, None
+        low, high, down, up = limits
+        if low is None or high is None or down is None or up is None or low == high:
+            if self.get("scaling") or any(limits):
+                self.note("scaling without its four limits; left out")
+            return None, None
+        factor = (up - down) / (high - low)
+        if self.get("negatevalue").lower() in _YES:
+            factor, down = -factor, -down
+        clamps = [key for key in ("clamplow", "clamphigh") if self.get(key).lower() in _YES]
+        self.draft.dropped(clamps)
+        return self._factors(repr(round(factor, 12)), repr(round(down - low * factor, 9)))
+
+    def _factors(self, scale: str, offset: str) -> _Line:
+        factor, shift = tidy(scale), tidy(offset)
+        if scale and factor in (None, 0):
+            self.note(f"scale {scale!r} is no number to scale by; left out")
+        if offset and shift is None:
+            self.note(f"offset {offset!r} is no number; left out")
+        return None if factor in (0, 1) else factor, None if shift == 0 else shift
+
+    def sentinels(self) -> list[int | float]:
+        """Raw values that mean no value, parted by semicolons."""
+        found = [(part, _signed(part)) for part in self.get("nan").split(";") if part.strip()]
+        for part, value in found:
+            if value is None:
+                self.note(f"no value {part!r} is no number; left out")
+        return [value for _, value in found if value is not None]
+
+    def access(self) -> str | None:
+        """Who may do what, in the words of profiles."""
+        word = plain(self.get("access"))
+        if word in _WRITES_ONLY:
+            return "w"
+        if word not in _WRITES + _READS:
+            self.note(f"access {self.row['access']!r} is not known; left out")
+        return "rw" if word in _WRITES else None
+
+    def labels(self) -> dict[str, str]:
+        r"""`0=off;1=on`, `0: off, 1: on` or `{"0": "off"}`."""
+        text = self.get("enum").strip().strip("{}")
+        labels = {}
+        for part in _BETWEEN_LABELS.split(text) if text else []:
+            match = _LABEL.fullmatch(part)
+            raw = match and _signed(match[1])
+            if not match or not isinstance(raw, int) or not -(2**63) <= raw < 2**63:
+                self.note(f"labels {part!r} are not understood; left out")
+            elif match[2].strip():
+                labels[str(raw)] = match[2].strip()
+        return labels
+
+
+def _signed(text: str) -> int | float | None:
+    text = text.strip()
+    value = tidy(text.removeprefix("-"))
+    return -value if value is not None and text.startswith("-") else value

@@ -1,0 +1,138 @@
+"""What tables call their columns and types, and the programs whose tables their head tells.
+
+A new word is a word in its row; a new program's table is a row of `PRESETS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from dissectors.words import plain
+
+__all__ = ["FUNCTIONS", "HEADS", "KINDS", "PRESETS", "SUFFIXES", "WIDTHLESS", "Preset", "preset_of"]
+
+_HEADS: Mapping[str, tuple[str, ...]] = {
+    # The first word that a table has counts: an address beside a register number is the wire's.
+    "address": ("address", "modbus address", "register address", "startaddress", "start", "addr",
+                "register", "reg", "register number", "element"),
+    "name": ("name", "tag name", "tag", "variable name", "varname", "register name", "point name",
+             "variable", "signal"),
+    "type": ("data type", "datatype", "type", "format", "sttype", "value type"),
+    "table": ("table", "register type", "registertype", "object type", "modbus type"),
+    "function": ("function", "function code", "fc"),
+    "unit": ("unit", "units", "eng units", "engunits", "uom", "unit of measure",
+             "unit of measurement"),
+    "scale": ("scale", "factor", "k", "multiplier", "scale factor", "gain"),
+    "transform": ("transform",),
+    "offset": ("offset", "q", "bias"),
+    "order": ("order", "byte order", "byteorder", "endian", "endianness", "swap"),
+    "words": ("word order", "wordorder", "word swap", "wordswap", "mixed endian"),
+    "access": ("access", "rw", "client access", "r/w", "writable", "writeable", "read/write"),
+    "count": ("count", "quantity", "registers", "register count", "number of registers"),
+    "length": ("length", "len", "size"),
+    "note": ("description", "documented name", "note", "notes", "comment"),
+    "group": ("group", "category"),
+    "enum": ("enum", "values"),
+    "nan": ("nan", "no value", "invalid value", "error value"),
+    "slave": ("slave", "slave id", "slave address", "unit id", "device id", "device address",
+              "station", "station number", "node"),
+    "scaling": ("scaling",),
+    "rawlow": ("raw low", "inlo", "x1"),
+    "rawhigh": ("raw high", "inhi", "x2"),
+    "scaledlow": ("scaled low", "outlo", "y1"),
+    "scaledhigh": ("scaled high", "outhi", "y2"),
+    "clamplow": ("clamp low",),
+    "clamphigh": ("clamp high",),
+    "negatevalue": ("negate value",),
+}  # fmt: skip
+
+HEADS: Mapping[str, tuple[str, ...]] = {
+    key: tuple(dict.fromkeys(map(plain, words))) for key, words in _HEADS.items()
+}
+"""Key -> what tables call it, without case and punctuation."""
+
+KINDS: Mapping[str, str] = {
+    plain(word): kind
+    for kind, words in {
+        "bool": ("bool", "boolean", "bit", "digital", "binary"),
+        "u16": ("u16", "uint16", "word", "uint", "unsigned", "ushort", "unsigned16", "unsigned int",
+                "uint16_t"),
+        "s16": ("s16", "int16", "short", "int", "integer", "signed", "signed16", "int16_t"),
+        "u32": ("u32", "uint32", "dword", "udint", "ulong", "unsigned32", "uint32_t"),
+        "s32": ("s32", "int32", "long", "dint", "signed32", "int32_t"),
+        "u64": ("u64", "uint64", "qword", "ulint", "lword", "uint64_t"),
+        "s64": ("s64", "int64", "llong", "lint", "int64_t"),
+        "f16": ("f16", "float16", "half"),
+        "f32": ("f32", "float", "float32", "real", "single"),
+        "f64": ("f64", "float64", "double", "lreal"),
+        "bcd16": ("bcd16", "bcd"),
+        "bcd32": ("bcd32", "lbcd"),
+        "u8l": ("u8l", "byte", "uint8", "u8"),
+        "s8l": ("s8l", "char", "int8", "s8", "sint"),
+        "u8h": ("u8h",),
+        "s8h": ("s8h",),
+        "str": ("str", "string", "ascii", "text"),
+        "raw": ("raw",),
+    }.items()
+    for word in words
+}  # fmt: skip
+"""What people call types, without case and punctuation."""
+
+WIDTHLESS = frozenset(
+    plain(word) for word in ("int", "integer", "uint", "unsigned", "unsigned int", "signed")
+)
+"""Words that do not say how wide they are."""
+
+SUFFIXES: Mapping[str, str] = {"be": "ABCD", "le": "DCBA", "sw": "CDAB", "sb": "BADC"}
+"""Orders that stand behind a type: `uint32be`, `floatsw`."""
+
+FUNCTIONS: Mapping[int, str] = {
+    1: "co", 2: "di", 3: "hr", 4: "ir", 5: "co", 6: "hr", 15: "co", 16: "hr", 22: "hr", 23: "hr",
+}  # fmt: skip
+"""The table that a function code reads or writes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A program's table: the columns it is known by, and what its file does not say."""
+
+    title: str
+    heads: tuple[str, ...]
+    base: int | str = 0
+    order: str | None = None
+    """Of values of several registers, where it is a setting of the device."""
+    first_bit: int = 0
+    """The number of the lowest bit."""
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    scaled_units: bool = False
+    """Whether a unit such as `0.1V` has the scale in it."""
+    no_map: tuple[str, ...] = ()
+    """Columns that say nothing of registers: how often to ask, and the like."""
+
+
+PRESETS = (
+    Preset(
+        "Kepware",
+        ("tagname", "address", "datatype", "clientaccess"),
+        base="modicon",
+        order="CDAB",
+        no_map=("respectdatatype", "scanrate", "scaleddatatype"),
+    ),
+    Preset("Mervis", ("stationnumber", "element", "sttype"), first_bit=1),
+    Preset("Control Solutions", ("rw", "type", "reg", "format"), base=1, no_map=("poll",)),
+    Preset("Kaspersky", ("varname", "connection", "address", "datatype"), base="modicon"),
+    Preset(
+        "PythonProtocolGateway",
+        ("variablename", "datatype", "register", "documentedname"),
+        kinds={"uint": "u32", "int": "s32", "16bitflags": "u16", "32bitflags": "u32"},
+        scaled_units=True,
+    ),
+)
+"""Tables that are known by their head."""
+
+
+def preset_of(head: Iterable[str]) -> Preset | None:
+    """The program whose table has this head."""
+    words = {plain(cell) for cell in head}
+    return next((one for one in PRESETS if words.issuperset(one.heads)), None)

@@ -1,0 +1,45 @@
+"""What the format of another program has no place for: a note a key, with the points it stood in.
+
+>>> losses = Losses("Telegraf")
+>>> losses.add("unit", "flow"); losses.add("unit", "level"); losses.add("nan", "flow")
+>>> losses.notes()
+['unit has no place in Telegraf: flow, level', 'nan has no place in Telegraf: flow']
+"""
+
+from __future__ import annotations
+
+from dissectors.profile import Profile
+
+__all__ = ["Losses"]
+
+_NAMED = 5
+"""Points that a note names before it counts the rest."""
+
+
+class Losses:
+    """Keys that were left out, and of which points."""
+
+    def __init__(self, program: str) -> None:
+        self.program = program
+        self._points: dict[str, list[str]] = {}
+
+    def add(self, key: str, name: str) -> None:
+        """A key of a point."""
+        self._points.setdefault(key, []).append(name)
+
+    def device(self, profile: Profile) -> None:
+        """Everything that is known of the device as a whole; its order stands in the points."""
+        for key in profile.device:
+            if key not in ("address_base", "order"):
+                self.add(key, "the device")
+
+    def notes(self) -> list[str]:
+        """A note a key."""
+        return [
+            f"{key} has no place in {self.program}: {_list(of)}" for key, of in self._points.items()
+        ]
+
+
+def _list(names: list[str]) -> str:
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,125 @@
+"""Finds the table in a text: its delimiter, its head, which key each column is, its rows."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from dissectors.errors import ProfileError
+from dissectors.importers.draft import SPACES
+from dissectors.importers.heads import HEADS, Preset, preset_of
+from dissectors.words import plain
+
+__all__ = ["Table", "table"]
+
+_MARKS = ",;\t|"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The rows of a table by key, with their lines; whose table it is; what was left out."""
+
+    rows: Sequence[tuple[int, Mapping[str, str]]]
+    preset: Preset | None
+    notes: Sequence[str]
+
+
+def table(text: str, name: str) -> Table:
+    """The table of a text, by the delimiter that makes most words of its head known.
+
+    `ProfileError` where no line is a head, or quotation marks are left open.
+    """
+    mark = max(_MARKS, key=lambda mark: max((_known(row) for row in _bare(text, mark)), default=0))
+    records = list(_records(text, mark, name))
+    at = next((number for number, (_, row) in enumerate(records) if _known(row)), None)
+    if at is None:
+        first = next((line.strip() for line in text.splitlines() if line.strip()), "")
+        raise ProfileError(
+            "no line names the columns: an address (Address, Register, ...) and another one (Name, "
+            f"Type, ...); the file begins with {first[:60]!r}",
+            path=name,
+            line=1,
+        )
+    head = records[at][1]
+    body = [(line, row) for line, row in records[at + 1 :] if not row[:1] or row[0][:1] != "#"]
+    preset = preset_of(head)
+    keys, notes = _keys(head, [row for _, row in body], preset)
+    rows = []
+    for line, row in body:
+        if any(row[len(head) :]):
+            notes.append(
+                f"line {line}: {len(row)} cells, but {len(head)} columns; left out (a decimal "
+                "comma, or a text without quotation marks?)"
+            )
+        elif any(row):
+            cells = {key: cell for key, cell in zip(keys, row, strict=False) if key}
+            rows.append((line, cells))
+    return Table(rows, preset, notes)
+
+
+def _bare(text: str, mark: str) -> Iterator[list[str]]:
+    """The cells of each line, whatever quotation marks say."""
+    return (line.replace('"', "").split(mark) for line in text.splitlines())
+
+
+def _records(text: str, mark: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """The cells of each record, and its first line."""
+    reader = csv.reader(text.splitlines(keepends=True), delimiter=mark, strict=True)
+    line = 1
+    try:
+        for row in reader:
+            yield line, [cell.strip() for cell in row]
+            line = reader.line_num + 1
+    except csv.Error as error:
+        message = f"no CSV from here on: {error}; see to the quotation marks"
+        raise ProfileError(message, path=name, line=line) from None
+
+
+def _ways(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Key -> words of its columns. Tables of PLCs call an address an offset."""
+    ways = dict(HEADS)
+    if not set(ways["address"]) & set(words):
+        ways["address"], ways["offset"] = (*ways["address"], "offset"), ()
+    return ways
+
+
+def _known(row: Sequence[str]) -> int:
+    """How many cells of a line name columns; 0 where it is no head."""
+    words = {plain(cell) for cell in row}
+    keys = {key for key, names in _ways(words).items() if words & set(names)}
+    return len(keys) if "address" in keys and len(keys) > 1 else 0
+
+
+def _keys(
+    head: Sequence[str], rows: Sequence[Sequence[str]], preset: Preset | None
+) -> tuple[list[str], list[str]]:
+    """The key of each column, empty for those that are left out, which are notes."""
+    words = [plain(cell) for cell in head]
+    keys, notes = [""] * len(head), []
+    for key, names in _ways(words).items():
+        columns = [at for name in names for at, word in enumerate(words) if word == name]
+        if key == "type" and len(columns) > 1:
+            # TYPE beside FORMAT: the one says the table, the other the type.
+            tables = [at for at in columns if _says_tables(row[at : at + 1] for row in rows)][:1]
+            columns = [at for at in columns if at not in tables]
+            for at in tables:
+                keys[at] = "table"
+        for at in columns[:1]:
+            keys[at] = key
+        for at in columns[1:]:
+            first = head[columns[0]]
+            notes.append(f"column {head[at]!r} says the same as {first!r}; left out")
+    known = {name for names in HEADS.values() for name in names}
+    for at, word in enumerate(words):
+        filled = any(cell for row in rows for cell in row[at : at + 1])
+        if preset and word in preset.no_map:
+            notes.append(f"column {head[at]!r} has no place in a profile; left out")
+        elif word not in known and (filled or head[at]):
+            notes.append(f"column {head[at] or at + 1!r} is not understood; left out")
+    return keys, notes
+
+
+def _says_tables(cells: Iterable[Sequence[str]]) -> bool:
+    words = {plain(cell) for row in cells for cell in row if cell}
+    return bool(words) and words <= set(SPACES)

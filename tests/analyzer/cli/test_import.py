@@ -1,0 +1,245 @@
+"""`modlens import` and the commands that take profiles, with everything that can be wrong.
+
+Wrong files, encodings, spreadsheets of other countries: each is said with what, where, what to do.
+"""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from analyzer.cli import main
+from tests.conftest import Done, Modlens
+
+HEAD = "Address,Name,Unit\n"
+TABLE = f"{HEAD}5,Größe,°C\n"
+
+
+def of(path: Path, data: bytes | str) -> str:
+    """A file with this in it."""
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return str(path)
+
+
+@pytest.fixture
+def here(capfd: pytest.CaptureFixture[str]) -> Modlens:
+    """The command in this process: many wrong files are read in the time of one start."""
+
+    def run(*words: str | Path, **_: str) -> Done:
+        status = main([str(word) for word in words])
+        return Done(status, *capfd.readouterr())
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "note"),
+    [
+        (TABLE.encode(), (), None),
+        (TABLE.encode("utf-8-sig"), (), None),
+        (TABLE.encode("utf-16"), (), None),
+        (TABLE.encode("cp1252"), (), "no UTF-8: read as Windows-1252 (assumed; --encoding says"),
+        (TABLE.encode("utf-16-le"), (), "read as utf-16-le (assumed; --encoding says it)"),
+        (TABLE.encode("utf-16-be"), (), "read as utf-16-be (assumed; --encoding says it)"),
+        (TABLE.encode("cp850"), ("--encoding", "cp850"), None),
+        (TABLE.replace("\n", "\r\n").encode(), (), None),
+        (TABLE.replace(",", ";").encode("cp1252"), (), "Windows-1252"),
+    ],
+)
+def test_encodings(
+    data: bytes, options: tuple[str, ...], note: str | None, tmp_path: Path, here: Modlens
+) -> None:
+    """As marked, as told, or guessed with a note."""
+    done = here("import", "csv", of(tmp_path / "map.csv", data), *options)
+    assert done.status == 0
+    (point,) = tomllib.loads(done.out)["registers"]
+    assert (point["name"], point["unit"]) == ("Größe", "°C")
+    said = [line for line in done.err.splitlines() if "read as" in line]
+    assert bool(said) == (note is not None)
+    assert note is None or note in said[0]
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("csv", "", (), 2, "map: the file is empty"),
+        (
+            "csv",
+            "Name,Type\nx,INT16\n",
+            (),
+            2,
+            "map:1: no line names the columns: an address (Addr",
+        ),
+        (
+            "csv",
+            b"\x7fELF\x00\x00\x01",
+            (),
+            3,
+            "map: is no text: a zero at byte 4; --encoding says",
+        ),
+        ("csv", 'Address,Name\n7,"x\n', (), 2, "map:2: no CSV from here on: "),
+        (
+            "csv",
+            f"{HEAD},x,\n",
+            (),
+            2,
+            "map: no point in it that a profile can hold: line 2, x: no",
+        ),
+        ("csv", TABLE, ("--encoding", "utf-9"), 2, "--encoding utf-9: there is no such encoding"),
+        ("csv", b"\xff\xfe\x00", (), 3, "map: no utf-16 at byte "),
+        ("csv", TABLE, ("--base", "2"), 2, "--base: invalid choice: '2'"),
+        ("csv", TABLE, ("--order", "ZZ"), 2, "--order: 'ZZ' is no order of bytes; ABCD, CDAB"),
+        ("csv", TABLE, ("--to", "yaml"), 2, "no format 'yaml' that it writes; there are toml, csv"),
+        ("csv", TABLE, ("-o", "/no/where.toml"), 3, "/no/where.toml: cannot be created: its dir"),
+        ("csw", TABLE, (), 2, "no format 'csw' that it reads; did you mean 'csv'?"),
+        ("telegraf", "x", (), 2, "map: no TOML: "),
+        ("telegraf", TABLE, (), 2, "map: no file for telegraf: it is read by `modlens import csv`"),
+        ("homeassistant", "a: [", (), 2, "map:1: no YAML: "),
+        ("homeassistant", "a: \x01", (), 2, "map:1: no YAML: unacceptable character"),
+        ("homeassistant", "a: !include b", (), 2, "map:1: no modbus: with sensors or switches in"),
+        ("esphome", "sensor: []", (), 2, "map: no entity on platform modbus_controller in it"),
+        ("sunspec", "{}", (), 2, "map: no SunSpec model: 'group' is missing"),
+    ],
+)
+def test_wrong_files(
+    case: tuple[str, str | bytes, tuple[str, ...], int, str], tmp_path: Path, here: Modlens
+) -> None:
+    """One line that says what, where, what to do; nothing on standard output."""
+    form, data, options, status, part = case
+    path = of(tmp_path / "map", data)
+    done = here("import", form, path, *options)
+    assert (done.status, done.out) == (status, "")
+    assert part in done.err.replace(path, "map")
+    (_,) = [line for line in done.err.splitlines() if line.startswith("modlens: ")]
+
+
+def test_a_file_that_is_not_there(tmp_path: Path, modlens: Modlens) -> None:
+    """And a folder."""
+    done = modlens("import", "csv", tmp_path / "no.csv")
+    assert (done.status, "no.csv: cannot be read: No such file" in done.err) == (3, True)
+    done = modlens("import", "csv", tmp_path)
+    assert (done.status, "cannot be read: Is a directory" in done.err) == (3, True)
+
+
+def test_a_spreadsheet_of_another_country(tmp_path: Path, modlens: Modlens) -> None:
+    """Semicolons, decimal commas, a row that stands twice, a column too few: a note each."""
+    path = of(
+        tmp_path / "map.csv",
+        "Register;Name;Faktor;Factor;Unit\r\n5;a;;0,1;V\r\n5;a;;0,1;V\r\n6;b;;1,5\r\n7;c;;x;A\r\n",
+    )
+    done = modlens("import", "csv", path, "--base", "0")
+    points = tomllib.loads(done.out)["registers"]
+    assert [(row["at"], row.get("scale"), row.get("unit")) for row in points] == [
+        ("hr:5", 0.1, "V"), ("hr:6", 1.5, None), ("hr:7", None, "A"),
+    ]  # fmt: skip
+    assert done.err.splitlines() == [
+        "3 points",
+        "addresses count from 0, as on the wire (as told; --base 0, 1 or modicon says it)",
+        "column 'Faktor' is not understood; left out",
+        "no column says the table: holding registers (assumed)",
+        "line 3, a: hr:5 belongs to a; left out",
+        "line 5, c: scale 'x' is no number to scale by; left out",
+    ]
+
+
+def test_standard_input_and_other_formats(tmp_path: Path, modlens: Modlens) -> None:
+    """A pipe in, another program's file out; what it cannot say is on standard error."""
+    done = modlens("import", "csv", "-", "--to", "telegraf", stdin=TABLE.encode())
+    assert done.status == 0
+    assert '"Größe"' in done.out
+    assert "unit has no place in Telegraf: Größe" in done.err
+    path = tmp_path / "meter.toml"
+    assert modlens("import", "csv", "-", "-o", path, stdin=TABLE.encode()).out == ""
+    assert modlens("profiles", "check", path).out == f"{path}: 1 points, no mistakes\n"
+
+
+def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
+    """YAML needs ruamel.yaml: said with the command that installs it; nothing else needs it."""
+    folder = tmp_path / "ruamel"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("raise ImportError('not installed')\n")
+    paths = {"PYTHONPATH": str(tmp_path)}
+    assert sys.version_info >= (3, 11)
+    yaml = of(tmp_path / "m.yaml", "profile: 1\n")
+    wanted = "YAML needs ruamel.yaml; pip install 'modlens[yaml]'"
+    for words in (
+        ("import", "homeassistant", yaml), ("import", "esphome", yaml), ("profiles", "check", yaml),
+    ):  # fmt: skip
+        done = modlens(*words, **paths)
+        assert (done.status, done.out) == (2, "")
+        assert done.err == f"modlens: {yaml}: {wanted}\n"
+    assert modlens("import", "csv", "-", stdin=TABLE.encode(), **paths).status == 0
+    done = modlens("import", "telegraf", of(tmp_path / "x", "x"), **paths)
+    assert "no TOML" in done.err
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("a.toml", "", 2, ":1: profile: is missing; the file begins with profile = 1"),
+        ("a.yaml", "", 2, ":1: profile: is missing; the file begins with profile = 1"),
+        ("a.csv", "", 2, ":1: at: no line of keys such as at,name,type,scale,unit"),
+        ("a.toml", "profile = 1\n".encode("utf-16"), 3, ": is no UTF-8 at byte 0; save it as UTF"),
+        ("a.csv", "at,name,unit\nhr:1,a,°C\n".encode("cp1252"), 3, ": is no UTF-8 at byte 20; sav"),
+    ],
+)
+def test_profiles_that_are_none(
+    case: tuple[str, bytes | str, int, str], tmp_path: Path, here: Modlens
+) -> None:
+    """Wherever a profile is taken: the same words."""
+    name, data, status, part = case
+    path = of(tmp_path / name, data)
+    bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n")
+    for words in (
+        ("profiles", "check", path), ("decode", bus, "--profile", path),
+        ("match", bus, "--with", path),
+    ):  # fmt: skip
+        done = here(*words)
+        assert done.status == status
+        assert f"{path}{part}" in done.err
+
+
+def test_one_bad_profile_hides_no_other(tmp_path: Path, modlens: Modlens) -> None:
+    """In a folder of one's own, and in packages: it is named, the rest is there."""
+    of(tmp_path / "bad.toml", 'profile = 1\n[[registers]]\nat = "hr:x"\nname = "x"\n')
+    (tmp_path / "folder.toml").mkdir()
+    info = tmp_path / "acme-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[modlens.profiles]\nacme-gone = acme_gone:METER\nacme-number = acme_here:NUMBER\n"
+    )
+    (tmp_path / "acme_here.py").write_text("NUMBER = 3\n")
+    paths = {"MODLENS_PROFILES": str(tmp_path), "PYTHONPATH": str(tmp_path)}
+    listed = modlens("profiles", **paths)
+    assert listed.status == 0
+    assert "bad          cannot be used: " in listed.out
+    assert f'{tmp_path}/bad.toml:3: registers[0].at: "x" is no address' in listed.out
+    assert "cannot be loaded: ModuleNotFoundError: No module named 'acme_gone'" in listed.out
+    assert "is no text of a profile, but int" in listed.out
+    assert "mightyzap    IR Robot" in listed.out
+    assert "folder" not in listed.out
+    bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n01 03 02 03 E8 B8 FA\n")
+    found = modlens("match", bus, **paths)
+    assert found.status == 0
+    assert "bad is left out: " in found.err
+    assert "100 %  mightyzap" in found.out
+
+
+def test_a_bus_file_tells_all_its_mistakes(tmp_path: Path, modlens: Modlens) -> None:
+    """A profile that is not there among them, each once."""
+    path = of(
+        tmp_path / "plant.toml",
+        'plant = 1\n[[bus]]\nname = "a"\nline = "19200-8X1"\nmode = ["rtu"]\n[bus.units]\n'
+        '1 = "no.toml"\n2 = "mightyzip"\n3-x = "mightyzap"\n',
+    )
+    bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n")
+    done = modlens("map", bus, "--bus", path)
+    keys = [line.split(": ")[2] for line in done.err.splitlines()]
+    assert done.status == 2
+    assert keys == ["bus[0].mode", "bus[0].line", "bus[0].units.1", "bus[0].units.2",
+                    "bus[0].units.3-x"]  # fmt: skip
+    assert "no.toml: cannot be read: No such file or directory" in done.err
