@@ -13,6 +13,7 @@ import contextlib
 import os
 import sqlite3
 import time
+from collections.abc import Iterable
 from typing import Self
 
 import _modlens
@@ -87,10 +88,10 @@ class Format(exports.Batches):
             raise self._trouble(error) from error
         return self
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> bytes:
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
         """Write the rows; nothing is left for anybody else to write."""
         if self._base is None:
-            return b""
+            return ()
         try:
             for table in TABLES:
                 rows: _modlens.Table = getattr(batch, table)
@@ -103,7 +104,7 @@ class Format(exports.Batches):
         except sqlite3.Error as error:
             self.abandon()
             raise self._trouble(error) from error
-        return b""
+        return ()
 
     def append(self, data: bytes) -> None:
         """Nothing comes this way."""
