@@ -19,6 +19,7 @@ from typing import Self
 import _modlens
 from analyzer import exports
 from analyzer.columns import TABLES, Column, columns
+from analyzer.exports.output import is_special
 from dissectors.errors import SourceError, UsageError
 from dissectors.vocabulary import vocabulary
 
@@ -81,6 +82,8 @@ class Format(exports.Batches):
             )
         if os.path.isdir(self._path):
             raise SourceError(f"{path}: is a directory; name a file in it")
+        if is_special(self._path):
+            raise SourceError(f"{path}: is no plain file, and a database cannot be anything else")
         try:
             self._open(growing=growing)
         except sqlite3.Error as error:
