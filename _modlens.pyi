@@ -276,8 +276,10 @@ class Capture:
     def __new__(
         cls, style: str = "udp", *, classic: bool = False, live: bool = False, context: int = 0
     ) -> Capture: ...
-    def put(self, batch: Batch, kept: Table | None = None) -> bytes:
-        """The packets that are decided; `kept` are the transactions or frames of a filter."""
+    def put(self, batch: Batch, kept: Table | None = None) -> None:
+        """Take a batch; `kept` are the transactions or frames of a filter."""
+    def more(self) -> bytes:
+        """About 64 KiB of the packets that are decided; nothing when there are no more."""
     def end(self) -> bytes:
         """The rest."""
     @property

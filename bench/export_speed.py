@@ -64,14 +64,19 @@ class Bench:
     folder: Path
     runs: int
 
-    def cost(self, *words: str | Path) -> Cost:
-        """The cheapest of some runs of a program; what it prints goes nowhere."""
+    def cost(self, *words: str | Path, out: Path | None = None) -> Cost:
+        """The cheapest of some runs of a program; what it prints goes nowhere.
+
+        `out` is taken away before each: to free the pages of an old file is no work of the new one.
+        """
         quiet = subprocess.DEVNULL
         # Bytecode is kept, as in any installation: else half of a short run is Python's compiler.
         environment = {**os.environ}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         found = []
         for _ in range(self.runs):
+            if out is not None:
+                out.unlink(missing_ok=True)
             process = subprocess.Popen(
                 [str(word) for word in words], stdout=quiet, stderr=quiet, env=environment
             )
@@ -86,7 +91,7 @@ class Bench:
         mode = () if recording.suffix != ".bin" else ("--mode", "rtu")
         out = self.folder / f"{recording.stem}.{suffix}"
         run = (sys.executable, "-m", "analyzer", "export", recording, *mode, "-o", out)
-        return self.cost(*run, *words), out
+        return self.cost(*run, *words, out=out), out
 
 
 def main() -> None:

@@ -130,6 +130,8 @@ def _capture(options: argparse.Namespace) -> int:
     """Write a capture into Wireshark's pipe until it has enough."""
     from analyzer.cli import main  # noqa: PLC0415
 
+    # Before anything can fail: tshark waits at its end of the pipe, and would not learn of it.
+    pipe = _pipe(options.fifo)
     words = ["--line", f"{options.baud}-{options.format}", "--mode", options.mode]
     words += ["--to", "pcapng", "--style", options.style]
     if options.extcap_interface == REPLAY:
@@ -141,15 +143,19 @@ def _capture(options: argparse.Namespace) -> int:
         if options.extcap_interface not in ports:
             raise SourceError(f"{options.extcap_interface}: no such interface; is it plugged in?")
         words = ["tap", ports[options.extcap_interface], *words]
-    if not options.fifo:
-        raise UsageError("extcap: --capture needs --fifo")
-    try:
-        pipe = os.open(options.fifo, os.O_WRONLY)
-    except OSError as error:
-        raise SourceError(f"{options.fifo}: cannot be written: {error.strerror}") from error
     os.dup2(pipe, STDOUT)
     os.close(pipe)
     return main(words)
+
+
+def _pipe(path: str) -> int:
+    """Our end of Wireshark's pipe."""
+    if not path:
+        raise UsageError("extcap: --capture needs --fifo")
+    try:
+        return os.open(path, os.O_WRONLY)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _said(text: str, what: str) -> str:

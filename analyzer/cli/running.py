@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from os.path import isfile
 from typing import Protocol
 
 from analyzer.cli import STDOUT, forget
@@ -191,11 +192,14 @@ class Outputs:
 
 
 def targets(options: argparse.Namespace) -> list[Target]:
-    """What `-o` asks for; `UsageError` for two in one file."""
+    """What `-o` asks for; `UsageError` for two in one file, and for one that is read, too."""
     found = [target(text, options.table) for text in options.outputs]
+    read = {os.path.realpath(name) for name in getattr(options, "files", ()) if isfile(name)}
     seen = set()
     for one in found:
         path = os.path.realpath(one.path or "")
+        if path in read:
+            raise UsageError(f"-o {one.path}: this is the recording itself; choose another name")
         if path in seen:
             raise UsageError(f"-o {one.path}: two outputs in one file; give each a name of its own")
         seen.add(path)

@@ -127,8 +127,11 @@ class Batches(Format):
     needs: ClassVar[Sequence[str]] = TABLES
     """The tables that it is made of."""
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> bytes:
-        """The bytes of some more rows; `kept` are those that a filter kept, None without one."""
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
+        """The bytes of some more rows, in small pieces; `kept` are those that a filter kept.
+
+        It is None without a filter.
+        """
         raise NotImplementedError
 
 

@@ -12,10 +12,10 @@ import struct
 from collections.abc import Container, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import _modlens
-from analyzer.sources.unpack import decompressed
+from analyzer.sources.unpack import decompressed, open_member
 from dissectors.errors import SourceError
 
 __all__ = ["cut_out"]
@@ -42,13 +42,14 @@ LONGEST = 1 << 26
 def cut_out(name: str, wanted: Container[int]) -> Iterator[bytes]:
     """The packets of these numbers (from 1) of a capture, as blocks of a pcapng section.
 
-    A compressed file is read as what is in it; the sum is that of the file as it lies there.
+    A compressed file is read as what is in it; the sum is that of the file as it lies there, or in
+    its archive.
     `SourceError` if the file cannot be read, or is no capture.
     """
     try:
-        with Path(name).open("rb") as stored, ExitStack() as opened:
-            digest = hashlib.file_digest(stored, "sha256").hexdigest()
-            stored.seek(0)
+        with ExitStack() as opened:
+            stored = open_member(name, opened) or opened.enter_context(Path(name).open("rb"))
+            digest = _sum_of(stored)
             head = stored.read(6)
             stored.seek(0)
             content = decompressed(stored, head, name)
@@ -69,7 +70,16 @@ def cut_out(name: str, wanted: Container[int]) -> Iterator[bytes]:
         raise SourceError(f"{name}: cannot be read: {error.strerror}") from error
 
 
-def _blocks(file: BinaryIO, wanted: Container[int], words: str) -> Iterator[bytes]:
+def _sum_of(file: IO[bytes]) -> str:
+    """The SHA-256 of a whole file, which is read again afterwards."""
+    digest = hashlib.sha256()
+    while block := file.read(1 << 20):
+        digest.update(block)
+    file.seek(0)
+    return digest.hexdigest()
+
+
+def _blocks(file: IO[bytes], wanted: Container[int], words: str) -> Iterator[bytes]:
     """Of a pcapng: section headers with our words, wanted packets, all other blocks."""
     order, number = "<", 0
     while len(head := file.read(8)) == 8:  # noqa: PLR2004 - type and length
@@ -103,7 +113,7 @@ def _with_comment(block: bytes, order: str, words: str) -> bytes:
     return block[:4] + length + content + length
 
 
-def _classic(file: BinaryIO, wanted: Container[int], words: str) -> Iterator[bytes]:
+def _classic(file: IO[bytes], wanted: Container[int], words: str) -> Iterator[bytes]:
     """Of a classic pcap: its packets in blocks of their own."""
     head = file.read(HEAD)
     order, digits = CLASSIC[head[:4]]

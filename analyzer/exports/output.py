@@ -18,7 +18,15 @@ from typing import Protocol
 
 from dissectors.errors import SourceError
 
-__all__ = ["GrowingFile", "NewFile", "Output", "StandardOutput", "WholeFile", "opened"]
+__all__ = [
+    "GrowingFile",
+    "NewFile",
+    "Output",
+    "StandardOutput",
+    "WholeFile",
+    "is_special",
+    "opened",
+]
 
 
 class Output(Protocol):
@@ -100,7 +108,7 @@ class WholeFile(_File):
 
     def __init__(self, path: str) -> None:
         self._path = os.path.realpath(path)
-        self._direct = _is_special(self._path)
+        self._direct = is_special(self._path)
         folder, base = os.path.split(self._path)
         self._part = os.path.join(folder, f".{base}.{os.getpid()}")
         if self._direct:
@@ -123,7 +131,7 @@ class NewFile(WholeFile):
     """A whole file of a live tap: it appears at the end, and never in place of another."""
 
     def __init__(self, path: str) -> None:
-        if not _is_special(path) and os.path.lexists(path):
+        if not is_special(path) and os.path.lexists(path):
             error = FileExistsError(errno.EEXIST, "file exists")
             raise _trouble(path, error) from error
         super().__init__(path)
@@ -136,7 +144,7 @@ class GrowingFile(_File):
     """
 
     def __init__(self, path: str) -> None:
-        flags = 0 if _is_special(path) else os.O_CREAT | os.O_EXCL
+        flags = 0 if is_special(path) else os.O_CREAT | os.O_EXCL
         super().__init__(path, path, flags | os.O_APPEND)
 
 
@@ -169,7 +177,8 @@ def opened(path: str | None, *, growing: bool) -> Output:
     return GrowingFile(path) if growing else WholeFile(path)
 
 
-def _is_special(path: str) -> bool:
+def is_special(path: str) -> bool:
+    """Whether it is a device, a pipe or another thing that must not be replaced by a file."""
     try:
         return not stat.S_ISREG(os.stat(path).st_mode)
     except OSError:

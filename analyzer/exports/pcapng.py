@@ -13,13 +13,14 @@ packets out of the capture that was read, byte for byte.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 import _modlens
 from analyzer import exports
 from analyzer.exports.original import cut_out
 from analyzer.exports.output import Output
+from analyzer.sources.files import STDIN
 from dissectors.errors import UsageError
 
 __all__ = ["Format"]
@@ -38,6 +39,8 @@ class Format(exports.Batches):
 
     def __init__(self, wish: exports.Wish) -> None:
         super().__init__(wish)
+        if wish.style == ORIGINAL and STDIN in wish.buses:
+            raise UsageError("--style original: standard input cannot be read twice; name a file")
         self._original = _Original(wish) if wish.style == ORIGINAL else None
         self._output: Output | None = None
         style = self.styles[0] if self._original else wish.style or self.styles[0]
@@ -52,12 +55,13 @@ class Format(exports.Batches):
         self._output = super().output(path, growing=growing)
         return self._output
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> bytes:
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
         """The packets that are decided."""
         if self._original is not None:
             self._original.batch(batch, kept)
-            return b""
-        return self._capture.put(batch, kept)
+            return ()
+        self._capture.put(batch, kept)
+        return iter(self._capture.more, b"")
 
     def end(self) -> bytes:
         """The rest."""

@@ -115,7 +115,7 @@ class ExportSink:
         rows = table if kept is None else kept
         self.rows += len(rows)
         if isinstance(self._format, Batches):
-            pieces: Iterable[bytes] = (self._format.batch(batch, kept),)
+            pieces = self._format.batch(batch, kept)
         else:
             pieces = self._format.pieces(rows)
         for data in pieces:

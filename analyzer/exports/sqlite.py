@@ -13,11 +13,13 @@ import contextlib
 import os
 import sqlite3
 import time
+from collections.abc import Iterable
 from typing import Self
 
 import _modlens
 from analyzer import exports
 from analyzer.columns import TABLES, Column, columns
+from analyzer.exports.output import is_special
 from dissectors.errors import SourceError, UsageError
 from dissectors.vocabulary import vocabulary
 
@@ -80,6 +82,8 @@ class Format(exports.Batches):
             )
         if os.path.isdir(self._path):
             raise SourceError(f"{path}: is a directory; name a file in it")
+        if is_special(self._path):
+            raise SourceError(f"{path}: is no plain file, and a database cannot be anything else")
         try:
             self._open(growing=growing)
         except sqlite3.Error as error:
@@ -87,10 +91,10 @@ class Format(exports.Batches):
             raise self._trouble(error) from error
         return self
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> bytes:
+    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
         """Write the rows; nothing is left for anybody else to write."""
         if self._base is None:
-            return b""
+            return ()
         try:
             for table in TABLES:
                 rows: _modlens.Table = getattr(batch, table)
@@ -103,7 +107,7 @@ class Format(exports.Batches):
         except sqlite3.Error as error:
             self.abandon()
             raise self._trouble(error) from error
-        return b""
+        return ()
 
     def append(self, data: bytes) -> None:
         """Nothing comes this way."""

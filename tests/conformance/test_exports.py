@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import sqlite3
+import sys
+import threading
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -238,6 +241,29 @@ def test_an_abandoned_export_leaves_nothing(name: str, tmp_path: Path) -> None:
         sink.put(batch)
     sink.abandon()
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="named pipes of POSIX")
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_pipe_is_written_into_and_never_replaced(name: str, tmp_path: Path) -> None:
+    """Nor is a device: `-o` may be a link to `/dev/null`. A database cannot be a pipe."""
+    pipe, got = tmp_path / f"pipe.{name}", list[bytes]()
+    os.mkfifo(pipe)
+    one = target(str(pipe), TABLE_OF.get(name, "frames"))
+    if name == "sqlite":
+        with pytest.raises(SourceError, match="is no plain file"):
+            ExportSink(one, columns=None, where=None, growing=False)
+    else:
+        reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()))
+        reader.start()
+        sink = ExportSink(one, columns=None, where=None, growing=False)
+        source = decode(CAPTURES / RECORDINGS[0] / "recording.jsonl", line="19200-8E1")
+        for batch in source.batches(*TABLES):
+            sink.put(batch)
+        sink.close()
+        reader.join()
+        assert got == [written(name, tmp_path / f"file.{name}", growing=False)]
+    assert pipe.is_fifo()
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "sqlite"])

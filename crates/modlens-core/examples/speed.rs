@@ -66,10 +66,15 @@ fn lines<F: Line>(kind: TableKind, columns: Vec<usize>) -> Writer {
 fn pcapng() -> Writer {
     let (mut capture, mut out) = (Capture::new(Options::default()), Vec::new());
     Box::new(move |batch, write| {
-        out.clear();
-        capture.put(batch, None, &mut out);
-        write(&out);
-        batch.frames.len()
+        capture.put(batch, None);
+        loop {
+            out.clear();
+            capture.more(PIECE, &mut out);
+            if out.is_empty() {
+                return batch.frames.len();
+            }
+            write(&out);
+        }
     })
 }
 

@@ -6,7 +6,7 @@ use modlens_core::write::recording;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::lines::as_bytes;
+use crate::lines::{as_bytes, PIECE};
 use crate::session::Batch;
 use crate::table::Table;
 use crate::wrong;
@@ -32,8 +32,12 @@ impl Capture {
     }
 
     #[pyo3(signature = (batch, kept=None))]
-    fn put<'py>(&mut self, py: Python<'py>, batch: &Batch, kept: Option<&Table>) -> Bound<'py, PyBytes> {
-        as_bytes(py, |out| self.core.put(&batch.core, kept.map(|table| &table.core), out))
+    fn put(&mut self, py: Python<'_>, batch: &Batch, kept: Option<&Table>) {
+        py.detach(|| self.core.put(&batch.core, kept.map(|table| &table.core)));
+    }
+
+    fn more<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        as_bytes(py, |out| self.core.more(PIECE, out))
     }
 
     fn end<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {

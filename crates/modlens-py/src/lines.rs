@@ -13,7 +13,7 @@ use crate::wrong;
 
 /// Bytes after which a piece ends with its row: it stays in the processor's cache until it is written, and its memory
 /// is used again for the next one.
-const PIECE: usize = 1 << 16;
+pub const PIECE: usize = 1 << 16;
 
 thread_local! {
     /// What pieces are made in: fresh memory costs more than the text.

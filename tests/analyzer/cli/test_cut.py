@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,31 @@ def test_frames_for_wireshark(kind: str, context: int, tmp_path: Path, modlens: 
     meant = [row.hex for row in decode(path).frames if row.source in places]
     assert [row.hex for row in decode(out).frames] == meant
     assert len(fields(out, NAMES)) == len(meant)
+
+
+@pytest.mark.parametrize("member", ["in.pcap", "in.pcapng.gz"])
+def test_packets_out_of_an_archive(member: str, tmp_path: Path, modlens: Modlens) -> None:
+    """As out of the file itself; the sum is that of the member."""
+    path, packed = source_file(member.partition(".")[2], tmp_path), tmp_path / "all.zip"
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.write(path, f"folder/{member}")
+    cuts = []
+    for name in (path, packed):
+        out = tmp_path / f"{name.name}.pcapng"
+        words = ("--where", WHERE, "--style", "original", "-o", str(out))
+        done = modlens("export", str(name), *words)
+        assert done.status == 0, done.err
+        cuts.append(fields(out, NAMES))
+        assert hashlib.sha256(path.read_bytes()).hexdigest().encode() in out.read_bytes()
+    assert cuts[0] == cuts[1]
+    assert len(cuts[0]) > 3
+
+
+def test_standard_input_cannot_be_read_twice(tmp_path: Path, modlens: Modlens) -> None:
+    """Packets are cut out when it is known which: in a second pass."""
+    done = modlens("export", "-", "--style", "original", "-o", str(tmp_path / "cut.pcapng"))
+    assert (done.status, "standard input cannot be read twice" in done.err) == (2, True)
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_has_no_packets(tmp_path: Path, modlens: Modlens) -> None:

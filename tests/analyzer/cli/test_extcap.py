@@ -105,6 +105,20 @@ def test_a_recording_is_captured_like_a_line(tmp_path: Path) -> None:
     assert sum(bool(row[1]) for row in rows) == FRAMES // 2
 
 
+@pytest.mark.parametrize(("file", "said"), [("", "name a recording"), ("/no/such", "no such file")])
+def test_a_replay_of_nothing_ends(file: str, said: str, tmp_path: Path) -> None:
+    """What is wrong shows in Wireshark, which does not go on waiting."""
+    words = [need_program("tshark"), "-i", "modlens-replay"]
+    words += ["-o", f"extcap.modlens_replay.file:{file}"] if file else []
+    done = subprocess.run(
+        words, env=installed(tmp_path), capture_output=True, text=True, check=False,
+        timeout=TIMEOUT_S,
+    )  # fmt: skip
+    assert done.returncode != 0
+    assert f"modlens: {file}" in done.stderr
+    assert said in done.stderr
+
+
 def exchange(number: int) -> bytes:
     """A request and its response."""
     bodies = [bytes([1, 3, 0, number, 0, 1]), bytes([1, 3, 2, 0, number])]
@@ -185,6 +199,9 @@ def test_wrong_use_of_extcap(modlens: Modlens, tmp_path: Path) -> None:
     """By a person, and by settings that nobody filled in."""
     assert "say what to do" in modlens("extcap").err
     words = ["extcap", "--capture", "--extcap-interface"]
+    assert "--capture needs --fifo" in modlens(*words, "modlens-port").err
+    assert "cannot be written" in modlens(*words, "modlens-port", "--fifo", tmp_path / "f").err
+    (tmp_path / "f").touch()
     assert "name a port" in modlens(*words, "modlens-port", "--fifo", tmp_path / "f").err
     done = modlens(*words, "modlens-gone", "--fifo", tmp_path / "f")
     assert (done.status, "is it plugged in?" in done.err) == (3, True)

@@ -93,6 +93,18 @@ def test_files_that_cannot_be_read(modlens: Modlens, tmp_path: Path) -> None:
     check(modlens("decode", letter), 3, "modlens formats")
 
 
+def test_a_recording_is_never_replaced(modlens: Modlens, tmp_path: Path) -> None:
+    """By its own export, under whatever name."""
+    path, link = tmp_path / "bus.pcapng", tmp_path / "link.pcapng"
+    assert modlens("export", SEED, "-o", path).status == 0
+    before = path.read_bytes()
+    link.symlink_to(path)
+    for read, written in ((path, path), (path, link), (link, path)):
+        done = modlens("export", read, "-o", written)
+        check(done, 2, f"-o {written}: this is the recording itself; choose another name")
+    assert path.read_bytes() == before
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="/dev/full")
 def test_a_full_disk(modlens: Modlens, tmp_path: Path) -> None:
     """Told by the output's name; the other outputs are whole."""

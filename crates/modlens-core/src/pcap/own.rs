@@ -10,7 +10,7 @@ use pcap_parser::{OptionCode, PcapNGOption};
 use crate::direction::Direction;
 use crate::framer::{CutBy, Mode, Verdict};
 use crate::line::Line;
-use crate::records::Clock;
+use crate::records::{Clock, Status};
 use crate::write::capture::blocks::ENTERPRISE;
 use crate::Ns;
 
@@ -93,6 +93,25 @@ pub struct Told<'a> {
     pub bytes: Cow<'a, [u8]>,
 }
 
+/// The values of words that are left out, because most frames of a serial line have them.
+#[derive(Clone, Copy, Debug)]
+pub struct Usual {
+    /// Framing.
+    pub mode: Mode,
+    /// What a frame is worth.
+    pub verdict: Verdict,
+    /// What ended it.
+    pub cut_by: CutBy,
+    /// Bits between it and its best rival.
+    pub confidence: u8,
+    /// How a transaction ended.
+    pub status: Status,
+}
+
+/// The usual values: what writes captures and what reads them back must agree.
+pub const USUAL: Usual =
+    Usual { mode: Mode::Rtu, verdict: Verdict::Ok, cut_by: CutBy::Length, confidence: 60, status: Status::Ok };
+
 /// The words on a frame, taken apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Words {
@@ -113,14 +132,14 @@ impl Words {
     pub fn read(words: &str) -> Option<Self> {
         Some(Self {
             number: number(words, "frame").filter(|&number| number > 0)?,
-            mode: named(&[Mode::Rtu, Mode::Ascii, Mode::Tcp], Mode::text, value(words, "mode"))?,
-            verdict: named(&Verdict::ALL, Verdict::text, value(words, "verdict"))?,
+            mode: unusual(words, "mode", USUAL.mode, |name| named(&[Mode::Rtu, Mode::Ascii, Mode::Tcp], Mode::text, name))?,
+            verdict: unusual(words, "verdict", USUAL.verdict, |name| named(&Verdict::ALL, Verdict::text, name))?,
             direction: named(
                 &[Direction::Request, Direction::Response, Direction::Unknown],
                 Direction::text,
                 value(words, "direction"),
             )?,
-            cut_by: named(&CutBy::ALL, CutBy::text, value(words, "cut_by"))?,
+            cut_by: unusual(words, "cut_by", USUAL.cut_by, |name| named(&CutBy::ALL, CutBy::text, name))?,
         })
     }
 }
@@ -162,7 +181,15 @@ pub fn value<'a>(words: &'a str, key: &str) -> Option<&'a str> {
     words.split(' ').find_map(|word| word.strip_prefix(key)?.strip_prefix('='))
 }
 
-/// The same as a number.
+/// The value of a key as `read` takes it, or the usual one where the key is left out; `None` if it means nothing.
+pub fn unusual<T>(words: &str, key: &str, usual: T, read: impl FnOnce(Option<&str>) -> Option<T>) -> Option<T> {
+    match value(words, key) {
+        None => Some(usual),
+        name => read(name),
+    }
+}
+
+/// The value of a key as a number.
 pub fn number(words: &str, key: &str) -> Option<u64> {
     value(words, key)?.parse().ok()
 }

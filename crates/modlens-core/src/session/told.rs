@@ -182,7 +182,7 @@ impl Session {
             exception,
             verdict: words.verdict,
             tentative: seen.tentative,
-            confidence: said("confidence").unwrap_or(0),
+            confidence: said("confidence").unwrap_or(own::USUAL.confidence),
             cut_by: words.cut_by,
             txn: own::number(text, "txn").map(|txn| retold.txns_before + txn),
             mbap_id: seen.mbap_id,
@@ -246,7 +246,8 @@ impl Session {
         };
         let (request, response) = (half("request"), half("response"));
         let Some(first) = request.as_ref().or(response.as_ref()) else { return };
-        let Some(status) = named(&Status::ALL, Status::text, value(words, "status")) else { return };
+        let status = own::unusual(words, "status", own::USUAL.status, |name| named(&Status::ALL, Status::text, name));
+        let Some(status) = status else { return };
         let other = |key: &str| number(words, key).map(|txn| retold.txns_before + txn);
         let mut exchange = Box::new(Exchange {
             txn,

@@ -91,13 +91,13 @@ where
 }
 
 impl<T: Clone + Default> Values<T> {
-    #[inline]
+    #[inline(always)]
     fn one(&mut self, value: Option<T>) {
         self.nulls.append(value.is_some());
         self.items.push(value.unwrap_or_default());
     }
 
-    #[inline]
+    #[inline(always)]
     fn end(&mut self, there: bool) {
         self.offsets.push(self.items.len() as i32);
         self.nulls.append(there);

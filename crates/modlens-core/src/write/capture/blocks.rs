@@ -59,9 +59,10 @@ pub fn text(code: u16, value: &str, out: &mut Vec<u8>) {
 /// Our custom option: text that `fill` writes. tshark and editcap keep it when they save the file anew.
 pub fn custom(out: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     let start = out.len();
-    out.extend_from_slice(&CUSTOM_TEXT.to_le_bytes());
-    out.extend_from_slice(&[0; 2]);
-    out.extend_from_slice(&ENTERPRISE.to_le_bytes());
+    let mut head = [0; 8];
+    head[..2].copy_from_slice(&CUSTOM_TEXT.to_le_bytes());
+    head[4..].copy_from_slice(&ENTERPRISE.to_le_bytes());
+    out.extend_from_slice(&head);
     fill(out);
     out.truncate(start + 4 + LONGEST);
     let length = (out.len() - start - 4) as u16;
@@ -134,11 +135,14 @@ pub fn interface(what: &Interface<'_>, out: &mut Vec<u8>) {
 
 /// Begins a packet; its bytes follow.
 pub fn begin_packet(interface: u32, time: u64, out: &mut Vec<u8>) -> usize {
-    let start = begin_block(6, out);
-    out.extend_from_slice(&interface.to_le_bytes());
-    out.extend_from_slice(&((time >> 32) as u32).to_le_bytes());
-    out.extend_from_slice(&(time as u32).to_le_bytes());
-    out.extend_from_slice(&[0; 8]);
+    let start = out.len();
+    // Its lengths are filled in at the end; in one piece, because a capture is mostly heads like this one.
+    let mut head = [0; 28];
+    head[0] = 6;
+    head[8..12].copy_from_slice(&interface.to_le_bytes());
+    head[12..16].copy_from_slice(&((time >> 32) as u32).to_le_bytes());
+    head[16..20].copy_from_slice(&(time as u32).to_le_bytes());
+    out.extend_from_slice(&head);
     start
 }
 

@@ -5,13 +5,15 @@
 //! on the pair becomes a comment, and so that a filter on transactions can keep all their frames.
 
 pub mod blocks;
+mod packet;
 mod payload;
 mod ports;
+mod style;
 mod tcp;
 mod told;
 mod words;
 
-use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashSet, VecDeque};
 use std::sync::Arc;
 
 use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
@@ -24,56 +26,12 @@ use words::Note;
 use crate::columns::{Table, TableKind};
 use crate::direction::Direction;
 use crate::finding::Finding;
-use crate::framer::{Mode, Verdict};
 use crate::records::{Batch, Frame, Transaction};
 use crate::Ns;
 
+pub use packet::unwrap;
+pub use style::{Options, Style};
 pub use words::settings;
-
-/// How frames are dressed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Style {
-    /// For the dissector `mbudp`: all functions, direction, pairing, checksum bytes.
-    #[default]
-    Udp,
-    /// For the dissector `mbrtu`, which guesses directions.
-    Rtu,
-    /// Ethernet, IP and TCP around each PDU: for programs that know no other.
-    Tcp,
-}
-
-impl Style {
-    /// All of them with their words, the default first.
-    pub const ALL: [(&'static str, Self); 3] = [("udp", Self::Udp), ("rtu", Self::Rtu), ("tcp", Self::Tcp)];
-
-    /// What readers are told of it.
-    fn words(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Udp => ("RTU and ASCII frames are shown as Modbus/UDP with their checksum behind", ""),
-            Self::Rtu => ("shown by the dissector mbrtu", ""),
-            Self::Tcp => (
-                "SYNTHETIC Ethernet, IP and TCP around serial frames",
-                "SYNTHETIC: this is serial traffic dressed as Modbus/TCP. Addresses, ports, handshakes and sequence numbers are \
-                 invented; checksums of the line, damaged frames and noise are left out.",
-            ),
-        }
-    }
-}
-
-/// What a capture shall be.
-#[derive(Clone, Debug, Default)]
-pub struct Options {
-    /// How frames are dressed.
-    pub style: Style,
-    /// Classic pcap: no names, comments or flags.
-    pub classic: bool,
-    /// Frames are written at once, not when their transaction is complete.
-    pub live: bool,
-    /// Frames before and behind each frame that a filter keeps.
-    pub context: usize,
-    /// The program that wrote it.
-    pub application: String,
-}
 
 /// Writes a capture, batch by batch.
 #[derive(Debug)]
@@ -83,7 +41,7 @@ pub struct Capture {
     filtered: Option<TableKind>,
     waiting: VecDeque<(Arc<Batch>, usize)>,
     /// Findings of frames that are still to be written.
-    notes: HashMap<u64, Vec<Note>>,
+    notes: BTreeMap<u64, Vec<Note>>,
     /// Numbers of transactions or frames that the filter kept.
     kept: HashSet<u64>,
     /// Complete transactions: all up to this one, and further ones of a live tap.
@@ -121,7 +79,7 @@ impl Capture {
             begun: false,
             filtered: None,
             waiting: VecDeque::new(),
-            notes: HashMap::new(),
+            notes: BTreeMap::new(),
             kept: HashSet::new(),
             done_to: 0,
             done: HashSet::new(),
@@ -140,9 +98,8 @@ impl Capture {
         }
     }
 
-    /// Appends what can be written now. `kept` are the rows of the batch that a filter kept: transactions or frames.
-    pub fn put(&mut self, batch: &Arc<Batch>, kept: Option<&Table>, out: &mut Vec<u8>) {
-        self.head(out);
+    /// Takes a batch; `kept` are the rows of it that a filter kept: transactions or frames. `more` gives what is decided.
+    pub fn put(&mut self, batch: &Arc<Batch>, kept: Option<&Table>) {
         if let Some(kept) = kept {
             self.filtered = Some(kept.kind);
             self.kept.extend((0..kept.len()).filter_map(|row| kept.number(row)));
@@ -154,7 +111,7 @@ impl Capture {
         }
         for (at, row) in batch.transactions.iter().enumerate() {
             if !self.options.classic && self.options.style != Style::Tcp {
-                self.told.insert(batch, at);
+                self.told.insert(row.number, batch, at);
             }
             if self.options.live && self.filtered.is_some() {
                 self.done.insert(row.number);
@@ -165,13 +122,19 @@ impl Capture {
         if !batch.frames.is_empty() {
             self.waiting.push_back((Arc::clone(batch), 0));
         }
-        self.drain(false, out);
+    }
+
+    /// Appends what can be written now, until `out` holds so many bytes: memory that is used again and again stays in the
+    /// processor's cache. Nothing is appended when there is nothing left.
+    pub fn more(&mut self, enough: usize, out: &mut Vec<u8>) {
+        self.head(out);
+        self.drain(false, enough, out);
     }
 
     /// Appends the rest.
     pub fn end(&mut self, out: &mut Vec<u8>) {
         self.head(out);
-        self.drain(true, out);
+        self.drain(true, usize::MAX, out);
         if self.left_out > 0 && !self.options.classic {
             let words = format!("{} frames are not in this file: damaged ones, noise, or of unknown direction", self.left_out);
             blocks::statistics(0, self.newest, &words, out);
@@ -197,11 +160,11 @@ impl Capture {
         }
     }
 
-    fn drain(&mut self, all: bool, out: &mut Vec<u8>) {
+    fn drain(&mut self, all: bool, enough: usize, out: &mut Vec<u8>) {
         while let Some((batch, first)) = self.waiting.pop_front() {
-            for at in first..batch.frames.len() {
-                let frame = &batch.frames[at];
-                let Some(keep) = self.wanted(frame, all) else {
+            for (at, frame) in batch.frames.iter().enumerate().skip(first) {
+                let keep = if out.len() < enough { self.wanted(frame, all) } else { None };
+                let Some(keep) = keep else {
                     self.waiting.push_front((batch, at));
                     self.forget();
                     return;
@@ -233,7 +196,10 @@ impl Capture {
             let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
             let next = self.before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
             let untold = &self.untold;
-            self.told.retain(|row| last_frame(row) >= next || untold.contains(&row.number));
+            self.told.retain(|batch, at| {
+                let row = &batch.transactions[at];
+                last_frame(row) >= next || untold.contains(&row.number)
+            });
         }
         if self.kept.len() + self.done.len() < REMEMBERED {
             return;
@@ -282,17 +248,17 @@ impl Capture {
         self.written += 1;
         if self.options.classic {
             let start = blocks::begin_classic(time, out);
-            bytes(self.options.style, batch, frame, route, &notes, out);
+            packet::bytes(self.options.style, batch, frame, route, &notes, out);
             blocks::end_classic(start, out);
             return;
         }
         let interface = self.interface(batch, frame, out);
         let start = blocks::begin_packet(interface, time, out);
-        bytes(self.options.style, batch, frame, route, &notes, out);
+        packet::bytes(self.options.style, batch, frame, route, &notes, out);
         blocks::end_bytes(start, out);
         let origin = if self.origin_told { None } else { origin(frame) };
         self.origin_told |= origin.is_some();
-        remarks(self.options.style, batch, frame, &notes, origin, out);
+        packet::remarks(self.options.style, batch, frame, &notes, origin, out);
         self.transactions(frame, out);
         blocks::end_options(out);
         blocks::end_block(start, out);
@@ -301,7 +267,7 @@ impl Capture {
     /// The words of the transactions that are complete with this frame.
     fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
-            match self.told.get(txn) {
+            match self.told.get(txn).map(|(batch, at)| &batch.transactions[at]) {
                 Some(row) if frame.number < last_frame(row) => {}
                 Some(_) => self.tell(txn, out),
                 None => {
@@ -319,9 +285,10 @@ impl Capture {
     }
 
     fn tell(&mut self, txn: u64, out: &mut Vec<u8>) {
-        if let Some((batch, at)) = self.told.remove(txn) {
-            blocks::custom(out, |out| words::transaction(&batch, &batch.transactions[at], out));
+        if let Some((batch, at)) = self.told.get(txn) {
+            blocks::custom(out, |out| words::transaction(batch, &batch.transactions[at], out));
         }
+        self.told.remove(txn);
     }
 
     /// The packets of the style `tcp`; frames that TCP could not carry are counted only.
@@ -331,7 +298,7 @@ impl Capture {
             return;
         }
         let mut scratch = Vec::new();
-        let (adu, _) = halves(frame, frame.wire.of(&batch.arena), &mut scratch);
+        let (adu, _) = unwrap(frame.mode, frame.verdict, frame.wire.of(&batch.arena), &mut scratch);
         let segment = Segment { bus: frame.bus as u8, unit: adu.first().copied().unwrap_or(0), route, adu };
         let mut connections = std::mem::take(&mut self.connections);
         let interface = if self.options.classic { 0 } else { self.interface(batch, frame, out) };
@@ -393,71 +360,4 @@ fn last_frame(row: &Transaction) -> u64 {
 /// The first moment of the recording.
 fn origin(frame: &Frame) -> Option<Ns> {
     Some(frame.start? - frame.elapsed?)
-}
-
-/// Comments, flags and our own option of a packet.
-fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
-    if frame.mode == Mode::Ascii && frame.verdict.good() {
-        let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
-        blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
-    }
-    if frame.verdict == Verdict::NoChecksum {
-        blocks::comment("the recording has no checksums", out);
-    }
-    if let Some(text) = words::exception(frame) {
-        blocks::comment(&text, out);
-    }
-    for note in notes.iter().filter(|(finding, _)| *finding != Finding::Exception) {
-        blocks::comment(&words::comment(note), out);
-    }
-    blocks::flags(words::flags(batch, frame), out);
-    // The dissector `mbrtu` gets an RTU frame, whatever was on the line.
-    let same = style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
-    blocks::custom(out, |out| words::custom(batch, frame, same, origin, out));
-}
-
-/// The bytes of a packet of link type 252.
-fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, notes: &[Note], out: &mut Vec<u8>) {
-    let wire = frame.wire.of(&batch.arena);
-    if !frame.verdict.good() {
-        let (protocol, info) = words::columns(batch, frame, notes);
-        payload::data(&protocol, &info, wire, out);
-        return;
-    }
-    let mut scratch = Vec::new();
-    let (adu, behind) = halves(frame, wire, &mut scratch);
-    match (style, frame.mode) {
-        // ASCII and TCP have no CRC; one is made, or `mbrtu` would not take them.
-        (Style::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { behind } else { &[] }, out),
-        (_, Mode::Tcp) => payload::tcp(route, wire, out),
-        _ => payload::udp(route, adu, behind, out),
-    }
-}
-
-fn halves<'a>(frame: &Frame, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [u8], &'a [u8]) {
-    unwrap(frame.mode, frame.verdict, wire, scratch)
-}
-
-/// Unit and PDU of a good frame in binary, and what stands behind them: the CRC, the whole text of an ASCII frame, or
-/// nothing.
-pub fn unwrap<'a>(mode: Mode, verdict: Verdict, wire: &'a [u8], scratch: &'a mut Vec<u8>) -> (&'a [u8], &'a [u8]) {
-    match mode {
-        Mode::Rtu if verdict == Verdict::NoChecksum => (wire, &[]),
-        Mode::Rtu => wire.split_at(wire.len().saturating_sub(2)),
-        Mode::Tcp => (wire.get(6..).unwrap_or(&[]), &[]),
-        Mode::Ascii => {
-            let digits = wire.iter().filter_map(|&byte| (byte as char).to_digit(16)).map(|digit| digit as u8);
-            let mut high = None;
-            for digit in digits {
-                match high.take() {
-                    Some(first) => scratch.push(first << 4 | digit),
-                    None => high = Some(digit),
-                }
-            }
-            if verdict != Verdict::NoChecksum {
-                scratch.pop(); // the LRC
-            }
-            (scratch, wire)
-        }
-    }
 }

@@ -3,17 +3,21 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::records::{Batch, Transaction};
+use crate::records::Batch;
 
-/// Where the row of a transaction is.
-type Row = (Arc<Batch>, usize);
+/// Where a row is: which batch since the first one, and the row's index in it.
+type Place = (u64, u32);
 
-/// Rows by number: a look-up is a subtraction.
+/// Rows by number: a look-up is a subtraction, and batches are counted, not held by every row of theirs.
 #[derive(Debug, Default)]
 pub struct Told {
     /// The number of the first place.
     first: u64,
-    rows: VecDeque<Option<Row>>,
+    rows: VecDeque<Option<Place>>,
+    /// The batches of these rows, the oldest first, and how many rows of each there are.
+    batches: VecDeque<(Arc<Batch>, usize)>,
+    /// Batches that were let go of.
+    gone: u64,
 }
 
 impl Told {
@@ -21,9 +25,15 @@ impl Told {
         usize::try_from(number.checked_sub(self.first)?).ok().filter(|&at| at < self.rows.len())
     }
 
-    /// Remembers the row with this index of a batch.
-    pub fn insert(&mut self, batch: &Arc<Batch>, at: usize) {
-        let number = batch.transactions[at].number;
+    /// Remembers the row with this index of a batch under its number, which is not there yet.
+    pub fn insert(&mut self, number: u64, batch: &Arc<Batch>, at: usize) {
+        if self.batches.back().is_none_or(|(newest, _)| !Arc::ptr_eq(newest, batch)) {
+            self.batches.push_back((Arc::clone(batch), 0));
+        }
+        let newest = self.gone + self.batches.len() as u64 - 1;
+        if let Some((_, rows)) = self.batches.back_mut() {
+            *rows += 1;
+        }
         if self.rows.is_empty() {
             self.first = number;
         }
@@ -35,29 +45,35 @@ impl Told {
             self.rows.push_back(None);
         }
         if let Some(place) = self.place(number) {
-            self.rows[place] = Some((Arc::clone(batch), at));
+            self.rows[place] = Some((newest, at as u32));
         }
     }
 
-    /// The transaction of this number.
-    pub fn get(&self, number: u64) -> Option<&Transaction> {
-        let (batch, at) = self.rows[self.place(number)?].as_ref()?;
-        Some(&batch.transactions[*at])
+    /// Batch and index of the transaction of this number.
+    pub fn get(&self, number: u64) -> Option<(&Batch, usize)> {
+        let (batch, at) = self.rows[self.place(number)?]?;
+        Some((self.batch(batch), at as usize))
     }
 
-    /// Its row, which is forgotten.
-    pub fn remove(&mut self, number: u64) -> Option<Row> {
-        let place = self.place(number)?;
-        let found = self.rows[place].take();
-        self.shorten();
-        found
+    fn batch(&self, number: u64) -> &Batch {
+        &self.batches[(number - self.gone) as usize].0
+    }
+
+    /// Forgets it.
+    pub fn remove(&mut self, number: u64) {
+        if let Some((batch, _)) = self.place(number).and_then(|place| self.rows[place].take()) {
+            self.batches[(batch - self.gone) as usize].1 -= 1;
+            self.shorten();
+        }
     }
 
     /// Forgets those for which `keep` says no.
-    pub fn retain(&mut self, keep: impl Fn(&Transaction) -> bool) {
-        for place in &mut self.rows {
-            if place.as_ref().is_some_and(|(batch, at)| !keep(&batch.transactions[*at])) {
-                *place = None;
+    pub fn retain(&mut self, keep: impl Fn(&Batch, usize) -> bool) {
+        for place in 0..self.rows.len() {
+            let Some((batch, at)) = self.rows[place] else { continue };
+            if !keep(self.batch(batch), at as usize) {
+                self.rows[place] = None;
+                self.batches[(batch - self.gone) as usize].1 -= 1;
             }
         }
         self.shorten();
@@ -68,61 +84,45 @@ impl Told {
             self.rows.pop_front();
             self.first += 1;
         }
+        while let Some((_, 0)) = self.batches.front() {
+            self.batches.pop_front();
+            self.gone += 1;
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::Mode;
-    use crate::records::{Half, Span, Status};
-
-    fn batch(numbers: &[u64]) -> Arc<Batch> {
-        let row = |&number: &u64| Transaction {
-            number,
-            bus: 0,
-            mode: Mode::Rtu,
-            start: None,
-            elapsed: None,
-            unit: 1,
-            function: 3,
-            status: Status::Ok,
-            exception: None,
-            response_time: None,
-            waited: None,
-            late_response: None,
-            retry_of: None,
-            late_for: None,
-            gap: None,
-            mbap_id: None,
-            request: Half::default(),
-            response: Half::default(),
-            findings: Span::default(),
-            points: None,
-            origin: 0,
-        };
-        let mut batch = Batch::default();
-        batch.transactions = numbers.iter().map(row).collect();
-        Arc::new(batch)
-    }
 
     /// Against a plain list of what was put in and taken out.
     #[test]
     fn numbers_come_and_go_in_any_order() {
         let mut told = Told::default();
-        let batch = batch(&[7, 9, 3, 8, 20]);
-        (0..5).for_each(|at| told.insert(&batch, at));
+        let batches = [Arc::new(Batch::default()), Arc::new(Batch::default())];
+        for (at, number) in [7, 9, 3, 8, 20].into_iter().enumerate() {
+            told.insert(number, &batches[at / 3], at);
+        }
+        let held = || batches.each_ref().map(|batch| Arc::strong_count(batch) - 1);
         for number in 0..30 {
-            let there = [3, 7, 8, 9, 20].contains(&number);
-            assert_eq!(told.get(number).map(|row| row.number), there.then_some(number));
+            let at = [7, 9, 3, 8, 20].iter().position(|known| *known == number);
+            assert_eq!(told.get(number).map(|(_, at)| at), at);
+            if let (Some((batch, _)), Some(at)) = (told.get(number), at) {
+                assert!(std::ptr::eq(batch, &raw const *batches[at / 3]));
+            }
         }
-        for (number, at) in [(3, 2), (9, 1), (7, 0)] {
-            assert_eq!(told.remove(number).map(|(_, at)| at), Some(at));
-            assert!(told.get(number).is_none() && told.remove(number).is_none());
+        assert_eq!(held(), [1, 1]);
+        for number in [3, 9, 7] {
+            told.remove(number);
+            assert!(told.get(number).is_none());
+            told.remove(number);
         }
+        assert_eq!(held(), [0, 1], "a batch without rows here is let go of");
         assert_eq!(told.rows.len(), 13, "nothing is kept before the oldest one, which is 8");
-        told.retain(|row| row.number > 8);
+        told.retain(|_, at| at == 4);
         assert!(told.get(8).is_none() && told.get(20).is_some());
-        assert!(told.remove(20).is_some() && told.rows.is_empty());
+        told.remove(20);
+        assert!(told.get(20).is_none() && told.rows.is_empty());
+        assert_eq!(held(), [0, 0]);
     }
 }

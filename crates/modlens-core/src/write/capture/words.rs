@@ -8,6 +8,7 @@ use crate::finding::{Finding, Severity};
 use crate::framer::{Mode, Verdict};
 use crate::functions::EXCEPTION_BIT;
 use crate::line::Line;
+use crate::pcap::own::USUAL;
 use crate::pdu::hex;
 use crate::records::{Batch, Bus, Clock, Frame, Half, Transaction};
 use crate::write::{push_int, push_short, push_us};
@@ -87,11 +88,19 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
         number(" txn=", txn, out);
     }
     number(" offset=", frame.offset, out);
-    word(" mode=", frame.mode.text(), out);
-    word(" verdict=", frame.verdict.text(), out);
     word(" direction=", frame.direction.text(), out);
-    word(" cut_by=", frame.cut_by.text(), out);
-    number(" confidence=", u64::from(frame.confidence), out);
+    if frame.mode != USUAL.mode {
+        word(" mode=", frame.mode.text(), out);
+    }
+    if frame.verdict != USUAL.verdict {
+        word(" verdict=", frame.verdict.text(), out);
+    }
+    if frame.cut_by != USUAL.cut_by {
+        word(" cut_by=", frame.cut_by.text(), out);
+    }
+    if frame.confidence != USUAL.confidence {
+        number(" confidence=", u64::from(frame.confidence), out);
+    }
     if frame.tentative {
         out.extend_from_slice(b" tentative");
     }
@@ -128,7 +137,9 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
 /// The same of a transaction, for the packet of its last frame.
 pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
     number("transaction=", row.number, out);
-    word(" status=", row.status.text(), out);
+    if row.status != USUAL.status {
+        word(" status=", row.status.text(), out);
+    }
     let halves = [(" request=", " request_pdu=", &row.request), (" response=", " response_pdu=", &row.response)];
     for (key, bytes, half) in halves {
         if half.frame > 0 {
@@ -175,18 +186,25 @@ fn codes(codes: &[Finding], out: &mut Vec<u8>) {
     }
 }
 
+/// The keys are known where this is called: inlined, each is one store.
+#[inline(always)]
+#[allow(clippy::inline_always)]
 fn number(key: &str, value: u64, out: &mut Vec<u8>) {
-    push_short(key.as_bytes(), out);
+    out.extend_from_slice(key.as_bytes());
     push_int(value as i64, out);
 }
 
+#[inline(always)]
+#[allow(clippy::inline_always)]
 fn us(key: &str, ns: Ns, out: &mut Vec<u8>) {
-    push_short(key.as_bytes(), out);
+    out.extend_from_slice(key.as_bytes());
     push_us(ns, out);
 }
 
+#[inline(always)]
+#[allow(clippy::inline_always)]
 fn word(key: &str, value: &str, out: &mut Vec<u8>) {
-    push_short(key.as_bytes(), out);
+    out.extend_from_slice(key.as_bytes());
     push_short(value.as_bytes(), out);
 }
 
