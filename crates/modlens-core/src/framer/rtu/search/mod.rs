@@ -275,7 +275,9 @@ impl Search {
                 }
             }
         }
-        if input.closed && self.next > self.told() {
+        // What begins no frame may be one whose end the adapter still holds back.
+        let over = input.closed || (input.paused && self.nodes[self.best().0].first != 0);
+        if over && self.next > self.told() {
             return self.decide(input, context, true);
         }
         None
