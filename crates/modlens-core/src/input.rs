@@ -319,6 +319,17 @@ impl Input {
         Some(read.time - previous - (read.end - start) as Ns * self.char_ns.unwrap_or(0))
     }
 
+    /// The silence between the byte and the end of what stood in front of this stream offset, strays between them or not.
+    pub fn quiet_since(&self, place: u64, index: usize) -> Option<Ns> {
+        let char_ns = self.char_ns.unwrap_or(0);
+        let before = match (place - self.offset) as usize {
+            0 if self.front_start == self.offset => self.before?,
+            0 => self.byte_time(0)? - char_ns,
+            first => self.byte_time(first - 1)?,
+        };
+        Some(self.byte_time(index)? - before - char_ns)
+    }
+
     /// Whether no frame reaches across the place before this byte: a record starts here, or a long silence ended.
     pub fn hard_edge(&self, index: usize) -> bool {
         let Some(i) = self.read_of(index) else { return self.closed };
