@@ -13,6 +13,9 @@ use crate::sim::truth::TruthFrame;
 /// Bytes shown before and behind.
 const AROUND: u64 = 12;
 
+/// Frames shown before and behind.
+const TOLD: usize = 3;
+
 /// One line per difference, in the order of the stream.
 pub fn differences(case: &Case, reported: &[Reported]) -> String {
     let matching = Matching::new(case, reported);
@@ -53,6 +56,7 @@ pub fn differences(case: &Case, reported: &[Reported]) -> String {
         for line in &case.lines {
             writeln!(text, "          {}", context(case, reported, line.id, start)).expect("text can grow");
         }
+        writeln!(text, "          told: {}", told(reported, start)).expect("text can grow");
     }
     text
 }
@@ -136,6 +140,25 @@ fn describe(truth: &TruthFrame) -> String {
         truth.txn,
         labels.join(" ")
     )
+}
+
+/// The frames told around a place, in the order in which they were told: line, offset, direction, transaction, labels.
+fn told(reported: &[Reported], place: u64) -> String {
+    let at = reported.iter().position(|frame| frame.start >= place).unwrap_or(reported.len());
+    let near = reported.iter().take(at + 1 + TOLD).skip(at.saturating_sub(TOLD));
+    near.map(|frame| {
+        let direction = match frame.direction {
+            Direction::Request => '>',
+            Direction::Response => '<',
+            Direction::Unknown => '?',
+        };
+        let labels: String = frame.labels.iter().map(|label| format!(" {}", label.text())).collect();
+        let txn = frame.txn.map_or(String::from("-"), |txn| txn.to_string());
+        let bad = if frame.crc_ok { "" } else { "!" };
+        format!("{}:{}{direction}{bad} {txn}{labels}", frame.line, frame.start)
+    })
+    .collect::<Vec<_>>()
+    .join(", ")
 }
 
 /// Bytes around a place; `[` and `]` are the truth's frames, `(` and `)` the whole ones reported, `{` and `}` the damaged

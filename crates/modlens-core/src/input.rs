@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::chunk::{Chunk, Side, Times};
-use crate::framer::Mode;
+use crate::framer::{Mode, RTU_LIMIT};
 use crate::Ns;
 
 /// No clock.
@@ -46,6 +46,8 @@ pub struct Input {
     pub char_ns: Option<Ns>,
     /// A silence of this length ends every frame.
     pub break_ns: Ns,
+    /// Silence has ended every frame that is whole; of others, the tap's adapter may hold the rest back.
+    pub paused: bool,
     /// The recording is over, or silence has lasted: nothing more belongs to the bytes that are here.
     pub closed: bool,
     /// Only the end of the recording closes this for good.
@@ -58,6 +60,8 @@ pub struct Input {
     pub coarse: bool,
     /// Whether any read had a time.
     pub timed: bool,
+    /// Bytes of the longest read that had a time.
+    longest: usize,
     /// Whether the receiver has marked anything.
     marked: bool,
 }
@@ -86,7 +90,7 @@ impl Input {
         if chunk.bytes.is_empty() {
             return;
         }
-        (self.closed, self.ended) = (false, false);
+        (self.paused, self.closed, self.ended) = (false, false, false);
         if self.head > 0 && (self.head >= self.buffer.len() || self.head > 1 << 16) {
             self.buffer.drain(..self.head);
             self.head = 0;
@@ -114,6 +118,7 @@ impl Input {
             Times::Read(time) => {
                 self.timed = true;
                 self.coarse |= chunk.bytes.len() > 1;
+                self.longest = self.longest.max(chunk.bytes.len());
                 self.push_read(read(end, time, chunk.record || chunk.hole));
             }
             Times::Bytes(times) => {
@@ -162,6 +167,30 @@ impl Input {
     /// Time of the newest byte.
     pub fn newest(&self) -> Option<Ns> {
         self.reads.back().map(|read| read.time).filter(|&time| time != NO_TIME).or(self.before)
+    }
+
+    /// For so long no byte has to be seen while bytes are on the line: an adapter that fills packets holds back what a
+    /// packet takes.
+    pub fn unseen_ns(&self) -> Ns {
+        if self.longest < 2 {
+            return 0;
+        }
+        self.longest.min(RTU_LIMIT) as Ns * self.char_ns.unwrap_or(0)
+    }
+
+    /// Time has come to `now` without more bytes.
+    pub fn wait(&mut self, now: Ns) {
+        if let Some(silence) = self.newest().map(|newest| now - newest) {
+            self.paused |= silence >= self.break_ns;
+            self.closed |= silence >= self.break_ns + self.unseen_ns();
+        }
+    }
+
+    /// When silence ends something next.
+    pub fn deadline(&self) -> Option<Ns> {
+        let waiting = !self.closed && !self.bytes().is_empty();
+        let unseen = if self.paused { self.unseen_ns() } else { 0 };
+        self.newest().filter(|_| waiting).map(|newest| newest + self.break_ns + unseen)
     }
 
     /// Forgets the first `length` bytes: they are framed.
@@ -288,6 +317,17 @@ impl Input {
             return None;
         }
         Some(read.time - previous - (read.end - start) as Ns * self.char_ns.unwrap_or(0))
+    }
+
+    /// The silence between the byte and the end of what stood in front of this stream offset, strays between them or not.
+    pub fn quiet_since(&self, place: u64, index: usize) -> Option<Ns> {
+        let char_ns = self.char_ns.unwrap_or(0);
+        let before = match (place - self.offset) as usize {
+            0 if self.front_start == self.offset => self.before?,
+            0 => self.byte_time(0)? - char_ns,
+            first => self.byte_time(first - 1)?,
+        };
+        Some(self.byte_time(index)? - before - char_ns)
     }
 
     /// Whether no frame reaches across the place before this byte: a record starts here, or a long silence ended.

@@ -45,6 +45,9 @@ impl Pairing {
             exchange.findings.push(Finding::Exception);
         }
         exchange.response_time = self.since(exchange.request.end, seen.start, seen.clean_start);
+        if let (false, Some((asked, told))) = (self.ordered, exchange.request.end.zip(seen.start)) {
+            self.tempo.saw(asked, told);
+        }
         // Answers that look like requests must not teach the times that tell the two apart.
         if let Some(time) = exchange.response_time.filter(|_| exchange.request.pdu() != exchange.response.pdu()) {
             self.tempo.answered(time);

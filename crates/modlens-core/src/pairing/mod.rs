@@ -123,6 +123,11 @@ impl Pairing {
         self.open.back().map(|exchange| Asked { unit: exchange.unit, pdu: exchange.request.pdu() })
     }
 
+    /// When that request had come.
+    pub fn asked_at(&self) -> Option<Ns> {
+        self.open.back()?.request.end
+    }
+
     /// The smallest number of a transaction that is not done.
     pub fn oldest(&self) -> Option<u64> {
         let stray = self.stray.as_ref().map(|stray| stray.exchange.txn);

@@ -33,6 +33,15 @@ const PATIENCE: (f64, f64) = (1.5, 2.0);
 /// The longest answer is forgotten by so much with every other one.
 const FORGET: f64 = 0.999;
 
+/// An answer may be seen so much earlier than its request where two lines are read by adapters that hold bytes back:
+/// before anything was seen, and at most. Latency timers take 16 ms, schedulers and serial servers far more.
+const FIRST_SKEW: f64 = 60e6;
+const MOST_SKEW: f64 = 150e6;
+
+/// How far it may go beyond what was seen, and how fast it is forgotten, a pair.
+const SKEW_MARGIN: f64 = 2.0;
+const SKEW_FORGET: f64 = 0.996;
+
 /// A typical time and its scatter, in natural logarithms.
 #[derive(Clone, Copy, Debug)]
 struct Typical {
@@ -90,6 +99,8 @@ pub struct Tempo {
     retry: Constant,
     /// From the end of an unanswered request to another one.
     moved_on: Constant,
+    /// How much earlier than its request an answer may be seen.
+    skew: Option<f64>,
 }
 
 impl Tempo {
@@ -97,6 +108,17 @@ impl Tempo {
     pub(super) fn answered(&mut self, ns: Ns) {
         Typical::learn(&mut self.answer, ns);
         self.longest = (self.longest * FORGET).max(ns as f64);
+    }
+
+    /// A request was seen to end, and its answer to begin.
+    pub(super) fn saw(&mut self, asked: Ns, told: Ns) {
+        let known = self.skew.unwrap_or(FIRST_SKEW) * SKEW_FORGET;
+        self.skew = Some(known.max(SKEW_MARGIN * (asked - told) as f64).min(MOST_SKEW));
+    }
+
+    /// How much earlier than its request an answer may be seen.
+    pub fn skew(&self) -> Ns {
+        self.skew.unwrap_or(FIRST_SKEW) as Ns
     }
 
     /// A request was not answered, and the next one came after so long; it was the same one, or another.
@@ -158,6 +180,16 @@ mod tests {
         // An accident among the time-outs changes nothing.
         tempo.unanswered(3 * MS, true);
         assert!(about(tempo.master_waits(), 250));
+    }
+
+    #[test]
+    fn how_far_two_lines_may_be_apart_is_learned_from_answers_before_their_requests() {
+        let mut tempo = Tempo::default();
+        assert_eq!(tempo.skew(), 60 * MS);
+        (0..1200).for_each(|_| tempo.saw(0, 10 * MS));
+        assert!(tempo.skew() < MS);
+        tempo.saw(9 * MS, 0);
+        assert_eq!(tempo.skew(), 18 * MS);
     }
 
     #[test]

@@ -65,6 +65,10 @@ pub(super) struct BusState {
     pub(super) newest: Option<Ns>,
     /// The latest of all times: clocks go back, and segments come out of turn.
     pub(super) latest: Option<Ns>,
+    /// Time has come to here, with bytes or without.
+    pub(super) now: Option<Ns>,
+    /// Who speaks on which line is known, or cannot be found out in advance.
+    pub(super) surveyed: bool,
     pub(super) jumped: bool,
     pub(super) profiles: Profiles,
     pub(super) reader: Option<Box<Reader>>,
@@ -101,6 +105,8 @@ impl BusState {
             sides: [0; 2],
             newest: None,
             latest: None,
+            now: None,
+            surveyed: false,
             jumped: false,
             reader: None,
             devices: Vec::new(),
@@ -126,12 +132,12 @@ impl BusState {
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
-    /// The line of a chunk. Without a clock, the order of two lines is found by what they say, unless somebody waits.
-    pub(super) fn line_for(&mut self, chunk: &Chunk<'_>, waiting: bool) -> &mut LineState {
+    /// The line of a chunk. Without a clock, the order of two lines is found by what they say.
+    pub(super) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
         let fresh = self.lines.iter().all(|(line, _)| *line != chunk.line);
         let first = self.lines.iter().all(|(_, line)| line.ahead.is_some());
         let two = chunk.line != 0 && self.options.bus.network.is_none();
-        let untimed = matches!(chunk.times, Times::None) && !waiting && !chunk.record;
+        let untimed = matches!(chunk.times, Times::None) && !chunk.record;
         let line = self.line(chunk.line);
         if fresh && first && two && untimed {
             line.ahead = Some(Box::new(Ahead::new(Input::new(line.input.char_ns))));
@@ -188,28 +194,31 @@ impl BusState {
 
     /// When time alone decides something next.
     pub(super) fn deadline(&self) -> Option<Ns> {
-        let waiting = self.lines.iter().map(|(_, line)| &line.input).filter(|input| !input.closed && !input.bytes().is_empty());
-        let silences = waiting.filter_map(|input| Some(input.newest()? + input.break_ns));
-        silences.chain(self.pairing.deadline()).min()
+        let silences = self.lines.iter().filter_map(|(_, line)| line.input.deadline());
+        silences.chain(self.pairing.deadline()).chain(self.turn_deadline()).min()
     }
 
     /// Ends the frames of lines that have been silent for long.
     pub(super) fn close_silent_lines(&mut self, now: Ns) {
+        self.now = self.now.max(Some(now));
         for (_, line) in &mut self.lines {
-            line.input.closed |= line.input.newest().is_some_and(|newest| now - newest >= line.input.break_ns);
+            line.input.wait(now);
         }
     }
 
-    /// The next frame: of the line whose first unframed byte is the oldest, so that two lines are told in time order.
+    /// The next frame: of the line whose turn it is, so that two lines are told in the order of the wire.
     pub(super) fn next_cut(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
         if self.lines.first().is_some_and(|(_, line)| line.ahead.is_some()) {
             return self.next_heard(functions, live, adu);
         }
         let settings = self.options.line;
-        let waiting = self.lines.iter().enumerate().filter(|(_, (_, line))| !line.input.bytes().is_empty());
+        if self.surveys(functions, live) {
+            return None;
+        }
         let at = match self.lines.len() {
-            1 => waiting.map(|(at, _)| at).next()?,
-            _ => waiting.min_by_key(|(_, (_, line))| line.input.byte_time(0)).map(|(at, _)| at)?,
+            1 if self.lines[0].1.input.bytes().is_empty() => return None,
+            1 => 0,
+            _ => self.turn(functions)?,
         };
         // On a two-line tap the silence on one line says nothing of the other's.
         let one_line = self.lines.len() == 1;
@@ -269,7 +278,7 @@ impl BusState {
     }
 
     /// Who has a line of a two-line tap for himself, once both lines have shown it.
-    fn speaker(&self, at: usize) -> Option<Direction> {
+    pub(super) fn speaker(&self, at: usize) -> Option<Direction> {
         let votes: i32 =
             self.lines.iter().enumerate().map(|(line, (_, state))| if line == at { state.votes } else { -state.votes }).sum();
         match votes {

@@ -62,7 +62,7 @@ impl Session {
             self.flush_bus(bus);
         }
         let state = &mut self.buses[bus];
-        let line = state.line_for(chunk, self.live);
+        let line = state.line_for(chunk);
         line.input.push(chunk);
         if let Some(ahead) = &mut line.ahead {
             ahead.input.push(chunk);

@@ -15,6 +15,7 @@ mod recorded;
 mod routine;
 mod rows;
 mod told;
+mod turns;
 
 use std::sync::Arc;
 

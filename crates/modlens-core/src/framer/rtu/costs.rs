@@ -290,6 +290,11 @@ impl Model {
         self.units[usize::from(unit)] > 0.0 && self.functions.iter().any(|seen| seen[function] > 0.0)
     }
 
+    /// Whether this unit has been seen.
+    pub fn has_unit(&self, unit: u8) -> bool {
+        self.units[usize::from(unit)] > 0.0
+    }
+
     /// What a request that was seen before is worth.
     pub fn repeated(&self, frame: &[u8]) -> f32 {
         if !self.polls.knows(frame) {

@@ -27,7 +27,7 @@ use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
 
-use autopsy::{Piece, Scene};
+use autopsy::{is_glitch, Piece, Scene};
 use certain::{Certain, Length};
 use pending::set_first;
 use search::{Search, Told};
@@ -212,9 +212,16 @@ impl Rtu {
         let wire = &input.bytes()[..length];
         self.search.model.polls.refresh();
         let model = &self.search.model;
-        let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence: self.silence(input) };
-        if let Some(piece) = scene.pieces().iter().find(|piece| (piece.start, piece.end) == (0, length)) {
-            return Self::show(piece, wire, CutBy::Length, adu);
+        let silence = self.silence(input);
+        let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence, announced: true };
+        let pieces = scene.pieces();
+        let found = pieces.iter().find(|piece| piece.start == 0 && (piece.end == length || is_glitch(&wire[piece.end..])));
+        if let Some(piece) = found {
+            if piece.end < length {
+                // It is shorter: strays stand in the place of what was lost.
+                self.told = Some(Told::Junk(input.offset() + length as u64));
+            }
+            return Self::show(piece, &wire[..piece.end], CutBy::Length, adu);
         }
         adu.clear();
         adu.extend_from_slice(&wire[..length - 2]);
@@ -231,7 +238,16 @@ impl Rtu {
         };
         let model = &self.search.model;
         let scene =
-            Scene { model, context, input, length, after, behind_damage: self.after_damage, silence: self.silence(input) };
+            Scene {
+                model,
+                context,
+                input,
+                length,
+                after,
+                behind_damage: self.after_damage,
+                silence: self.silence(input),
+                announced: false,
+            };
         scene.pieces().into_iter().map(|piece| (input.offset() + piece.start as u64, piece)).collect()
     }
 

@@ -38,6 +38,8 @@ pub struct Fit {
     pub core: usize,
     /// Bytes of the template missing in front.
     pub head: usize,
+    /// So many of the first bytes agree without any change.
+    pub same: usize,
     /// Bytes that are left of the frame, where its length is known.
     pub length: Option<usize>,
     /// What happened.
@@ -82,7 +84,7 @@ fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize) -> Op
         let mended = checksum(template, bytes, length, short);
         let exact = mended == 0.0 && head == 0 && same == known.len();
         let core = if mended > 0.0 { way.core.max(length.unwrap_or(0)) } else { way.core };
-        Fit { score: way.score - template.cost + mended, core, head, length, harm: way.harm, mended: mended > 0.0, exact }
+        Fit { score: way.score - template.cost + mended, core, head, same, length, harm: way.harm, mended: mended > 0.0, exact }
     });
     fits.filter(|fit| fit.score > 0.0).max_by(|a, b| a.score.total_cmp(&b.score))
 }

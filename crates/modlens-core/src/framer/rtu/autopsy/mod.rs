@@ -14,6 +14,7 @@ use crate::framer::harm::Harm;
 use crate::framer::rtu::costs::{self, Model};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::index::{may_be, possible, Set, Values};
+use crate::framer::rtu::AROUND;
 use crate::framer::{Context, RTU_LIMIT};
 use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
@@ -66,6 +67,8 @@ pub struct Scene<'a, 'c> {
     pub behind_damage: bool,
     /// The shortest pause between frames.
     pub silence: Ns,
+    /// It ends where a header announces an end, not where anything else begins.
+    pub announced: bool,
 }
 
 /// A damaged frame in the gap.
@@ -107,6 +110,8 @@ struct Candidate {
     mended: bool,
     /// What is known of it agrees, but the checksum is wrong.
     exact: bool,
+    /// All of it is known, and it agrees up to here.
+    open_at: Option<usize>,
 }
 
 impl Scene<'_, '_> {
@@ -138,9 +143,24 @@ impl Scene<'_, '_> {
         let mut pieces = self.pick(&candidates);
         let first = pieces.first().map_or(self.length, |piece| piece.start);
         pieces.splice(0..0, self.remains(first, pieces.is_empty()));
-        let tail = self.tail(&pieces);
-        pieces.extend(tail);
+        match pieces.last_mut() {
+            Some(last) if self.ends_in_one(last) && self.goes_on(last) => {
+                let at = last.end - last.start;
+                let count = match last.harm {
+                    Some(Harm::Lost { count, .. }) => count + last.end - self.length,
+                    _ => 0,
+                };
+                (last.end, last.harm) = (self.length, Some(Harm::Lost { at, count }));
+            }
+            _ => pieces.extend(self.tail(&pieces)),
+        }
         pieces
+    }
+
+    /// Whether the bytes behind a piece came in one go.
+    fn ends_in_one(&self, piece: &Piece) -> bool {
+        let (start, end) = (piece.end, self.length);
+        start < end && self.stops(start) && !(start + 1..end).any(|at| self.stops(at))
     }
 
     /// What stands behind a frame that lost its end, between two pauses: the rest of a frame that lost its beginning.
@@ -148,8 +168,7 @@ impl Scene<'_, '_> {
         let last = pieces.last().filter(|last| matches!(last.harm, Some(Harm::Lost { .. })))?;
         let (_, after) = self.after?;
         let (start, end) = (last.end, self.length);
-        let alone = self.stops(start) && !(start + 1..end).any(|at| self.stops(at));
-        if !alone || end - start <= self.model.strays_at_most() || end - start > RTU_LIMIT {
+        if !self.ends_in_one(last) || end - start <= self.model.strays_at_most() || end - start > RTU_LIMIT {
             return None;
         }
         let direction = if after == Direction::Request { Direction::Response } else { Direction::Request };
@@ -165,6 +184,9 @@ impl Scene<'_, '_> {
         let begins = self.input.offset() == 0 && self.after.is_some();
         let after = self.after.map(|(_, direction)| direction);
         let (due, asked) = match (after, self.context.asked) {
+            // A line that one side has for itself.
+            _ if self.context.speaker.is_some() && self.quiet(to) => (self.context.speaker.unwrap_or(Direction::Unknown), None),
+            _ if self.context.speaker.is_some() && !begins => return None,
             (Some(Direction::Request), Some(asked)) => (Direction::Response, Some(asked)),
             (Some(Direction::Response), None) => (Direction::Request, None),
             _ if begins => (Direction::Unknown, None),
@@ -174,7 +196,9 @@ impl Scene<'_, '_> {
             return None;
         }
         let bytes = &self.bytes()[..to];
-        let strays = if begins { 0 } else { bytes.iter().take(MOST_GLITCH).take_while(|&&byte| glitch(byte)).count() };
+        // On a line with few strays, zeros are data.
+        let clean = begins || (self.context.speaker.is_some() && self.model.strays_at_most() < AROUND);
+        let strays = if clean { 0 } else { bytes.iter().take(MOST_GLITCH).take_while(|&&byte| glitch(byte)).count() };
         let least = if begins { 2 } else { self.model.strays_at_most() + 1 };
         if to - strays < least {
             return None;
@@ -187,9 +211,43 @@ impl Scene<'_, '_> {
                 Some(Harm::Lost { at: 0, count: expected - length })
             }
             Some(expected) if expected < length => return None,
+            // Who is heard here begins with unit and function, unless those were lost.
+            None if self.context.speaker.is_some() && !begins && self.lacks_its_head(&bytes[strays..]) => {
+                Some(Harm::Lost { at: 0, count: 0 })
+            }
             _ => None,
         };
         Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true, wrong: 0 })
+    }
+
+    /// Whether the bytes up to here are nothing but a piece of a frame: in one go, by the clock, on a line with few strays.
+    fn quiet(&self, to: usize) -> bool {
+        let strays = self.model.strays_at_most();
+        self.input.timed && strays < AROUND && strays < to && !(1..to).any(|at| self.stops(at))
+    }
+
+    /// Whether no unit of this line begins these bytes, and no function code that announces just so many.
+    fn lacks_its_head(&self, bytes: &[u8]) -> bool {
+        let &[unit, code, ref body @ ..] = bytes else { return true };
+        let row = self.context.functions.row(code & !EXCEPTION_BIT, body);
+        let announced = row.is_some_and(|row| {
+            [&row.request, &row.response].into_iter().any(|layout| match layout.extent(body) {
+                Extent::Exactly(length) => (length + AROUND..=length + AROUND + MOST_GLITCH).contains(&bytes.len()),
+                _ => false,
+            })
+        });
+        !self.model.has_unit(unit) && !announced
+    }
+
+    /// Whether the bytes behind a frame that lost its end are its own last ones: the silence before them is as long as
+    /// what is missing between.
+    fn goes_on(&self, piece: &Piece) -> bool {
+        let (Some(Harm::Lost { count, .. }), Some(char_ns)) = (piece.harm, self.input.char_ns) else { return false };
+        let Some(missing) = count.checked_sub(self.length - piece.end).filter(|&missing| missing > 0) else { return false };
+        let expected = missing as Ns * char_ns;
+        let late = if self.input.coarse { COARSE_STOP / 2 } else { 2 * char_ns };
+        let pause = self.input.pause_before(piece.end);
+        pause.is_some_and(|pause| (pause - expected).abs() <= late.max(expected / 8))
     }
 
     /// What the frames around let one expect.
@@ -239,7 +297,7 @@ impl Scene<'_, '_> {
         let length = if code == function {
             let extent = row.map(|row| if direction == REQUEST { row.request.extent(body) } else { row.response.extent(body) });
             match extent {
-                Some(Extent::Exactly(length)) => Some(length + super::AROUND),
+                Some(Extent::Exactly(length)) => Some(length + AROUND),
                 _ => None,
             }
         } else {
@@ -264,13 +322,15 @@ impl Scene<'_, '_> {
             harm: None,
             mended: false,
             exact: true,
+            open_at: None,
         })
     }
 
     /// What it costs to begin here.
     fn place(&self, start: usize) -> f32 {
         if start == 0 {
-            return 0.0;
+            let alone = self.context.speaker.is_some() && self.stops(0);
+            return if alone { -costs::PAUSE_BEFORE } else { 0.0 };
         }
         let strays = (STRAY * start as f32).min(MOST_STRAYS);
         let paused = self.input.pause_before(start).is_some_and(|pause| pause >= self.silence);
@@ -283,7 +343,7 @@ impl Scene<'_, '_> {
 
     fn ends_well(&self, end: Option<usize>) -> f32 {
         let well = end.is_some_and(|end| {
-            end == self.length || (end < self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.silence))
+            (end == self.length && !self.announced) || (end <= self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.silence))
         });
         if well {
             ENDS_WELL
@@ -360,8 +420,11 @@ impl Scene<'_, '_> {
         } else if harm.is_none() && length < should {
             let count = should - length;
             harm = Some(if self.asked_again(candidate) { Harm::Truncated { count } } else { Harm::Lost { at: length, count } });
-        } else if harm.is_none() && candidate.exact && candidate.end.is_some() {
-            harm = fewer(bytes, self.ends_well(candidate.end) > 0.0);
+        } else if harm.is_none() && candidate.end.is_some() && (candidate.exact || candidate.open_at.is_some()) {
+            harm = match candidate.open_at {
+                Some(at) => strays_instead(bytes, at),
+                None => fewer(bytes, self.ends_well(candidate.end) > 0.0),
+            };
             length -= match harm {
                 Some(Harm::Lost { count, .. }) => count,
                 _ => 0,
@@ -382,7 +445,7 @@ impl Scene<'_, '_> {
         let row = self.context.functions.row(bytes[1], &bytes[2..])?;
         let layout = if candidate.direction == REQUEST { &row.request } else { &row.response };
         match layout.extent(&bytes[2..]) {
-            Extent::Exactly(length) if length + super::AROUND <= RTU_LIMIT => Some(length + super::AROUND),
+            Extent::Exactly(length) if length + AROUND <= RTU_LIMIT => Some(length + AROUND),
             _ => None,
         }
     }
@@ -435,6 +498,13 @@ fn fewer(bytes: &[u8], ends_well: bool) -> Option<Harm> {
     }
 }
 
+/// Whether the last bytes of a frame that is known are strays in the place of what was lost; here it agrees up to `at`.
+fn strays_instead(bytes: &[u8], at: usize) -> Option<Harm> {
+    let rest = bytes.get(at..).filter(|rest| (1..=MOST_GLITCH).contains(&rest.len()))?;
+    let strays = rest.iter().all(|&byte| byte == rest[0]) && glitch(rest[0]) && mending_bit(bytes).is_none();
+    strays.then_some(Harm::Lost { at, count: rest.len() })
+}
+
 /// A driver that is switched holds the line for some bits: the byte begins or ends in ones, or is all of one kind.
 fn glitch(byte: u8) -> bool {
     byte.leading_ones() + byte.trailing_zeros() >= 8
@@ -468,6 +538,7 @@ impl Candidate {
             harm: fit.harm,
             mended: fit.mended,
             exact: fit.exact,
+            open_at: fit.length.filter(|&length| fit.head == 0 && length == template.bytes.len()).map(|_| fit.same),
         }
     }
 }

@@ -275,7 +275,9 @@ impl Search {
                 }
             }
         }
-        if input.closed && self.next > self.told() {
+        // What begins no frame may be one whose end the adapter still holds back.
+        let over = input.closed || (input.paused && self.nodes[self.best().0].first != 0);
+        if over && self.next > self.told() {
             return self.decide(input, context, true);
         }
         None
@@ -311,16 +313,20 @@ impl Search {
             let mut known = None;
             for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
                 let junk = start - node.end;
+                let strays = (1..costs::MAY_HOLD_A_FRAME).contains(&junk);
                 let begun = begun.is_some_and(|place| place >= node.end);
                 let key = (node.pending, junk >= costs::MAY_HOLD_A_FRAME, begun);
                 let (around, answered) = match known {
-                    Some((before, worth)) if before == key => worth,
+                    Some((before, worth)) if before == key && !strays => worth,
                     _ => {
                         let open = self.requests.open(node.pending);
+                        // Strays on a line that is silent otherwise do not make the silence shorter.
+                        let strays = strays && node.end >= input.offset();
+                        let pause = if strays { (context.pause)(input.quiet_since(node.end, from)) } else { pause };
                         gain::context(&self.model, context, open, frame, direction, pause, (junk, begun))
                     }
                 };
-                known = Some((key, (around, answered)));
+                known = (!strays).then_some((key, (around, answered)));
                 let gain = own + timing - told + around;
                 let score = node.score - self.model.between(start - node.end) + gain;
                 let slot = &mut best[usize::from(answered)];

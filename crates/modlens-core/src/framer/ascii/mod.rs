@@ -1,5 +1,7 @@
 //! ASCII: colon, hex characters, LRC, CR LF (serial line specification, 2.5.2).
 
+mod autopsy;
+
 use memchr::{memchr, memchr3_iter};
 
 use crate::checksum::lrc;
@@ -73,9 +75,21 @@ impl Ascii {
         }
     }
 
-    fn noise(input: &Input) -> Option<Cut> {
+    /// What begins with no colon: noise, or a frame that lacks its colon.
+    fn noise(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
         let bytes = input.bytes();
         let there = &bytes[..bytes.len().min(NOISE_LIMIT)];
+        match autopsy::headless(there, input.closed) {
+            Some(found) if found.start > 0 => return Some(Cut::noise(found.start, CutBy::Restart)),
+            Some(found) => {
+                let whole = decode_hex(&there[found.text..found.text_end], adu) && found.whole;
+                adu.truncate(adu.len() - usize::from(whole));
+                let direction = autopsy::direction(context, adu);
+                let cut = Cut::noise(found.end, CutBy::Delimiter);
+                return Some(Cut { verdict: Verdict::Incomplete, direction, harm: found.harm, ..cut });
+            }
+            None => {}
+        }
         if let Some(edge) = input.edge_after(0, there.len(), CHARACTER_TIMEOUT) {
             let colon = memchr(b':', &there[..edge]);
             return Some(colon.map_or(Cut::noise(edge, CutBy::Silence), |at| Cut::noise(at, CutBy::Restart)));
@@ -95,7 +109,12 @@ impl Ascii {
         cut.finding = end.finding;
         let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
         if !no_checksum && end.cut_by != CutBy::Delimiter && !(hex && adu.len() > 2 && lrc(adu) == 0) {
+            cut.direction = autopsy::direction(context, adu);
             return cut;
+        }
+        if let Some(harm) = autopsy::lost(text).filter(|_| !no_checksum) {
+            let direction = autopsy::direction(context, adu);
+            return Cut { direction, harm: Some(harm), ..cut };
         }
         cut.verdict = match hex {
             true if no_checksum => Verdict::NoChecksum,
@@ -115,6 +134,8 @@ impl Ascii {
             if let [_, 8, 0, 3, delimiter, ..] = adu[..] {
                 self.delimiter = delimiter;
             }
+        } else {
+            cut.direction = autopsy::direction(context, adu);
         }
         cut
     }
@@ -138,7 +159,7 @@ impl Framer for Ascii {
                 let end = self.end(input)?;
                 Some(self.frame(input, context, &end, adu))
             }
-            _ => Self::noise(input),
+            _ => Self::noise(input, context, adu),
         }
     }
 
