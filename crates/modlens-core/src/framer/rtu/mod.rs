@@ -177,7 +177,6 @@ impl Rtu {
         let offset = input.offset();
         if self.dissected < to {
             self.dissected = to;
-            self.search.model.polls.refresh();
             self.pieces = self.dissect(input, context, (to - offset) as usize);
         }
         let region = (to - offset) as usize;
@@ -210,7 +209,6 @@ impl Rtu {
     /// A frame with a wrong checksum that the search found by its length, and what happened to it.
     fn spoilt(&mut self, input: &Input, context: &Context<'_>, length: usize, direction: Direction, adu: &mut Vec<u8>) -> Cut {
         let wire = &input.bytes()[..length];
-        self.search.model.polls.refresh();
         let model = &self.search.model;
         let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence: self.silence(input) };
         if let Some(piece) = scene.pieces().iter().find(|piece| (piece.start, piece.end) == (0, length)) {
