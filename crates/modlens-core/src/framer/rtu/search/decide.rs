@@ -2,14 +2,16 @@
 
 use std::ops::Range;
 
+use crate::checksum::crc_valid_at;
 use crate::direction::Direction;
-use crate::framer::rtu::announced;
+use crate::framer::rtu::certain::{Certain, Length};
 use crate::framer::rtu::costs::Setting;
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;
 use crate::framer::rtu::search::paths::{Node, KEPT};
 use crate::framer::rtu::search::{copy, learn, Search, Told};
+use crate::framer::rtu::{announced, LONGEST};
 use crate::framer::Context;
 use crate::functions::Extent;
 use crate::input::Input;
@@ -173,26 +175,28 @@ impl Search {
         let base = input.offset();
         let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
         let asked = node.pending.asked.map(|slot| self.requests.get(slot));
-        let header = gain::header(&self.model, context, asked, seen).filter(|header| way + header.gain > bar)?;
+        let header = gain::header(&self.model, context, asked, seen, false).filter(|header| way + header.gain > bar)?;
         Some(start + header.until)
     }
 
-    /// Whether a frame may have begun with one of some strays that would outweigh the sure one behind them.
-    pub fn may_begin_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> bool {
+    /// A frame that has begun with one of some strays and would outweigh the sure one behind them, if there is one.
+    pub fn begins_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> Certain {
         let root = &self.nodes[0];
-        let bytes = &input.bytes()[..strays + length];
-        (0..strays).any(|at| {
+        let asked = root.pending.asked.map(|slot| self.requests.get(slot));
+        for at in 0..strays {
             let due = if at == 0 { DUE } else { 0.0 };
             let way = due - self.model.between(at as u64);
-            let asked = root.pending.asked.map(|slot| self.requests.get(slot));
-            // What a function of any length holds may look like a frame.
-            let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
-            let holds =
-                context.known_units[usize::from(bytes[at])] && announced(context, &bytes[at..]).into_iter().any(any_length);
-            holds
-                || gain::header(&self.model, context, asked, &bytes[at..])
-                    .is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD)
-        })
+            let seen = &input.bytes()[at..strays + length];
+            // What a function of any length holds may look like a frame, one that is new to this line as well.
+            let header = gain::header(&self.model, context, asked, seen, context.known_units[usize::from(seen[0])]);
+            if header.is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD) {
+                match whole_at(input, context, at) {
+                    Certain::No => {}
+                    found => return found,
+                }
+            }
+        }
+        Certain::No
     }
 
     /// Tells a frame: it becomes the root of all that is left.
@@ -261,4 +265,22 @@ impl Search {
         let same = |node: &Node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction;
         self.nodes.iter().any(|node| same(node) && self.standing(node) > bar)
     }
+}
+
+/// Whether a frame of a length that its header announces begins at this place, its checksum right.
+fn whole_at(input: &Input, context: &Context<'_>, at: usize) -> Certain {
+    let bytes = &input.bytes()[at..];
+    for (_, extent) in announced(context, bytes).into_iter().flatten() {
+        let (Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length)) = extent;
+        if length > LONGEST || input.edge_after(at, at + length.min(bytes.len()) - 1, input.break_ns).is_some() {
+            continue;
+        }
+        match extent {
+            Extent::Open(_) => return Certain::Frame(Length::at_least(length)),
+            _ if length > bytes.len() && !input.closed => return Certain::Wait,
+            Extent::Exactly(_) if crc_valid_at(bytes, length) => return Certain::Frame(Length::exactly(length)),
+            _ => {}
+        }
+    }
+    Certain::No
 }
