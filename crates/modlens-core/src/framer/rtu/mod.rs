@@ -16,6 +16,7 @@ mod polls;
 mod routine;
 mod search;
 mod shapes;
+mod sift;
 
 use std::collections::VecDeque;
 

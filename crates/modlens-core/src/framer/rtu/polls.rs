@@ -1,6 +1,7 @@
 //! Requests that come again and again: a master's poll cycle.
 
 use crate::framer::rtu::index::{Index, Set, MOST};
+use crate::framer::rtu::sift::{Costs, Sift};
 
 /// Places in the dictionary of requests seen.
 const SEEN: usize = 1024;
@@ -23,6 +24,7 @@ pub struct Polls {
     /// The places of those that came again, the latest last.
     places: Vec<u16>,
     index: Index,
+    sift: Sift,
 }
 
 impl Default for Polls {
@@ -32,6 +34,7 @@ impl Default for Polls {
             texts: vec![[0; SHORT]; SEEN].into_boxed_slice(),
             places: Vec::new(),
             index: Index::default(),
+            sift: Sift::default(),
         }
     }
 }
@@ -75,8 +78,11 @@ impl Polls {
             if self.places.len() == MOST {
                 self.places.remove(0);
                 self.index.shift();
+                self.sift.shift();
             }
-            self.index.add(self.places.len(), text(&self.texts[slot]));
+            let (at, frame) = (self.places.len(), text(&self.texts[slot]));
+            self.index.add(at, frame);
+            self.sift.add(at, frame);
             self.places.push(place);
         }
     }
@@ -87,6 +93,7 @@ impl Polls {
         let bytes = &mut self.texts[slot];
         if let Some(at) = listed {
             self.index.remove(at, text(bytes));
+            self.sift.remove(at, text(bytes));
         }
         bytes[0] = 0;
         if frame.len() < SHORT {
@@ -95,6 +102,7 @@ impl Polls {
         }
         if let Some(at) = listed {
             self.index.add(at, text(bytes));
+            self.sift.add(at, text(bytes));
         }
     }
 
@@ -103,9 +111,12 @@ impl Polls {
         text(&self.texts[usize::from(self.places[at])])
     }
 
-    /// Those that may begin here.
-    pub fn possible(&self, bytes: &[u8]) -> Set {
-        self.index.possible(bytes)
+    /// Those that may begin here, and be worth `need` bits once `costs` are paid; `bits` says what a byte is worth.
+    pub fn possible(&self, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
+        match self.index.possible(bytes) {
+            0 => 0,
+            some => self.sift.likely(some, bytes, bits, need, costs),
+        }
     }
 }
 
