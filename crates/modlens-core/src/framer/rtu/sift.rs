@@ -15,6 +15,9 @@ const PARTS: f32 = 1.5;
 /// Bits of a sum: nine bytes of fourteen parts each.
 const PLANES: usize = 7;
 
+/// Bytes that are worth less agree with much.
+const CHEAP: f32 = 5.0;
+
 /// What happened to a frame, and the bits that saying so takes.
 pub struct Costs {
     /// Bytes missing in front.
@@ -80,35 +83,69 @@ impl Sift {
         self.others >>= 1;
     }
 
+    /// Those that have this byte here, further on, before, or with more bits.
+    fn near(&self, at: usize, byte: u8) -> [Set; 4] {
+        let byte = usize::from(byte);
+        let equal = |place: usize| self.equal.get(place).map_or(0, |sets| sets[byte]);
+        let later = (at + 1..=at + MOST_LOST).fold(0, |set, place| set | equal(place));
+        let before = at.checked_sub(1).map_or(0, equal);
+        [equal(at), later, before, self.cover.get(at).map_or(0, |sets| sets[byte])]
+    }
+
+    /// Those with which so many of the dear bytes agree somehow as `need` bits take, whatever the cheap ones do.
+    fn hopeful(&self, among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32) -> Set {
+        let (mut left, mut dear) = (need, 0.0f32);
+        let (mut one, mut two, mut three) = (0, 0, 0);
+        for (at, &byte) in bytes.iter().enumerate() {
+            let worth = bits(byte);
+            if worth < CHEAP {
+                left -= worth;
+                continue;
+            }
+            dear = dear.max(worth);
+            let agree = self.near(at, byte).iter().fold(0, |sets, set| sets | set);
+            three |= two & agree;
+            two |= one & agree;
+            one |= agree;
+        }
+        let enough = if left <= 0.0 {
+            Set::MAX
+        } else if left <= dear {
+            one
+        } else if left <= 2.0 * dear {
+            two
+        } else {
+            three
+        };
+        among & enough
+    }
+
     /// Those of `among` that may be found where these bytes begin with at least `need` bits.
     pub fn likely(&self, among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
-        let rest = among & !self.others;
-        if rest == 0 {
-            return among;
-        }
         let bytes = &bytes[..bytes.len().min(LENGTH + 1)];
-        let equal = |place: usize, byte: u8| self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)]);
+        let rest = self.hopeful(among & !self.others, bytes, &bits, need);
+        if rest == 0 {
+            return among & self.others;
+        }
         let (mut straight, mut head, mut inside, mut collided) = (Sum::default(), Sum::default(), Sum::default(), Sum::default());
         for (at, &byte) in bytes.iter().enumerate() {
             let worth = parts(bits(byte));
-            let here = equal(at, byte);
-            let later = (1..=MOST_LOST).fold(0, |set, lost| set | equal(at + lost, byte));
-            let before = if at > 0 { equal(at - 1, byte) } else { 0 };
+            let [here, later, before, cover] = self.near(at, byte);
             straight.add(here, worth);
             head.add(later, worth);
             inside.add(here | later | before, worth);
             collided.add(here, worth);
             // Of a byte that lost bits, one at least is gone; a zero may have been any.
-            let cover = self.cover.get(at).map_or(0, |sets| sets[usize::from(byte)]);
             collided.add(cover & !here, parts(bits(byte) - 0.5 - byte.count_ones().max(1) as f32));
         }
-        let begins = bytes.first().map_or(0, |&byte| equal(0, byte));
+        let begins = bytes.first().map_or(0, |&byte| self.equal[0][usize::from(byte)]);
         let inside = inside.at_least(need + costs.inside) | collided.at_least(need + costs.collided);
         let found = straight.at_least(need) | head.at_least(need + costs.head) | begins & inside;
         among & self.others | rest & found
     }
 }
 
+/// Parts of so many bits, rounded up.
 fn parts(bits: f32) -> u32 {
     if bits > 0.0 {
         (PARTS * bits) as u32 + 1
