@@ -9,6 +9,7 @@ mod bits;
 mod certain;
 mod costs;
 mod gain;
+mod hints;
 mod index;
 mod join;
 mod pending;

@@ -83,75 +83,61 @@ impl Sift {
         self.others >>= 1;
     }
 
-    /// Those that have this byte here, further on, before, or with more bits.
-    fn near(&self, at: usize, byte: u8) -> [Set; 4] {
-        let byte = usize::from(byte);
-        let equal = |place: usize| self.equal.get(place).map_or(0, |sets| sets[byte]);
-        let later = (at + 1..=at + MOST_LOST).fold(0, |set, place| set | equal(place));
-        let before = at.checked_sub(1).map_or(0, equal);
-        [equal(at), later, before, self.cover.get(at).map_or(0, |sets| sets[byte])]
-    }
-
-    /// Those with which so many of the dear bytes agree somehow as `need` bits take, whatever the cheap ones do.
-    fn hopeful(&self, among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32) -> Set {
-        let (mut left, mut dear) = (need, 0.0f32);
-        let (mut one, mut two, mut three) = (0, 0, 0);
-        for (at, &byte) in bytes.iter().enumerate() {
-            let worth = bits(byte);
-            if worth < CHEAP {
-                left -= worth;
-                continue;
-            }
-            dear = dear.max(worth);
-            let agree = self.near(at, byte).iter().fold(0, |sets, set| sets | set);
-            three |= two & agree;
-            two |= one & agree;
-            one |= agree;
-        }
-        let enough = if left <= 0.0 {
-            Set::MAX
-        } else if left <= dear {
-            one
-        } else if left <= 2.0 * dear {
-            two
-        } else {
-            three
-        };
-        among & enough
-    }
-
     /// Those of `among` that may be found where these bytes begin with at least `need` bits.
     pub fn likely(&self, among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
+        let rest = among & !self.others;
         let bytes = &bytes[..bytes.len().min(LENGTH + 1)];
-        let rest = self.hopeful(among & !self.others, bytes, &bits, need);
-        if rest == 0 {
-            return among & self.others;
-        }
-        let (mut straight, mut head, mut inside, mut collided) = (Sum::default(), Sum::default(), Sum::default(), Sum::default());
-        for (at, &byte) in bytes.iter().enumerate() {
-            let worth = parts(bits(byte));
-            let [here, later, before, cover] = self.near(at, byte);
-            straight.add(here, worth);
-            head.add(later, worth);
-            inside.add(here | later | before, worth);
-            collided.add(here, worth);
-            // Of a byte that lost bits, one at least is gone; a zero may have been any.
-            collided.add(cover & !here, parts(bits(byte) - 0.5 - byte.count_ones().max(1) as f32));
-        }
-        let begins = bytes.first().map_or(0, |&byte| self.equal[0][usize::from(byte)]);
-        let inside = inside.at_least(need + costs.inside) | collided.at_least(need + costs.collided);
-        let found = straight.at_least(need) | head.at_least(need + costs.head) | begins & inside;
-        among & self.others | rest & found
+        let Some(&first) = bytes.first().filter(|_| rest != 0) else { return among };
+        let equal = |place: usize, byte: u8| self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)]);
+        let later = |at: usize, byte: u8| (at + 1..=at + MOST_LOST).fold(0, |set, place| set | equal(place, byte));
+        let around = |at: usize, byte: u8| later(at, byte) | equal(at, byte) | at.checked_sub(1).map_or(0, |at| equal(at, byte));
+        let cover = |at: usize, byte: u8| self.cover.get(at).map_or(0, |sets| sets[usize::from(byte)]);
+        // Nothing that happens inside is recognised without the first byte, and no lost beginning without two behind it.
+        let begins = rest & equal(0, first);
+        let pair = |second: u8| (1..=MOST_LOST).fold(0, |set, head| set | equal(head, first) & equal(head + 1, second));
+        let headless = bytes.get(1).map_or(0, |&second| rest & pair(second));
+        let straight = worth(rest, bytes, &bits, need, equal);
+        let headless = worth(headless, bytes, &bits, need + costs.head, later);
+        let inside = worth(begins, bytes, &bits, need + costs.inside, around);
+        let collided = worth(begins, bytes, &bits, need + costs.collided, cover);
+        among & self.others | straight | headless | inside | collided
     }
 }
 
-/// Parts of so many bits, rounded up.
-fn parts(bits: f32) -> u32 {
-    if bits > 0.0 {
-        (PARTS * bits) as u32 + 1
-    } else {
-        0
+/// Those of `among` with which bytes agree that may be worth so many bits.
+fn worth(among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, agree: impl Fn(usize, u8) -> Set) -> Set {
+    if among == 0 {
+        return 0;
     }
+    // Nearly everywhere too few bytes agree, whatever the cheap ones do.
+    let (mut left, mut dear) = (need, 0.0f32);
+    let (mut one, mut two, mut three) = (0, 0, 0);
+    for (at, &byte) in bytes.iter().enumerate() {
+        let worth = bits(byte);
+        if worth < CHEAP {
+            left -= worth;
+            continue;
+        }
+        dear = dear.max(worth);
+        let agree = agree(at, byte);
+        three |= two & agree;
+        two |= one & agree;
+        one |= agree;
+    }
+    let enough = match left {
+        _ if left <= 0.0 => Set::MAX,
+        _ if left <= dear => one,
+        _ if left <= 2.0 * dear => two,
+        _ => three,
+    };
+    if among & enough == 0 {
+        return 0;
+    }
+    let mut sum = Sum::default();
+    for (at, &byte) in bytes.iter().enumerate() {
+        sum.add(agree(at, byte), (PARTS * bits(byte)) as u32 + 1);
+    }
+    among & enough & sum.at_least(need)
 }
 
 /// A sum for each of 64 requests.

@@ -13,7 +13,7 @@ use crate::framer::rtu::search::paths::{Node, KEPT};
 use crate::framer::rtu::search::{copy, learn, Search, Told};
 use crate::framer::rtu::{announced, LONGEST};
 use crate::framer::Context;
-use crate::functions::Extent;
+use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
 
 /// The chance of telling a frame too early is about 2 to the minus this.
@@ -34,6 +34,9 @@ const LOOK_ALIKE: f32 = 40.0;
 
 /// What it is worth for a frame that has begun to have begun right behind another one.
 const DUE: f32 = 14.0;
+
+/// Sums of the same numbers in another order differ by less.
+const ROUNDING: f32 = 0.01;
 
 /// No header is worth more.
 const MOST_HEADER: f32 = 60.0;
@@ -57,9 +60,6 @@ impl Search {
         let (best, standing) = self.best();
         let first = self.nodes[best].first;
         let moving = self.next < self.nodes[self.nodes.len() - 1].end + STILL;
-        if moving {
-            self.cleared = 0;
-        }
         let until = if first == 0 {
             let limit = self.told() + NOISE;
             if closed || self.next > limit + REACH {
@@ -111,11 +111,22 @@ impl Search {
             return Some(reach);
         }
         let begun = standing - if context.ahead { THREAT_AHEAD } else { THETA };
-        self.threatened_until(input, context, first, begun).map(|until| until.min(reach))
+        // The further it stands back, the less it is worth, as far as that goes.
+        let behind = self.next - self.nodes[best].end;
+        let least = begun - (self.model.astray(behind.max(STILL)) - self.model.astray(behind)) - ROUNDING;
+        self.threatened_until(input, context, first, (begun, least)).map(|until| until.min(reach))
     }
 
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
-    fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> Option<u64> {
+    ///
+    /// It has to come above the first of the bars; that one will not fall below the second as long as the paths stand.
+    fn threatened_until(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        first: usize,
+        (bar, least): (f32, f32),
+    ) -> Option<u64> {
         let frame = &self.nodes[first];
         // What begins inside a sure one is no threat to it; but behind strays it may itself stand inside a longer one.
         if frame.gain >= SURE && frame.start == self.told() {
@@ -129,7 +140,7 @@ impl Search {
             let until = if counts { self.promises(input, context, behind, start, bar) } else { None };
             Some((node, start, until?))
         });
-        let found = known.or_else(|| self.find_threat(input, context, first, within, bar));
+        let found = known.or_else(|| self.find_threat(input, context, first, within, (bar, least)));
         self.threat = found.map(|(node, start, _)| (node, start));
         found.map(|(_, start, until)| until.min(start + REACH + 1))
     }
@@ -140,14 +151,22 @@ impl Search {
         context: &Context<'_>,
         first: usize,
         within: Range<u64>,
-        bar: f32,
+        (bar, least): (f32, f32),
     ) -> Option<(usize, u64, u64)> {
         let mut quiet = true;
+        let top = self.nodes.iter().map(|node| node.score).fold(f32::MIN, f32::max) + ROUNDING;
         for start in within.start.max(self.cleared)..within.end {
+            if self.claims_too_little(input, context, start, least - top) {
+                continue;
+            }
             for node in 0..self.nodes.len() {
+                if self.promises(input, context, &self.nodes[node], start, least).is_none() {
+                    continue;
+                }
                 if let Some(until) = self.promises(input, context, &self.nodes[node], start, bar) {
                     return Some((node, start, until));
                 }
+                quiet = false;
             }
             // With so many bytes of a header seen, it is worth no more later.
             quiet &= start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
@@ -159,6 +178,16 @@ impl Search {
         let rivals = (1..self.nodes.len()).filter(|&i| self.nodes[i].first != first);
         let mut rivals = rivals.map(|i| (i, self.nodes[i].end));
         rivals.find_map(|(i, end)| Some((i, end, self.promises(input, context, &self.nodes[i], end, bar)?)))
+    }
+
+    /// Whether no frame that begins at this place may claim so many bits, whatever stands in it, unless it is an answer.
+    fn claims_too_little(&mut self, input: &Input, context: &Context<'_>, start: u64, bits: f32) -> bool {
+        let Some(&[unit, code, ..]) = input.bytes().get((start - input.offset()) as usize..(self.next - input.offset()) as usize) else {
+            return false;
+        };
+        let way = if self.nodes.iter().any(|node| node.end == start) { DUE } else { -self.model.between(1) };
+        let asks = |node: &Node| node.pending.asked.is_some_and(|slot| self.requests.get(slot).is_of(unit, code & !EXCEPTION_BIT));
+        way + self.model.claims_at_most(context.functions, unit, code) <= bits && !self.nodes.iter().any(asks)
     }
 
     /// Whether a frame that has begun at `start`, behind this node, may come out above the bar: at least up to there.

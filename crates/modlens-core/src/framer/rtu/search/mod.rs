@@ -236,7 +236,7 @@ impl Search {
             self.next = self.told();
             self.nodes[0].wake = self.told() + SHORTEST_DAMAGED;
             self.model.settle();
-            (self.wake, self.calm, self.threat) = (self.nodes[0].wake, 0, None);
+            (self.wake, self.calm, self.cleared, self.threat) = (self.nodes[0].wake, 0, 0, None);
             self.running = true;
         }
         let base = input.offset();
@@ -268,7 +268,7 @@ impl Search {
             }
             self.found = found;
             if self.nodes.len() > before {
-                (self.calm, self.cleared) = (0, 0);
+                self.calm = 0;
             }
             if self.next >= self.calm {
                 if let Some(told) = self.decide(input, context, false) {
