@@ -156,10 +156,8 @@ impl Search {
         let mut quiet = true;
         let top = self.nodes.iter().map(|node| node.score).fold(f32::MIN, f32::max) + ROUNDING;
         for start in within.start.max(self.cleared)..within.end {
-            if self.claims_too_little(input, context, start, least - top) {
-                continue;
-            }
-            for node in 0..self.nodes.len() {
+            let nodes = if self.claims_too_little(input, context, start, least - top) { 0 } else { self.nodes.len() };
+            for node in 0..nodes {
                 if self.promises(input, context, &self.nodes[node], start, least).is_none() {
                     continue;
                 }
@@ -169,7 +167,7 @@ impl Search {
                 quiet = false;
             }
             // With so many bytes of a header seen, it is worth no more later.
-            quiet &= start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
+            quiet &= nodes == 0 || start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
             if quiet {
                 self.cleared = start + 1;
             }
@@ -185,9 +183,11 @@ impl Search {
         let Some(&[unit, code, ..]) = input.bytes().get((start - input.offset()) as usize..(self.next - input.offset()) as usize) else {
             return false;
         };
-        let way = if self.nodes.iter().any(|node| node.end == start) { DUE } else { -self.model.between(1) };
+        let claims = self.model.claims_at_most(context.functions, unit, code);
+        let due = || self.nodes.iter().any(|node| node.end == start);
+        let little = claims + DUE <= bits || (claims - self.model.between(1) <= bits && !due());
         let asks = |node: &Node| node.pending.asked.is_some_and(|slot| self.requests.get(slot).is_of(unit, code & !EXCEPTION_BIT));
-        way + self.model.claims_at_most(context.functions, unit, code) <= bits && !self.nodes.iter().any(asks)
+        little && !self.nodes.iter().any(asks)
     }
 
     /// Whether a frame that has begun at `start`, behind this node, may come out above the bar: at least up to there.
