@@ -111,12 +111,19 @@ impl Polls {
         text(&self.texts[usize::from(self.places[at])])
     }
 
-    /// Those that may begin here, and be worth `need` bits once `costs` are paid; `bits` says what a byte is worth.
-    pub fn possible(&self, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
-        match self.index.possible(bytes) {
-            0 => 0,
-            some => self.sift.likely(some, bytes, bits, need, costs),
-        }
+    /// Whether none came again yet.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Those that may begin here.
+    pub fn possible(&self, bytes: &[u8]) -> Set {
+        self.index.possible(bytes)
+    }
+
+    /// Those of them that are worth `need` bits once `costs` are paid; `bits` says what a byte is worth.
+    pub fn likely(&self, possible: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
+        self.sift.likely(possible, bytes, bits, need, costs)
     }
 }
 

@@ -142,15 +142,10 @@ impl Scene<'_, '_> {
             values.add(&template.bytes);
         }
         let mut candidates = Vec::new();
-        for start in 0..self.length {
-            if start == NEAR && self.length > 2 * NEAR {
-                continue;
-            }
-            if (NEAR..self.length.saturating_sub(NEAR)).contains(&start) {
-                continue;
-            }
+        let near_the_end = NEAR.max(self.length.saturating_sub(NEAR));
+        for start in (0..NEAR.min(self.length)).chain(near_the_end..self.length) {
             let bytes = &self.bytes()[start..];
-            if values.admit(bytes) {
+            if !around.is_empty() && values.admit(bytes) {
                 self.expected(&around, start, &mut candidates);
             }
             self.candidates(start, &mut candidates);
@@ -222,9 +217,14 @@ impl Scene<'_, '_> {
     /// What the poll cycle, and the units and functions of the line let one expect.
     fn candidates(&self, start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
-        let need = ENOUGH + self.place(start) - ENDS_WELL + template::POLL;
-        for at in members(self.model.polls.possible(bytes, |byte| self.model.bits(byte), need, &align::COSTS)) {
-            candidates.extend(self.candidate(&template::poll(self.model.polls.get(at)), start));
+        let polls = &self.model.polls;
+        let mut likely = if polls.is_empty() { 0 } else { polls.possible(bytes) };
+        if likely != 0 {
+            let need = ENOUGH + self.place(start) - ENDS_WELL + template::POLL;
+            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &align::COSTS);
+        }
+        for at in members(likely) {
+            candidates.extend(self.candidate(&template::poll(polls.get(at)), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
             candidates.extend([REQUEST, RESPONSE].into_iter().filter_map(|direction| self.stranger(start, direction)));

@@ -120,13 +120,7 @@ impl Search {
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
     ///
     /// It has to come above the first of the bars; that one will not fall below the second as long as the paths stand.
-    fn threatened_until(
-        &mut self,
-        input: &Input,
-        context: &Context<'_>,
-        first: usize,
-        (bar, least): (f32, f32),
-    ) -> Option<u64> {
+    fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, (bar, least): (f32, f32)) -> Option<u64> {
         let frame = &self.nodes[first];
         // What begins inside a sure one is no threat to it; but behind strays it may itself stand inside a longer one.
         if frame.gain >= SURE && frame.start == self.told() {
@@ -167,7 +161,8 @@ impl Search {
                 quiet = false;
             }
             // With so many bytes of a header seen, it is worth no more later.
-            quiet &= nodes == 0 || start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
+            quiet &= nodes == 0
+                || start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
             if quiet {
                 self.cleared = start + 1;
             }
@@ -180,13 +175,15 @@ impl Search {
 
     /// Whether no frame that begins at this place may claim so many bits, whatever stands in it, unless it is an answer.
     fn claims_too_little(&mut self, input: &Input, context: &Context<'_>, start: u64, bits: f32) -> bool {
-        let Some(&[unit, code, ..]) = input.bytes().get((start - input.offset()) as usize..(self.next - input.offset()) as usize) else {
+        let Some(&[unit, code, ..]) = input.bytes().get((start - input.offset()) as usize..(self.next - input.offset()) as usize)
+        else {
             return false;
         };
         let claims = self.model.claims_at_most(context.functions, unit, code);
         let due = || self.nodes.iter().any(|node| node.end == start);
         let little = claims + DUE <= bits || (claims - self.model.between(1) <= bits && !due());
-        let asks = |node: &Node| node.pending.asked.is_some_and(|slot| self.requests.get(slot).is_of(unit, code & !EXCEPTION_BIT));
+        let asks =
+            |node: &Node| node.pending.asked.is_some_and(|slot| self.requests.get(slot).is_of(unit, code & !EXCEPTION_BIT));
         little && !self.nodes.iter().any(asks)
     }
 

@@ -114,7 +114,8 @@ impl Search {
         let first = self.nodes[self.best().0].first;
         let frame = &self.nodes[first];
         let start = self.told() + strays as u64;
-        (first == 0 && strays == 0) || (frame.start, frame.end, frame.direction) == (start, start + length.bytes() as u64, direction)
+        (first == 0 && strays == 0)
+            || (frame.start, frame.end, frame.direction) == (start, start + length.bytes() as u64, direction)
     }
 
     /// Who sent the frame that was told last.
@@ -289,6 +290,9 @@ impl Search {
         }
         let (from, to) = ((start - input.offset()) as usize, (self.next - input.offset()) as usize);
         let frame = &input.bytes()[from..to];
+        if gain::is_none(frame) {
+            return;
+        }
         let timing = timing(input, from, to, silence);
         let said = context.said_at(input, from);
         let pause = (context.pause)(input.pause_before(from));
