@@ -6,8 +6,14 @@
 
 use crate::framer::rtu::index::{Set, MOST_LOST};
 
-/// The length of nearly all requests that are polled; others are not sifted.
+/// The length of nearly all requests that are polled. Longer ones are judged by so many of their bytes.
 const LENGTH: usize = 8;
+
+/// Shorter ones are not sifted: one byte is enough to find what is left of them.
+const SHORTEST: usize = 5;
+
+/// A long request is followed on if its first bytes are worth so many bits.
+const BEGUN: f32 = 11.0;
 
 /// Parts of a bit that are counted.
 const PARTS: f32 = 1.5;
@@ -33,13 +39,15 @@ pub struct Sift {
     equal: Box<[[Set; 256]; LENGTH]>,
     /// Those that have its bits there, and perhaps more.
     cover: Box<[[Set; 256]; LENGTH]>,
-    /// Those of another length.
-    others: Set,
+    /// Those that are too short.
+    short: Set,
+    /// Those that have more bytes.
+    long: Set,
 }
 
 impl Default for Sift {
     fn default() -> Self {
-        Self { equal: Box::new([[0; 256]; LENGTH]), cover: Box::new([[0; 256]; LENGTH]), others: 0 }
+        Self { equal: Box::new([[0; 256]; LENGTH]), cover: Box::new([[0; 256]; LENGTH]), short: 0, long: 0 }
     }
 }
 
@@ -56,11 +64,14 @@ impl Sift {
 
     fn change(&mut self, at: usize, frame: &[u8], change: impl Fn(Set, Set) -> Set) {
         let one = 1 << at;
-        if frame.len() != LENGTH {
-            self.others = change(self.others, one);
+        if frame.len() < SHORTEST {
+            self.short = change(self.short, one);
             return;
         }
-        for (place, &byte) in frame.iter().enumerate() {
+        if frame.len() > LENGTH {
+            self.long = change(self.long, one);
+        }
+        for (place, &byte) in frame.iter().enumerate().take(LENGTH) {
             let put = |sets: &mut [Set; 256], value: u8| {
                 let set = &mut sets[usize::from(value)];
                 *set = change(*set, one);
@@ -80,14 +91,20 @@ impl Sift {
     /// Forgets the first request: each of the others takes the number before its own.
     pub fn shift(&mut self) {
         self.equal.iter_mut().chain(self.cover.iter_mut()).flatten().for_each(|set| *set >>= 1);
-        self.others >>= 1;
+        self.short >>= 1;
+        self.long >>= 1;
     }
 
     /// Those of `among` that may be found where these bytes begin with at least `need` bits.
     pub fn likely(&self, among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
-        let rest = among & !self.others;
+        let (short, long) = (among & self.short, among & self.long);
+        let whole = among & !short & !long;
         let bytes = &bytes[..bytes.len().min(LENGTH + 1)];
-        let Some(&first) = bytes.first().filter(|_| rest != 0) else { return among };
+        short | self.sifted(whole, bytes, &bits, need, costs) | self.sifted(long, bytes, &bits, need.min(BEGUN), costs)
+    }
+
+    fn sifted(&self, rest: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
+        let Some(&first) = bytes.first().filter(|_| rest != 0) else { return 0 };
         let equal = |place: usize, byte: u8| self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)]);
         let later = |at: usize, byte: u8| (at + 1..=at + MOST_LOST).fold(0, |set, place| set | equal(place, byte));
         let around = |at: usize, byte: u8| later(at, byte) | equal(at, byte) | at.checked_sub(1).map_or(0, |at| equal(at, byte));
@@ -100,7 +117,7 @@ impl Sift {
         let headless = worth(headless, bytes, &bits, need + costs.head, later);
         let inside = worth(begins, bytes, &bits, need + costs.inside, around);
         let collided = worth(begins, bytes, &bits, need + costs.collided, cover);
-        among & self.others | straight | headless | inside | collided
+        straight | headless | inside | collided
     }
 }
 
