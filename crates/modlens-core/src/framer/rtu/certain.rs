@@ -52,8 +52,7 @@ impl Length {
         Self((length as u32) << 2 | Self::EXACT)
     }
 
-    /// So many, or more.
-    pub fn at_least(length: usize) -> Self {
+    fn at_least(length: usize) -> Self {
         Self((length as u32) << 2)
     }
 

@@ -233,9 +233,7 @@ pub fn most_of_a_header(context: &Context<'_>, frame: &[u8]) -> u64 {
 }
 
 /// What the header of an unfinished frame may claim, if the frame can still go on beyond `seen` bytes.
-///
-/// A function of any length that is not familiar counts if `new` ones may come.
-pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8], new: bool) -> Option<Header> {
+pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8]) -> Option<Header> {
     if seen.len() < 2 {
         return Some(Header { gain: model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH, until: 2 });
     }
@@ -251,7 +249,7 @@ pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, see
                 until = until.min(length as u64);
                 0.0
             }
-            Extent::Open(_) if !(new || model.familiar(unit, code, index)) => continue,
+            Extent::Open(_) if !model.familiar(unit, code, index) => continue,
             Extent::Open(_) => costs::OPEN_LENGTH,
         };
         let gain = claim(model, context, row, seen, index) - open

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::checksum::crc_valid_at;
+use crate::checksum::{crc_valid_at, step, update, INIT};
 use crate::direction::Direction;
 use crate::framer::rtu::certain::{Certain, Length};
 use crate::framer::rtu::costs::Setting;
@@ -201,7 +201,7 @@ impl Search {
         let base = input.offset();
         let seen = &input.bytes()[(start - base) as usize..(self.next - base) as usize];
         let asked = node.pending.asked.map(|slot| self.requests.get(slot));
-        let header = gain::header(&self.model, context, asked, seen, false).filter(|header| way + header.gain > bar)?;
+        let header = gain::header(&self.model, context, asked, seen).filter(|header| way + header.gain > bar)?;
         Some(start + header.until)
     }
 
@@ -213,10 +213,12 @@ impl Search {
             let due = if at == 0 { DUE } else { 0.0 };
             let way = due - self.model.between(at as u64);
             let seen = &input.bytes()[at..strays + length];
-            // What a function of any length holds may look like a frame, one that is new to this line as well.
-            let header = gain::header(&self.model, context, asked, seen, context.known_units[usize::from(seen[0])]);
-            if header.is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD) {
-                match whole_at(input, context, at) {
+            // What a function of any length holds may look like a frame, where it is new to this line as well.
+            let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
+            let holds = context.known_units[usize::from(seen[0])] && announced(context, seen).into_iter().any(any_length);
+            let header = || gain::header(&self.model, context, asked, seen);
+            if holds || header().is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD) {
+                match whole_at(input, context, at, strays + length) {
                     Certain::No => {}
                     found => return found,
                 }
@@ -293,20 +295,36 @@ impl Search {
     }
 }
 
-/// Whether a frame of a length that its header announces begins at this place, its checksum right.
-fn whole_at(input: &Input, context: &Context<'_>, at: usize) -> Certain {
+/// The frame with a right checksum that begins at this place and reaches beyond `to`, of a length that its header admits.
+fn whole_at(input: &Input, context: &Context<'_>, at: usize, to: usize) -> Certain {
     let bytes = &input.bytes()[at..];
+    let reach = input.edge_after(at, at + bytes.len().min(LONGEST) - 1, input.break_ns).map_or(LONGEST, |edge| edge - at);
     for (_, extent) in announced(context, bytes).into_iter().flatten() {
         let (Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length)) = extent;
-        if length > LONGEST || input.edge_after(at, at + length.min(bytes.len()) - 1, input.break_ns).is_some() {
+        let needed = if matches!(extent, Extent::Open(_)) { reach } else { length };
+        if length > reach {
             continue;
         }
-        match extent {
-            Extent::Open(_) => return Certain::Frame(Length::at_least(length)),
-            _ if length > bytes.len() && !input.closed => return Certain::Wait,
-            Extent::Exactly(_) if crc_valid_at(bytes, length) => return Certain::Frame(Length::exactly(length)),
-            _ => {}
+        let found = match extent {
+            Extent::Exactly(_) => crc_valid_at(bytes, length).then_some(length),
+            Extent::AtLeast(_) => None,
+            Extent::Open(_) => any_right(&bytes[..reach.min(bytes.len())], to - at),
+        };
+        match found {
+            Some(length) => return Certain::Frame(Length::exactly(length)),
+            None if needed > bytes.len() && !input.closed => return Certain::Wait,
+            None => {}
         }
     }
     Certain::No
+}
+
+/// The first of the lengths from `least` on at which a checksum is right.
+fn any_right(bytes: &[u8], least: usize) -> Option<usize> {
+    let begun = update(INIT, bytes.get(..least)?);
+    let later = bytes[least..].iter().scan(begun, |state, &byte| {
+        *state = step(*state, byte);
+        Some(*state)
+    });
+    std::iter::once(begun).chain(later).position(|state| state == 0).map(|more| least + more)
 }
