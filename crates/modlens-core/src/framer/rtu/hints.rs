@@ -112,7 +112,11 @@ fn permitted_at_most(permit: &Permit) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::gain::permitted;
+    use crate::direction::Direction;
+    use crate::framer::rtu::costs::{Copy, Setting};
+    use crate::framer::rtu::gain::{header, permitted};
+    use crate::framer::Context;
+    use proptest::prelude::*;
 
     #[test]
     fn no_field_is_worth_more_than_its_bound() {
@@ -128,5 +132,37 @@ mod tests {
             }
         }
         assert!(seen > 1_000_000);
+    }
+
+    proptest! {
+        #[test]
+        fn no_header_claims_more_than_its_bound(
+            parts in proptest::collection::vec((0u8..4, 0u8..20, 0usize..2, proptest::collection::vec(0u8..4, 4..12)), 1..200),
+        ) {
+            let mut model = Model::default();
+            let units = [false; 256];
+            let context = Context {
+                functions: Functions::embedded(),
+                asked: None,
+                ahead: true,
+                shared: false,
+                speaker: None,
+                certain: None,
+                known_units: &units,
+                paired_units: &units,
+                pause: &|_| 0.0,
+                said: &|_| Direction::Unknown,
+            };
+            for (unit, code, direction, body) in parts {
+                let seen = [&[unit, if code > 16 { code | EXCEPTION_BIT } else { code }][..], &body].concat();
+                let bound = model.claims_at_most(context.functions, seen[0], seen[1]);
+                if let Some(header) = header(&model, &context, None, &seen) {
+                    prop_assert!(header.gain <= bound + 0.01, "{seen:02x?}: {} above {bound}", header.gain);
+                }
+                model.learn(&seen, direction, Setting { waiting: false, junk: 0 }, Copy::Unclear);
+                model.learn_noise(&body);
+                model.settle();
+            }
+        }
     }
 }

@@ -184,3 +184,45 @@ fn checksum(template: &Template<'_>, bytes: &[u8], length: Option<usize>, short:
         _ => 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::framer::rtu::autopsy::template::{poll, POLL};
+    use crate::framer::rtu::sift::Sift;
+    use proptest::prelude::*;
+
+    /// What may happen to a frame: bytes missing, one twice, bits flipped, bits lost.
+    fn spoil(frame: &[u8], how: u8, at: usize, bits: u8) -> Vec<u8> {
+        let mut bytes = frame.to_vec();
+        let at = at % bytes.len();
+        match how {
+            0 => drop(bytes.drain(at..bytes.len().min(at + 1 + usize::from(bits % 3)))),
+            1 => bytes.insert(at, bytes[at]),
+            2 => bytes[at] ^= bits,
+            3 => bytes[at..].iter_mut().for_each(|byte| *byte &= bits),
+            _ => {}
+        }
+        bytes
+    }
+
+    proptest! {
+        #[test]
+        fn the_sift_keeps_all_that_fit(
+            body in proptest::collection::vec(0u8..5, 3..7),
+            how in 0u8..5,
+            at in any::<usize>(),
+            bits in any::<u8>(),
+            behind in proptest::collection::vec(0u8..5, 0..6),
+        ) {
+            let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
+            let bytes = [spoil(&frame, how, at, bits), behind].concat();
+            let model = Model::default();
+            let Some(fit) = align(&model, &poll(&frame), &bytes, 0.0) else { return Ok(()) };
+            let mut sift = Sift::default();
+            sift.add(5, &frame);
+            let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), fit.score + POLL, &COSTS);
+            prop_assert_eq!(kept, 1 << 5, "{:02x?} in {:02x?}: {:?}", frame, bytes, fit);
+        }
+    }
+}
