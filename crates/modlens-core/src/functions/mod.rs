@@ -123,6 +123,11 @@ impl Functions {
         self.entries[code as usize].as_deref()?.variants.first()
     }
 
+    /// All rows of this function code.
+    pub fn variants(&self, code: u8) -> &[Row] {
+        self.entries[code as usize].as_deref().map_or(&[], |entry| &entry.variants)
+    }
+
     /// All rows, by code.
     pub fn rows(&self) -> impl Iterator<Item = &Row> {
         self.entries.iter().flatten().flat_map(|entry| entry.variants.iter())

@@ -47,7 +47,8 @@ impl Length {
     const EXACT: u32 = 1;
     const REQUEST: u32 = 2;
 
-    fn exactly(length: usize) -> Self {
+    /// Just so many.
+    pub fn exactly(length: usize) -> Self {
         Self((length as u32) << 2 | Self::EXACT)
     }
 
@@ -92,8 +93,8 @@ pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain
 
 /// The same behind a few strays: how many of them, and the frame behind them.
 ///
-/// Drivers that are switched leave one to three bytes behind, fewer than the shortest frame has. Where no frame can have
-/// begun with one of them, there is nothing to be weighed.
+/// Drivers that are switched leave one to three bytes behind, fewer than the shortest frame has. Where no frame has begun
+/// with one of them, there is nothing to be weighed.
 pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, Certain) {
     for strays in 1..=MOST_STRAYS {
         match certain_at(search, input, context, strays) {
@@ -101,11 +102,14 @@ pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (
             Certain::Wait => return (strays, Certain::Wait),
             Certain::Frame(length) => {
                 let frame = &input.bytes()[strays..strays + length.bytes()];
-                let doubtful = length.request() && !asks(frame, context);
-                if doubtful || search.may_begin_before(input, context, strays, length.bytes()) {
+                if length.request() && !asks(frame, context) {
                     break;
                 }
-                return (strays, Certain::Frame(length));
+                return match search.begins_before(input, context, strays, length.bytes()) {
+                    Certain::No => (strays, Certain::Frame(length)),
+                    Certain::Wait => (strays, Certain::Wait),
+                    Certain::Frame(_) => break,
+                };
             }
         }
     }

@@ -6,6 +6,7 @@
 
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
+use crate::framer::rtu::hints::Hints;
 use crate::framer::rtu::polls::Polls;
 use crate::framer::rtu::shapes::Shapes;
 use crate::functions::{Functions, EXCEPTION_BIT};
@@ -128,6 +129,8 @@ pub struct Model {
     /// Retries that were answered: those behind whose answer the old one came, and all.
     lates: [f32; 2],
     shapes: Shapes,
+    /// Bounds on what headers may claim.
+    pub hints: Hints,
 }
 
 /// Where a frame stands among others.
@@ -143,6 +146,9 @@ pub struct Setting {
 const NOISE_WEIGHT: f32 = 256.0;
 const NOISE_STEP: f32 = 128.0;
 const NOISE_FORGET: f32 = 8192.0;
+
+/// So many bytes are counted in another way.
+const MANY: usize = 1024;
 
 /// Adapters that hear themselves: one in two hundred lines.
 const FIRST_COPIES: f32 = 1.0 / 200.0;
@@ -183,6 +189,7 @@ impl Default for Model {
             unanswered: [[0.0; 2]; 2],
             lates: [0.0; 2],
             shapes: Shapes::default(),
+            hints: Hints::default(),
         };
         this.settle();
         this
@@ -190,7 +197,7 @@ impl Default for Model {
 }
 
 /// The bits of a byte before any noise was seen.
-fn usual_bits(byte: u8) -> f32 {
+pub fn usual_bits(byte: u8) -> f32 {
     match byte {
         0 => ZERO_BITS,
         0xFF => ONES_BITS,
@@ -237,7 +244,22 @@ impl Model {
 
     /// Learns from bytes that are no frame: on a wrong baud rate or a floating line few values make all of the noise.
     pub fn learn_noise(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
+        let mut rest = bytes;
+        if bytes.len() >= MANY {
+            // The same byte again would have to wait for the sum before: so four sums are made.
+            let mut sums = [[0u32; 256]; 4];
+            let quads = bytes.chunks_exact(4);
+            rest = quads.remainder();
+            for quad in quads {
+                for (sums, &byte) in sums.iter_mut().zip(quad) {
+                    sums[usize::from(byte)] += 1;
+                }
+            }
+            for (at, count) in self.noise.iter_mut().enumerate() {
+                *count += sums.iter().map(|sums| sums[at]).sum::<u32>() as f32;
+            }
+        }
+        for &byte in rest {
             self.noise[byte as usize] += 1.0;
         }
         self.noise_total += bytes.len() as f32;
@@ -262,15 +284,34 @@ impl Model {
 
     /// Cost of a unit number.
     pub fn unit(&self, unit: u8) -> f32 {
-        let seen = self.units[unit as usize] + PRIOR_WEIGHT * unit_prior(unit);
+        self.unit_if(unit, self.seen_unit(unit))
+    }
+
+    /// The same, if it had been seen so often.
+    pub fn unit_if(&self, unit: u8, seen: f32) -> f32 {
+        let seen = seen + PRIOR_WEIGHT * unit_prior(unit);
         -log2(seen / (self.unit_total + PRIOR_WEIGHT))
+    }
+
+    /// How often a unit was seen lately.
+    pub fn seen_unit(&self, unit: u8) -> f32 {
+        self.units[usize::from(unit)]
     }
 
     /// Cost of a function code in a direction (0 request, 1 response).
     pub fn function(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
-        let function = code & !EXCEPTION_BIT;
-        let seen = self.functions[direction][function as usize] + PRIOR_WEIGHT * function_prior(functions, function);
+        self.function_if(functions, code, direction, self.seen_function(code, direction))
+    }
+
+    /// The same, if it had been seen so often.
+    pub fn function_if(&self, functions: &Functions, code: u8, direction: usize, seen: f32) -> f32 {
+        let seen = seen + PRIOR_WEIGHT * function_prior(functions, code & !EXCEPTION_BIT);
         -log2(seen / (self.function_totals[direction] + PRIOR_WEIGHT))
+    }
+
+    /// How often a function was seen lately in a direction.
+    pub fn seen_function(&self, code: u8, direction: usize) -> f32 {
+        self.functions[direction][usize::from(code & !EXCEPTION_BIT)]
     }
 
     /// Learns the length of a frame whose layout is not public.
@@ -339,6 +380,7 @@ impl Model {
         let share = (self.junk + PRIOR_WEIGHT * FIRST_JUNK) / (self.frames + PRIOR_WEIGHT);
         let share = share.clamp(0.002, 0.9);
         (self.glued, self.strays) = (-log2(1.0 - share), -log2(share));
+        self.hints.renew(self.frames);
     }
 
     /// Cost of so many bytes between two frames that are neither.
@@ -426,6 +468,7 @@ impl Model {
     }
 
     fn forget(&mut self) {
+        self.hints.clear();
         for value in self.units.iter_mut().chain(self.functions.iter_mut().flatten()).chain(&mut self.function_totals) {
             *value /= 2.0;
         }

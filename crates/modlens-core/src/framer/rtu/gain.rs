@@ -23,12 +23,17 @@ pub fn direction(index: usize) -> Direction {
     }
 }
 
+/// Whether no frame can look so, whoever sent it: runs of zeros and ones are full of these.
+pub fn is_none(frame: &[u8]) -> bool {
+    const REFUSAL: usize = 5;
+    frame[1] == 0 || (frame[1] & EXCEPTION_BIT != 0 && frame.len() != REFUSAL)
+}
+
 /// Bits that the frame itself saves, read in this direction; `None` where no frame can look so.
 pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
-    // Runs of zeros and ones are full of these.
-    if code == 0 || (code & EXCEPTION_BIT != 0 && (direction == REQUEST || body.len() != 1)) {
+    if is_none(frame) || (code & EXCEPTION_BIT != 0 && direction == REQUEST) {
         return None;
     }
     let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);

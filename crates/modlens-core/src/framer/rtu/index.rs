@@ -69,17 +69,43 @@ impl Default for Index {
 
 impl Index {
     /// The index of these frames, `MOST` of them at most.
+    #[cfg(test)]
     pub fn of<'a>(frames: impl Iterator<Item = &'a [u8]>) -> Self {
         let mut this = Self::default();
-        for (at, frame) in frames.enumerate().filter(|(_, frame)| !frame.is_empty()) {
-            for (place, values) in this.values.iter_mut().enumerate() {
-                match frame.get(place) {
-                    Some(&byte) => values[usize::from(byte)] |= 1 << at,
-                    None => values.iter_mut().for_each(|set| *set |= 1 << at),
-                }
-            }
+        for (at, frame) in frames.enumerate() {
+            this.add(at, frame);
         }
         this
+    }
+
+    /// Adds a frame under a number that is free; an empty one begins nowhere.
+    pub fn add(&mut self, at: usize, frame: &[u8]) {
+        self.change(at, frame, |set, one| set | one);
+    }
+
+    /// Takes the frame of this number away.
+    pub fn remove(&mut self, at: usize, frame: &[u8]) {
+        self.change(at, frame, |set, one| set & !one);
+    }
+
+    fn change(&mut self, at: usize, frame: &[u8], change: impl Fn(Set, Set) -> Set) {
+        if frame.is_empty() {
+            return;
+        }
+        for (place, values) in self.values.iter_mut().enumerate() {
+            match frame.get(place) {
+                Some(&byte) => {
+                    let set = &mut values[usize::from(byte)];
+                    *set = change(*set, 1 << at);
+                }
+                None => values.iter_mut().for_each(|set| *set = change(*set, 1 << at)),
+            }
+        }
+    }
+
+    /// Forgets the first frame: each of the others takes the number before its own.
+    pub fn shift(&mut self) {
+        self.values.iter_mut().flatten().for_each(|set| *set >>= 1);
     }
 
     /// See `possible`.
@@ -108,6 +134,21 @@ mod tests {
             prop_assert!(values.admit(&bytes) || frames.iter().all(|frame| frame.len() < 2 || !single(frame)));
             let one_by_one = frames.iter().enumerate().filter(|(_, frame)| !frame.is_empty() && single(frame));
             prop_assert_eq!(index.possible(&bytes), one_by_one.fold(0, |set, (at, _)| set | 1 << at));
+        }
+
+        #[test]
+        fn what_is_changed_one_by_one_is_the_index_of_what_is_left(
+            mut frames in proptest::collection::vec(proptest::collection::vec(0u8..4, 0..8), 1..20),
+            other in proptest::collection::vec(0u8..4, 0..8),
+            at in any::<usize>(),
+        ) {
+            let mut index = Index::of(frames.iter().map(Vec::as_slice));
+            let at = at % frames.len();
+            index.remove(at, &frames[at]);
+            index.add(at, &other);
+            index.shift();
+            frames[at] = other;
+            prop_assert_eq!(index.values, Index::of(frames[1..].iter().map(Vec::as_slice)).values);
         }
     }
 }

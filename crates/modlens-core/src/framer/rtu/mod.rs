@@ -9,6 +9,7 @@ mod bits;
 mod certain;
 mod costs;
 mod gain;
+mod hints;
 mod index;
 mod join;
 mod pending;
@@ -16,6 +17,7 @@ mod polls;
 mod routine;
 mod search;
 mod shapes;
+mod sift;
 
 use std::collections::VecDeque;
 
@@ -57,6 +59,8 @@ pub struct Rtu {
     told: Option<Told>,
     /// Where a frame begins that was not certain.
     doubted: Option<u64>,
+    /// The same of one behind a few strays, by the offset of the first of them.
+    doubted_behind: Option<u64>,
     /// What was found in the bytes before it: damaged frames with their stream offsets.
     pieces: VecDeque<(u64, Piece)>,
     /// Up to here the bytes were looked through.
@@ -74,6 +78,7 @@ impl Rtu {
             search: Search::default(),
             told: None,
             doubted: None,
+            doubted_behind: None,
             pieces: VecDeque::new(),
             dissected: 0,
             after_damage: false,
@@ -127,7 +132,7 @@ impl Rtu {
             return Certain::No;
         }
         match certain::certain(&self.search, input, context) {
-            Certain::Frame(length) if self.search.admits(length) => Certain::Frame(length),
+            Certain::Frame(length) if self.search.admits(0, length) => Certain::Frame(length),
             Certain::Wait => Certain::Wait,
             _ => {
                 self.doubted = Some(input.offset());
@@ -136,17 +141,23 @@ impl Rtu {
         }
     }
 
-    /// Looks behind a few strays, in a recording: for the next frame, without doubt.
+    /// Looks behind a few strays, in a recording: for the next frame, without doubt. Once for each place, as `look` does.
     fn look_behind_strays(&mut self, input: &Input, context: &Context<'_>) -> Certain {
         let silent = context.speaker.is_none() && context.certain.is_none() && !context.shared;
         let plain = input.first_read().is_some_and(|read| read.side.is_none() && !read.record);
-        if !(context.ahead && silent && plain && self.search.told() == input.offset() && self.search.is_plain()) {
+        let once = self.doubted_behind != Some(input.offset()) && self.search.told() == input.offset();
+        if !(context.ahead && silent && plain && once && self.search.is_plain()) {
             return Certain::No;
         }
         let (strays, certain) = certain::behind_strays(&self.search, input, context);
+        if matches!(certain, Certain::No) {
+            self.doubted_behind = Some(input.offset());
+        }
         if let Certain::Frame(length) = certain {
             let unit = input.bytes()[strays];
-            if self.search.asked().is_none() && !context.paired_units[usize::from(unit)] {
+            let known = self.search.asked().is_some() || context.paired_units[usize::from(unit)];
+            if !(known && self.search.admits(strays, length)) {
+                self.doubted_behind = Some(input.offset());
                 return Certain::No;
             }
             let start = input.offset() + strays as u64;
@@ -177,7 +188,6 @@ impl Rtu {
         let offset = input.offset();
         if self.dissected < to {
             self.dissected = to;
-            self.search.model.polls.refresh();
             self.pieces = self.dissect(input, context, (to - offset) as usize);
         }
         let region = (to - offset) as usize;
@@ -210,7 +220,6 @@ impl Rtu {
     /// A frame with a wrong checksum that the search found by its length, and what happened to it.
     fn spoilt(&mut self, input: &Input, context: &Context<'_>, length: usize, direction: Direction, adu: &mut Vec<u8>) -> Cut {
         let wire = &input.bytes()[..length];
-        self.search.model.polls.refresh();
         let model = &self.search.model;
         let silence = self.silence(input);
         let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence, announced: true };

@@ -1,6 +1,7 @@
 //! Requests that come again and again: a master's poll cycle.
 
 use crate::framer::rtu::index::{Index, Set, MOST};
+use crate::framer::rtu::sift::{Costs, Sift};
 
 /// Places in the dictionary of requests seen.
 const SEEN: usize = 1024;
@@ -23,8 +24,7 @@ pub struct Polls {
     /// The places of those that came again, the latest last.
     places: Vec<u16>,
     index: Index,
-    /// The index is older than the places.
-    stale: bool,
+    sift: Sift,
 }
 
 impl Default for Polls {
@@ -34,7 +34,7 @@ impl Default for Polls {
             texts: vec![[0; SHORT]; SEEN].into_boxed_slice(),
             places: Vec::new(),
             index: Index::default(),
-            stale: false,
+            sift: Sift::default(),
         }
     }
 }
@@ -69,13 +69,7 @@ impl Polls {
                 return;
             }
             (*known, *count) = (key, 1);
-            let text = &mut self.texts[slot];
-            self.stale |= text[0] > 0;
-            text[0] = 0;
-            if frame.len() < SHORT {
-                text[0] = frame.len() as u8;
-                text[1..=frame.len()].copy_from_slice(frame);
-            }
+            self.replace(frame, slot);
             return;
         }
         *count += 1;
@@ -83,30 +77,59 @@ impl Polls {
         if *count == 2 && self.texts[slot][0] > 0 && !self.places.contains(&place) {
             if self.places.len() == MOST {
                 self.places.remove(0);
+                self.index.shift();
+                self.sift.shift();
             }
+            let (at, frame) = (self.places.len(), text(&self.texts[slot]));
+            self.index.add(at, frame);
+            self.sift.add(at, frame);
             self.places.push(place);
-            self.stale = true;
         }
     }
 
-    /// Brings the index up to date.
-    pub fn refresh(&mut self) {
-        if self.stale {
-            self.index = Index::of((0..self.places.len()).map(|at| self.get(at)));
-            self.stale = false;
+    /// Puts another request in a place.
+    fn replace(&mut self, frame: &[u8], slot: usize) {
+        let listed = self.places.iter().position(|&place| usize::from(place) == slot);
+        let bytes = &mut self.texts[slot];
+        if let Some(at) = listed {
+            self.index.remove(at, text(bytes));
+            self.sift.remove(at, text(bytes));
+        }
+        bytes[0] = 0;
+        if frame.len() < SHORT {
+            bytes[0] = frame.len() as u8;
+            bytes[1..=frame.len()].copy_from_slice(frame);
+        }
+        if let Some(at) = listed {
+            self.index.add(at, text(bytes));
+            self.sift.add(at, text(bytes));
         }
     }
 
     /// One of those that came again; empty, if its place was taken by a long one.
     pub fn get(&self, at: usize) -> &[u8] {
-        let text = &self.texts[usize::from(self.places[at])];
-        &text[1..=usize::from(text[0])]
+        text(&self.texts[usize::from(self.places[at])])
     }
 
-    /// Those that may begin here, as far as was known at the last `refresh`.
+    /// Whether none came again yet.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Those that may begin here.
     pub fn possible(&self, bytes: &[u8]) -> Set {
         self.index.possible(bytes)
     }
+
+    /// Those of them that are worth `need` bits once `costs` are paid; `bits` says what a byte is worth.
+    pub fn likely(&self, possible: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
+        self.sift.likely(possible, bytes, bits, need, costs)
+    }
+}
+
+/// A request as it is remembered.
+fn text(text: &Text) -> &[u8] {
+    &text[1..=usize::from(text[0])]
 }
 
 /// What tells a request from others, and its place in the dictionary: its first and last bytes, the checksum among

@@ -5,6 +5,7 @@ use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::template::Template;
 use crate::framer::rtu::costs::Model;
 use crate::framer::rtu::index::MOST_LOST;
+use crate::framer::rtu::sift::Costs;
 
 /// Flipped bits in unit and function code, where they are to be recognised.
 const MOST_FLIPS: u32 = 3;
@@ -20,7 +21,7 @@ const COLLIDED: f32 = 5.0;
 const MISFIT: f32 = 4.0;
 
 /// What a flipped bit that mends the checksum is worth; less the bits that say which one it is.
-const CHECKSUM: f32 = 16.0;
+pub const CHECKSUM: f32 = 16.0;
 const MENDED: f32 = 13.0;
 
 /// One more byte of a run.
@@ -50,17 +51,20 @@ pub struct Fit {
     pub exact: bool,
 }
 
-/// The best way to see the template in bytes that begin here.
-pub fn align(model: &Model, template: &Template<'_>, bytes: &[u8]) -> Option<Fit> {
+/// What it costs that a template is not there as it should be.
+pub const COSTS: Costs = Costs { head: LOST_HEAD, inside: LOST_INSIDE, collided: COLLIDED };
+
+/// The best way to see the template in bytes that begin here, if it is worth `need` bits.
+pub fn align(model: &Model, template: &Template<'_>, bytes: &[u8], need: f32) -> Option<Fit> {
     // With a length, the checksum tells what nothing else is known of.
     let known = template.bytes.len() - usize::from(template.length.is_none());
     let most = MOST_LOST.min(known);
-    let fits = (0..=most).filter_map(|head| from(model, template, bytes, head));
+    let fits = (0..=most).filter_map(|head| from(model, template, bytes, head, need));
     fits.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// The same, with so many bytes of the template missing in front.
-fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize) -> Option<Fit> {
+fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize, need: f32) -> Option<Fit> {
     let known = &template.bytes[head..];
     let same = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
     // Nearly everywhere nearly nothing fits: that has to be seen at once.
@@ -69,7 +73,9 @@ fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize) -> Op
     if hopeless {
         return None;
     }
-    let broken = same > 0 && same < known.len() && head == 0;
+    // Bytes that agree are worth so much at most, whatever happened between them.
+    let most: f32 = model.bits_of(&bytes[..bytes.len().min(known.len() + 1)]) - template.cost + template.checksum_at_most();
+    let broken = same > 0 && same < known.len() && head == 0 && most - COLLIDED >= need;
     let losses = (1..=MOST_LOST).filter(|_| broken).filter_map(|count| lost(model, known, bytes, same, count));
     let others = [doubled, collided].into_iter().filter(|_| broken).filter_map(|way| way(model, known, bytes, same));
     let ways = std::iter::once(straight(model, known, bytes, head)).chain(losses).chain(others);
@@ -86,7 +92,7 @@ fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize) -> Op
         let core = if mended > 0.0 { way.core.max(length.unwrap_or(0)) } else { way.core };
         Fit { score: way.score - template.cost + mended, core, head, same, length, harm: way.harm, mended: mended > 0.0, exact }
     });
-    fits.filter(|fit| fit.score > 0.0).max_by(|a, b| a.score.total_cmp(&b.score))
+    fits.filter(|fit| fit.score > 0.0 && fit.score >= need).max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// Whether unit and function code differ in a few bits only.
@@ -178,5 +184,47 @@ fn checksum(template: &Template<'_>, bytes: &[u8], length: Option<usize>, short:
     match mending_bit(&bytes[..length]) {
         Some(_) if short == 0 => (MENDED - (8.0 * length as f32).log2()).max(0.0),
         _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::framer::rtu::autopsy::template::{poll, POLL};
+    use crate::framer::rtu::sift::Sift;
+    use proptest::prelude::*;
+
+    /// What may happen to a frame: bytes missing, one twice, bits flipped, bits lost.
+    fn spoil(frame: &[u8], how: u8, at: usize, bits: u8) -> Vec<u8> {
+        let mut bytes = frame.to_vec();
+        let at = at % bytes.len();
+        match how {
+            0 => drop(bytes.drain(at..bytes.len().min(at + 1 + usize::from(bits % 3)))),
+            1 => bytes.insert(at, bytes[at]),
+            2 => bytes[at] ^= bits,
+            3 => bytes[at..].iter_mut().for_each(|byte| *byte &= bits),
+            _ => {}
+        }
+        bytes
+    }
+
+    proptest! {
+        #[test]
+        fn the_sift_keeps_all_that_fit(
+            body in proptest::collection::vec(0u8..5, 3..7),
+            how in 0u8..5,
+            at in any::<usize>(),
+            bits in any::<u8>(),
+            behind in proptest::collection::vec(0u8..5, 0..6),
+        ) {
+            let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
+            let bytes = [spoil(&frame, how, at, bits), behind].concat();
+            let model = Model::default();
+            let Some(fit) = align(&model, &poll(&frame), &bytes, 0.0) else { return Ok(()) };
+            let mut sift = Sift::default();
+            sift.add(5, &frame);
+            let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), fit.score + POLL, &COSTS);
+            prop_assert_eq!(kept, 1 << 5, "{:02x?} in {:02x?}: {:?}", frame, bytes, fit);
+        }
     }
 }

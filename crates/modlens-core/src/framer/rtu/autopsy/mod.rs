@@ -26,6 +26,9 @@ use template::Template;
 /// Bits that a damaged frame must be worth to be reported: the chance that noise looks so is about 2 to the minus this.
 const ENOUGH: f32 = 10.0;
 
+/// Sums of the same numbers in another order differ by less.
+const ROUNDING: f32 = 0.01;
+
 /// Damaged frames are seldom: two of them need more than one.
 const SELDOM: f32 = 8.0;
 
@@ -121,26 +124,7 @@ impl Scene<'_, '_> {
 
     /// The damaged frames of this gap, in order.
     pub fn pieces(&self) -> Vec<Piece> {
-        let around = template::around(self);
-        let mut values = Values::default();
-        for template in &around {
-            values.add(&template.bytes);
-        }
-        let mut candidates = Vec::new();
-        for start in 0..self.length {
-            if start == NEAR && self.length > 2 * NEAR {
-                continue;
-            }
-            if (NEAR..self.length.saturating_sub(NEAR)).contains(&start) {
-                continue;
-            }
-            let bytes = &self.bytes()[start..];
-            if values.admit(bytes) {
-                self.expected(&around, start, &mut candidates);
-            }
-            self.candidates(start, &mut candidates);
-        }
-        let mut pieces = self.pick(&candidates);
+        let mut pieces = if self.is_nothing() { Vec::new() } else { self.pick(&self.all_candidates()) };
         let first = pieces.first().map_or(self.length, |piece| piece.start);
         pieces.splice(0..0, self.remains(first, pieces.is_empty()));
         match pieces.last_mut() {
@@ -155,6 +139,32 @@ impl Scene<'_, '_> {
             _ => pieces.extend(self.tail(&pieces)),
         }
         pieces
+    }
+
+    /// Whether the bytes are too few to be worth enough, whatever they agree with.
+    ///
+    /// Fewer than a frame has cannot have a right checksum, nor end where one should without bytes missing, which costs more
+    /// than that is worth; to be chosen among all templates costs more than a pause in front is worth.
+    fn is_nothing(&self) -> bool {
+        self.length <= MOST_GLITCH && self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - STRAY < ENOUGH
+    }
+
+    fn all_candidates(&self) -> Vec<Candidate> {
+        let around = template::around(self);
+        let mut values = Values::default();
+        for template in &around {
+            values.add(&template.bytes);
+        }
+        let mut candidates = Vec::new();
+        let near_the_end = NEAR.max(self.length.saturating_sub(NEAR));
+        for start in (0..NEAR.min(self.length)).chain(near_the_end..self.length) {
+            let bytes = &self.bytes()[start..];
+            if !around.is_empty() && values.admit(bytes) {
+                self.expected(&around, start, &mut candidates);
+            }
+            self.candidates(start, &mut candidates);
+        }
+        candidates
     }
 
     /// Whether the bytes behind a piece came in one go.
@@ -265,8 +275,14 @@ impl Scene<'_, '_> {
     /// What the poll cycle, and the units and functions of the line let one expect.
     fn candidates(&self, start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
-        for at in members(self.model.polls.possible(bytes)) {
-            candidates.extend(self.candidate(&template::poll(self.model.polls.get(at)), start));
+        let polls = &self.model.polls;
+        let mut likely = if polls.is_empty() { 0 } else { polls.possible(bytes) };
+        if likely != 0 {
+            let need = ENOUGH + self.place(start) - ENDS_WELL + template::POLL;
+            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &align::COSTS);
+        }
+        for at in members(likely) {
+            candidates.extend(self.candidate(&template::poll(polls.get(at)), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
             candidates.extend([REQUEST, RESPONSE].into_iter().filter_map(|direction| self.stranger(start, direction)));
@@ -275,10 +291,12 @@ impl Scene<'_, '_> {
 
     /// The frame of this template that may begin here.
     fn candidate(&self, template: &Template<'_>, start: usize) -> Option<Candidate> {
-        let fit = align(self.model, template, &self.bytes()[start..])?;
+        let place = self.place(start);
+        let least = enough(template.direction, 0.0);
+        let fit = align(self.model, template, &self.bytes()[start..], least + place - ENDS_WELL - ROUNDING)?;
         let end = fit.length.map(|length| start + length);
-        let score = fit.score - self.place(start) + self.ends_well(end);
-        (score > 0.0).then(|| Candidate::new(template, &fit, start, end, score))
+        let score = fit.score - place + self.ends_well(end);
+        (score > 0.0 && score >= least).then(|| Candidate::new(template, &fit, start, end, score))
     }
 
     /// A frame that nothing lets one expect, from a unit and with a function that the line has shown.
@@ -310,7 +328,7 @@ impl Scene<'_, '_> {
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
         score += self.ends_well(end);
         let header = [unit, code];
-        (score > 0.0).then_some(Candidate {
+        (score > 0.0 && score >= enough(direction, novelty)).then_some(Candidate {
             start,
             core: (start + 3).min(self.length),
             end,
@@ -513,6 +531,15 @@ fn glitch(byte: u8) -> bool {
 /// Whether these strays are what a driver leaves when it is switched: few, of one such value.
 pub fn is_glitch(strays: &[u8]) -> bool {
     strays.len() <= MOST_GLITCH && strays.iter().all(|&byte| glitch(byte) && byte == strays[0])
+}
+
+/// What a candidate has to be worth to change anything. An answer counts for more behind its request.
+fn enough(direction: usize, novelty: f32) -> f32 {
+    if direction == RESPONSE {
+        ENOUGH - novelty - costs::ORPHAN - ROUNDING
+    } else {
+        ENOUGH
+    }
 }
 
 /// The numbers in a set, the lowest first.

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use crate::checksum::crc16;
 use crate::direction::{expected_block, Asked, Direction};
+use crate::framer::rtu::autopsy::align::CHECKSUM;
 use crate::framer::rtu::autopsy::Scene;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::AROUND;
@@ -21,6 +22,17 @@ pub struct Template<'a> {
     pub cost: f32,
 }
 
+impl Template<'_> {
+    /// What the checksum may add to the bytes known: nothing, where it is one of them, or where it is unknown where it stands.
+    pub fn checksum_at_most(&self) -> f32 {
+        if self.length.is_some_and(|length| length > self.bytes.len()) {
+            CHECKSUM
+        } else {
+            0.0
+        }
+    }
+}
+
 /// The answer that is due, or a retry of the request behind the gap.
 const DUE: f32 = 1.0;
 
@@ -28,7 +40,7 @@ const DUE: f32 = 1.0;
 const RETRY: f32 = 4.0;
 
 /// One of the requests of the poll cycle.
-const POLL: f32 = 5.0;
+pub const POLL: f32 = 5.0;
 
 /// An exception is one answer in twenty.
 const EXCEPTION: f32 = 4.0;

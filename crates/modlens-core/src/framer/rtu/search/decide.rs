@@ -2,16 +2,18 @@
 
 use std::ops::Range;
 
+use crate::checksum::{crc_valid_at, step, update, INIT};
 use crate::direction::Direction;
-use crate::framer::rtu::announced;
+use crate::framer::rtu::certain::{Certain, Length};
 use crate::framer::rtu::costs::Setting;
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;
 use crate::framer::rtu::search::paths::{Node, KEPT};
 use crate::framer::rtu::search::{copy, learn, Search, Told};
+use crate::framer::rtu::{announced, LONGEST};
 use crate::framer::Context;
-use crate::functions::Extent;
+use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::input::Input;
 
 /// The chance of telling a frame too early is about 2 to the minus this.
@@ -32,6 +34,9 @@ const LOOK_ALIKE: f32 = 40.0;
 
 /// What it is worth for a frame that has begun to have begun right behind another one.
 const DUE: f32 = 14.0;
+
+/// Sums of the same numbers in another order differ by less.
+const ROUNDING: f32 = 0.01;
 
 /// No header is worth more.
 const MOST_HEADER: f32 = 60.0;
@@ -55,9 +60,6 @@ impl Search {
         let (best, standing) = self.best();
         let first = self.nodes[best].first;
         let moving = self.next < self.nodes[self.nodes.len() - 1].end + STILL;
-        if moving {
-            self.cleared = 0;
-        }
         let until = if first == 0 {
             let limit = self.told() + NOISE;
             if closed || self.next > limit + REACH {
@@ -109,11 +111,16 @@ impl Search {
             return Some(reach);
         }
         let begun = standing - if context.ahead { THREAT_AHEAD } else { THETA };
-        self.threatened_until(input, context, first, begun).map(|until| until.min(reach))
+        // The further it stands back, the less it is worth, as far as that goes.
+        let behind = self.next - self.nodes[best].end;
+        let least = begun - (self.model.astray(behind.max(STILL)) - self.model.astray(behind)) - ROUNDING;
+        self.threatened_until(input, context, first, (begun, least)).map(|until| until.min(reach))
     }
 
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
-    fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: f32) -> Option<u64> {
+    ///
+    /// It has to come above the first of the bars; that one will not fall below the second as long as the paths stand.
+    fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, (bar, least): (f32, f32)) -> Option<u64> {
         let frame = &self.nodes[first];
         // What begins inside a sure one is no threat to it; but behind strays it may itself stand inside a longer one.
         if frame.gain >= SURE && frame.start == self.told() {
@@ -127,7 +134,7 @@ impl Search {
             let until = if counts { self.promises(input, context, behind, start, bar) } else { None };
             Some((node, start, until?))
         });
-        let found = known.or_else(|| self.find_threat(input, context, first, within, bar));
+        let found = known.or_else(|| self.find_threat(input, context, first, within, (bar, least)));
         self.threat = found.map(|(node, start, _)| (node, start));
         found.map(|(_, start, until)| until.min(start + REACH + 1))
     }
@@ -138,17 +145,24 @@ impl Search {
         context: &Context<'_>,
         first: usize,
         within: Range<u64>,
-        bar: f32,
+        (bar, least): (f32, f32),
     ) -> Option<(usize, u64, u64)> {
         let mut quiet = true;
+        let top = self.nodes.iter().map(|node| node.score).fold(f32::MIN, f32::max) + ROUNDING;
         for start in within.start.max(self.cleared)..within.end {
-            for node in 0..self.nodes.len() {
+            let nodes = if self.claims_too_little(input, context, start, least - top) { 0 } else { self.nodes.len() };
+            for node in 0..nodes {
+                if self.promises(input, context, &self.nodes[node], start, least).is_none() {
+                    continue;
+                }
                 if let Some(until) = self.promises(input, context, &self.nodes[node], start, bar) {
                     return Some((node, start, until));
                 }
+                quiet = false;
             }
             // With so many bytes of a header seen, it is worth no more later.
-            quiet &= start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
+            quiet &= nodes == 0
+                || start + gain::most_of_a_header(context, &input.bytes()[(start - input.offset()) as usize..]) <= self.next;
             if quiet {
                 self.cleared = start + 1;
             }
@@ -157,6 +171,20 @@ impl Search {
         let rivals = (1..self.nodes.len()).filter(|&i| self.nodes[i].first != first);
         let mut rivals = rivals.map(|i| (i, self.nodes[i].end));
         rivals.find_map(|(i, end)| Some((i, end, self.promises(input, context, &self.nodes[i], end, bar)?)))
+    }
+
+    /// Whether no frame that begins at this place may claim so many bits, whatever stands in it, unless it is an answer.
+    fn claims_too_little(&mut self, input: &Input, context: &Context<'_>, start: u64, bits: f32) -> bool {
+        let Some(&[unit, code, ..]) = input.bytes().get((start - input.offset()) as usize..(self.next - input.offset()) as usize)
+        else {
+            return false;
+        };
+        let claims = self.model.claims_at_most(context.functions, unit, code);
+        let due = || self.nodes.iter().any(|node| node.end == start);
+        let little = claims + DUE <= bits || (claims - self.model.between(1) <= bits && !due());
+        let asks =
+            |node: &Node| node.pending.asked.is_some_and(|slot| self.requests.get(slot).is_of(unit, code & !EXCEPTION_BIT));
+        little && !self.nodes.iter().any(asks)
     }
 
     /// Whether a frame that has begun at `start`, behind this node, may come out above the bar: at least up to there.
@@ -177,22 +205,26 @@ impl Search {
         Some(start + header.until)
     }
 
-    /// Whether a frame may have begun with one of some strays that would outweigh the sure one behind them.
-    pub fn may_begin_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> bool {
+    /// A frame that has begun with one of some strays and would outweigh the sure one behind them, if there is one.
+    pub fn begins_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> Certain {
         let root = &self.nodes[0];
-        let bytes = &input.bytes()[..strays + length];
-        (0..strays).any(|at| {
+        let asked = root.pending.asked.map(|slot| self.requests.get(slot));
+        for at in 0..strays {
             let due = if at == 0 { DUE } else { 0.0 };
             let way = due - self.model.between(at as u64);
-            let asked = root.pending.asked.map(|slot| self.requests.get(slot));
-            // What a function of any length holds may look like a frame.
+            let seen = &input.bytes()[at..strays + length];
+            // What a function of any length holds may look like a frame, where it is new to this line as well.
             let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
-            let holds =
-                context.known_units[usize::from(bytes[at])] && announced(context, &bytes[at..]).into_iter().any(any_length);
-            holds
-                || gain::header(&self.model, context, asked, &bytes[at..])
-                    .is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD)
-        })
+            let holds = context.known_units[usize::from(seen[0])] && announced(context, seen).into_iter().any(any_length);
+            let header = || gain::header(&self.model, context, asked, seen);
+            if holds || header().is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD) {
+                match whole_at(input, context, at, strays + length) {
+                    Certain::No => {}
+                    found => return found,
+                }
+            }
+        }
+        Certain::No
     }
 
     /// Tells a frame: it becomes the root of all that is left.
@@ -261,4 +293,38 @@ impl Search {
         let same = |node: &Node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction;
         self.nodes.iter().any(|node| same(node) && self.standing(node) > bar)
     }
+}
+
+/// The frame with a right checksum that begins at this place and reaches beyond `to`, of a length that its header admits.
+fn whole_at(input: &Input, context: &Context<'_>, at: usize, to: usize) -> Certain {
+    let bytes = &input.bytes()[at..];
+    let reach = input.edge_after(at, at + bytes.len().min(LONGEST) - 1, input.break_ns).map_or(LONGEST, |edge| edge - at);
+    for (_, extent) in announced(context, bytes).into_iter().flatten() {
+        let (Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length)) = extent;
+        let needed = if matches!(extent, Extent::Open(_)) { reach } else { length };
+        if length > reach {
+            continue;
+        }
+        let found = match extent {
+            Extent::Exactly(_) => crc_valid_at(bytes, length).then_some(length),
+            Extent::AtLeast(_) => None,
+            Extent::Open(_) => any_right(&bytes[..reach.min(bytes.len())], to - at),
+        };
+        match found {
+            Some(length) => return Certain::Frame(Length::exactly(length)),
+            None if needed > bytes.len() && !input.closed => return Certain::Wait,
+            None => {}
+        }
+    }
+    Certain::No
+}
+
+/// The first of the lengths from `least` on at which a checksum is right.
+fn any_right(bytes: &[u8], least: usize) -> Option<usize> {
+    let begun = update(INIT, bytes.get(..least)?);
+    let later = bytes[least..].iter().scan(begun, |state, &byte| {
+        *state = step(*state, byte);
+        Some(*state)
+    });
+    std::iter::once(begun).chain(later).position(|state| state == 0).map(|more| least + more)
 }

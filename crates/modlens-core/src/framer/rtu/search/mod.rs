@@ -105,15 +105,17 @@ impl Search {
         self.nodes.len() == 1 && (!self.running || self.next == self.told())
     }
 
-    /// Whether nothing behind what was told speaks against a frame that begins there.
-    pub fn admits(&self, length: Length) -> bool {
+    /// Whether nothing behind what was told speaks against a frame that begins there, behind so many strays.
+    pub fn admits(&self, strays: usize, length: Length) -> bool {
         if self.nodes.len() == 1 {
             return true;
         }
         let direction = if length.request() { REQUEST } else { RESPONSE };
         let first = self.nodes[self.best().0].first;
         let frame = &self.nodes[first];
-        first == 0 || (frame.start, frame.end, frame.direction) == (self.told(), self.told() + length.bytes() as u64, direction)
+        let start = self.told() + strays as u64;
+        (first == 0 && strays == 0)
+            || (frame.start, frame.end, frame.direction) == (start, start + length.bytes() as u64, direction)
     }
 
     /// Who sent the frame that was told last.
@@ -145,9 +147,9 @@ impl Search {
         self.requests.make_room(self.nodes.iter().map(|node| &node.pending));
     }
 
-    /// Nothing is open, so a frame behind a few strays needs no weighing if it leaves no doubt by itself.
+    /// The request that waits is sure, so a frame behind a few strays needs no weighing if it leaves no doubt by itself.
     pub fn is_plain(&self) -> bool {
-        self.nodes.len() == 1 && self.asked().is_none_or(|asked| !asked.tentative && !asked.damaged)
+        self.asked().is_none_or(|asked| !asked.tentative && !asked.damaged)
     }
 
     /// Whether nothing behind this place was looked at, and no request may be answered there.
@@ -235,7 +237,7 @@ impl Search {
             self.next = self.told();
             self.nodes[0].wake = self.told() + SHORTEST_DAMAGED;
             self.model.settle();
-            (self.wake, self.calm, self.threat) = (self.nodes[0].wake, 0, None);
+            (self.wake, self.calm, self.cleared, self.threat) = (self.nodes[0].wake, 0, 0, None);
             self.running = true;
         }
         let base = input.offset();
@@ -267,7 +269,7 @@ impl Search {
             }
             self.found = found;
             if self.nodes.len() > before {
-                (self.calm, self.cleared) = (0, 0);
+                self.calm = 0;
             }
             if self.next >= self.calm {
                 if let Some(told) = self.decide(input, context, false) {
@@ -290,6 +292,9 @@ impl Search {
         }
         let (from, to) = ((start - input.offset()) as usize, (self.next - input.offset()) as usize);
         let frame = &input.bytes()[from..to];
+        if gain::is_none(frame) {
+            return;
+        }
         let timing = timing(input, from, to, silence);
         let said = context.said_at(input, from);
         let pause = (context.pause)(input.pause_before(from));
