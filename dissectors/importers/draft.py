@@ -120,6 +120,7 @@ class Draft:
     _taken: dict[tuple[str, int], str] = field(default_factory=dict)
     _dropped: dict[str, int] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)
+    _said: set[str] = field(default_factory=set)
 
     def add(
         self,
@@ -199,7 +200,8 @@ class Draft:
 
     def once(self, note: str) -> None:
         """A note that is said once."""
-        if note not in self.notes:
+        if note not in self._said:
+            self._said.add(note)
             self.notes.append(note)
 
     def done(self) -> Imported:

@@ -94,7 +94,9 @@ def _add(draft: Draft, kind: str, row: Mapping[str, Any]) -> None:
     _say(draft, kind, row)
     access = "rw" if kind in _WRITTEN else None
     if space in ("co", "di"):
-        # Of coils the offset counts bits.
+        # Of coils the offset counts bits; a mask of 1 is the coil itself.
+        if row.get("bitmask", 1) != 1:
+            draft.dropped([f"bitmask {row['bitmask']!r} of a coil"])
         draft.add(label, space, address + shift, access=access)
         return
     if shift % 2:

@@ -10,12 +10,23 @@ from dataclasses import dataclass, field
 
 from dissectors.words import plain
 
-__all__ = ["FUNCTIONS", "HEADS", "KINDS", "PRESETS", "SUFFIXES", "WIDTHLESS", "Preset", "preset_of"]
+__all__ = [
+    "FUNCTIONS",
+    "HEADS",
+    "KEY_OF",
+    "KINDS",
+    "PRESETS",
+    "SUFFIXES",
+    "WIDTHLESS",
+    "Preset",
+    "preset_of",
+]
 
 _HEADS: Mapping[str, tuple[str, ...]] = {
     # The first word that a table has counts: an address beside a register number is the wire's.
-    "address": ("address", "modbus address", "register address", "startaddress", "start", "addr",
-                "register", "reg", "register number", "element"),
+    "address": ("address", "modbus address", "register address", "address hex", "hex address",
+                "address dec", "decimal address", "startaddress", "start", "addr", "register",
+                "register hex", "reg", "_address", "register number", "element"),
     "name": ("name", "tag name", "tag", "variable name", "varname", "register name", "point name",
              "variable", "signal"),
     "type": ("data type", "datatype", "type", "format", "sttype", "value type"),
@@ -28,7 +39,8 @@ _HEADS: Mapping[str, tuple[str, ...]] = {
     "offset": ("offset", "q", "bias"),
     "order": ("order", "byte order", "byteorder", "endian", "endianness", "swap"),
     "words": ("word order", "wordorder", "word swap", "wordswap", "mixed endian"),
-    "access": ("access", "rw", "client access", "r/w", "writable", "writeable", "read/write"),
+    "access": ("access", "rw", "client access", "r/w", "writable", "writeable", "read/write",
+               "action"),
     "count": ("count", "quantity", "registers", "register count", "number of registers"),
     "length": ("length", "len", "size"),
     "note": ("description", "documented name", "note", "notes", "comment"),
@@ -51,6 +63,9 @@ HEADS: Mapping[str, tuple[str, ...]] = {
     key: tuple(dict.fromkeys(map(plain, words))) for key, words in _HEADS.items()
 }
 """Key -> what tables call it, without case and punctuation."""
+
+KEY_OF: Mapping[str, str] = {name: key for key, names in HEADS.items() for name in names}
+"""What a table calls it -> key."""
 
 KINDS: Mapping[str, str] = {
     plain(word): kind

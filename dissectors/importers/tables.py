@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from dissectors.errors import ProfileError
 from dissectors.importers.draft import SPACES
-from dissectors.importers.heads import HEADS, Preset, preset_of
+from dissectors.importers.heads import HEADS, KEY_OF, Preset, preset_of
 from dissectors.words import plain
 
 __all__ = ["Table", "table"]
 
 _MARKS = ",;\t|"
+
+_DIGITS = re.compile(r"(?=\b[0-9A-Fa-f]+(?:\b|_))(?!0[xX])(?![0-9A-Fa-f]*[hH]\b)")
+"""In front of a hexadecimal number that does not say so itself."""
+
+_TITLE = 500
+"""Lines within which the head stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +39,7 @@ def table(text: str, name: str) -> Table:
     """
     mark = max(_MARKS, key=lambda mark: max((_known(row) for row in _bare(text, mark)), default=0))
     records = list(_records(text, mark, name))
-    at = next((number for number, (_, row) in enumerate(records) if _known(row)), None)
+    at = next((number for number, (_, row) in enumerate(records[:_TITLE]) if _known(row)), None)
     if at is None:
         first = next((line.strip() for line in text.splitlines() if line.strip()), "")
         raise ProfileError(
@@ -55,12 +62,20 @@ def table(text: str, name: str) -> Table:
         elif any(row):
             cells = {key: cell for key, cell in zip(keys, row, strict=False) if key}
             rows.append((line, cells))
+    if any(
+        key == "address" and "hex" in cell.lower() for key, cell in zip(keys, head, strict=True)
+    ):
+        notes.append("addresses are hexadecimal, as the head says")
+        rows = [
+            (line, {**cells, "address": _DIGITS.sub("0x", cells.get("address", ""), 1)})
+            for line, cells in rows
+        ]
     return Table(rows, preset, notes)
 
 
 def _bare(text: str, mark: str) -> Iterator[list[str]]:
     """The cells of each line, whatever quotation marks say."""
-    return (line.replace('"', "").split(mark) for line in text.splitlines())
+    return (line.replace('"', "").split(mark) for line in text.splitlines()[:_TITLE])
 
 
 def _records(text: str, mark: str, name: str) -> Iterator[tuple[int, list[str]]]:
@@ -84,18 +99,27 @@ def _ways(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
     return ways
 
 
+def _word(cell: str) -> str:
+    """A head without case and punctuation; without what stands in brackets, if that is known.
+
+    >>> _word("Modbus Address"), _word("Address (hex)"), _word("Scale (of 1)")
+    ('modbusaddress', 'address', 'scale')
+    """
+    word, bare = plain(cell), plain(re.sub(r"[(\[].*?[)\]]", "", cell))
+    return bare if word not in KEY_OF and bare in KEY_OF else word
+
+
 def _known(row: Sequence[str]) -> int:
     """How many cells of a line name columns; 0 where it is no head."""
-    words = {plain(cell) for cell in row}
-    keys = {key for key, names in _ways(words).items() if words & set(names)}
-    return len(keys) if "address" in keys and len(keys) > 1 else 0
+    keys = {KEY_OF.get(_word(cell)) for cell in row} - {None}
+    return len(keys) if keys & {"address", "offset"} and len(keys) > 1 else 0
 
 
 def _keys(
     head: Sequence[str], rows: Sequence[Sequence[str]], preset: Preset | None
 ) -> tuple[list[str], list[str]]:
     """The key of each column, empty for those that are left out, which are notes."""
-    words = [plain(cell) for cell in head]
+    words = [_word(cell) for cell in head]
     keys, notes = [""] * len(head), []
     for key, names in _ways(words).items():
         columns = [at for name in names for at, word in enumerate(words) if word == name]
@@ -110,12 +134,15 @@ def _keys(
         for at in columns[1:]:
             first = head[columns[0]]
             notes.append(f"column {head[at]!r} says the same as {first!r}; left out")
-    known = {name for names in HEADS.values() for name in names}
+    if "name" not in keys and "note" in keys:
+        at = keys.index("note")
+        keys[at] = "name"
+        notes.append(f"no column says the names: those of {head[at]!r} are taken")
     for at, word in enumerate(words):
         filled = any(cell for row in rows for cell in row[at : at + 1])
         if preset and word in preset.no_map:
             notes.append(f"column {head[at]!r} has no place in a profile; left out")
-        elif word not in known and (filled or head[at]):
+        elif word not in KEY_OF and (filled or head[at]):
             notes.append(f"column {head[at] or at + 1!r} is not understood; left out")
     return keys, notes
 

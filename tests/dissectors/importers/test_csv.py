@@ -51,6 +51,23 @@ FEATURES = {
     "head-below-a-title": Feature("Heat meter 2\n\nAddress,Name\n7,x\n", x()),
     "head-excel-separator": Feature("sep=;\nAddress;Name\n7;x\n", x()),
     "head-quoted": Feature('"Address","Name","Unit"\n"7","x","l/s"\n', x(unit="l/s")),
+    "head-with-brackets": Feature("Address [dec],Name,Unit (SI)\n7,x,V\n", x(unit="V")),
+    "head-hexadecimal": Feature(
+        "Address (hex),Name\n6B,a\n0x6C,b\n6Dh,c\n6E.3,d\nHR 10,e\n",
+        {
+            "a": {"at": "hr:107", "type": "u16"},
+            "b": {"at": "hr:108", "type": "u16"},
+            "c": {"at": "hr:109", "type": "u16"},
+            "d": {"at": "hr:110.3", "type": "bool"},
+            "e": {"at": "hr:16", "type": "u16"},
+        },
+        ("addresses are hexadecimal, as the head says",),
+    ),
+    "head-without-names": Feature(
+        "Address,Description\n7,x\n",
+        x(),
+        ("no column says the names: those of 'Description' are taken",),
+    ),
     "head-crlf": Feature("Address,Name\r\n7,x\r\n", x()),
     "head-byte-order-mark": Feature("\ufeffAddress,Name\n7,x\n", x()),
     "head-address-before-register": Feature(

@@ -109,6 +109,14 @@ FEATURES = {
         one("value_type: U_DWORD_R, bitmask: 0x0001"), x("hr:7.0", "bool")
     ),
     "mask-one-word-of-two": Feature(one("value_type: U_DWORD, bitmask: 0xFFFF"), x("hr:8")),
+    "mask-of-a-coil": Feature(
+        one("register_type: coil, bitmask: 1", "switch"), x("co:7", "bool", **RW)
+    ),
+    "mask-of-a-coil-that-says-more": Feature(
+        one("register_type: coil, bitmask: 2", "switch"),
+        x("co:7", "bool", **RW),
+        ("bitmask 2 of a coil: has no place in a profile",),
+    ),
     "mask-no-run": Feature(
         beside("address: 8, bitmask: 0x0005"),
         x(),
