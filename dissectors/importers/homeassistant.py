@@ -126,9 +126,11 @@ def _add(draft: Draft, entity: _Entity) -> None:
     more = 0 if told is None else tidy(told)
     if not isinstance(more, int) or not 0 <= more < 0xFFFF:  # noqa: PLR2004 - registers there are
         raise LeftOut(f"virtual_count {told!r} is no number of values")
-    known = _KNOWN
+    # Switches and the like have no values beside their own.
+    known = _KNOWN if kind in _READ_ONLY else _KNOWN - {"virtual_count", "slave_count"}
     if space in ("co", "di"):
-        draft.add(label, space, address, access=access, count=more + 1 if more else None)
+        count = more + 1 if more and kind in _READ_ONLY else None
+        draft.add(label, space, address, access=access, count=count)
     elif kind == "binary_sensors":
         # Of a register, a binary sensor is the lowest bit.
         draft.add(label, space, address, part=(0, 0))
@@ -234,7 +236,9 @@ def write(profile: Profile) -> tuple[str, list[str]]:
         if not kind:
             notes.append(f"{point['name']}: {point['type']} {point['at']} cannot be read; left out")
             continue
-        rows[kind].append(_item(keys))
+        rows[kind] += [_item(one) for one in _each(keys)] if kind == "switches" else [_item(keys)]
+        if kind == "switches" and "virtual_count" in keys:
+            notes.append(f"{point['name']}: {point['count']} values, each of them a switch")
         lost = {"enum", "bits", "sf", "group", "note"}
         lost |= {"access"} if kind != "switches" or point["access"] == "w" else set()
         lost |= {"unit"} if kind != "sensors" else set()
@@ -269,6 +273,17 @@ def _entity(point: Mapping[str, Any], profile: Profile) -> tuple[str, dict[str, 
     if bits or point["type"] not in _BACK:
         return "", {}
     return "sensors", keys | _keys(point, order, table)
+
+
+def _each(keys: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """A switch a coil: unlike sensors they have no `virtual_count`."""
+    one = {key: value for key, value in keys.items() if key != "virtual_count"}
+    more = keys.get("virtual_count")
+    if more is None:
+        yield one
+        return
+    for number in range(more + 1):
+        yield {**one, "name": f"{one['name']}_{number}", "address": one["address"] + number}
 
 
 def _keys(point: Mapping[str, Any], order: str, table: str) -> dict[str, Any]:

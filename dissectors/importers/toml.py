@@ -48,12 +48,10 @@ def dumps(model: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _value(value: Any) -> str:  # noqa: PLR0911 - one a type
+def _value(value: Any) -> str:
     match value:
         case None:
             return "nan"  # JSON, which a model is, has no word for it
-        case bool():
-            return str(value).lower()
         case float():
             return repr(value)
         case int():

@@ -221,6 +221,14 @@ FEATURES = {
     ),
     "scale-fraction": Feature(one("Scale", "1/100"), x(scale=0.01)),
     "scale-one-and-zero": Feature(one("Scale,Offset", "1,0"), x()),
+    "scale-of-many-digits": Feature(
+        one("Scale", "1e300"), x(), ("line 2, x: scale 1e+300 has too many digits; left out",)
+    ),
+    "scale-endless": Feature(
+        one("Scale", "1e999"),
+        x(),
+        ("line 2, x: scale '1e999' is no number to scale by; left out",),
+    ),
     "scale-power": Feature(one("Gain", "1e-3"), x(scale=0.001)),
     "scale-no-number": Feature(
         one("Multiplier", "times ten"),
@@ -410,6 +418,10 @@ FEATURES = {
         ("line 2, x: enum {'0': 'off'} of a f32 has no place; left out",),
     ),
     "nan-raw-values": Feature(one("Type,NaN", "INT16,0x8000;-1"), x(type="s16", nan=[0x8000, -1])),
+    "nan-fraction-of-a-whole": Feature(
+        one("NaN", "1.5"), x(), ("line 2, x: nan [1.5] is no raw value of a u16; left out",)
+    ),
+    "enum-without-a-label": Feature(one("Enum", "0=;1=on"), x(enum={"1": "on"})),
     "nan-no-number": Feature(
         one("NaN", "none"), x(), ("line 2, x: no value 'none' is no number; left out",)
     ),

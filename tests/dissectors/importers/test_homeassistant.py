@@ -187,10 +187,20 @@ FEATURES = {
     "virtual-count-of-coils": Feature(
         hub(f"{COIL}, virtual_count: 7", kind="binary_sensors"), x("co:7", "bool", count=8)
     ),
+    "virtual-count-of-switches": Feature(
+        hub(f"{COIL}, write_type: coil, virtual_count: 7", kind="switches"),
+        x("co:7", "bool", access="rw"),
+        ("virtual_count: has no place in a profile",),
+    ),
     "virtual-count-of-bits": Feature(
         hub(f"{COIL}, input_type: holding, virtual_count: 7", kind="binary_sensors"),
         x("hr:7.0", "bool"),
         ("virtual_count: has no place in a profile",),
+    ),
+    "virtual-count-of-texts": Feature(
+        beside("address: 8, data_type: string, count: 2, virtual_count: 2"),
+        x(),
+        ("y: an array of texts; left out",),
     ),
     "virtual-count-no-number": Feature(
         beside("address: 8, virtual_count: many"),
@@ -217,6 +227,11 @@ FEATURES = {
         ("x: nan 0 of a str has no place; left out",),
     ),
     "number-unit": Feature(sensor('data_type: uint16, unit_of_measurement: "°C"'), x(unit="°C")),
+    "number-unit-no-text": Feature(
+        sensor("data_type: uint16, unit_of_measurement: [V]"),
+        x(),
+        ("x: unit ['V'] is no text; left out",),
+    ),
     "number-address-in-hexadecimal": Feature(
         hub("name: x, address: 0x006B, data_type: uint16"), x("hr:107")
     ),

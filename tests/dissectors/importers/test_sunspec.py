@@ -145,6 +145,17 @@ FEATURES = {
         x(),
         ("group Curve, and what follows it: repeats as the device says",),
     ),
+    "group-that-repeats-inside-one-that-does-not": Feature(
+        model(
+            point("acc16"),
+            groups=[
+                {"name": "Set", "groups": [{"name": "Pt", "count": "N", "points": []}]},
+                {"name": "Tail", "points": [point("acc16")]},
+            ],
+        ),
+        x(),
+        ("group Pt, and what follows it: repeats as the device says",),
+    ),
     "group-to-the-end-of-the-model": Feature(
         model(point("acc16"), groups=[{"name": "Module", "count": 0, "points": [point("acc16")]}]),
         x(),

@@ -249,6 +249,11 @@ FEATURES = {
         x(),
         ("y: bit 16 is none of 0 to 15; left out",),
     ),
+    "left-length-no-number": Feature(
+        beside('name = "y", address = [8], data_type = "STRING", length = "two"'),
+        x(),
+        ("y: length 'two' is no number of registers; left out",),
+    ),
     "left-table-unknown": Feature(
         request('name = "x", address = 7, type = "UINT16"')
         + '[[inputs.modbus.request]]\nslave_id = 3\nregister = "files"\n'

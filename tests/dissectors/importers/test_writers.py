@@ -11,10 +11,12 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
+from ruamel.yaml import YAML
 
 from dissectors import importers
 from dissectors.importers import FORMATS
@@ -82,6 +84,11 @@ def in_home_assistant(profile: Profile) -> list[Row]:
             continue
         if space == "co" and point.get("access", "r") != "r":
             row["access"] = "rw"
+            if row.get("count", 1) > 1:
+                for turn in range(row.pop("count")):
+                    at = f"co:{int(place) + turn}"
+                    rows.append({**row, "at": at, "name": f"{row['name']}_{turn}"})
+                continue
         if "nan" in row:
             row["nan"] = row["nan"][:1]
         rows.append(row)
@@ -152,7 +159,9 @@ def test_home_assistant_carries_what_it_has_words_for(model: Row) -> None:
     assert rows == sorted(expected, key=lambda row: str(row["name"]))
     by_name = {row["name"]: row for row in rows}
     for point in profile.points:
-        found = by_name.get(point["name"])
+        found = by_name.get(point["name"], by_name.get(f"{point['name']}_0"))
+        if f"{point['name']}_0" in by_name:
+            assert f"{point['name']}: {point['count']} values, each of them a switch" in notes
         if found is None:
             assert f"{point['name']}: {point['type']} {point['at']} cannot be read" in notes
             continue
@@ -192,6 +201,7 @@ note = "a \\"quoted\\" word, a comma\\nand a line"
 [[registers]]
 at = "hr:1"
 name = "biggest"
+unit = " V"
 type = "u64"
 nan = 0xFFFFFFFFFFFFFFFF
 [[registers]]
@@ -210,15 +220,116 @@ def test_texts_that_a_cell_cannot_hold_are_mended_with_a_note() -> None:
     assert written.notes == (
         "device.note: written on one line",
         "mode.enum: written with commas for semicolons, without blanks at the ends",
+        "biggest.unit: written without the blanks at its ends",
     )
     again = parse(written.text, "x.csv").model
     assert again["device"]["note"] == "first line second line"
     assert again["registers"][0]["enum"] == {"0": "off, by hand", "1": "on"}
     assert again["registers"][0]["note"] == 'a "quoted" word, a comma\nand a line'
-    assert again["registers"][1:] == profile.points[1:]
+    biggest = {**profile.points[1], "unit": "V"}
+    assert again["registers"][1:] == [biggest, profile.points[2]]
 
 
 def test_toml_holds_the_edges() -> None:
     """Lines in texts, the biggest whole number, a sentinel that is no number, small scales."""
     profile = parse(EDGES, "x.toml")
     assert parse(importers.write("toml", profile).text, "x.toml").model == profile.model
+
+
+ONE_BY_ONE = """\
+profile = 1
+[[registers]]
+at = "hr:0.0"
+name = "lowest"
+[[registers]]
+at = "hr:1.3"
+name = "fourth"
+[[registers]]
+at = "hr:2"
+name = "serial"
+type = "str"
+count = 4
+[[registers]]
+at = "hr:6"
+name = "powers"
+type = "f32"
+count = 4
+unit = "W"
+nan = [1, 2]
+[[registers]]
+at = "co:0"
+name = "pumps"
+access = "rw"
+count = 3
+"""
+
+
+def test_telegraf_word_by_word() -> None:
+    """The file as its documentation has it, and what was said."""
+    written = importers.write("telegraf", parse(ONE_BY_ONE, "x.toml"))
+    assert tomllib.loads(written.text) == {
+        "inputs": {"modbus": [{
+            "name": "modbus",
+            "configuration_type": "request",
+            "request": [
+                {"slave_id": 1, "byte_order": "ABCD", "register": "holding", "fields": [
+                    {"address": 0, "name": "lowest", "type": "BIT", "bit": 0},
+                    {"address": 1, "name": "fourth", "type": "BIT", "bit": 3},
+                    {"address": 2, "name": "serial", "type": "STRING", "length": 4},
+                    {"address": 6, "name": "powers_0", "type": "FLOAT32"},
+                    {"address": 8, "name": "powers_1", "type": "FLOAT32"},
+                ]},
+                {"slave_id": 1, "byte_order": "ABCD", "register": "coil", "fields": [
+                    {"address": 0, "name": "pumps_0"},
+                    {"address": 1, "name": "pumps_1"},
+                    {"address": 2, "name": "pumps_2"},
+                ]},
+            ],
+        }]}
+    }  # fmt: skip
+    assert written.notes == (
+        "slave_id = 1 is an example",
+        "powers: 2 values, each of them a field",
+        "pumps: 3 values, each of them a field",
+        "nan has no place in Telegraf: powers",
+        "unit has no place in Telegraf: powers",
+        "access has no place in Telegraf: pumps",
+    )
+
+
+def test_home_assistant_word_by_word() -> None:
+    """The file as its documentation has it, and what was said."""
+    written = importers.write("homeassistant", parse(ONE_BY_ONE, "x.toml"))
+    (hub,) = YAML(typ="safe").load(written.text)["modbus"]
+    assert hub["binary_sensors"] == [
+        {"name": "lowest", "address": 0, "slave": 1, "input_type": "holding"}
+    ]
+    assert hub["switches"] == [
+        {"name": f"pumps_{turn}", "address": turn, "slave": 1, "write_type": "coil"}
+        for turn in range(3)
+    ]
+    holding = {"slave": 1, "input_type": "holding"}
+    assert hub["sensors"] == [
+        {"name": "serial", "address": 2, **holding, "data_type": "string", "count": 4},
+        {"name": "powers", "address": 6, **holding, "data_type": "float32", "virtual_count": 1,
+         "unit_of_measurement": "W", "nan_value": 1},
+    ]  # fmt: skip
+    assert written.notes == (
+        "port, line settings and slave: 1 are examples",
+        "fourth: bool hr:1.3 cannot be read; left out",
+        "pumps: 3 values, each of them a switch",
+        "the second value of nan has no place in Home Assistant: powers",
+    )
+
+
+def test_scale_factors_in_other_registers() -> None:
+    """TOML and CSV carry them; for the others they are a note, as the value is without them."""
+    profile = parse(
+        'profile = 1\n[[registers]]\nat = "hr:0"\nname = "power"\nsf = "exponent"\n'
+        '[[registers]]\nat = "hr:1"\nname = "exponent"\ntype = "s16"\n',
+        "x.toml",
+    )
+    for form in ("toml", "csv"):
+        assert back(form, profile) == (sorted(profile.points, key=lambda row: str(row["name"])), "")
+    assert "sf has no place in Telegraf: power" in back("telegraf", profile)[1]
+    assert "sf has no place in Home Assistant: power" in back("homeassistant", profile)[1]
