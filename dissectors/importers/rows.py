@@ -93,6 +93,13 @@ class Rows:
             self.draft.add(cells.get("name"), place.space, place.address, **keys)
             return
         word, count = self._extent(kind, place, cells)
+        order = cells.order() or place.order or kind.order
+        told = order or cells.get("order") or cells.get("words") or self.draft.order
+        if not told and WIDTHS.get(word or "u16", 1) > 1:
+            self.draft.once(
+                "values of several registers: highest register first, ABCD (assumed; --order "
+                "says it)"
+            )
         self.draft.add(
             cells.get("name"),
             place.space,
@@ -100,7 +107,7 @@ class Rows:
             part=None if place.bit is None else (place.bit, place.bit),
             type=None if word in ("bool", "u16") else word,
             count=count,
-            order=cells.order() or place.order or kind.order,
+            order=order,
             **keys,
         )
 

@@ -62,15 +62,14 @@ def table(text: str, name: str) -> Table:
         elif any(row):
             cells = {key: cell for key, cell in zip(keys, row, strict=False) if key}
             rows.append((line, cells))
-    if any(
-        key == "address" and "hex" in cell.lower() for key, cell in zip(keys, head, strict=True)
-    ):
+    if "address" in keys and "hex" in head[keys.index("address")].lower():
         notes.append("addresses are hexadecimal, as the head says")
-        rows = [
-            (line, {**cells, "address": _DIGITS.sub("0x", cells.get("address", ""), 1)})
-            for line, cells in rows
-        ]
+        rows = [(line, _hexadecimal(cells)) for line, cells in rows]
     return Table(rows, preset, notes)
+
+
+def _hexadecimal(cells: Mapping[str, str]) -> dict[str, str]:
+    return {**cells, "address": _DIGITS.sub("0x", cells.get("address", ""), count=1)}
 
 
 def _bare(text: str, mark: str) -> Iterator[list[str]]:
@@ -102,7 +101,7 @@ def _ways(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
 def _word(cell: str) -> str:
     """A head without case and punctuation; without what stands in brackets, if that is known.
 
-    >>> _word("Modbus Address"), _word("Address (hex)"), _word("Scale (of 1)")
+    >>> _word("Modbus Address"), _word("Address (wire)"), _word("Scale (of 1)")
     ('modbusaddress', 'address', 'scale')
     """
     word, bare = plain(cell), plain(re.sub(r"[(\[].*?[)\]]", "", cell))

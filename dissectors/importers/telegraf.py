@@ -129,17 +129,7 @@ def _add(draft: Draft, field: _Field) -> None:
         raise LeftOut(f"table {space!r} is not known")
     draft.dropped(sorted(set(row) - _FIELD))
     label = str(row.get("name", ""))
-    addresses = row.get("address")
-    listed = [
-        one
-        for one in (addresses if isinstance(addresses, list) else [addresses])
-        if isinstance(one, int) and not isinstance(one, bool)
-    ]
-    if not listed:
-        raise LeftOut("no address" if not addresses else f"address {addresses!r} is no number")
-    first, width = listed[0], len(listed)
-    if isinstance(addresses, list) and addresses != list(range(first, first + len(addresses))):
-        raise LeftOut(f"registers {addresses} are not in a row")
+    first, width = _registers(row)
     if space in ("co", "di"):
         draft.add(label, space, first)
         return
@@ -147,7 +137,7 @@ def _add(draft: Draft, field: _Field) -> None:
     bit = row.get("bit", 0)
     if kind == "bool" and (type(bit) is not int or bit not in range(16)):
         raise LeftOut(f"bit {bit!r} is none of 0 to 15")
-    if isinstance(addresses, list) and WIDTHS.get(kind, width) != width:
+    if isinstance(row["address"], list) and WIDTHS.get(kind, width) != width:
         raise LeftOut(f"{_word(row)} takes {WIDTHS[kind]} registers, not {width}")
     length = tidy(row.get("length", width))
     if kind == "str" and not (isinstance(length, int) and length > 0):
@@ -162,6 +152,22 @@ def _add(draft: Draft, field: _Field) -> None:
         order=known_order(row.get("byte_order", field.order)),
         scale=_scale(row),
     )
+
+
+def _registers(row: Mapping[str, Any]) -> tuple[int, int]:
+    """The first register and how many are named; `LeftOut` where they are not in a row."""
+    addresses = row.get("address")
+    listed = [
+        one
+        for one in (addresses if isinstance(addresses, list) else [addresses])
+        if isinstance(one, int) and not isinstance(one, bool)
+    ]
+    if not listed:
+        raise LeftOut("no address" if not addresses else f"address {addresses!r} is no number")
+    first = listed[0]
+    if isinstance(addresses, list) and addresses != list(range(first, first + len(addresses))):
+        raise LeftOut(f"registers {addresses} are not in a row")
+    return first, len(listed)
 
 
 def _word(row: Mapping[str, Any]) -> str:

@@ -13,7 +13,11 @@ from dissectors.profile import from_model
 __all__ = ["Feature", "imported", "notes", "points"]
 
 ALWAYS = {
-    "csv": ("addresses count ", "no column says the table"),
+    "csv": (
+        "addresses count ",
+        "no column says the table",
+        "values of several registers: highest register first",
+    ),
     "telegraf": ("addresses count from 0, as Telegraf does",),
     "homeassistant": ("addresses count from 0, as Home Assistant does",),
     "esphome": ("addresses count from 0, as ESPHome does",),

@@ -596,6 +596,24 @@ def test_the_base_is_said(base: int | str | None, said: str) -> None:
     assert (assumed in found.notes) == (base != "modicon")
 
 
+@pytest.mark.parametrize(
+    ("line", "options", "said"),
+    [
+        ("FLOAT,", Options(), True),
+        ("FLOAT,ABCD", Options(), False),
+        ("FLOAT,none", Options(), False),
+        ("FLOAT,", Options(order="ABCD"), False),
+        ("WORD,", Options(), False),
+        ("floatbe,", Options(), False),
+    ],
+)
+def test_an_assumed_order_is_said(line: str, options: Options, said: bool) -> None:
+    """Where a value takes several registers and neither the file nor an option says the order."""
+    found = importers.read("csv", one("Type,Byte order", line), "map", options)
+    note = "values of several registers: highest register first, ABCD (assumed; --order says it)"
+    assert (note in found.notes) == said
+
+
 def test_several_units_want_one_chosen() -> None:
     """None told, or one that is not there."""
     text = rows("Address,Name,Slave", "7,x,3", "7,y,4")

@@ -283,6 +283,7 @@ FILES: dict[str, tuple[str, str, list[dict[str, Any]], list[str]]] = {
             "no column says the names: those of 'Description' are taken",
             "addresses are hexadecimal, as the head says",
             "no column says the table: holding registers (assumed)",
+            "values of several registers: highest register first, ABCD (assumed; --order says it)",
         ],
     ),
 }  # fmt: skip
