@@ -92,6 +92,10 @@ def write(profile: Profile) -> tuple[str, list[str]]:
         plain = " ".join(cell.splitlines())
         if plain != cell:
             notes.append(f"device.{key}: written on one line")
+        # Commas at the end of a setting are those that a spreadsheet fills lines up with.
+        if plain != plain.rstrip(","):
+            notes.append(f"device.{key}: written without the commas at its end")
+            plain = plain.rstrip(",")
         out.write(f"#{'base' if key == 'address_base' else key}={plain}\n")
     used = [key for key in KEYS if any(key in point for point in profile.points)]
     writer = csv.writer(out, lineterminator="\n")
