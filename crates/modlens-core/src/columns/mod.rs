@@ -2,223 +2,27 @@
 //!
 //! Writers, filters and the border see rows only through `Table::cell`.
 
-use std::sync::{Arc, OnceLock};
-
-use serde_json::Value as Json;
+use std::sync::Arc;
 
 mod blocks;
+mod cell;
 mod content;
+mod kind;
 mod readings;
 mod shown;
 mod tables;
 
+pub use cell::{Cell, Items};
 pub use content::{exception_name, read_data, read_range, row_of, write_data, write_range, Fields};
+pub use kind::{version, Column, Kind, TableKind, COLUMNS, TABLES};
 
-use crate::finding::Finding;
 use crate::functions::Functions;
-use crate::points::Value;
-use crate::records::{Batch, FindingRow, Frame, Place, Transaction};
-use crate::Ns;
+use crate::records::{Batch, FindingRow, Frame, Transaction};
 use blocks::{Item, Readings};
 use content::Exchange;
 use readings::READINGS;
 pub use readings::{each_value, Part};
-use tables::{Findings, Frames, Pass, PassExchange, Transactions, OF_THE_BUS};
-
-/// The embedded columns.
-pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
-
-/// Names of the tables, as options spell them.
-pub const TABLES: [&str; 4] = ["frames", "transactions", "readings", "findings"];
-
-/// The version of the columns, which travels in files that have a place for it.
-pub fn version() -> u64 {
-    static VERSION: OnceLock<u64> = OnceLock::new();
-    *VERSION.get_or_init(|| {
-        let file: Json = toml::from_str(COLUMNS).expect("the embedded columns are tested");
-        file["version"].as_u64().expect("a version")
-    })
-}
-
-/// A list of numbers that still stands on the wire.
-#[derive(Clone, Copy, Debug)]
-pub enum Items<'a> {
-    /// Two bytes each.
-    Words(&'a [u8]),
-    /// So many bits, lowest first.
-    Bits(&'a [u8], usize),
-    /// One number.
-    One(i32),
-}
-
-impl Items<'_> {
-    /// How many.
-    pub fn len(&self) -> usize {
-        match self {
-            Self::Words(bytes) => bytes.len() / 2,
-            Self::Bits(bytes, count) => (*count).min(bytes.len() * 8),
-            Self::One(_) => 1,
-        }
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// One of them.
-    #[inline]
-    pub fn get(&self, index: usize) -> i32 {
-        match self {
-            Self::Words(bytes) => i32::from(u16::from_be_bytes([bytes[2 * index], bytes[2 * index + 1]])),
-            Self::Bits(bytes, _) => i32::from(bytes[index / 8] >> (index % 8) & 1),
-            Self::One(value) => *value,
-        }
-    }
-}
-
-/// One value of a row.
-#[derive(Clone, Debug)]
-pub enum Cell<'a> {
-    /// Nothing.
-    Null,
-    /// A number.
-    Int(i64),
-    /// A number with a fraction.
-    Float(f64),
-    /// A value of a point, in letters.
-    Value(Value<'a>),
-    /// A duration; columns show microseconds.
-    Us(Ns),
-    /// A time: ns since 1970.
-    Time(Ns),
-    /// Yes or no.
-    Bool(bool),
-    /// A word of ours: it needs no escaping.
-    Word(&'a str),
-    /// Text from outside.
-    Text(&'a str),
-    /// Bytes as hex.
-    Hex(&'a [u8]),
-    /// Numbers.
-    Ints(Items<'a>),
-    /// Codes of findings.
-    Codes(&'a [Finding]),
-    /// Decoded fields.
-    Fields(Fields<'a>),
-    /// Named values.
-    Map(Json),
-    /// Where it stands: file, kind of place, number.
-    Source(&'a str, Place, u64),
-}
-
-/// What a column holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// int64.
-    Int,
-    /// Microseconds, float64.
-    Us,
-    /// timestamp[ns, UTC].
-    Time,
-    /// float64.
-    Float,
-    /// bool.
-    Bool,
-    /// utf8, bytes as hex among them.
-    Text,
-    /// list of int32.
-    Ints,
-    /// list of utf8.
-    Texts,
-    /// JSON text.
-    Map,
-}
-
-/// A column as `columns.toml` has it.
-#[derive(Clone, Debug)]
-pub struct Column {
-    /// Name.
-    pub key: String,
-    /// Type.
-    pub kind: Kind,
-}
-
-/// Which table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TableKind {
-    /// One row a frame.
-    Frames,
-    /// One row a transaction.
-    Transactions,
-    /// One row a register or bit.
-    Readings,
-    /// One row a finding.
-    Findings,
-}
-
-impl TableKind {
-    /// The table of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        let kinds = [Self::Frames, Self::Transactions, Self::Readings, Self::Findings];
-        TABLES.iter().position(|table| *table == name).map(|i| kinds[i])
-    }
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        TABLES[self as usize]
-    }
-
-    /// Its columns, in order.
-    pub fn columns(self) -> &'static [Column] {
-        static ALL: OnceLock<Vec<Vec<Column>>> = OnceLock::new();
-        let all = ALL.get_or_init(|| {
-            let file: Json = toml::from_str(COLUMNS).expect("the embedded columns are tested");
-            TABLES.iter().map(|table| file[*table].as_array().expect("a list").iter().map(column).collect()).collect()
-        });
-        &all[self as usize]
-    }
-
-    /// How a column is read for writers of this kind.
-    pub fn reader<S: Put>(self, column: usize) -> Reader<S> {
-        Reader(match self {
-            Self::Frames => Way::Frame(Frames::pass(column)),
-            Self::Transactions => Way::Transaction(Transactions::pass(column)),
-            Self::Findings => Way::Finding(Findings::pass(column)),
-            Self::Readings => Way::Reading(column),
-        })
-    }
-
-    /// Whether all rows of a bus have the same value in this column.
-    pub fn of_the_bus(self, column: usize) -> bool {
-        self != Self::Readings && OF_THE_BUS.contains(&self.columns()[column].key.as_str())
-    }
-
-    /// The place of a column, or all known names in the error.
-    pub fn column(self, key: &str) -> Result<usize, String> {
-        let columns = self.columns();
-        columns.iter().position(|column| column.key == key).ok_or_else(|| {
-            let known: Vec<&str> = columns.iter().map(|column| column.key.as_str()).collect();
-            format!("{} has no column {key:?}; it has {}", self.name(), known.join(", "))
-        })
-    }
-}
-
-fn column(row: &Json) -> Column {
-    let kind = match row["type"].as_str() {
-        Some("int") => Kind::Int,
-        Some("us") => Kind::Us,
-        Some("time") => Kind::Time,
-        Some("float") => Kind::Float,
-        Some("bool") => Kind::Bool,
-        Some("ints") => Kind::Ints,
-        Some("texts") => Kind::Texts,
-        Some("map") => Kind::Map,
-        Some("text" | "hex") => Kind::Text,
-        other => panic!("columns.toml: unknown type {other:?}"),
-    };
-    Column { key: row["key"].as_str().expect("a key").to_owned(), kind }
-}
+use tables::{Findings, Frames, Pass, PassExchange, Transactions};
 
 /// A view on rows of a batch.
 #[derive(Clone, Debug)]
@@ -434,21 +238,4 @@ impl Table {
 /// The table that decodes the rows of a batch.
 pub(crate) fn functions(batch: &Batch) -> &Functions {
     batch.functions.as_deref().unwrap_or_else(|| Functions::embedded())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_column_of_the_file_has_its_line_here() {
-        let here: [Vec<&str>; 4] =
-            [Frames::KEYS.to_vec(), Transactions::KEYS.to_vec(), READINGS.iter().map(|c| c.0).collect(), Findings::KEYS.to_vec()];
-        for (kind, here) in
-            [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings].iter().zip(here)
-        {
-            let there: Vec<&str> = kind.columns().iter().map(|column| column.key.as_str()).collect();
-            assert_eq!(here, there, "{}", kind.name());
-        }
-    }
 }
