@@ -16,8 +16,9 @@ use crate::Ns;
 pub(crate) use requests::Key;
 use requests::Requests;
 
-/// Response times in buckets of a twelfth of an octave: percentiles within 6 %.
-const STEPS_PER_OCTAVE: f64 = 12.0;
+/// Times in sixteen equal buckets an octave: percentiles within 4 %.
+const STEPS_PER_OCTAVE: usize = 1 << STEP_BITS;
+const STEP_BITS: u32 = 4;
 
 /// A bounded histogram of times.
 #[derive(Clone, Debug, Default)]
@@ -30,7 +31,7 @@ struct Times {
 }
 
 /// 2^40 ns are 18 minutes; what is longer counts there.
-const BUCKETS: usize = 40 * STEPS_PER_OCTAVE as usize + 1;
+const BUCKETS: usize = 40 * STEPS_PER_OCTAVE + 1;
 
 impl Times {
     fn add(&mut self, ns: Ns) {
@@ -41,8 +42,7 @@ impl Times {
         if self.buckets.is_empty() {
             self.buckets.resize(BUCKETS, 0);
         }
-        let bucket = ((ns.max(1) as f64).log2() * STEPS_PER_OCTAVE).round() as usize;
-        self.buckets[bucket.min(BUCKETS - 1)] += 1;
+        self.buckets[bucket(ns)] += 1;
     }
 
     fn percentile(&self, share: f64) -> Ns {
@@ -51,7 +51,7 @@ impl Times {
         for (bucket, count) in self.buckets.iter().enumerate() {
             below += count;
             if below >= rank {
-                return ((bucket as f64 / STEPS_PER_OCTAVE).exp2() as Ns).clamp(self.least, self.most);
+                return middle(bucket).clamp(self.least, self.most);
             }
         }
         self.most
@@ -67,6 +67,20 @@ impl Times {
             "p50_us": us(self.percentile(0.5)), "p95_us": us(self.percentile(0.95)), "max_us": us(self.most),
         })
     }
+}
+
+/// The octave of a time, and behind it the bits below its highest one: no logarithm is needed.
+fn bucket(ns: Ns) -> usize {
+    let ns = ns.max(1) as u64;
+    let octave = ns.ilog2();
+    let step = ((ns << (63 - octave)) >> (63 - STEP_BITS)) as usize & (STEPS_PER_OCTAVE - 1);
+    (octave as usize * STEPS_PER_OCTAVE + step).min(BUCKETS - 1)
+}
+
+/// The middle of a bucket.
+fn middle(bucket: usize) -> Ns {
+    let (octave, step) = (bucket / STEPS_PER_OCTAVE, bucket % STEPS_PER_OCTAVE);
+    ((1 << octave) as f64 * (1.0 + (step as f64 + 0.5) / STEPS_PER_OCTAVE as f64)) as Ns
 }
 
 /// The transactions of a function with one unit.
@@ -271,5 +285,25 @@ impl BusCounts {
             "load": span.map(|span| self.busy as f64 / span as f64), "units": units,
             "cycle": self.requests.cycle(), "timeouts": self.requests.timeouts(functions),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_stand_in_buckets_of_a_sixteenth_of_an_octave() {
+        // Behind 2^19 = 524,288 ns in steps of 32,768: the fifteenth holds a millisecond, and its middle is 2^19 * 1.90625.
+        assert_eq!(bucket(1_000_000), 19 * 16 + 14);
+        assert_eq!(middle(19 * 16 + 14), 999_424);
+        assert_eq!((bucket(-5), bucket(0), bucket(1)), (0, 0, 0));
+        assert_eq!(bucket(Ns::MAX), BUCKETS - 1);
+        let mut last = 0;
+        for ns in (0..39 * 8).map(|eighth| (f64::from(eighth) / 8.0).exp2() as Ns).filter(|&ns| ns > 16) {
+            assert!(bucket(ns) >= last, "{ns}");
+            assert!((middle(bucket(ns)) - ns).abs() * 32 <= ns + 32, "{ns}");
+            last = bucket(ns);
+        }
     }
 }
