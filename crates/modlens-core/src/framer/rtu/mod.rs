@@ -246,17 +246,16 @@ impl Rtu {
             _ => None,
         };
         let model = &self.search.model;
-        let scene =
-            Scene {
-                model,
-                context,
-                input,
-                length,
-                after,
-                behind_damage: self.after_damage,
-                silence: self.silence(input),
-                announced: false,
-            };
+        let scene = Scene {
+            model,
+            context,
+            input,
+            length,
+            after,
+            behind_damage: self.after_damage,
+            silence: self.silence(input),
+            announced: false,
+        };
         scene.pieces().into_iter().map(|piece| (input.offset() + piece.start as u64, piece)).collect()
     }
 

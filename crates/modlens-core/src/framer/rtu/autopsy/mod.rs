@@ -376,7 +376,8 @@ impl Scene<'_, '_> {
 
     fn ends_well(&self, end: Option<usize>) -> f32 {
         let well = end.is_some_and(|end| {
-            (end == self.length && !self.announced) || (end <= self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.silence))
+            (end == self.length && !self.announced)
+                || (end <= self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.silence))
         });
         if well {
             ENDS_WELL
