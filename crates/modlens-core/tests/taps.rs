@@ -257,7 +257,7 @@ fn the_baud_rate_changes_in_the_middle_of_a_recording() {
 
 /// Exchanges on two lines whose adapters hold bytes back, each for its own time; the request's is seen at START + 100 ms a
 /// round, the answer's so many ms before it.
-fn two_lines(live: bool, early: impl Fn(i64) -> i64) -> (Batch, Vec<[(Vec<u8>, Direction); 2]>) {
+fn two_lines(live: bool, early: impl Fn(i64) -> i64) -> (Batch, Vec<(Vec<u8>, Direction)>) {
     let (mut session, bus) = session(live, Clock::Utc);
     let (mut reads, mut wanted) = (Vec::new(), Vec::new());
     for round in 0..60i64 {
@@ -266,7 +266,7 @@ fn two_lines(live: bool, early: impl Fn(i64) -> i64) -> (Batch, Vec<[(Vec<u8>, D
         let asked = START + 100 * round * MS;
         reads.push((asked, 1, both[0].0.clone()));
         reads.push((asked - early(round) * MS, 2, both[1].0.clone()));
-        wanted.push(both);
+        wanted.extend(both);
     }
     reads.sort();
     for (time, line, bytes) in reads {
@@ -281,7 +281,7 @@ fn an_answer_that_is_seen_before_its_request_on_the_other_line_is_its_answer() {
     for live in [false, true] {
         // A latency timer of 16 ms on each line: every third answer is seen first.
         let (batch, wanted) = two_lines(live, |round| if round % 3 == 0 { 11 } else { -9 });
-        assert_eq!(all_good(&batch), wanted.concat(), "live {live}");
+        assert_eq!(all_good(&batch), wanted, "live {live}");
         let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
         assert_eq!(statuses, [Status::Ok; 60], "live {live}");
     }
