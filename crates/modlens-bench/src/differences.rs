@@ -152,7 +152,7 @@ fn told(reported: &[Reported], place: u64) -> String {
             Direction::Response => '<',
             Direction::Unknown => '?',
         };
-        let labels: String = frame.labels.iter().map(|label| format!(" {}", label.text())).collect();
+        let labels = frame.labels.iter().fold(String::new(), |labels, label| labels + " " + label.text());
         let txn = frame.txn.map_or(String::from("-"), |txn| txn.to_string());
         let bad = if frame.crc_ok { "" } else { "!" };
         format!("{}:{}{direction}{bad} {txn}{labels}", frame.line, frame.start)

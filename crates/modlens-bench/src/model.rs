@@ -79,6 +79,13 @@ impl Labels {
         self.0 |= 1 << label as u8;
     }
 
+    /// Takes one away; says whether it was there.
+    pub fn remove(&mut self, label: Label) -> bool {
+        let there = self.contains(label);
+        self.0 &= !(1 << label as u8);
+        there
+    }
+
     /// Whether it is there.
     pub fn contains(self, label: Label) -> bool {
         self.0 & (1 << label as u8) != 0

@@ -184,6 +184,67 @@ fn frames_inside_payloads_of_files_and_tunnels_live_too() {
 }
 
 #[test]
+fn a_loopback_that_holds_a_frame_live_too() {
+    // What sub-function 0 of diagnostics returns (6.8): the line has not shown this function before.
+    let outer = frame(1, &[&[8, 0, 0][..], &read(2, 0, 1)].concat());
+    let frames = [(12, outer.clone()), (12, outer.clone()), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+    for live in [false, true] {
+        let found = good(&timed(live, &frames));
+        assert_eq!(found[..2], pair(&outer, &outer), "live {live}");
+        assert_eq!(found[2..], pair(&read(1, 0, 1), &answer(1, &[1])), "live {live}");
+    }
+}
+
+#[test]
+fn canopen_references_of_every_length_end_where_their_checksum_says() {
+    // 43/13: its layout is not in the specification (6.19).
+    for (asked, told) in [(4usize, 4usize), (7, 30), (14, 9)] {
+        let body = |length: usize, first: usize| (0..length).map(|at| (at * 53 + first) as u8).collect::<Vec<u8>>();
+        let once = |at: usize| {
+            [frame(1, &[&[43, 13][..], &body(asked, at)].concat()), frame(1, &[&[43, 13][..], &body(told, at + 9)].concat())]
+        };
+        let exchanges: Vec<Vec<u8>> = (0..4).flat_map(once).collect();
+        let batch = untimed(&[&exchanges[..], &[read(2, 0, 1), answer(2, &[1])]].concat());
+        let wanted: Vec<_> = exchanges.chunks(2).flat_map(|both| pair(&both[0], &both[1])).collect();
+        assert_eq!(good(&batch)[..8], wanted, "{asked} {told}");
+    }
+}
+
+#[test]
+fn a_request_that_could_be_its_own_answer_is_a_retry_after_a_time_out() {
+    // 24 inputs from address 0x03D2 on: as a response, three bytes of inputs.
+    let ask = frame(8, &[2, 0x03, 0xD2, 0, 24]);
+    let tell = frame(8, &[2, 3, 0, 0x26, 0xB4]);
+    let gone: Vec<(i64, Vec<u8>)> =
+        (0..3).flat_map(|_| [(20, read(9, 0, 1)), (250, read(9, 0, 1)), (250, read(1, 0, 1)), (12, answer(1, &[1]))]).collect();
+    let frames = [&gone[..], &[(20, ask.clone()), (250, ask.clone()), (12, tell.clone())]].concat();
+    for live in [false, true] {
+        let found = good(&timed(live, &frames));
+        assert_eq!(found[found.len() - 3..], [(ask.clone(), Request), (ask.clone(), Request), (tell.clone(), Response)]);
+    }
+}
+
+#[test]
+fn a_stray_in_the_silence_before_a_retry_makes_it_no_answer() {
+    let write = frame(1, &[6, 0, 1, 0, 3]);
+    let gone: Vec<(i64, Vec<u8>)> =
+        (0..3).flat_map(|_| [(20, read(9, 0, 1)), (250, read(9, 0, 1)), (250, read(1, 0, 1)), (12, answer(1, &[1]))]).collect();
+    let tail = [
+        (20, write.clone()),
+        (238, vec![0x40]),
+        (12, write.clone()),
+        (12, write.clone()),
+        (20, read(2, 0, 1)),
+        (12, answer(2, &[1])),
+    ];
+    for live in [false, true] {
+        let found = good(&timed(live, &[&gone[..], &tail].concat()));
+        let ways: Vec<Direction> = found[found.len() - 5..].iter().map(|frame| frame.1).collect();
+        assert_eq!(ways, [Request, Request, Response, Request, Response], "live {live}");
+    }
+}
+
+#[test]
 fn the_same_request_again_at_once_is_neither_echo_nor_retry_before_the_line_has_shown_which() {
     // The recording begins with a request that stands there twice, without a clock.
     let (mut session, bus) = session(false, Clock::None);

@@ -254,3 +254,54 @@ fn the_baud_rate_changes_in_the_middle_of_a_recording() {
     session.flush();
     assert_eq!(good(&session.take()), pairs);
 }
+
+/// Exchanges on two lines whose adapters hold bytes back, each for its own time; the request's is seen at START + 100 ms a
+/// round, the answer's so many ms before it.
+fn two_lines(live: bool, early: impl Fn(i64) -> i64) -> (Batch, Vec<(Vec<u8>, Direction)>) {
+    let (mut session, bus) = session(live, Clock::Utc);
+    let (mut reads, mut wanted) = (Vec::new(), Vec::new());
+    for round in 0..60i64 {
+        let unit = 1 + (round % 3) as u8;
+        let both = pair(read(unit, round as u16 % 7, 2), tell(unit, 2, round as u8));
+        let asked = START + 100 * round * MS;
+        reads.push((asked, 1, both[0].0.clone()));
+        reads.push((asked - early(round) * MS, 2, both[1].0.clone()));
+        wanted.extend(both);
+    }
+    reads.sort();
+    for (time, line, bytes) in reads {
+        session.feed(bus, &Chunk { line, bytes: &bytes, times: Times::Read(time), ..Chunk::default() });
+    }
+    session.flush();
+    (session.take(), wanted)
+}
+
+#[test]
+fn an_answer_that_is_seen_before_its_request_on_the_other_line_is_its_answer() {
+    for live in [false, true] {
+        // A latency timer of 16 ms on each line: every third answer is seen first.
+        let (batch, wanted) = two_lines(live, |round| if round % 3 == 0 { 11 } else { -9 });
+        assert_eq!(all_good(&batch), wanted, "live {live}");
+        let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
+        assert_eq!(statuses, [Status::Ok; 60], "live {live}");
+    }
+}
+
+#[test]
+fn a_live_tap_waits_for_what_an_adapter_holds_back() {
+    // A serial server sends 200 bytes at once: at 19200 baud they take 115 ms, longer than any pause inside a frame.
+    let (mut live, bus) = session(true, Clock::Utc);
+    let wanted: Vec<_> = (0..40u8).flat_map(|i| pair(read(1, 10, 20), tell(1, 20, i))).collect();
+    let bytes: Vec<u8> = wanted.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+    let mut now = START;
+    for bytes in bytes.chunks(200) {
+        let until = now + 115 * MS;
+        while now < until {
+            now += 5 * MS;
+            live.poll(now);
+        }
+        live.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+    }
+    live.poll(now + 1000 * MS);
+    assert_eq!(all_good(&live.take()), wanted);
+}

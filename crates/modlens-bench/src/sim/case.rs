@@ -1,6 +1,8 @@
 //! Traffic (what happened on the bus) and cases (what a tap made of it).
 
-use crate::model::{Framing, Settings};
+use std::collections::HashSet;
+
+use crate::model::{Framing, Label, Settings};
 use crate::rng::Rng;
 use crate::sim::master::Play;
 use crate::sim::scenario::Scenario;
@@ -111,6 +113,7 @@ impl Traffic {
             let reads = mode.reads(&line.times, self.settings, &mut rng);
             CaseLine { id: line.id, bytes: line.bytes.clone(), reads }
         });
+        let orderless = self.lines.len() == 2 && mode == TapMode::None;
         Case {
             name: self.name.clone(),
             seed: self.seed,
@@ -118,7 +121,7 @@ impl Traffic {
             settings: self.settings,
             framing: self.framing,
             lines: lines.collect(),
-            truth: self.truth.clone(),
+            truth: if orderless { without_order(&self.truth) } else { self.truth.clone() },
             losses: self.losses.clone(),
         }
     }
@@ -132,6 +135,29 @@ impl Traffic {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
+
+/// What can be said where nothing tells the order of two lines: the same request twice on one of them and two answers on
+/// the other are two exchanges, or a retry and a late answer.
+fn without_order(truth: &[TruthFrame]) -> Vec<TruthFrame> {
+    let late = truth.iter().filter(|frame| frame.labels.contains(Label::Late));
+    let pairs: HashSet<(u32, u32)> = late.filter_map(|frame| Some((frame.alt_txn?, frame.txn))).collect();
+    let open = |frame: &TruthFrame, label| match label {
+        Label::Late => frame.alt_txn.is_some_and(|old| pairs.contains(&(old, frame.txn))),
+        Label::NoResponse => pairs.iter().any(|&(old, _)| old == frame.txn),
+        Label::Retry => pairs.iter().any(|&(_, now)| now == frame.txn),
+        _ => false,
+    };
+    let mut truth = truth.to_vec();
+    for frame in &mut truth {
+        for label in [Label::Late, Label::NoResponse, Label::Retry] {
+            if open(frame, label) {
+                frame.labels.remove(label);
+                frame.maybe.insert(label);
+            }
+        }
+    }
+    truth
 }
 
 impl Case {

@@ -191,6 +191,9 @@ impl View<'_> {
                 let equal = self.echoes(first);
                 said.say(Label::Duplicate, self.valid(first) && !equal);
                 said.perhaps(Label::Retry, equal);
+                // Behind a retry it may as well be the first request's answer.
+                let Role::Answer(request) = self.sent[first].role else { return (said.must, said.may) };
+                said.perhaps(Label::Late, matches!(self.sent[request].role, Role::Retry(_)));
             }
             Role::Late { old, now } => {
                 // One answer behind two equal requests answers the second, for all that anybody can see.
@@ -200,6 +203,8 @@ impl View<'_> {
             Role::Answer(_) => {
                 said.perhaps(Label::Retry, self.echoes(at) && self.is_doubled(at));
                 said.perhaps(Label::Late, self.late_before(at).is_some());
+                // The late answer and the retry's own, byte for byte the same, may as well be one answer twice.
+                said.perhaps(Label::Duplicate, self.late_before(at).is_some() && self.sent[at - 1].wire == self.sent[at].wire);
             }
             Role::Request | Role::Intruder(_) => {}
         }

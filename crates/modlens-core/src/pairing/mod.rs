@@ -66,6 +66,8 @@ pub struct Pairing {
     pub lateness: Ns,
     /// Frames come in the order of the wire: not so where two lines are read by adapters that hold bytes back.
     pub ordered: bool,
+    /// The order of requests and answers is guessed: where nothing is seen of an answer, that proves nothing.
+    pub guessed: bool,
     live: bool,
     /// Whether the side that answers is recorded at all: where it is not, its silence means nothing.
     pub heard: bool,
@@ -112,6 +114,7 @@ impl Pairing {
             resolution: 0,
             lateness: 0,
             ordered: true,
+            guessed: false,
             live,
             heard: true,
             ids: VecDeque::new(),

@@ -282,6 +282,8 @@ impl Pairing {
         }
         // A master that asks the next one long before its time-out has had an answer: it is the tap that has not.
         let had = waited.is_some_and(|waited| !again && self.too_soon(waited)) && self.present[exchange.unit as usize];
+        // Two lines without a clock: only that it is asked again tells of a missing answer rather than of missing bytes.
+        let had = had || (self.guessed && !again);
         self.close(exchange, if had { Status::NotSeen } else { Status::NoResponse }, done);
     }
 }

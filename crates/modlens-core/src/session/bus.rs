@@ -141,8 +141,9 @@ impl BusState {
         let line = self.line(chunk.line);
         if fresh && first && two && untimed {
             line.ahead = Some(Box::new(Ahead::new(Input::new(line.input.char_ns))));
+            self.pairing.guessed = true;
         }
-        line
+        self.line(chunk.line)
     }
 
     /// What the clock of a line can tell apart.

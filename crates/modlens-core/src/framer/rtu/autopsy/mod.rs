@@ -236,6 +236,21 @@ impl Scene<'_, '_> {
         self.input.timed && strays < AROUND && strays < to && !(1..to).any(|at| self.stops(at))
     }
 
+    /// Whether the line is silent behind the strays that begin here, as behind those of a driver; who collides goes on.
+    fn over_behind(&self, strays: usize) -> bool {
+        let bytes = self.input.bytes();
+        let end = strays + bytes[strays..].iter().take(MOST_GLITCH).take_while(|&&byte| byte == bytes[strays]).count();
+        let behind = if self.announced { bytes.len() } else { self.length };
+        if end >= behind {
+            return true;
+        }
+        if self.input.timed {
+            self.input.pause_before(end).is_some_and(|pause| pause >= self.silence)
+        } else {
+            self.model.has_unit(bytes[end])
+        }
+    }
+
     /// Whether no unit of this line begins these bytes, and no function code that announces just so many.
     fn lacks_its_head(&self, bytes: &[u8]) -> bool {
         let &[unit, code, ref body @ ..] = bytes else { return true };
@@ -444,6 +459,10 @@ impl Scene<'_, '_> {
                 Some(at) => strays_instead(bytes, at),
                 None => fewer(bytes, self.ends_well(candidate.end) > 0.0),
             };
+            harm = harm.filter(|harm| match harm {
+                Harm::Lost { count, .. } => self.over_behind(candidate.start + length - count),
+                _ => true,
+            });
             length -= match harm {
                 Some(Harm::Lost { count, .. }) => count,
                 _ => 0,

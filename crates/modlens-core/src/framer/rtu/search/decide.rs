@@ -50,6 +50,9 @@ const CROWD: usize = 96;
 /// What stands behind a frame costs the same so many bytes behind it and later: only what is found then changes anything.
 const STILL: u64 = 3;
 
+/// Unit, function code and two more bytes: whoever holds another frame has more of a head than strays are.
+const SHORTEST_HEAD: u64 = 4;
+
 /// Bytes without any frame are given out in such pieces.
 const NOISE: u64 = 4096;
 
@@ -103,6 +106,9 @@ impl Search {
         if self.next >= reach {
             return None;
         }
+        if let Some(held) = self.held_until(input, context, frame.start).filter(|&held| self.next < held) {
+            return Some(held);
+        }
         let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
         let look_alike = clockless && context.speaker.is_none() && first == best && self.turned(first, standing - LOOK_ALIKE);
         // Only what follows shows that a frame was damaged rather than none.
@@ -115,6 +121,18 @@ impl Search {
         let behind = self.next - self.nodes[best].end;
         let least = begun - (self.model.astray(behind.max(STILL)) - self.model.astray(behind)) - ROUNDING;
         self.threatened_until(input, context, first, (begun, least)).map(|until| until.min(reach))
+    }
+
+    /// How long it is open whether this frame stands inside one of any length that has begun before it.
+    fn held_until(&self, input: &Input, context: &Context<'_>, start: u64) -> Option<u64> {
+        let base = input.offset();
+        if start - self.told() < SHORTEST_HEAD || (input.timed && input.starts_read((start - base) as usize)) {
+            return None;
+        }
+        let before = &input.bytes()[(self.told() - base) as usize..];
+        let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
+        let holds = self.model.has_unit(before[0]) && announced(context, before).into_iter().any(any_length);
+        holds.then_some(self.told() + REACH)
     }
 
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
