@@ -80,7 +80,7 @@ fn bucket(ns: Ns) -> usize {
 /// The middle of a bucket.
 fn middle(bucket: usize) -> Ns {
     let (octave, step) = (bucket / STEPS_PER_OCTAVE, bucket % STEPS_PER_OCTAVE);
-    ((1 << octave) as f64 * (1.0 + (step as f64 + 0.5) / STEPS_PER_OCTAVE as f64)) as Ns
+    ((1u64 << octave) as f64 * (1.0 + (step as f64 + 0.5) / STEPS_PER_OCTAVE as f64)) as Ns
 }
 
 /// The transactions of a function with one unit.
