@@ -10,33 +10,23 @@ that clears the screen. Everything that is printed goes through `visible`.
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NoReturn, TextIO
-
-from rich.cells import cell_len, set_cell_size
-from rich.console import Console
-from rich.control import Control
-from rich.segment import ControlType, Segment, Segments
-from rich.style import Style
+from typing import TYPE_CHECKING, TextIO
 
 from dissectors.errors import SourceError
+
+if TYPE_CHECKING:
+    from analyzer.views.terminal import Terminal
 
 __all__ = ["Part", "Screen", "fit", "visible", "width_of"]
 
 Part = tuple[str, str]
-"""A text and the name of its style in `STYLES`; "" is none."""
+"""A text and the name of its style in `terminal.STYLES`; "" is none."""
 
-STYLES = {
-    "head": Style(bold=True),
-    "dim": Style(dim=True),
-    "good": Style(color="green"),
-    "odd": Style(color="yellow"),
-    "bad": Style(color="red", bold=True),
-    "note": Style(color="cyan"),
-}
-
-_CLEAR_REST = Control((ControlType.ERASE_IN_LINE, 0)).segment
+COLUMNS = 80
+"""Where nothing says how wide a screen is."""
 
 _SHOWN = {
     code: ascii(chr(code))[1:-1]
@@ -60,7 +50,11 @@ def visible(text: str) -> str:
 
 def width_of(text: str) -> int:
     """Columns of the terminal that a text takes."""
-    return len(text) if text.isascii() else cell_len(text)
+    if text.isascii():
+        return len(text)
+    from rich.cells import cell_len  # noqa: PLC0415 - rich is loaded where it is needed only
+
+    return cell_len(text)
 
 
 def fit(text: str, width: int, *, right: bool = False) -> str:
@@ -71,9 +65,17 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
     """
     length = width_of(text)
     if length > width:
-        return set_cell_size(text, max(width - 1, 0)) + ("…" if width > 0 else "")
+        return _shortened(text, max(width - 1, 0)) + ("…" if width > 0 else "")
     gap = " " * (width - length)
     return gap + text if right else text + gap
+
+
+def _shortened(text: str, width: int) -> str:
+    if text.isascii():
+        return text[:width]
+    from rich.cells import set_cell_size  # noqa: PLC0415 - as above
+
+    return set_cell_size(text, width)
 
 
 def _unwritten(error: OSError) -> SourceError:
@@ -102,13 +104,6 @@ def _cut(line: Iterable[Part], width: int) -> Iterator[Part]:
         yield text, style
 
 
-class _Terminal(Console):
-    """rich ends the process when the reader of a pipe goes away; here the caller decides."""
-
-    def on_broken_pipe(self) -> NoReturn:
-        raise BrokenPipeError
-
-
 class Screen:
     """One stream to print to.
 
@@ -118,20 +113,31 @@ class Screen:
 
     def __init__(self, stream: TextIO, *, width: int | None = None) -> None:
         self._stream = stream
-        self._console = _Terminal(
-            file=stream, width=width, highlight=False, markup=False, emoji=False
-        )
-        self.is_plain = not self._console.is_terminal or self._console.color_system is None
+        self._width = width
+        self._terminal: Terminal | None = None
+        forced = os.environ.keys() & {"FORCE_COLOR", "TTY_COMPATIBLE"}
+        self.is_plain = not (stream.isatty() or forced) or self._rich().is_plain
+
+    def _rich(self) -> Terminal:
+        if self._terminal is None:
+            # A third of the time to start a command; most output goes to files and pipes.
+            from analyzer.views.terminal import Terminal  # noqa: PLC0415
+
+            self._terminal = Terminal(self._stream, self._width)
+        return self._terminal
 
     @property
     def is_terminal(self) -> bool:
         """Whether somebody looks at it."""
-        return self._console.is_terminal
+        return self._terminal is not None and self._terminal.is_terminal
 
     @property
     def width(self) -> int:
         """Columns: the terminal's, else those of `COLUMNS`, else 80."""
-        return self._console.width
+        if self._terminal is not None:
+            return self._terminal.width
+        columns = os.environ.get("COLUMNS", "")
+        return self._width or (int(columns) if columns.isdigit() else _columns())
 
     def lines(self, lines: Iterable[Iterable[Part]]) -> None:
         """Print lines of parts, flushed once at the end.
@@ -141,12 +147,8 @@ class Screen:
         if self.is_plain:
             self.text("".join("".join(text for text, _ in line).rstrip() + "\n" for line in lines))
             return
-        segments = []
-        for line in lines:
-            segments += [Segment(text, STYLES.get(style)) for text, style in line]
-            segments.append(Segment.line())
         with _written():
-            self._console.print(Segments(segments), end="", soft_wrap=True)
+            self._rich().lines(lines)
             self._stream.flush()
 
     def text(self, lines: str) -> None:
@@ -162,31 +164,33 @@ class Screen:
     @property
     def size(self) -> tuple[int, int]:
         """Columns and lines of the terminal as it is now."""
-        return self._console.size.width, self._console.size.height
+        size = self._rich().size
+        return size.width, size.height
 
     def begin_pages(self) -> None:
         """Leave what is on the terminal alone: pages are drawn on a screen of their own."""
-        self._console.set_alt_screen(True)
-        self._console.show_cursor(False)
+        self._rich().begin_pages()
 
     def end_pages(self) -> None:
         """Show again what was there before."""
-        self._console.show_cursor(True)
-        self._console.set_alt_screen(False)
+        self._rich().end_pages()
 
     def page(self, lines: Sequence[Iterable[Part]]) -> None:
         """Draw lines over the ones before, each to the edge of the terminal and not beyond."""
-        segments, width = [Control.home().segment], self.size[0]
-        for number, line in enumerate(lines):
-            segments += [Segment(text, STYLES.get(style)) for text, style in _cut(line, width)]
-            segments.append(_CLEAR_REST)
-            if number < len(lines) - 1:
-                segments.append(Segment.line())
-        self._console.print(Segments(segments), end="", soft_wrap=True)
+        width = self.size[0]
+        self._rich().page([list(_cut(line, width)) for line in lines])
 
     def line(self, text: str, style: str = "") -> None:
         """Print one line."""
         self.lines([[(text, style)]])
+
+
+def _columns() -> int:
+    """Those of the terminal that any of the three streams is, as rich has it."""
+    for descriptor in range(3):
+        with contextlib.suppress(OSError):
+            return os.get_terminal_size(descriptor).columns or COLUMNS
+    return COLUMNS
 
 
 def stdout() -> Screen:
