@@ -65,8 +65,10 @@ def test_the_api_loads_no_screen_port_or_capture_library(name: str) -> None:
 
 
 def test_a_table_on_the_screen_loads_the_screen_only() -> None:
-    """Neither a port nor a capture library is loaded by `modlens decode`."""
-    found = loaded(f"from analyzer.cli import main; main(['decode', {RECORDING!r}])")
+    """Neither a port nor a capture library is loaded by `modlens decode`; in a pipe no screen."""
+    decode = f"from analyzer.cli import main; main(['decode', {RECORDING!r}])"
+    assert loaded(decode).isdisjoint({SCREEN, PORT, CAPTURE, *EXTRAS})
+    found = loaded(f"import os; os.environ['FORCE_COLOR'] = '1'; {decode}")
     assert SCREEN in found
     assert found.isdisjoint({PORT, CAPTURE, *EXTRAS})
 
