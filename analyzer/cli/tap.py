@@ -130,9 +130,8 @@ def run(options: argparse.Namespace) -> int:
         outputs.watch(*[limits] * limits.set, Hourly(live.stats, voice.say))
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))
-        recording.begin(opened)  # the ports are open: there is something to record
-        # Said last: who reads it may rely on all of it, the recording too.
         voice.say(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")
+        recording.begin(opened)  # the ports are open: there is something to record
         try:
             with voice.on_screen():
                 outputs.pump(live, lambda: stopping.asked() or limits.reached or voice.leaving)

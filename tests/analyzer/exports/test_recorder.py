@@ -208,10 +208,10 @@ class Live:
         )
         self.sent = b""
 
-    def wait_until_it_listens(self) -> None:
-        """It says so."""
+    def wait_until_it_records(self) -> None:
+        """It says so, behind saying that it listens."""
         assert self._tap.stderr is not None
-        while b"listening" not in (line := self._tap.stderr.readline()):
+        while b"recording to" not in (line := self._tap.stderr.readline()):
             assert line
 
     def send(self, data: bytes) -> None:
@@ -244,7 +244,7 @@ def test_a_recording_is_whole_after_a_kill_at_any_moment(tmp_path: Path) -> None
     for start in range(0, KILLS, AT_ONCE):
         taps = [Live(tmp_path / f"{number}.pcapng") for number in range(start, start + AT_ONCE)]
         for tap in taps:
-            tap.wait_until_it_listens()
+            tap.wait_until_it_records()
         left = list(taps)
         while left:
             for tap in left:
