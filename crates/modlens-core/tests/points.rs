@@ -21,9 +21,13 @@ use wire::in_pieces;
 const ORDERS: [&str; 4] = ["ABCD", "CDAB", "BADC", "DCBA"];
 
 /// What a random point may say beside its place; parts in braces are left out where they do not fit.
-const KINDS: [(&str, u16); 20] = [
+const KINDS: [(&str, u16); 24] = [
     ("type='u16'", 1),
     ("type='s16'\nscale=0.1", 1),
+    ("type='u16'\nscale=0.1", 1),
+    ("type='u16'\nscale=0.01\noffset=0", 1),
+    ("type='u8h'\nscale=0.1", 1),
+    ("type='u32'\nscale=0.01", 2),
     ("type='u16'\nscale=0.05\noffset=-40", 1),
     ("type='u16'\nscale=10", 1),
     ("type='s16'\nnan=0x8000", 1),

@@ -87,11 +87,13 @@ impl Shortcut {
             return long;
         }
         let Some((quick, exponent)) = Quick::whole(point, convert) else { return long };
-        match (factor, POWERS.get(-exponent as usize)) {
-            (Some(slot), _) => Self { width, form: Form::Factor { exponent, slot }, quick },
-            (None, Some(_)) if quick == Quick::BARE => Self { width, ..Self::BARE },
-            (None, Some(&divisor)) => Self { width, form: Form::Quick, quick: Quick { divisor, ..quick } },
-            (None, None) => long,
+        if let Some(slot) = factor {
+            return Self { width, form: Form::Factor { exponent, slot }, quick };
+        }
+        match POWERS.get(-exponent as usize).map(|&divisor| Quick { divisor, ..quick }) {
+            Some(Quick::BARE) => Self::BARE,
+            Some(quick) => Self { width, form: Form::Quick, quick },
+            None => long,
         }
     }
 
