@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use modlens_core::chunk::Chunk;
 use modlens_core::framer::auto::make;
-use modlens_core::framer::{Context, Mode};
+use modlens_core::framer::{Context, Framer, Mode};
 use modlens_core::functions::Functions;
 use modlens_core::input::Input;
 use modlens_core::session::{BusOptions, Session, Wanted};
@@ -142,6 +142,7 @@ fn framing(bytes: &[u8]) -> u64 {
     let mut adu = Vec::new();
     let mut count = 0;
     let mut drain = |input: &mut Input| loop {
+        count += exchanges(&mut *framer, functions, input);
         let context = Context {
             ahead: true,
             functions,
@@ -168,6 +169,24 @@ fn framing(bytes: &[u8]) -> u64 {
     }
     (input.closed, input.ended) = (true, true);
     drain(&mut input);
+    count
+}
+
+/// Frames of the exchanges at the head of the input that leave no doubt.
+fn exchanges(framer: &mut dyn Framer, functions: &Functions, input: &mut Input) -> u64 {
+    let settled = framer.settled(input.offset());
+    let Some(rtu) = framer.routine().filter(|_| settled) else { return 0 };
+    let (mut count, mut last) = (0, None);
+    while let Some(known) = rtu.exchange(functions, input, i64::MAX, |_| 0.0) {
+        let [asked, answered] = [known.asked, known.answered].map(|length| length + 2);
+        let (request, behind) = input.bytes().split_at(asked);
+        rtu.again(request, &behind[..answered], known.mirrored);
+        input.consume(asked + answered);
+        (count, last) = (count + 2, Some(known));
+    }
+    if let Some(last) = last {
+        rtu.resume(input, &last);
+    }
     count
 }
 

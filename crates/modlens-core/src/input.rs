@@ -193,6 +193,11 @@ impl Input {
         self.newest().filter(|_| waiting).map(|newest| newest + self.break_ns + unseen)
     }
 
+    /// The last so many bytes that were forgotten since the last `push`.
+    pub fn forgotten(&self, length: usize) -> &[u8] {
+        &self.buffer[self.head - length..self.head]
+    }
+
     /// Forgets the first `length` bytes: they are framed.
     #[inline]
     pub fn consume(&mut self, length: usize) {

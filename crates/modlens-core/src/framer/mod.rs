@@ -5,6 +5,7 @@
 
 pub mod ascii;
 pub mod auto;
+pub mod exchange;
 pub mod harm;
 pub mod rtu;
 pub mod silence;

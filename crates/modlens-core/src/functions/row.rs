@@ -94,6 +94,7 @@ pub struct Permit {
 
 impl Permit {
     /// The value, if it is in the body and outside of what is permitted.
+    #[inline]
     pub fn violated_by(&self, body: &[u8]) -> Option<u32> {
         let value = number(body, self.offset, self.width)? as u32;
         (!self.ranges.iter().any(|&(low, high)| (low..=high).contains(&value))).then_some(value)

@@ -17,8 +17,7 @@ type Text = [u8; SHORT];
 
 /// The requests seen.
 pub struct Polls {
-    /// What tells a request from others, and how often it came.
-    seen: Box<[(u64, u32)]>,
+    seen: Box<[Seen]>,
     /// The bytes of those requests, if they are short.
     texts: Box<[Text]>,
     /// The places of those that came again, the latest last.
@@ -27,10 +26,21 @@ pub struct Polls {
     sift: Sift,
 }
 
+/// A request that was seen.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    /// What tells it from others.
+    key: u64,
+    /// How often it came.
+    count: u32,
+    /// Its place is one of `Polls::places`.
+    listed: bool,
+}
+
 impl Default for Polls {
     fn default() -> Self {
         Self {
-            seen: vec![(0, 0); SEEN].into_boxed_slice(),
+            seen: vec![Seen::default(); SEEN].into_boxed_slice(),
             texts: vec![[0; SHORT]; SEEN].into_boxed_slice(),
             places: Vec::new(),
             index: Index::default(),
@@ -43,17 +53,17 @@ impl Polls {
     /// Whether this request was seen before.
     pub fn knows(&self, frame: &[u8]) -> bool {
         let (key, slot) = key(frame);
-        let (known, count) = self.seen[slot];
-        known == key && count > 0
+        let seen = self.seen[slot];
+        seen.key == key && seen.count > 0
     }
 
     /// Takes note of a request.
     #[inline]
     pub fn remember(&mut self, frame: &[u8]) {
         let (key, slot) = key(frame);
-        let (known, count) = &mut self.seen[slot];
-        if *known == key && *count >= 2 {
-            *count = (*count + 1).min(OFTEN);
+        let seen = &mut self.seen[slot];
+        if seen.key == key && seen.count >= 2 {
+            seen.count = (seen.count + 1).min(OFTEN);
         } else {
             self.newcomer(frame, key, slot);
         }
@@ -61,35 +71,37 @@ impl Polls {
 
     /// The same of one that was not seen twice yet.
     fn newcomer(&mut self, frame: &[u8], key: u64, slot: usize) {
-        let (known, count) = &mut self.seen[slot];
+        let seen = &mut self.seen[slot];
         // It takes the place of a request that has not come back for long.
-        if *known != key {
-            if *count > 0 {
-                *count -= 1;
+        if seen.key != key {
+            if seen.count > 0 {
+                seen.count -= 1;
                 return;
             }
-            (*known, *count) = (key, 1);
+            (seen.key, seen.count) = (key, 1);
             self.replace(frame, slot);
             return;
         }
-        *count += 1;
-        let place = slot as u16;
-        if *count == 2 && self.texts[slot][0] > 0 && !self.places.contains(&place) {
+        seen.count += 1;
+        if seen.count == 2 && self.texts[slot][0] > 0 && !seen.listed {
+            seen.listed = true;
             if self.places.len() == MOST {
-                self.places.remove(0);
+                let first = self.places.remove(0);
+                self.seen[usize::from(first)].listed = false;
                 self.index.shift();
                 self.sift.shift();
             }
             let (at, frame) = (self.places.len(), text(&self.texts[slot]));
             self.index.add(at, frame);
             self.sift.add(at, frame);
-            self.places.push(place);
+            self.places.push(slot as u16);
         }
     }
 
     /// Puts another request in a place.
     fn replace(&mut self, frame: &[u8], slot: usize) {
-        let listed = self.places.iter().position(|&place| usize::from(place) == slot);
+        let place = || self.places.iter().position(|&place| usize::from(place) == slot);
+        let listed = self.seen[slot].listed.then(place).flatten();
         let bytes = &mut self.texts[slot];
         if let Some(at) = listed {
             self.index.remove(at, text(bytes));

@@ -2,16 +2,44 @@
 //!
 //! Each has to do just what `Rtu::next` would for the request and then for the answer.
 
+use crate::checksum::crc_valid_at;
 use crate::direction::Pause;
+use crate::framer::exchange::Exchange;
 use crate::framer::rtu::certain::{third_copy, SURELY_AN_ANSWER};
 use crate::framer::rtu::costs::Copy;
 use crate::framer::rtu::gain::REQUEST;
 use crate::framer::rtu::Rtu;
+use crate::framer::Mode;
+use crate::functions::Functions;
+use crate::input::Input;
+use crate::Ns;
+
+/// Bytes of a checksum.
+const CHECKSUM: usize = 2;
 
 impl Rtu {
-    /// Whether unit and function are known by now.
-    pub fn knows(&self, unit: u8, code: u8) -> bool {
-        self.search.model.familiar(unit, code, REQUEST)
+    /// The exchange at the head of the input, if there is no doubt about it: unit and function are known by now, and the
+    /// request and its answer follow each other with right checksums, in one read without times or within `patience`.
+    ///
+    /// Asked where nothing is open: `Framer::settled`. `pause`: what the silence before a byte says.
+    #[inline]
+    pub fn exchange(
+        &self,
+        functions: &Functions,
+        input: &Input,
+        patience: Ns,
+        pause: impl Fn(usize) -> Pause,
+    ) -> Option<Exchange> {
+        let known = Exchange::of(functions, Mode::Rtu, input.bytes())?;
+        let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
+        let (request, rest) = input.bytes().split_at_checked(asked)?;
+        let response = rest.get(..answered)?;
+        let familiar = self.search.model.familiar(known.unit, known.code, REQUEST);
+        let held = familiar && known.is_answered(request, response) && input.holds_exchange(Mode::Rtu, asked, answered, patience);
+        if !held || !crc_valid_at(rest, answered) || !crc_valid_at(input.bytes(), asked) {
+            return None;
+        }
+        (!known.mirrored || answers_itself(pause(asked), input.timed, rest, asked)).then_some(known)
     }
 
     /// Takes note of a request and its answer, whose checksums are right. `mirrored`: they look the same.
@@ -20,14 +48,16 @@ impl Rtu {
         self.search.model.learn_exchange(request, response, if mirrored { Copy::Unclear } else { Copy::First });
     }
 
-    /// Whether a request and the same once more are an exchange, by the silence between or by what follows.
-    pub fn answers_itself(pause: Pause, timed: bool, behind: &[u8], length: usize) -> bool {
-        pause <= SURELY_AN_ANSWER || (!timed && third_copy(behind, length) == Some(false))
-    }
-
-    /// The last of such exchanges, which ends at this stream offset.
-    pub fn resume(&mut self, request: &[u8], response: &[u8], end: u64) {
+    /// The last of such exchanges, whose bytes were forgotten just now.
+    pub fn resume(&mut self, input: &Input, known: &Exchange) {
+        let lengths = [known.asked, known.answered].map(|length| length + CHECKSUM);
+        let (request, response) = input.forgotten(lengths.iter().sum()).split_at(lengths[0]);
         self.after_damage = false;
-        self.search.resume(request, response, end);
+        self.search.resume(request, response, input.offset());
     }
+}
+
+/// Whether a request and the same once more are an exchange, by the silence between or by what follows.
+fn answers_itself(pause: Pause, timed: bool, behind: &[u8], length: usize) -> bool {
+    pause <= SURELY_AN_ANSWER || (!timed && third_copy(behind, length) == Some(false))
 }

@@ -4,12 +4,12 @@ use memchr::memchr;
 
 use crate::checksum::lrc;
 use crate::direction::Direction;
+use crate::framer::exchange::Exchange;
 use crate::framer::Mode;
 use crate::functions::Functions;
 use crate::hex::solid;
 use crate::session::bus::{said, BusState};
-use crate::session::routine::expected::Expected;
-use crate::session::routine::Found;
+use crate::session::routine::{unmarked, Found};
 use crate::session::Session;
 use crate::Ns;
 
@@ -41,7 +41,7 @@ fn plain(state: &mut BusState, functions: &Functions, patience: Ns, adus: &mut [
     let text = input.bytes();
     let [request, response] = adus;
     let asked = 2 + memchr(b'\r', &text[..text.len().min(LIMIT)])?;
-    let known = decode(text, asked, request).then(|| Expected::of(functions, Mode::Ascii, request))??;
+    let known = decode(text, asked, request).then(|| Exchange::of(functions, Mode::Ascii, request).filter(unmarked))??;
     let answered = characters(known.answered);
     let whole = request.len() == known.asked && decode(&text[asked..], answered, response);
     if !whole || !known.is_answered(request, response) || !input.holds_exchange(Mode::Ascii, asked, answered, patience) {

@@ -6,21 +6,21 @@
 //! (`tests/properties.rs`).
 
 mod ascii;
-mod expected;
 mod rows;
 
-use crate::checksum::crc_valid_at;
 use crate::direction::Direction;
-use crate::framer::rtu::Rtu;
+use crate::framer::exchange::Exchange;
 use crate::framer::Mode;
+use crate::functions::Plain;
+use crate::points::sunspec::may_begin_in;
 use crate::records::{Batch, Span};
 use crate::session::bus::{learn_side, LineState};
 use crate::session::capture::FROM_SERVER;
 use crate::session::moment::{Moment, Setting};
 use crate::session::Session;
+use crate::stats::Key;
 use crate::Ns;
 
-use expected::Expected;
 use rows::Told;
 
 /// Bytes before the unit: transaction, protocol and length (messaging on TCP/IP, 3.1.3).
@@ -31,7 +31,7 @@ const CHECKSUM: usize = 2;
 
 /// An exchange on the wire.
 struct Found {
-    known: Expected,
+    known: Exchange,
     mode: Mode,
     /// Transaction identifier.
     id: Option<u16>,
@@ -71,38 +71,30 @@ impl Session {
         loop {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
-            let Some(known) = Expected::of(&self.functions, Mode::Rtu, line.input.bytes()) else { break };
-            let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
-            let Some((request, rest)) = line.input.bytes().split_at_checked(asked) else { break };
-            let Some((response, _)) = rest.split_at_checked(answered) else { break };
             let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
-            let whole = known.is_answered(request, response) && crc_valid_at(response, answered) && crc_valid_at(request, asked);
-            if !whole || !line.input.holds_exchange(Mode::Rtu, asked, answered, patience) {
-                break;
-            }
-            if known.mirrored {
-                let pause = state.pairing.tempo.judge(line.input.pause_before(asked));
-                if !Rtu::answers_itself(pause, line.input.timed, rest, asked) {
-                    break;
-                }
-            }
-            let Some(framer) = line.framer.routine().filter(|framer| framer.knows(known.unit, known.code)) else { break };
+            let Some(framer) = line.framer.routine() else { break };
+            let pause = |index| state.pairing.tempo.judge(line.input.pause_before(index));
+            let known = framer.exchange(&self.functions, &line.input, patience, pause).filter(unmarked);
+            let Some(known) = known else { break };
+            let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
+            let (request, response) = line.input.bytes()[..asked + answered].split_at(asked);
             // From here on, note is taken of it.
             if !state.profiles.take(&self.functions, request, known.block(&response[..known.answered])) {
                 break;
             }
             framer.again(request, response, known.mirrored);
             let found = Found { known, mode: Mode::Rtu, id: None, lines: [0, 0], lengths: [asked, answered] };
-            last = Some(self.exchange(bus, &found, None, &setting, told_apart));
+            self.exchange(bus, &found, None, &setting, told_apart);
+            last = Some(known);
         }
-        let Some((request, response)) = last else { return };
+        let Some(known) = last else { return };
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
-        let (request, response) = (request.of(&self.batch.arena), response.of(&self.batch.arena));
         if let Some(framer) = line.framer.routine() {
-            framer.resume(request, response, line.input.offset());
+            framer.resume(&line.input, &known);
         }
-        state.pairing.resume(response[0], &response[1..response.len() - CHECKSUM]);
+        let response = &line.input.forgotten(known.answered + CHECKSUM)[..known.answered];
+        state.pairing.resume(response[0], &response[1..]);
     }
 
     /// On a connection, each side has its own line, and a message comes in a packet.
@@ -116,7 +108,7 @@ impl Session {
             let state = &mut self.buses[bus];
             let (asking, answering) = (&state.lines[client].1.input, &state.lines[server].1.input);
             let Some((header, request)) = asking.bytes().split_first_chunk::<MBAP>() else { break };
-            let Some(known) = Expected::of(&self.functions, Mode::Tcp, request) else { break };
+            let Some(known) = Exchange::of(&self.functions, Mode::Tcp, request).filter(unmarked) else { break };
             let lengths = [MBAP + known.asked, MBAP + known.answered];
             let Some((after, next)) = asking.packet(lengths[0]).zip(answering.packet(lengths[1])) else { break };
             // In the order of time: no other request came before the answer.
@@ -135,24 +127,17 @@ impl Session {
                 break;
             }
             let found = Found { known, mode: Mode::Tcp, id: Some(u16::from_be_bytes(id)), lines, lengths };
-            last = Some(self.exchange(bus, &found, None, &setting, told_apart));
+            self.exchange(bus, &found, None, &setting, told_apart);
+            last = Some(known.answered);
         }
-        if let Some((_, response)) = last {
-            let response = &response.of(&self.batch.arena)[MBAP..];
-            self.buses[bus].pairing.resume(response[0], &response[1..]);
-        }
+        let Some(answered) = last else { return };
+        let state = &mut self.buses[bus];
+        let response = state.lines[server].1.input.forgotten(answered);
+        state.pairing.resume(response[0], &response[1..]);
     }
 
-    /// Tells an exchange at the heads of its lines; gives its bytes there. `adus`: unit and PDU of both, where the lines
-    /// have characters.
-    fn exchange(
-        &mut self,
-        bus: usize,
-        found: &Found,
-        adus: Option<&[Vec<u8>; 2]>,
-        setting: &Setting,
-        told_apart: Ns,
-    ) -> (Span, Span) {
+    /// Tells an exchange at the heads of its lines. `adus`: unit and PDU of both, where the lines have characters.
+    fn exchange(&mut self, bus: usize, found: &Found, adus: Option<&[Vec<u8>; 2]>, setting: &Setting, told_apart: Ns) {
         let state = &mut self.buses[bus];
         let Found { known, mode, id, lines: [client, server], lengths } = found;
         let (request, asked) = taken(&mut self.batch, &mut state.lines[*client].1, lengths[0], setting);
@@ -177,7 +162,8 @@ impl Session {
             recording: self.origin,
         };
         let spans = [asked.span(), answered.span()];
-        self.stats.again(state.counts, *mode, known.key, lengths[0] + lengths[1], spans, told.response_time);
+        let key = Key::plain(known.unit, known.code, known.address, known.quantity);
+        self.stats.again(state.counts, *mode, key, lengths[0] + lengths[1], spans, told.response_time);
         self.next_txn += 1;
         self.next_frame += 2;
         let findings = self.batch.keep_codes(&[]);
@@ -193,8 +179,12 @@ impl Session {
             let points = state.profiles.of(known.unit);
             self.held.push(told.transaction(points, pdus, findings));
         }
-        (request, response)
     }
+}
+
+/// Whether no profile of a unit begins in what is read.
+fn unmarked(known: &Exchange) -> bool {
+    known.kind != Plain::ReadRegisters || !may_begin_in(known.address, usize::from(known.quantity))
 }
 
 /// The PDU in the bytes of a frame, behind its unit.

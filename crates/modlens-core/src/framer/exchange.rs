@@ -1,11 +1,9 @@
-//! What the answer to a plain request is like.
+//! Exchanges that leave no doubt: a plain request, and what its answer has to be like.
 
 use std::ops::RangeInclusive;
 
 use crate::framer::Mode;
 use crate::functions::{Functions, Plain};
-use crate::points::sunspec::may_begin_in;
-use crate::stats::Key;
 
 /// Units that may be asked on a serial line without anything to be said of it (serial line specification, 2.2).
 const ADDRESSES: RangeInclusive<u8> = 1..=247;
@@ -20,6 +18,7 @@ const HEAD: usize = 3;
 const WRITTEN: usize = ASKED + 1;
 
 /// What the answer has to be.
+#[derive(Clone, Copy, Debug)]
 enum Answer {
     /// So many bytes; these bits of the last one were not asked for.
     Block { count: u8, padding: u8 },
@@ -28,23 +27,31 @@ enum Answer {
 }
 
 /// An exchange as a request announces it. Lengths are those of unit and PDU.
-pub(super) struct Expected {
+#[derive(Clone, Copy, Debug)]
+pub struct Exchange {
+    /// Unit.
     pub unit: u8,
+    /// Function code.
     pub code: u8,
+    /// What is done.
+    pub kind: Plain,
+    /// First register or bit.
+    pub address: u16,
+    /// How many of them.
+    pub quantity: u16,
+    /// Bytes of the request.
     pub asked: usize,
+    /// Bytes of the answer.
     pub answered: usize,
     /// Request and answer are the same.
     pub mirrored: bool,
-    /// The answer is a block of registers or bits that was read.
-    pub reads: bool,
-    pub key: Key,
     answer: Answer,
 }
 
-impl Expected {
+impl Exchange {
     /// Of a request at the head of these bytes, its unit first, that asks for what may be asked for.
     #[inline]
-    pub(super) fn of(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
+    pub fn of(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; ASKED] = bytes.first_chunk()?;
         let [unit, code, high, low, ..] = *request;
         let row = functions.row(code, &request[2..])?;
@@ -54,51 +61,28 @@ impl Expected {
             return None;
         }
         let (bits, registers) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
-        let read = |count| Self::read(mode, *request, count, Key::plain(unit, code, address, number));
-        let write = |asked, quantity| Self {
-            unit,
-            code,
-            asked,
-            answered: ASKED,
-            mirrored: row.mirrored,
-            reads: false,
-            key: Key::plain(unit, code, address, quantity),
-            answer: Answer::Repeated,
+        let (asked, answered, mirrored) = (ASKED, ASKED, row.mirrored);
+        let plain = Self { unit, code, kind, address, quantity: number, asked, answered, mirrored, answer: Answer::Repeated };
+        // The old answer once more may look like this request.
+        let looks_answered = mode != Mode::Tcp && usize::from(high) + HEAD == ASKED;
+        let read = |count: usize, padding: u8| {
+            let count = u8::try_from(count).ok().filter(|_| !looks_answered)?;
+            let answered = HEAD + usize::from(count);
+            Some(Self { answered, mirrored: false, answer: Answer::Block { count, padding }, ..plain })
         };
         let written = |count: usize| (bytes.get(ASKED).copied().map(usize::from) == Some(count)).then_some(WRITTEN + count);
         match kind {
-            Plain::ReadBits => read(bits).map(|read| read.padded(number)),
-            // The profile of a unit may begin there.
-            Plain::ReadRegisters if may_begin_in(address, usize::from(number)) => None,
-            Plain::ReadRegisters => read(registers),
-            Plain::WriteBits => Some(write(written(bits)?, number)),
-            Plain::WriteRegisters => Some(write(written(registers)?, number)),
-            Plain::WriteOne => Some(write(ASKED, 1)),
-        }
-    }
-
-    fn read(mode: Mode, [unit, code, high, ..]: [u8; ASKED], count: usize, key: Key) -> Option<Self> {
-        // The old answer once more may look like this request.
-        if mode != Mode::Tcp && usize::from(high) + HEAD == ASKED {
-            return None;
-        }
-        let count = u8::try_from(count).ok()?;
-        let answer = Answer::Block { count, padding: 0 };
-        Some(Self { unit, code, asked: ASKED, answered: HEAD + usize::from(count), mirrored: false, reads: true, key, answer })
-    }
-
-    /// The same, where so many bits are asked for.
-    fn padded(self, quantity: u16) -> Self {
-        let rest = quantity % 8;
-        match self.answer {
-            Answer::Block { count, .. } if rest > 0 => Self { answer: Answer::Block { count, padding: 0xFF << rest }, ..self },
-            _ => self,
+            Plain::ReadBits => read(bits, padding(number)),
+            Plain::ReadRegisters => read(registers, 0),
+            Plain::WriteBits => Some(Self { asked: written(bits)?, ..plain }),
+            Plain::WriteRegisters => Some(Self { asked: written(registers)?, ..plain }),
+            Plain::WriteOne => Some(Self { quantity: 1, ..plain }),
         }
     }
 
     /// Whether this is the answer; both have the lengths expected.
     #[inline]
-    pub(super) fn is_answered(&self, request: &[u8], response: &[u8]) -> bool {
+    pub fn is_answered(&self, request: &[u8], response: &[u8]) -> bool {
         match self.answer {
             Answer::Block { count, padding } => {
                 response[..HEAD] == [self.unit, self.code, count] && response[self.answered - 1] & padding == 0
@@ -108,7 +92,15 @@ impl Expected {
     }
 
     /// The block that was read.
-    pub(super) fn block<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
-        self.reads.then(|| &response[HEAD..])
+    pub fn block<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
+        matches!(self.answer, Answer::Block { .. }).then(|| &response[HEAD..])
+    }
+}
+
+/// The bits of the last byte that nobody asked for.
+fn padding(quantity: u16) -> u8 {
+    match quantity % 8 {
+        0 => 0,
+        rest => 0xFF << rest,
     }
 }
