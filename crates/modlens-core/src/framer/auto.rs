@@ -110,7 +110,8 @@ pub fn evidence_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     rtu_bytes(functions, bytes).max(ascii_bytes(bytes))
 }
 
-fn rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+/// How many of the bytes are in good RTU frames.
+pub fn rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     let mut at = 0;
     let mut good = 0;
     while bytes.len() - at >= 4 {

@@ -9,7 +9,7 @@ use crate::line::Line;
 use crate::Ns;
 
 /// Transaction, protocol, length; the unit counts in the length.
-const HEADER: usize = 6;
+pub const HEADER: usize = 6;
 
 /// Bytes of the checksum of RTU.
 const CHECKSUM: usize = 2;

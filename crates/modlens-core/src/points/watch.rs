@@ -7,6 +7,9 @@ use crate::profile::{Order, Space, Type};
 /// Samples after which a point is judged.
 const ENOUGH: usize = 40;
 
+/// A bit for every order.
+const EVERY_ORDER: u8 = (1 << Order::ALL.len()) - 1;
+
 /// Samples of the points of one unit that are wider than a register, until they are judged.
 #[derive(Debug, Default)]
 pub struct Watch {
@@ -150,13 +153,16 @@ impl Samples {
             }
         }
         let enough = self.registers.len() + usize::from(wide.width) >= ENOUGH * usize::from(wide.width);
-        (absurd, enough || absurd == (1 << Order::ALL.len()) - 1)
+        (absurd, enough || absurd == EVERY_ORDER)
     }
 
     /// A further sample; whether there is enough to judge by.
     fn add(&mut self, plan: &Plan, wide: &Wide, block: &[u8]) -> bool {
         let (absurd, enough) = self.with(plan, wide, block);
         self.absurd = absurd;
+        if absurd == EVERY_ORDER {
+            return true;
+        }
         if self.registers.is_empty() {
             self.registers.reserve_exact(ENOUGH * usize::from(wide.width));
         }

@@ -2,9 +2,10 @@
 
 use crate::checksum::crc_valid;
 use crate::direction::readings;
+use crate::framer::auto::rtu_bytes;
 use crate::framer::tcp::announced;
 use crate::framer::Mode;
-use crate::functions::{Extent, Functions, EXCEPTION_BIT};
+use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::hex::pair;
 
 /// Unit, function code and checksum.
@@ -60,14 +61,7 @@ pub(super) fn good(bytes: &[u8]) -> usize {
         Some(Mode::Tcp | Mode::Ascii) => return bytes.len(),
         _ => {}
     }
-    let functions = Functions::embedded();
-    let (mut at, mut good) = (0, 0);
-    while at + SHORTEST <= bytes.len() {
-        let length = rtu_frame(functions, &bytes[at..]);
-        good += length;
-        at += length.max(1);
-    }
-    good
+    rtu_bytes(Functions::embedded(), bytes)
 }
 
 /// Whether a burst without checksum has the layout of a request or a response.
@@ -78,20 +72,4 @@ pub(super) fn fits_without_checksum(bytes: &[u8]) -> bool {
 /// No unit above 247 has function 0: a run of zeros has a right checksum, too.
 fn plausible(bytes: &[u8]) -> bool {
     bytes[1] & !EXCEPTION_BIT != 0
-}
-
-fn rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
-    let fits = |length: usize| bytes.get(..length + SHORTEST).is_some_and(crc_valid);
-    let (code, body) = (bytes[1], &bytes[2..]);
-    if code & EXCEPTION_BIT != 0 {
-        return if bytes[2] != 0 && fits(1) { 5 } else { 0 };
-    }
-    let Some(row) = functions.row(code, body) else { return 0 };
-    [&row.request, &row.response]
-        .into_iter()
-        .find_map(|layout| match layout.extent(body) {
-            Extent::Exactly(length) if fits(length) => Some(length + SHORTEST),
-            _ => None,
-        })
-        .unwrap_or(0)
 }

@@ -83,9 +83,10 @@ pub(super) fn lost(text: &[u8]) -> Option<Harm> {
     // One character twice? Zeros change no sum: there, it may as well be one of three.
     let mut fewer = text[1..].to_vec();
     for at in 1..text.len() {
-        // Without the character at this place.
+        // Without the character at this place; of a run, it does not matter which.
         fewer[at - 1] = text[at - 1];
-        if text[at] == text[at - 1] && text[at] != b'0' && right(&fewer) {
+        let doubled = text[at] == text[at - 1] && (at < 2 || text[at] != text[at - 2]);
+        if doubled && text[at] != b'0' && right(&fewer) {
             return Some(Harm::Doubled { at: at + 1 });
         }
     }
@@ -133,6 +134,7 @@ mod tests {
     fn half_a_byte_tells_of_a_loss() {
         assert_eq!(lost(b"01030000002FA"), Some(Harm::Lost { at: 14, count: 0 }));
         assert_eq!(lost(b"0103000000022FA"), Some(Harm::Doubled { at: 13 }));
+        assert_eq!(lost(b"0103000011112D9"), Some(Harm::Doubled { at: 10 }), "one of a run");
         assert_eq!(lost(b"010300000002FA"), None);
         assert_eq!(lost(b"0103000x002FA"), None);
         let rest = Some(Harm::Lost { at: 0, count: 0 });

@@ -14,7 +14,7 @@ use crate::line::Line;
 use crate::Ns;
 
 /// Longest frame in characters (2.5.2.2).
-const LIMIT: usize = 513;
+pub const LIMIT: usize = 513;
 
 /// Longest pause between two characters (2.5.2.1).
 const CHARACTER_TIMEOUT: Ns = 1_000_000_000;

@@ -4,6 +4,7 @@ use memchr::memchr;
 
 use crate::checksum::lrc;
 use crate::direction::Direction;
+use crate::framer::ascii::LIMIT;
 use crate::framer::exchange::Exchange;
 use crate::framer::Mode;
 use crate::functions::Functions;
@@ -12,9 +13,6 @@ use crate::session::bus::{said, BusState};
 use crate::session::routine::{unmarked, Found};
 use crate::session::Session;
 use crate::Ns;
-
-/// Longest frame in characters (2.5.2.2).
-const LIMIT: usize = 513;
 
 /// Colon, the characters of a checksum, and the line end.
 const AROUND: usize = 5;

@@ -10,6 +10,7 @@ mod rows;
 
 use crate::direction::Direction;
 use crate::framer::exchange::Exchange;
+use crate::framer::tcp::HEADER as MBAP;
 use crate::framer::Mode;
 use crate::functions::Plain;
 use crate::points::sunspec::may_begin_in;
@@ -22,9 +23,6 @@ use crate::stats::Key;
 use crate::Ns;
 
 use rows::Told;
-
-/// Bytes before the unit: transaction, protocol and length (messaging on TCP/IP, 3.1.3).
-const MBAP: usize = 6;
 
 /// Bytes of the checksum of RTU.
 const CHECKSUM: usize = 2;
