@@ -7,7 +7,8 @@ stays with the first point, and both are notes.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -101,7 +102,7 @@ class Imported:
 
 
 class LeftOut(Exception):  # noqa: N818 - no error: a note
-    """Why a row cannot be carried over; the reader makes a note of it."""
+    """Why a row cannot be carried over: see `Draft.noting`."""
 
 
 @dataclass(slots=True)
@@ -159,6 +160,14 @@ class Draft:
             bits = f".{part[0]}" if part[0] == part[1] else f".{part[0]}-{part[1]}"
         ordered = {key: point[key] for key in _KEYS if key in point}
         self._points.append({"at": f"{space}:{address}{bits}", "name": unique, **ordered})
+
+    @contextmanager
+    def noting(self, label: object) -> Iterator[None]:
+        """A row of this name: why it cannot be carried over becomes a note."""
+        try:
+            yield
+        except LeftOut as reason:
+            self.notes.append(f"{label}: {reason}; left out")
 
     def _fit(self, point: dict[str, Any], name: str, space: str, kind: str) -> None:
         """Take away, with a note, what does not go together with the type."""

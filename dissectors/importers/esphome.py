@@ -47,10 +47,8 @@ def read(text: str, name: str, options: Options) -> Imported:
     draft.dropped((key for key in ("substitutions", "packages") if key in data), "is not resolved")
     for kind, row in rows:
         if wanted is None or row.get("modbus_controller_id") in (None, wanted):
-            try:
+            with draft.noting(_label(row)):
                 _add(draft, kind, row)
-            except LeftOut as reason:
-                draft.notes.append(f"{_label(row)}: {reason}; left out")
     return draft.done()
 
 

@@ -75,11 +75,8 @@ def read(text: str, name: str, options: Options) -> Imported:
     unit = choose_unit((entity.unit for entity in entities), options.unit, name)
     for entity in entities:
         if entity.unit in (unit, None):
-            try:
+            with draft.noting(entity.row.get("name", entity.row.get("address"))):
                 _add(draft, entity)
-            except LeftOut as reason:
-                label = entity.row.get("name", entity.row.get("address"))
-                draft.notes.append(f"{label}: {reason}; left out")
     return draft.done()
 
 

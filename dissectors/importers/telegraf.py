@@ -78,11 +78,8 @@ def read(text: str, name: str, options: Options) -> Imported:
     unit = choose_unit((field.unit for field in fields), options.unit, name)
     for field in fields:
         if field.unit in (unit, None):
-            try:
+            with draft.noting(field.row.get("name", field.row.get("address"))):
                 _add(draft, field)
-            except LeftOut as reason:
-                label = field.row.get("name", field.row.get("address"))
-                draft.notes.append(f"{label}: {reason}; left out")
     return draft.done()
 
 
