@@ -275,3 +275,18 @@ def test_wrong_bindings_are_refused(
     done = modlens("decode", str(path), "--profile", option)
     assert done.status in (2, 3)
     assert part in done.err
+
+
+@pytest.mark.parametrize(("scale", "value"), [("0.1", "21.4"), ("0.01", "2.14"), ("1", "214")])
+def test_a_filter_compares_the_scaled_value(
+    tmp_path: Path, modlens: Modlens, scale: str, value: str
+) -> None:
+    """Register 107 holds 214 (00D6); a limit between the raw number and the scaled one tells."""
+    (tmp_path / "meter.toml").write_text(
+        f"profile = 1\n[[registers]]\nat = 'hr:107'\nname = 'volts'\nscale = {scale}\n"
+    )
+    path = recording(tmp_path / "bus.hex", "11 03 006B 0001", "11 03 02 00D6")
+    words = ["decode", str(path), "--profile", f"17={tmp_path / 'meter.toml'}"]
+    words += ["--table", "readings", "--to", "csv", "--columns", "name,value"]
+    kept = {op: modlens(*words, "--where", f"value {op} {float(value) + 0.5}").out for op in "<>"}
+    assert kept == {"<": f"name,value\r\nvolts,{value}\r\n", ">": "name,value\r\n"}

@@ -21,6 +21,8 @@ enum Form {
     Plain,
     /// A float of two registers.
     Float,
+    /// An unsigned register in tenths, hundredths and so on.
+    Scaled,
     Quick,
     /// A scale factor, in `Bound::factors`, goes with this exponent.
     Factor {
@@ -92,6 +94,9 @@ impl Shortcut {
         }
         match POWERS.get(-exponent as usize).map(|&divisor| Quick { divisor, ..quick }) {
             Some(Quick::BARE) => Self::BARE,
+            Some(quick @ Quick { divisor, .. }) if quick == (Quick { divisor, ..Quick::BARE }) => {
+                Self { width, form: Form::Scaled, quick }
+            }
             Some(quick) => Self { width, form: Form::Quick, quick },
             None => long,
         }
@@ -103,15 +108,20 @@ impl Shortcut {
     /// one way for all of them.
     #[inline]
     pub fn number(&self, bytes: &[u8], at: usize, factors: &[Option<i32>]) -> Result<f64, ()> {
-        match self.form {
-            Form::Plain => Ok(f64::from(u16::from_be_bytes(array(bytes, at)?))),
-            Form::Float => {
-                let number = f32::from_bits(self.quick.turned(u32::from_be_bytes(array(bytes, at)?)));
-                Ok(if number.is_finite() { f64::from(number) } else { NOTHING })
-            }
-            Form::Quick => Ok(self.quick.number(loaded(bytes, at, self.width)?)),
-            _ => self.rarer(bytes, at, factors),
+        if self.form == Form::Plain {
+            return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)));
         }
+        if self.form == Form::Scaled {
+            return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)) / self.quick.divisor);
+        }
+        if self.form == Form::Float {
+            let number = f32::from_bits(self.quick.turned(u32::from_be_bytes(array(bytes, at)?)));
+            return Ok(if number.is_finite() { f64::from(number) } else { NOTHING });
+        }
+        if self.form == Form::Quick {
+            return Ok(self.quick.number(loaded(bytes, at, self.width)?));
+        }
+        self.rarer(bytes, at, factors)
     }
 
     #[inline(never)]
