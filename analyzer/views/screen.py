@@ -137,7 +137,8 @@ class Screen:
         if self._terminal is not None:
             return self._terminal.width
         columns = os.environ.get("COLUMNS", "")
-        return self._width or (int(columns) if columns.isdigit() else _columns())
+        told = int(columns) if columns.isdecimal() else 0
+        return self._width or told or _columns()
 
     def lines(self, lines: Iterable[Iterable[Part]]) -> None:
         """Print lines of parts, flushed once at the end.

@@ -58,6 +58,9 @@ def test_the_width_is_that_of_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Screen(io.StringIO()).width == 80
     monkeypatch.setenv("COLUMNS", "133")
     assert Screen(io.StringIO()).width == 133
+    for nonsense in ("0", "²", "wide", ""):
+        monkeypatch.setenv("COLUMNS", nonsense)
+        assert Screen(io.StringIO()).width == 80
 
 
 @pytest.mark.parametrize(
