@@ -1,0 +1,196 @@
+//! How programs write bytes: hex in many dresses, decimal, escapes, words. A notation takes as much text as it can.
+
+mod hex;
+mod other;
+
+use hex::{bracketed, byte, groups, hex, pairs, prefixed};
+use other::{ascii, base64, cell, decimal, decimal_one, escaped, named, words};
+
+/// A way of writing bytes; the word is how templates name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Notation {
+    /// Pairs of hex digits, with or without `0x` or `h`, with any separators.
+    Hex,
+    /// The same, where digits may stand alone: `1 3 0 6B`.
+    Loose,
+    /// Sixteen pairs at most, blanks between: a line of a dump.
+    Pairs,
+    /// Groups of pairs up to two blanks: a line of xxd.
+    Groups,
+    /// `0x` in front of each byte.
+    Prefixed,
+    /// `[01][03]`.
+    Square,
+    /// `<01><03>`.
+    Angle,
+    /// `{01}{03}`.
+    Curly,
+    /// Decimal numbers.
+    Decimal,
+    /// A string with escapes, up to its quote.
+    Escaped,
+    /// Words of hex digits, low byte first: hexdump, od -x.
+    Words,
+    /// Words of octal digits, low byte first: od.
+    Octal,
+    /// Base64.
+    Base64,
+    /// Characters with their bytes in parentheses: two digits are hex, three decimal.
+    Named,
+    /// One byte: `0x41`, `41`, `0X4`.
+    Byte,
+    /// One byte in decimal.
+    Number,
+    /// A cell of a logic analyser's table: a character, a number in quotes, `0x41`.
+    Cell,
+    /// Modbus ASCII: colon and hex digits, delivered as the characters on the line.
+    Ascii,
+}
+
+/// What a notation saw beside bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Marks {
+    /// Where the checksum should be stands a placeholder.
+    pub no_checksum: bool,
+}
+
+/// Bytes that are read at once where text is plain.
+const BLOCK: usize = 8;
+
+impl Notation {
+    /// The words of templates.
+    pub const WORDS: &'static [(&'static str, Self)] = &[
+        ("hex", Self::Hex),
+        ("loose", Self::Loose),
+        ("pairs", Self::Pairs),
+        ("groups", Self::Groups),
+        ("0x", Self::Prefixed),
+        ("[hex]", Self::Square),
+        ("<hex>", Self::Angle),
+        ("(hex)", Self::Curly),
+        ("decimal", Self::Decimal),
+        ("escaped", Self::Escaped),
+        ("words", Self::Words),
+        ("octal", Self::Octal),
+        ("base64", Self::Base64),
+        ("named", Self::Named),
+        ("byte", Self::Byte),
+        ("number", Self::Number),
+        ("cell", Self::Cell),
+        ("ascii", Self::Ascii),
+    ];
+
+    /// Reads bytes from the start of `text` into `out`; gives the length of text that they took. `stop` ends a string.
+    pub fn read(self, text: &[u8], stop: Option<u8>, out: &mut Vec<u8>, marks: &mut Marks) -> Option<usize> {
+        let before = out.len();
+        let taken = match self {
+            Self::Hex => hex(text, false, out, marks),
+            Self::Loose => hex(text, true, out, marks),
+            Self::Pairs => pairs(text, out),
+            Self::Groups => groups(text, out),
+            Self::Prefixed => prefixed(text, out, marks),
+            Self::Square => bracketed(text, *b"[]", out),
+            Self::Angle => bracketed(text, *b"<>", out),
+            Self::Curly => bracketed(text, *b"{}", out),
+            Self::Decimal => decimal(text, out),
+            Self::Escaped => escaped(text, stop, out),
+            Self::Words => words(text, 4, 16, out),
+            Self::Octal => words(text, 6, 8, out),
+            Self::Base64 => base64(text, out),
+            Self::Named => named(text, out),
+            Self::Byte => byte(text, out),
+            Self::Number => decimal_one(text, out),
+            Self::Cell => cell(text, out),
+            Self::Ascii => ascii(text, out),
+        };
+        (out.len() > before).then_some(taken)
+    }
+
+    /// The character that it begins with, where that is always the same.
+    pub fn opening(self) -> Option<u8> {
+        match self {
+            Self::Square => Some(b'['),
+            Self::Angle => Some(b'<'),
+            Self::Curly => Some(b'{'),
+            Self::Ascii => Some(b':'),
+            _ => None,
+        }
+    }
+
+    /// Whether the last word of a short line may hold one byte only.
+    pub fn pads(self) -> bool {
+        matches!(self, Self::Words | Self::Octal)
+    }
+}
+
+/// The letters, digits and question marks from a place on.
+fn word(text: &[u8], from: usize) -> &[u8] {
+    // Without branches: many bytes without a separator are looked through several at once.
+    let within = |b: u8| (b | 0x20).wrapping_sub(b'a') < 26 || b.wrapping_sub(b'0') < 10 || b == b'?';
+    let rest = &text[from..];
+    let blocks = rest.chunks_exact(BLOCK).take_while(|block| block.iter().fold(true, |all, &b| all & within(b)));
+    let length = BLOCK * blocks.count();
+    let more = rest[length..].iter().take_while(|&&b| within(b)).count();
+    &rest[..length + more]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(notation: Notation, text: &str) -> (Vec<u8>, &str, bool) {
+        let (mut out, mut marks) = (Vec::new(), Marks::default());
+        let end = notation.read(text.as_bytes(), Some(b'"'), &mut out, &mut marks).unwrap_or(0);
+        (out, &text[end..], marks.no_checksum)
+    }
+
+    const FRAME: [u8; 8] = [5, 3, 0, 0x10, 0, 2, 0xC4, 0x4A];
+
+    #[test]
+    fn every_notation_reads_the_same_bytes() {
+        for (notation, text) in [
+            (Notation::Hex, "05 03 00 10 00 02 C4 4A"),
+            (Notation::Hex, "050300100002c44a"),
+            (Notation::Hex, "0x05,0x3,0x0,0x10,0x0,0x2,0xc4,0x4a"),
+            (Notation::Hex, "05H 03H 00H 10H 00H 02H C4H 4AH"),
+            (Notation::Hex, "05 03 **00 10** 00 02 C4 4A"),
+            (Notation::Loose, "5 3 0 10 0 2 C4 4A"),
+            (Notation::Pairs, "05 03 00 10  00 02 c4 4a"),
+            (Notation::Groups, "0503 0010 0002 c44a"),
+            (Notation::Prefixed, "0x5 0x3 0x0 0x10 0x0 0x2 0xc4 0x4a"),
+            (Notation::Square, "[05][03][00][10][00][02][C4][4A]"),
+            (Notation::Angle, "<05><03><00><10><00><02><C4><4A>"),
+            (Notation::Curly, "{05}{03}{00}{10}{00}{02}{C4}{4A}"),
+            (Notation::Decimal, "5-3-0-16-0-2-196-74"),
+            (Notation::Decimal, "[5, 3, 0, 16, 0, 2, 196, 74]"),
+            (Notation::Escaped, "\\x05\\x03\\x00\\x10\\x00\\x02\\xc4J"),
+            (Notation::Escaped, "\\5\\3\\0\\20\\0\\2\\304J"),
+            (Notation::Words, "0305 1000 0200 4ac4"),
+            (Notation::Octal, "001405 010000 001000 045304"),
+            (Notation::Base64, "BQMAEAACxEo="),
+        ] {
+            assert_eq!(read(notation, text), (FRAME.to_vec(), "", false), "{notation:?} {text}");
+        }
+    }
+
+    #[test]
+    fn a_notation_stops_where_bytes_end() {
+        assert_eq!(read(Notation::Hex, "05 03 Rx: 01"), (vec![5, 3], " Rx: 01", false));
+        assert_eq!(read(Notation::Prefixed, "0x5 0x3 old_data:"), (vec![5, 3], " old_data:", false));
+        assert_eq!(read(Notation::Pairs, "05 03   ad de"), (vec![5, 3], "   ad de", false));
+        assert_eq!(read(Notation::Groups, "0503  dead"), (vec![5, 3], "  dead", false));
+        assert_eq!(read(Notation::Escaped, "\\x05\\\"\", 2"), (vec![5, b'"'], "\", 2", false));
+        assert!(read(Notation::Hex, "hello").0.is_empty());
+        assert!(read(Notation::Hex, "0010  05 03 00 10").0.is_empty());
+        assert!(read(Notation::Hex, "0x0010:  0503 0010").0.is_empty());
+        assert_eq!(read(Notation::Hex, "0503 0010 0002 c44a").0, FRAME);
+    }
+
+    #[test]
+    fn placeholders_stand_for_a_checksum() {
+        for text in ["05 03 00 -- --", "05 03 00 CRC", "05 03 00 xx xx", "05 03 00 [CRC]", "05 03 00 CRC Lo CRC Hi"] {
+            let (bytes, _, no_checksum) = read(Notation::Hex, text);
+            assert_eq!((bytes, no_checksum), (vec![5, 3, 0], true), "{text}");
+        }
+    }
+}
