@@ -89,21 +89,6 @@ impl Item<'_> {
     }
 }
 
-impl Data {
-    /// What was read in the plainest way: its first register or bit, where it is, how many there are.
-    #[inline]
-    fn plain(t: &Transaction, (bits, first, quantity): (bool, u16, u16)) -> (u16, Self, usize) {
-        // Behind function code and count.
-        let span = Span { start: t.response.pdu.start + 2, length: t.response.pdu.length - 2 };
-        let (bytes, asked) = (span.length as usize, usize::from(quantity));
-        if bits {
-            (first, Self::Bits(span, asked), asked.min(8 * bytes))
-        } else {
-            (first, Self::Words(span), bytes / 2)
-        }
-    }
-}
-
 impl Block {
     #[inline]
     pub fn items<'a>(&self, batch: &'a Batch) -> Items<'a> {
@@ -126,11 +111,6 @@ impl Readings {
             let exchange = Exchange::new(batch, t);
             let space = exchange.space();
             let plan = t.points.as_deref().zip(space).map(|(bound, space)| (&*bound.plan, space));
-            if let Some((first, data, count)) = exchange.plain(batch).map(|plain| Data::plain(t, plain)) {
-                all.blocks.push(Block { txn: txn as u32, write: false, first, data });
-                all.add(plan, first, count);
-                continue;
-            }
             let sides = match exchange.operation() {
                 Operation::Read => &[false][..],
                 Operation::Write => &[true],

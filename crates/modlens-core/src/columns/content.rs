@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use crate::columns::{functions, Cell, Items};
-use crate::functions::{Layout, Operation, Plain, Row};
+use crate::functions::{Layout, Operation, Row};
 use crate::pdu::{self, u16_at, Node};
 use crate::points::Value;
 use crate::profile::Space;
@@ -73,20 +73,6 @@ impl<'a> Exchange<'a> {
     #[inline]
     pub(super) fn space(self) -> Option<Space> {
         self.row?.space
-    }
-
-    /// What was read in the plainest way and is there: whether bits, the first, how many.
-    #[inline]
-    pub(super) fn plain(self, batch: &Batch) -> Option<(bool, u16, u16)> {
-        let bits = match self.row?.plain? {
-            Plain::ReadBits => true,
-            Plain::ReadRegisters => false,
-            _ => return None,
-        };
-        let asked: &[u8; 5] = self.t.request.pdu.of(&batch.arena).first_chunk()?;
-        let there = self.status == Status::Ok && self.exception.is_none() && self.t.response.pdu.length > 2;
-        let number = |at: usize| u16::from_be_bytes([asked[at], asked[at + 1]]);
-        there.then(|| (bits, number(1), number(3)))
     }
 
     /// First register or bit of what was read, and its content.
