@@ -2,7 +2,7 @@
 //!
 //! FILE holds raw RTU bytes. Its first megabytes are decoded once; then every writer gets these rows again and again,
 //! as whole captures, and the quickest pass counts, in CPU time: what else goes on beside it only makes passes slower.
-//! With OUT the text is written to that file, too.
+//! With OUT the text is written to that file, too. Of Parquet it is told what zstd alone takes for the same pages.
 use std::fs::File;
 use std::io::{Seek, Write};
 use std::sync::Arc;
@@ -20,8 +20,8 @@ use modlens_core::write::jsonl::Jsonl;
 use modlens_core::write::lines::{Line, Lines};
 use rustix::time::{clock_gettime, ClockId};
 
-/// Takes a batch and hands its text on; gives the rows.
-type Writer = Box<dyn FnMut(&Arc<Batch>, &mut dyn FnMut(&[u8])) -> usize>;
+/// Takes a batch, or nothing at the end, and hands its text on; gives the rows.
+type Writer = Box<dyn FnMut(Option<&Arc<Batch>>, &mut dyn FnMut(&[u8])) -> usize>;
 /// Begins a file.
 type New = fn() -> Writer;
 
@@ -51,6 +51,7 @@ fn eight() -> Vec<usize> {
 fn lines<F: Line>(kind: TableKind, columns: Vec<usize>) -> Writer {
     let mut out = Vec::new();
     Box::new(move |batch, write| {
+        let Some(batch) = batch else { return 0 };
         let table = Table::new(Arc::clone(batch), kind);
         let mut lines = Lines::<F>::new(&table, &columns);
         let mut next = 0;
@@ -66,6 +67,12 @@ fn lines<F: Line>(kind: TableKind, columns: Vec<usize>) -> Writer {
 fn pcapng() -> Writer {
     let (mut capture, mut out) = (Capture::new(Options::default()), Vec::new());
     Box::new(move |batch, write| {
+        let Some(batch) = batch else {
+            out.clear();
+            capture.end(&mut out);
+            write(&out);
+            return 0;
+        };
         capture.put(batch, None);
         loop {
             out.clear();
@@ -82,6 +89,7 @@ fn zeek() -> Writer {
     let mut out = Vec::new();
     Box::new(move |batch, write| {
         out.clear();
+        let Some(batch) = batch else { return 0 };
         let table = Table::new(Arc::clone(batch), TableKind::Transactions);
         modlens_core::write::zeek::Log::Modbus.rows(&table, false, &mut out);
         write(&out);
@@ -97,11 +105,44 @@ fn file(parquet: bool, columns: Vec<usize>) -> Writer {
     let (mut file, mut out) = (made.expect("columns that Arrow takes"), Vec::new());
     Box::new(move |batch, write| {
         out.clear();
-        let table = Table::new(Arc::clone(batch), kind);
-        file.rows(&table, &mut out).expect("a buffer in memory");
+        let table = batch.map(|batch| Table::new(Arc::clone(batch), kind));
+        match &table {
+            Some(table) => file.rows(table, &mut out).expect("a buffer in memory"),
+            None => file.end(&mut out).expect("a buffer in memory"),
+        }
         write(&out);
-        table.len()
+        table.map_or(0, |table| table.len())
     })
+}
+
+/// What zstd takes to pack the pages of a Parquet file.
+#[cfg(feature = "files")]
+fn zstd_alone(file: Vec<u8>) -> Duration {
+    use parquet::file::reader::FileReader;
+    let reader = parquet::file::serialized_reader::SerializedFileReader::new(bytes::Bytes::from(file)).expect("a whole file");
+    let mut pages = Vec::new();
+    for part in (0..reader.num_row_groups()).map(|part| reader.get_row_group(part).expect("a part")) {
+        for column in 0..part.num_columns() {
+            let mut column = part.get_column_page_reader(column).expect("a column");
+            pages.extend(std::iter::from_fn(|| column.get_next_page().expect("a page")));
+        }
+    }
+    let (mut zstd, mut out) = (zstd::bulk::Compressor::new(1).expect("memory"), Vec::new());
+    let passes = (0..PASSES).map(|_| {
+        let start = spent();
+        for page in &pages {
+            out.clear();
+            out.reserve(zstd::zstd_safe::compress_bound(page.buffer().len()));
+            zstd.compress_to_buffer(page.buffer(), &mut out).expect("room");
+        }
+        spent().saturating_sub(start)
+    });
+    passes.min().unwrap_or_default()
+}
+
+#[cfg(not(feature = "files"))]
+fn zstd_alone(_: Vec<u8>) -> Duration {
+    Duration::ZERO
 }
 
 const WRITERS: &[(&str, New)] = &[
@@ -146,24 +187,33 @@ fn main() {
     println!("{frames} frames; decoding, in fresh memory: {:.0} ns a frame", decoding.as_nanos() as f64 / frames as f64);
     for (name, new) in WRITERS.iter().filter(|(name, _)| chosen.is_empty() || chosen.iter().any(|word| word == name)) {
         let (mut best, mut rows, mut bytes) = (Duration::MAX, 0, 0);
-        for _ in 0..PASSES {
+        let mut whole = Vec::new();
+        for pass in 0..PASSES {
             let mut writer = new();
             (rows, bytes) = (0, 0);
             if let Some(file) = &mut file {
                 file.rewind().expect("a file");
             }
             let start = spent();
-            for batch in &batches {
+            for batch in batches.iter().map(Some).chain([None]) {
                 rows += writer(batch, &mut |text| {
                     bytes += text.len();
                     if let Some(file) = &mut file {
                         file.write_all(text).expect("room on the disk");
+                    }
+                    if pass == 0 && name.starts_with("parquet") {
+                        whole.extend_from_slice(text);
                     }
                 });
             }
             best = best.min(spent().saturating_sub(start));
         }
         let each = best.as_nanos() as f64 / rows as f64;
-        println!("{name:<22} {each:5.0} ns a row, {:6.2} M rows/s, {:4.0} bytes a row", 1e3 / each, bytes as f64 / rows as f64);
+        print!("{name:<22} {each:5.0} ns a row, {:6.2} M rows/s, {:4.0} bytes a row", 1e3 / each, bytes as f64 / rows as f64);
+        if whole.is_empty() {
+            println!();
+        } else {
+            println!(", zstd alone {:.0} ns", zstd_alone(whole).as_nanos() as f64 / rows as f64);
+        }
     }
 }

@@ -1,19 +1,16 @@
 //! Rows as Arrow columns.
-#![allow(clippy::inline_always)] // See `Put`.
 
-use std::mem::ManuallyDrop;
 use std::ops::Range;
 use std::sync::Arc;
 
 use arrow_array::{
     ArrayRef, BooleanArray, Float64Array, Int32Array, Int64Array, ListArray, RecordBatch, StringArray, TimestampNanosecondArray,
 };
-use arrow_buffer::{Buffer, NullBufferBuilder, OffsetBuffer};
+use arrow_buffer::{Buffer, OffsetBuffer};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 
-use crate::columns::{Cell, Items, Kind, Put, RowRef, Table, TableKind};
-use crate::pdu::push_hex;
-use crate::write::{push_plain, push_short, push_source};
+use crate::columns::{Kind, Put, RowRef, Table, TableKind};
+use crate::write::values::Values;
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -66,52 +63,14 @@ fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
     }
 }
 
-/// One value after the other: how many, where each ends, which are null.
-struct Values<T> {
-    items: Vec<T>,
-    nulls: NullBufferBuilder,
-    /// Of lists and texts.
-    offsets: Vec<i32>,
-}
-
 /// A column of this kind with the values of all rows.
 fn filled<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> Values<T>
 where
     Values<T>: Put + 'static,
 {
-    let mut offsets = Vec::with_capacity(rows.len() + 1);
-    offsets.push(0);
-    let nulls = NullBufferBuilder::new(rows.len());
-    let mut values = Values { items: Vec::with_capacity(rows.len()), nulls, offsets };
-    let reader = table.reader(column);
-    for row in rows {
-        row.pass(&reader, &mut values);
-    }
+    let mut values = Values::with_capacity(rows.len());
+    values.take(rows, &table.reader(column));
     values
-}
-
-impl<T: Clone + Default> Values<T> {
-    #[inline(always)]
-    fn one(&mut self, value: Option<T>) {
-        self.nulls.append(value.is_some());
-        self.items.push(value.unwrap_or_default());
-    }
-
-    #[inline(always)]
-    fn end(&mut self, there: bool) {
-        self.offsets.push(self.items.len() as i32);
-        self.nulls.append(there);
-    }
-}
-
-impl Put for Values<i64> {
-    #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
-        self.one(match *ManuallyDrop::new(cell) {
-            Cell::Int(n) | Cell::Time(n) => Some(n),
-            _ => None,
-        });
-    }
 }
 
 fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
@@ -123,48 +82,14 @@ fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
     }
 }
 
-impl Put for Values<f64> {
-    #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
-        self.one(match *ManuallyDrop::new(cell) {
-            Cell::Us(ns) => Some(ns as f64 / 1000.0),
-            Cell::Float(value) => Some(value),
-            Cell::Int(n) | Cell::Time(n) => Some(n as f64),
-            _ => None,
-        });
-    }
-}
-
 fn numbers(column: Values<f64>) -> ArrayRef {
     let Values { items: values, mut nulls, .. } = column;
     Arc::new(Float64Array::new(values.into(), nulls.finish()))
 }
 
-impl Put for Values<bool> {
-    #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
-        self.one(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
-    }
-}
-
 fn truths(column: Values<bool>) -> ArrayRef {
     let Values { items: values, mut nulls, .. } = column;
     Arc::new(BooleanArray::new(values.into(), nulls.finish()))
-}
-
-impl Put for Values<u8> {
-    #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
-        let cell = ManuallyDrop::new(cell);
-        match *cell {
-            Cell::Null => return self.end(false),
-            Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.items),
-            Cell::Hex(bytes) => push_hex(bytes, &mut self.items),
-            Cell::Source(file, place, number) => push_source(file, place, number, &mut self.items),
-            _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.items),
-        }
-        self.end(true);
-    }
 }
 
 /// Texts are written one behind the other, where they stay.
@@ -173,36 +98,11 @@ fn texts(column: Values<u8>) -> ArrayRef {
     Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
 }
 
-/// Lists of numbers, with one look at the list for all of its numbers.
-impl Put for Values<i32> {
-    #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
-        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end(false) };
-        match items {
-            Items::Words(bytes) => {
-                self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
-            }
-            items => self.items.extend((0..items.len()).map(|i| items.get(i))),
-        }
-        self.end(true);
-    }
-}
-
 fn lists(column: Values<i32>) -> ArrayRef {
     let Values { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Int32, true));
     let values = Arc::new(Int32Array::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
-}
-
-impl Put for Values<&'static str> {
-    #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
-        if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
-            self.items.extend(codes.iter().map(|code| code.doc().code));
-        }
-        self.end(true);
-    }
 }
 
 fn codes(column: Values<&'static str>) -> ArrayRef {

@@ -8,8 +8,11 @@ pub mod files;
 pub mod influx;
 pub mod jsonl;
 pub mod lines;
+#[cfg(feature = "files")]
+mod parquet;
 pub mod recording;
 mod time;
+mod values;
 pub mod zeek;
 
 use std::sync::OnceLock;
