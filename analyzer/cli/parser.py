@@ -164,7 +164,7 @@ def add_dialects(parser: argparse._ActionsContainer) -> None:
 
 
 def add_rows(parser: argparse.ArgumentParser) -> None:
-    """`--table`, `--columns`, `--where`, `--address`, `--times`, `--to`, `-o`.
+    """`--table`, `--columns`, `--where`, `--between`, `--address`, `--times`, `--to`, `-o`.
 
     Which rows go where, looking how.
     """
@@ -175,6 +175,12 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         "--where",
         metavar="EXPR",
         help="only rows for which this holds, as: \"unit == 1 and 'retry' in findings\"",
+    )
+    group.add_argument(
+        "--between",
+        nargs=2,
+        metavar=("T1", "T2"),
+        help="only rows from T1 on and before T2: ISO times (UTC), or seconds since the beginning",
     )
     group = parser.add_argument_group("output")
     group.add_argument("--address", choices=BASES, default="wire", help="in tables (wire)")

@@ -15,6 +15,7 @@ from os.path import isfile
 from typing import Protocol
 
 from analyzer.cli import STDOUT, forget
+from analyzer.cli.between import chosen
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import announce
@@ -110,7 +111,8 @@ class Outputs:
         self.status = 0
         self.silenced = False
         self._notes = notes
-        self._filtered = options.where is not None
+        where = chosen(options.where, options.between)
+        self._filtered = where is not None
         self._sinks: list[LiveSink] = list(more)
         self._watching: list[Sink] = []
         self._failures = 0
@@ -120,7 +122,7 @@ class Outputs:
                 look = Look(options.address, options.times, tuple(names))
                 if options.columns is not None and not wanted:
                     raise UsageError("--columns is for exports; add --to csv or -o FILE")
-                self._sinks.append(TableSink(options.table, stdout(), look, where=options.where))
+                self._sinks.append(TableSink(options.table, stdout(), look, where=where))
             elif to is not None:
                 wanted.insert(0, fitting(Target(options.table, to, None), named=False))
             check_style(options.style, wanted)
@@ -137,7 +139,7 @@ class Outputs:
             )
             for one in wanted:
                 sink = ExportSink(
-                    one, columns=options.columns, where=options.where, growing=growing, wish=wish
+                    one, columns=options.columns, where=where, growing=growing, wish=wish
                 )
                 opened.callback(sink.abandon)
                 self._sinks.append(sink)

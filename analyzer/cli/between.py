@@ -1,0 +1,55 @@
+"""`--between T1 T2`: the part of a recording from one moment on and before another.
+
+It is a filter like `--where`, and both may be there:
+
+>>> chosen("unit == 1 or unit == 2", ["2023-10-11T14:00", "2023-10-11T14:05"])
+"(unit == 1 or unit == 2) and (time >= '2023-10-11T14:00' and time < '2023-10-11T14:05')"
+>>> chosen(None, ["90", "120.5"])
+'(elapsed_us >= 90000000 and elapsed_us < 120500000)'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from decimal import Decimal, InvalidOperation
+
+from analyzer.times import parse_ns
+from dissectors.errors import UsageError
+
+__all__ = ["chosen"]
+
+
+def chosen(where: str | None, between: Sequence[str] | None) -> str | None:
+    """The filter that `--where` and `--between` say together; None for all rows.
+
+    A bound is an ISO time, UTC unless it says its zone, or a number of seconds since the first byte
+    of the recording. `UsageError` if one is neither, or if nothing can be between them.
+    """
+    if between is None:
+        return where
+    (key, first), (last_key, last) = (_bound(text) for text in between)
+    if key != last_key:
+        raise UsageError(
+            f"--between {' '.join(between)}: two times, or two numbers of seconds; not one of each"
+        )
+    if last <= first:
+        raise UsageError(f"--between {' '.join(between)}: the second comes before the first")
+    values = [repr(text) if key == "time" else str(int(_bound(text)[1])) for text in between]
+    inside = f"({key} >= {values[0]} and {key} < {values[1]})"
+    return inside if where is None else f"({where}) and {inside}"
+
+
+def _bound(text: str) -> tuple[str, Decimal]:
+    """The column that a bound is of, and its value there."""
+    moment = parse_ns(text)
+    if moment is not None:
+        return "time", Decimal(moment)
+    try:
+        number = Decimal(text) * 1_000_000
+        if number.is_finite():
+            return "elapsed_us", number
+    except InvalidOperation:
+        pass
+    raise UsageError(
+        f"--between {text}: not a time; write 2023-10-11T14:00:00Z, or seconds since the beginning"
+    )
