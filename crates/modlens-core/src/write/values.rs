@@ -36,6 +36,7 @@ impl<T> Values<T> {
     }
 
     /// How many rows.
+    #[cfg(feature = "files")]
     pub(super) fn rows(&self) -> usize {
         self.nulls.len()
     }

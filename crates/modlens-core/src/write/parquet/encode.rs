@@ -82,7 +82,7 @@ pub(super) fn widen<T: Copy + PartialOrd>(bounds: &mut Bounds<T>, value: T) {
     });
 }
 
-/// Whole numbers as differences (DELTA_BINARY_PACKED): counters take next to no room.
+/// Whole numbers as differences (`DELTA_BINARY_PACKED`): counters take next to no room.
 #[derive(Default)]
 pub(super) struct Deltas {
     bounds: Bounds<i64>,
@@ -161,7 +161,7 @@ fn push_packed(numbers: &[u64; MINI], width: u32, out: &mut Vec<u8>) {
     out.extend_from_slice(&bits.to_le_bytes()[..held as usize / 8]);
 }
 
-/// Texts: their lengths as differences, then their bytes (DELTA_LENGTH_BYTE_ARRAY).
+/// Texts: their lengths as differences, then their bytes (`DELTA_LENGTH_BYTE_ARRAY`).
 #[derive(Default)]
 pub(super) struct Lengths {
     lengths: Vec<i64>,
@@ -184,7 +184,7 @@ impl Encoder<u8> for Lengths {
     }
 }
 
-/// Values as they are (PLAIN).
+/// Values as they are (`PLAIN`).
 #[derive(Default)]
 pub(super) struct Plain<T> {
     bounds: Bounds<T>,

@@ -14,7 +14,9 @@ use arrow_schema::Schema;
 use parquet::arrow::{encode_arrow_schema, ArrowSchemaConverter, ARROW_SCHEMA_META_KEY};
 use parquet::basic::ColumnOrder;
 use parquet::errors::Result;
-use parquet::file::metadata::{FileMetaData, KeyValue, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData};
+use parquet::file::metadata::{
+    ColumnChunkMetaData, FileMetaData, KeyValue, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData,
+};
 use parquet::schema::types::SchemaDescPtr;
 
 use crate::columns::{RowRef, Table, TableKind};
@@ -106,7 +108,7 @@ impl Parquet {
             chunks.push(column.end(self.written, &mut self.packer, out)?);
             self.written += out.len() - before;
         }
-        let size = chunks.iter().map(|chunk| chunk.uncompressed_size()).sum();
+        let size = chunks.iter().map(ColumnChunkMetaData::uncompressed_size).sum();
         let part = RowGroupMetaData::builder(Arc::clone(&self.schema));
         let part = part.set_column_metadata(chunks).set_num_rows(self.rows as i64).set_total_byte_size(size);
         self.parts.push(part.build()?);
@@ -126,7 +128,7 @@ mod tests {
     use super::*;
     use crate::chunk::{Chunk, Times};
     use crate::finding::Finding;
-    use crate::records::{Batch, Bus, Clock, FindingRow, Network, Place};
+    use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Network, Place, Span};
     use crate::session::{BusOptions, Session, Wanted};
     use crate::write::arrow::{batch_of, schema};
 
@@ -138,7 +140,9 @@ mod tests {
         let columns: Vec<usize> = (0..kind.columns().len()).collect();
         let mut file = Parquet::new(kind, &columns, &schema(kind), "0").unwrap();
         let mut out = Vec::new();
-        tables.iter().for_each(|table| file.rows(table, &mut out).unwrap());
+        for table in tables {
+            file.rows(table, &mut out).unwrap();
+        }
         file.end(&mut out).unwrap();
         out
     }
@@ -170,14 +174,15 @@ mod tests {
         assert!(found.next().is_none());
     }
 
-    fn decoded(pieces: &[Vec<u8>], timed: bool) -> Vec<Arc<Batch>> {
+    fn decoded(pieces: &[Vec<u8>], with_clock: bool) -> Vec<Arc<Batch>> {
         let mut session = Session::new(Arc::default(), Wanted { frames: true, transactions: true, findings: true }, false, None);
         let mut options = BusOptions::named("bus");
-        options.bus.clock = if timed { Clock::Utc } else { Clock::None };
+        options.bus.clock = if with_clock { Clock::Utc } else { Clock::None };
         let bus = session.add_bus(options);
         let mut batches = Vec::new();
         for (at, bytes) in pieces.iter().enumerate() {
-            let times = if timed { Times::Read(1_700_000_000_000_000_000 + at as i64 * 50_000_000) } else { Times::None };
+            let read = Times::Read(1_700_000_000_000_000_000 + at as i64 * 50_000_000);
+            let times = if with_clock { read } else { Times::None };
             session.feed(bus, &Chunk { bytes, times, ..Chunk::default() });
             batches.push(Arc::new(session.take()));
         }
@@ -235,7 +240,7 @@ mod tests {
                 start: Some(time),
                 elapsed: unit.map(|_| time >> 12),
                 unit,
-                finding: if time & 3 == 0 { Finding::Exception } else { Finding::BadChecksum },
+                finding: if time % 4 == 0 { Finding::Exception } else { Finding::BadChecksum },
                 detail,
                 origin: time as u64,
             }).collect();
@@ -256,9 +261,9 @@ mod tests {
         batch.buses = Arc::new(buses);
         let pieces: Vec<Vec<u8>> = vec![request(1, &[6, 0, 7, 1, 2]).repeat(2)];
         let one = decoded(&pieces, false).into_iter().find_map(|batch| batch.frames.first().cloned()).expect("a frame");
-        batch.frames = (0..70_000).map(|at| crate::records::Frame { bus: at, wire: Default::default(), ..one.clone() }).collect();
+        batch.frames = (0..70_000).map(|at| Frame { bus: at, wire: Span::default(), ..one.clone() }).collect();
         let table = Table::new(Arc::new(batch), TableKind::Frames);
-        let reader = SerializedFileReader::new(bytes::Bytes::from(file(&[table.clone()]))).unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(file(std::slice::from_ref(&table)))).unwrap();
         let parts: Vec<i64> = reader.metadata().row_groups().iter().map(RowGroupMetaData::num_rows).collect();
         assert_eq!(parts, [65_536, 4_464]);
         assert_whole(&[table]);
