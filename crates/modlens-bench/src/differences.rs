@@ -1,4 +1,4 @@
-//! Where an algorithm and the truth differ, for people: the bytes around every missed, false or mislabelled frame.
+//! Where an algorithm and the truth differ, for people: the bytes around every missed, false or mislabelled frame, and every wrong pair.
 
 use std::collections::HashSet;
 use std::fmt::Write as _;
@@ -7,6 +7,7 @@ use crate::model::{Direction, Label};
 use crate::reported::Reported;
 use crate::score::labels::{meeting, retried};
 use crate::score::matching::Matching;
+use crate::score::pairs;
 use crate::sim::case::Case;
 use crate::sim::truth::TruthFrame;
 
@@ -36,6 +37,7 @@ pub fn differences(case: &Case, reported: &[Reported]) -> String {
         let label = label_errors(case, frame, matching.truth_of[at]);
         rows.extend(label.into_iter().map(|what| (frame.start, what)));
     }
+    rows.extend(pair_errors(case, reported, &matching));
     let in_group = groups_said(case, reported, &found);
     for (truth, found) in case.truth.iter().zip(&found) {
         if truth.valid && found.is_none() {
@@ -59,6 +61,20 @@ pub fn differences(case: &Case, reported: &[Reported]) -> String {
         writeln!(text, "          told: {}", told(reported, start)).expect("text can grow");
     }
     text
+}
+
+/// Answers that were told as those to another request, and answers that were told as nobody's.
+fn pair_errors(case: &Case, reported: &[Reported], matching: &Matching) -> Vec<(u64, String)> {
+    let truth = |at: usize| matching.truth_of[at].map(|truth| &case.truth[truth]);
+    let claims: Vec<pairs::Claim> = pairs::claims(case, reported, matching).collect();
+    let told: HashSet<(u8, u64)> =
+        claims.iter().filter_map(|claim| truth(claim.response)).map(|truth| (truth.line, truth.start)).collect();
+    let wrong = claims.iter().filter(|claim| !claim.right).map(|claim| {
+        let text = truth(claim.response).map_or(String::from("nothing there"), describe);
+        (reported[claim.response].start, format!("wrong pair: {text}"))
+    });
+    let missed = pairs::wanted(case).filter(|truth| !told.contains(&(truth.line, truth.start)));
+    wrong.chain(missed.map(|truth| (truth.start, format!("no pair: {}", describe(truth))))).collect()
 }
 
 /// Some labels stand at any frame of a group: see the scorer.

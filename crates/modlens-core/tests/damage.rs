@@ -130,3 +130,33 @@ fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_answer()
     assert_eq!(bad[0].response.wire.of(&batch.arena), response);
     assert!(bad[0].request.frame > 0);
 }
+
+/// Two lines without a clock, requests on the first and answers on the second, the bytes as they are.
+fn two_lines(requests: &[u8], answers: &[u8]) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    session.feed(bus, &Chunk { line: 1, bytes: requests, ..Chunk::default() });
+    session.feed(bus, &Chunk { line: 2, bytes: answers, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+#[test]
+fn what_is_missing_on_one_of_two_lines_without_a_clock_is_said() {
+    let asks = [read(1, 0x6B, 2), read(2, 7, 1), read(1, 9, 4)];
+    let told = [answer(1, &[0x1234, 0x5678]), answer(2, &[0x4321]), answer(1, &[0x1111, 0x2222, 0x3333, 0x4444])];
+    let requests = asks.concat().repeat(12);
+    let whole = told.concat();
+    // Inside an answer, before one, and from the end of one into the next but one.
+    for gone in [22..24, 0..2, 16..18, 5..20] {
+        let mut once = whole.clone();
+        once.drain(gone.clone());
+        let answers = [whole.repeat(8), once, whole.repeat(3)].concat();
+        let batch = two_lines(&requests, &answers);
+        let place = (8 * whole.len() + gone.start) as u64;
+        let said = batch.frames.iter().filter(|row| row.findings.of(&batch.codes).contains(&Finding::LostBytes));
+        let said: Vec<(u64, u64)> = said.map(|row| (row.offset, row.offset + u64::from(row.wire.length))).collect();
+        assert_eq!(said.len(), 1, "{gone:?}: {said:?}");
+        assert!((said[0].0..=said[0].1).contains(&place), "{gone:?}: {said:?}");
+    }
+}

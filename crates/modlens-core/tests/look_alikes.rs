@@ -184,6 +184,27 @@ fn frames_inside_payloads_of_files_and_tunnels_live_too() {
 }
 
 #[test]
+fn a_file_or_a_loopback_that_holds_a_whole_exchange_live_too() {
+    let inner = [read(2, 0, 2), answer(2, &[7, 9])].concat();
+    let padded = [&inner[..], &[0][..inner.len() % 2]].concat();
+    let file = [&[21, 7 + padded.len() as u8, 6, 0, 4, 0, 7, 0, padded.len() as u8 / 2][..], &padded].concat();
+    let loopback = [&[8, 0, 0][..], &padded].concat();
+    for pdu in [file, loopback] {
+        let outer = frame(1, &pdu);
+        let polls = [(12, read(2, 0, 2)), (12, answer(2, &[7, 8])), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+        let mut frames = vec![polls.to_vec(); 4].concat();
+        frames.extend([(12, outer.clone()), (12, outer.clone())]);
+        frames.extend(polls);
+        let glued: Vec<Vec<u8>> = frames.iter().map(|(_, bytes)| bytes.clone()).collect();
+        for batch in [timed(false, &frames), timed(true, &frames), untimed(&glued)] {
+            let found = good(&batch);
+            assert_eq!(found[16..18], pair(&outer, &outer), "function {}", pdu[0]);
+            assert_eq!(found.len(), 22, "function {}", pdu[0]);
+        }
+    }
+}
+
+#[test]
 fn a_loopback_that_holds_a_frame_live_too() {
     // What sub-function 0 of diagnostics returns (6.8): the line has not shown this function before.
     let outer = frame(1, &[&[8, 0, 0][..], &read(2, 0, 1)].concat());

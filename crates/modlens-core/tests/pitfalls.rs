@@ -17,7 +17,7 @@
 //! | 11 | lengths that stand in the frame | `look_alikes.rs`: `functions_whose_length_stands_in_the_frame` |
 //! | 12 | a file record of one register | `a_file_record_response_of_one_register_is_legal` |
 //! | 13 | answers against the rules | `quantities_over_the_limit_are_frames_with_a_finding`, `a_response_with_four_bytes_a_register_is_a_frame_with_a_finding`; `look_alikes.rs`: `answers_that_do_not_keep_to_their_requests_are_frames_with_findings` |
-//! | 14 | frames inside payloads | `a_frame_inside_a_payload_is_payload`; `look_alikes.rs`: `frames_inside_payloads_of_files_and_tunnels_live_too`, `a_loopback_that_holds_a_frame_live_too` |
+//! | 14 | frames inside payloads | `a_frame_inside_a_payload_is_payload`; `look_alikes.rs`: `frames_inside_payloads_of_files_and_tunnels_live_too`, `a_file_or_a_loopback_that_holds_a_whole_exchange_live_too`, `a_loopback_that_holds_a_frame_live_too` |
 //! | 15 | a request behind a truncated response | `a_request_behind_a_truncated_response_is_found` |
 //! | 16 | one flipped bit | `one_flipped_bit_spoils_one_frame_only`; `damage.rs`: `a_flipped_bit_is_found_and_named_in_every_byte_of_a_response` |
 //! | 17 | collisions, captures cut at both ends | `damage.rs`: `a_collision_is_one_where_only_ones_are_missing`; `capture_starts_and_ends_in_the_middle` |
@@ -392,6 +392,21 @@ fn an_answer_after_the_time_out_is_late_and_no_second_master() {
     assert!(frames_with(&batch, Finding::TwoMasters).is_empty());
     assert_eq!((frames_with(&batch, Finding::Retry).len(), frames_with(&batch, Finding::LateResponse).len()), (5, 5));
     assert_eq!(frames_with(&batch, Finding::NoResponse).len(), 5);
+}
+
+#[test]
+fn answers_to_requests_that_are_missing_are_not_late() {
+    let gone = [(20 * MS, read(1, 5, 2)), (250 * MS, read(1, 5, 2)), (10 * MS, answer(1, &[4, 4]))];
+    // The tap loses the requests of a while: the first answer belongs to none that is known.
+    let unasked = [(800 * MS, answer(2, &[1])), (20 * MS, answer(1, &[5, 5])), (20 * MS, answer(1, &[5, 6]))];
+    let silent = [(20 * MS, read(1, 5, 2))];
+    let batch = timed(&[polls(4), vec![gone.to_vec(); 3].concat(), silent.to_vec(), unasked.to_vec()].concat());
+    assert!(frames_with(&batch, Finding::LateResponse).is_empty());
+    assert_eq!(frames_with(&batch, Finding::Unrequested).len(), 3);
+    // Without it, the first that fits is late, and a second one is not.
+    let fits = [(800 * MS, answer(1, &[5, 5])), (20 * MS, answer(1, &[5, 6]))];
+    let batch = timed(&[polls(4), vec![gone.to_vec(); 3].concat(), polls(4), silent.to_vec(), fits.to_vec()].concat());
+    assert_eq!(frames_with(&batch, Finding::LateResponse), [batch.frames.len() as u64 - 1]);
 }
 
 #[test]

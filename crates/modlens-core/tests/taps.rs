@@ -288,6 +288,79 @@ fn an_answer_that_is_seen_before_its_request_on_the_other_line_is_its_answer() {
 }
 
 #[test]
+fn the_second_of_two_equal_answers_behind_a_retry_is_not_the_next_requests() {
+    // Two lines by latency timers of 16 ms; the next request asks the same unit for as much.
+    let (ask, next) = (read(1, 10, 2), read(1, 40, 2));
+    let (same, own) = (tell(1, 2, 5), tell(1, 2, 99));
+    for live in [false, true] {
+        let (mut session, bus) = session(live, Clock::Utc);
+        let mut now = START;
+        let mut feed = |line: u8, pause: i64, bytes: &[u8]| {
+            now += pause * MS;
+            session.feed(bus, &Chunk { line, bytes, times: Times::Read(now), ..Chunk::default() });
+        };
+        for round in 0..30u8 {
+            // Every other answer is in one read with its request's.
+            feed(1, 60, &read(2, 7, 3));
+            feed(2, if round % 2 == 0 { 0 } else { 16 }, &tell(2, 3, round));
+            feed(1, 40, &read(3, 7, 1));
+            feed(2, 16, &tell(3, 1, round)[..3]);
+            feed(2, 16, &tell(3, 1, round)[3..]);
+        }
+        feed(1, 60, &ask);
+        feed(1, 250, &ask);
+        feed(2, 16, &same);
+        feed(2, 16, &same);
+        feed(1, 15, &next);
+        feed(2, 1, &own);
+        feed(1, 60, &read(2, 7, 3));
+        feed(2, 16, &tell(2, 3, 1));
+        session.flush();
+        let batch = session.take();
+        let answered = |row: &modlens_core::records::Transaction| row.status == Status::Ok && row.response.frame != 0;
+        let told: Vec<Vec<u8>> = batch
+            .transactions
+            .iter()
+            .filter(|row| answered(row))
+            .rev()
+            .take(2)
+            .map(|row| {
+                let frame = batch.frames.iter().find(|frame| frame.number == row.response.frame).unwrap();
+                frame.wire.of(&batch.arena).to_vec()
+            })
+            .collect();
+        assert_eq!(told, [tell(2, 3, 1), own.clone()], "live {live}");
+    }
+}
+
+#[test]
+fn wrong_bytes_that_come_again_do_not_vouch_for_each_other() {
+    // Eight bytes of a write, and a vendor's frame of any length: misheard, both the request and its echo come out the same.
+    let noise = [0xE1, 0x5C, 0x3D, 0xC7, 0x91, 0x2B, 0x6E];
+    for once in [frame(2, &[6, 0x16, 6, 0xE3, 3]), frame(2, &[102])] {
+        let (mut session, bus) = session(false, Clock::None);
+        let bytes = [&noise.repeat(40)[..], &once, &once, &noise.repeat(40)].concat();
+        session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+        session.flush();
+        let batch = session.take();
+        assert!(batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).all(|row| row.tentative), "{once:02x?}");
+    }
+}
+
+#[test]
+fn a_line_of_a_vendors_functions_is_believed_behind_strays_as_well() {
+    let exchanges: Vec<Vec<u8>> = (0..12u8).flat_map(|at| [frame(9, &[70, at]), frame(9, &[70, at, 7, at * 3])]).collect();
+    let (mut session, bus) = session(false, Clock::None);
+    let bytes = [&[0x13, 0x55, 0xA9, 0x70][..], &exchanges.concat()].concat();
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    let batch = session.take();
+    let whole: Vec<bool> = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).map(|row| row.tentative).collect();
+    assert_eq!(whole.len(), 24);
+    assert!(whole[5..].iter().all(|tentative| !tentative), "{whole:?}");
+}
+
+#[test]
 fn a_live_tap_waits_for_what_an_adapter_holds_back() {
     // A serial server sends 200 bytes at once: at 19200 baud they take 115 ms, longer than any pause inside a frame.
     let (mut live, bus) = session(true, Clock::Utc);

@@ -6,7 +6,7 @@
 pub(crate) mod labels;
 mod latency;
 pub(crate) mod matching;
-mod pairs;
+pub(crate) mod pairs;
 
 pub use labels::LabelScore;
 pub use latency::Latency;

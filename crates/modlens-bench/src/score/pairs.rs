@@ -12,32 +12,38 @@ use crate::sim::truth::TruthFrame;
 /// Scores the pairs. Wanted: every valid response whose request is valid; answers from a wrong unit and repeated
 /// answers are not asked for and not held against anybody.
 pub(crate) fn score(case: &Case, reported: &[Reported], matching: &Matching) -> Tally {
+    let right = claims(case, reported, matching).filter(|claim| claim.right).count() as u64;
+    let claimed = claims(case, reported, matching).count() as u64;
+    Tally { found: right, wanted: wanted(case).count() as u64, right, claimed }
+}
+
+/// A reported response that is said to answer a reported request.
+pub(crate) struct Claim {
+    /// The response's place among the reported frames.
+    pub(crate) response: usize,
+    /// Whether it does.
+    pub(crate) right: bool,
+}
+
+/// The pairs that an algorithm tells of.
+pub(crate) fn claims<'a>(case: &'a Case, reported: &'a [Reported], matching: &'a Matching) -> impl Iterator<Item = Claim> + 'a {
     let mut requests: HashMap<u64, usize> = HashMap::new();
     for (at, frame) in reported.iter().enumerate() {
         if let (Some(txn), true) = (frame.txn, frame.crc_ok && is_request(frame)) {
             requests.entry(txn).or_insert(at);
         }
     }
-    let mut tally = Tally { wanted: wanted(case), ..Tally::default() };
-    for (at, frame) in reported.iter().enumerate() {
-        if !frame.crc_ok || frame.direction != Direction::Response {
-            continue;
-        }
-        let Some(&request) = frame.txn.and_then(|txn| requests.get(&txn)) else { continue };
+    let responses = reported.iter().enumerate().filter(|(_, frame)| frame.crc_ok && frame.direction == Direction::Response);
+    responses.filter_map(move |(at, frame)| {
+        let &request = requests.get(&frame.txn?)?;
         if matching.lenient(frame) || matching.lenient(&reported[request]) {
-            continue;
+            return None;
         }
-        let request = matching.truth_of[request].map(|truth| &case.truth[truth]);
-        let response = matching.truth_of[at].map(|truth| &case.truth[truth]);
-        if response.is_some_and(|response| response.unpaired) {
-            continue;
-        }
-        tally.claimed += 1;
-        let correct = matches!((request, response), (Some(request), Some(response)) if belong(request, response));
-        tally.right += u64::from(correct);
-        tally.found += u64::from(correct);
-    }
-    tally
+        let truth = |at: usize| matching.truth_of[at].map(|truth| &case.truth[truth]);
+        let (request, response) = (truth(request), truth(at));
+        let right = matches!((request, response), (Some(request), Some(response)) if belong(request, response));
+        response.is_none_or(|response| !response.unpaired).then_some(Claim { response: at, right })
+    })
 }
 
 fn belong(request: &TruthFrame, response: &TruthFrame) -> bool {
@@ -46,10 +52,10 @@ fn belong(request: &TruthFrame, response: &TruthFrame) -> bool {
         && (request.txn == response.txn || response.alt_txn == Some(request.txn))
 }
 
-fn wanted(case: &Case) -> u64 {
+/// The frames of the truth that should be told as the answer to a request.
+pub(crate) fn wanted(case: &Case) -> impl Iterator<Item = &TruthFrame> {
     let requests = case.truth.iter().filter(|frame| frame.valid && frame.direction == Direction::Request);
     let asked: HashSet<u32> = requests.map(|frame| frame.txn).collect();
     let responses = case.truth.iter().filter(|frame| frame.valid && !frame.unpaired && frame.direction == Direction::Response);
-    let answered = responses.filter(|frame| asked.contains(&frame.txn) || frame.alt_txn.is_some_and(|txn| asked.contains(&txn)));
-    answered.count() as u64
+    responses.filter(move |frame| asked.contains(&frame.txn) || frame.alt_txn.is_some_and(|txn| asked.contains(&txn)))
 }

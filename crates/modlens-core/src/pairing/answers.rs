@@ -149,12 +149,18 @@ impl Pairing {
         let mut placed = Placed { txn: Some(exchange.txn), finding: Some(Finding::Unrequested), other: None };
         let given_up = |old: &Exchange| {
             let asked = Asked { unit: old.unit, pdu: old.request.pdu() };
-            old.given_up && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully
+            let fits = answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully;
+            old.given_up && !old.late_seen && fits && self.past.knows_all_since(old.txn)
         };
         // A request that arrived damaged may be what this answers.
         let damaged = self.open.back().is_some_and(|open| open.status == Status::BadRequest);
-        let late = match self.open.iter().find(|old| given_up(old)) {
-            Some(old) => Some((old.txn, old.request.end)),
+        let mut stranger = false;
+        let open = self.open.iter().position(|old| given_up(old));
+        let late = match open.and_then(|at| self.open.get_mut(at)) {
+            Some(old) => {
+                old.late_seen = true;
+                Some((old.txn, old.request.end))
+            }
             None if damaged => None,
             None => match self.past.again(functions, seen, exchange.txn, self.open.is_empty()) {
                 Again::Duplicate => {
@@ -162,7 +168,11 @@ impl Pairing {
                     None
                 }
                 Again::Late(old) => Some((old.txn, old.end)),
-                Again::No => None,
+                Again::Unclear => None,
+                Again::No => {
+                    stranger = true;
+                    None
+                }
             },
         };
         if let Some((txn, end)) = late {
@@ -179,6 +189,8 @@ impl Pairing {
             if let Some(open) = self.open.back().filter(|open| open.unit == exchange.unit && open.function != exchange.function) {
                 placed.other = Some(open.txn);
                 placed.finding = Some(Finding::WrongFunction);
+            } else if stranger {
+                self.past.lacks_requests(exchange.txn);
             }
         }
         exchange.findings.extend(placed.finding);
@@ -212,6 +224,8 @@ impl Pairing {
             let (txn, unit, origin) = (exchange.txn, exchange.unit, exchange.origin);
             let meeting = Meeting { txn, frame, unit, start, other: asked, clear: true, origin };
             self.notes.push(Note { finding: Finding::WrongUnit, meeting });
+        } else {
+            self.past.lacks_requests(exchange.txn);
         }
         done.push(exchange);
     }

@@ -193,6 +193,8 @@ pub struct Exchange {
     pub(crate) blind: bool,
     /// The request was heard twice.
     pub(crate) echoed: bool,
+    /// Its answer came late.
+    pub(crate) late_seen: bool,
     /// The request that came before this one's answer.
     pub(crate) inside: Option<Inside>,
     /// A response that is not tentative answers it: the unit is there.
@@ -228,6 +230,7 @@ impl Exchange {
             silent: false,
             blind: false,
             echoed: false,
+            late_seen: false,
             inside: None,
             sure: false,
             retold: false,

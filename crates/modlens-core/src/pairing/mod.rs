@@ -126,6 +126,11 @@ impl Pairing {
         self.open.back().map(|exchange| Asked { unit: exchange.unit, pdu: exchange.request.pdu() })
     }
 
+    /// The answer before, unit and PDU, if its request was a retry.
+    pub fn answer_to_retry(&self) -> Option<(u8, &[u8])> {
+        self.past.answer_to_retry()
+    }
+
     /// When that request had come.
     pub fn asked_at(&self) -> Option<Ns> {
         self.open.back()?.request.end
@@ -183,7 +188,7 @@ impl Pairing {
             exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
         }
         if exchange.status != Status::BadRequest && !exchange.silent {
-            self.past.unanswered(&exchange, exchange.status == Status::NoResponse);
+            self.past.unanswered(&exchange, exchange.status == Status::NoResponse && !exchange.late_seen);
         }
         if exchange.status == Status::NoResponse && !exchange.silent {
             exchange.findings.push(Finding::NoResponse);

@@ -77,6 +77,8 @@ pub(super) struct Past {
     pub broadcast: Option<Request>,
     duplicates: Share,
     lates: Share,
+    /// Requests are missing from the recording before this transaction.
+    missing_before: u64,
 }
 
 /// What an answer is that nobody waits for.
@@ -85,6 +87,8 @@ pub(super) enum Again {
     Duplicate,
     /// The answer to this request, too late.
     Late(Request),
+    /// One of the two.
+    Unclear,
     /// Neither.
     No,
 }
@@ -135,6 +139,21 @@ impl Past {
         bytes.extend_from_slice(pdu);
     }
 
+    /// The answer before, if its request was a retry.
+    pub(super) fn answer_to_retry(&self) -> Option<(u8, &[u8])> {
+        self.last.as_ref().filter(|(_, _, retry)| *retry).map(|(unit, pdu, _)| (*unit, &pdu[..]))
+    }
+
+    /// Requests are missing before this transaction: an answer behind it may be to one of them.
+    pub(super) fn lacks_requests(&mut self, txn: u64) {
+        self.missing_before = txn;
+    }
+
+    /// Whether all requests behind that of this transaction are known.
+    pub(super) fn knows_all_since(&self, txn: u64) -> bool {
+        txn >= self.missing_before
+    }
+
     /// Whether no request could be a retry, or the echo of a broadcast.
     pub(super) fn idle(&self) -> bool {
         self.failed.is_empty() && self.broadcast.is_none()
@@ -148,7 +167,8 @@ impl Past {
     /// What an answer is that nobody waits for. `idle`: no request came since the last answer.
     pub(super) fn again(&mut self, functions: &Functions, seen: &Seen<'_>, txn: u64, idle: bool) -> Again {
         let last = self.last.as_ref().filter(|(unit, pdu, _)| idle && *unit == seen.unit() && pdu == seen.pdu());
-        let fits = |old: &Request| old.txn + LATE_BY >= txn && old.answered_by(functions, seen);
+        let recent = |old: &Request| old.txn + LATE_BY >= txn && self.knows_all_since(old.txn);
+        let fits = |old: &Request| recent(old) && old.answered_by(functions, seen);
         let late = self.unanswered.iter().rposition(fits);
         let same = SAME_BYTE.powi(seen.pdu().len() as i32);
         let late_again = self.lates.rate(FIRST_LATES) * same / (1.0 - same);
@@ -159,7 +179,7 @@ impl Past {
                 Again::Duplicate
             }
             (Some(_), Some(_)) if duplicate > CLEARLY * late_again => Again::Duplicate,
-            (Some(_), Some(_)) if late_again < CLEARLY * duplicate => Again::No,
+            (Some(_), Some(_)) if late_again < CLEARLY * duplicate => Again::Unclear,
             (last, Some(at)) => {
                 self.lates.times += f32::from(u8::from(last.is_none()));
                 self.unanswered.remove(at).map_or(Again::No, Again::Late)

@@ -250,6 +250,7 @@ impl Pairing {
             partial.request.fill(seen);
             partial.findings.extend_from_slice(seen.codes);
             self.partial = Some(partial);
+            self.past.lacks_requests(*next_txn);
             return Placed::default();
         }
         self.settle_stray(None, done);

@@ -26,6 +26,7 @@ const STRAYS: usize = 4;
 
 /// Unit, function code, checksum: bytes of a frame beside its body.
 const AROUND: usize = 4;
+const CHECKSUM: usize = 2;
 
 /// How well the first bytes of a line fit a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -40,9 +41,9 @@ enum Fit {
     Fully,
 }
 
-fn fits(functions: &Functions, input: &Input, asked: Asked<'_>) -> Fit {
+fn fits(functions: &Functions, bytes: &[u8], asked: Asked<'_>) -> Fit {
     let Some(&wanted) = asked.pdu.first() else { return Fit::No };
-    if let Some(frame) = whole(functions, input, Direction::Response) {
+    if let Some((frame, _)) = whole(functions, bytes, Direction::Response) {
         return match answers(functions, asked, frame[0], &frame[1..]) {
             Match::No => Fit::No,
             Match::Partly => Fit::Partly,
@@ -50,16 +51,17 @@ fn fits(functions: &Functions, input: &Input, asked: Asked<'_>) -> Fit {
         };
     }
     let header = |two: &[u8]| two[0] == asked.unit && two[1] & !EXCEPTION_BIT == wanted;
-    if input.bytes().windows(2).take(STRAYS).any(header) {
+    if bytes.windows(2).take(STRAYS).any(header) {
         Fit::Header
     } else {
         Fit::No
     }
 }
 
-/// Unit and PDU of the frame that a line's bytes begin with.
-fn whole<'a>(functions: &Functions, input: &'a Input, direction: Direction) -> Option<&'a [u8]> {
-    (0..STRAYS).find_map(|at| frame_at(functions, input.bytes().get(at..)?, direction))
+/// Unit and PDU of the frame that a line's bytes begin with, and the bytes behind it.
+fn whole<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
+    let (at, frame) = (0..STRAYS).find_map(|at| Some((at, frame_at(functions, bytes.get(at..)?, direction)?)))?;
+    Some((frame, &bytes[at + frame.len() + CHECKSUM..]))
 }
 
 /// Unit and PDU of the frame that these bytes begin with, as far as its layout tells its length.
@@ -75,7 +77,7 @@ fn frame_at<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) ->
         },
     };
     let frame = bytes.get(..length + AROUND).filter(|frame| crc_valid(frame))?;
-    Some(&frame[..frame.len() - 2])
+    Some(&frame[..frame.len() - CHECKSUM])
 }
 
 /// Frames that only a master can send, less those that only a unit can, among the first bytes of a line.
@@ -89,7 +91,7 @@ fn survey(functions: &Functions, input: &Input) -> i32 {
             continue;
         };
         votes = voted(votes, functions, adu);
-        at += adu.len() + 2;
+        at += adu.len() + CHECKSUM;
     }
     votes
 }
@@ -135,9 +137,14 @@ impl BusState {
         if apart.is_none_or(|apart| apart >= self.uncertain()) {
             return Some(first);
         }
-        let told = &self.lines[responses].1.input;
+        let told = self.lines[responses].1.input.bytes();
         let of_next = self.answers_next(functions, requests, told);
-        let Some(open) = self.pairing.asked() else { return Some(if of_next >= Fit::Header { requests } else { first }) };
+        let Some(open) = self.pairing.asked() else {
+            if of_next >= Fit::Header && self.is_second_answer(functions, told) {
+                return self.after_second_answer(functions, requests, responses);
+            }
+            return Some(if of_next >= Fit::Header { requests } else { first });
+        };
         match fits(functions, told, open).cmp(&of_next) {
             // After a time-out it is the retry's.
             _ if of_next != Fit::No && self.given_up(responses) => Some(requests),
@@ -148,15 +155,33 @@ impl BusState {
     }
 
     /// How well a line's first bytes fit the first request of the other one.
-    fn answers_next(&self, functions: &Functions, requests: usize, told: &Input) -> Fit {
-        let input = &self.lines[requests].1.input;
-        if let Some(frame) = whole(functions, input, Direction::Request) {
+    fn answers_next(&self, functions: &Functions, requests: usize, told: &[u8]) -> Fit {
+        let bytes = self.lines[requests].1.input.bytes();
+        if let Some((frame, _)) = whole(functions, bytes, Direction::Request) {
             return fits(functions, told, Asked { unit: frame[0], pdu: &frame[1..] });
         }
-        match input.bytes() {
+        match bytes {
             &[unit, ref pdu @ ..] if !pdu.is_empty() => fits(functions, told, Asked { unit, pdu: &pdu[..1] }).min(Fit::Header),
             _ => Fit::No,
         }
+    }
+
+    /// Whether a line begins with the answer to a retry once more: the late one and its own, or the next request's,
+    /// which is the same by chance.
+    fn is_second_answer(&self, functions: &Functions, told: &[u8]) -> bool {
+        let first = whole(functions, told, Direction::Response);
+        first.zip(self.pairing.answer_to_retry()).is_some_and(|((frame, _), (unit, pdu))| frame[0] == unit && frame[1..] == *pdu)
+    }
+
+    /// Which line comes first there: the answers', if the next request's own one stands behind. It is waited for.
+    fn after_second_answer(&self, functions: &Functions, requests: usize, responses: usize) -> Option<usize> {
+        let told = &self.lines[responses].1.input;
+        let (_, behind) = whole(functions, told.bytes(), Direction::Response)?;
+        if self.answers_next(functions, requests, behind) == Fit::Fully {
+            return Some(responses);
+        }
+        let more = !told.ended && !told.closed && self.is_young(responses);
+        (!more).then_some(requests)
     }
 
     /// Whether the first bytes of a line came so long after the open request that its master has rather given up.
@@ -194,11 +219,15 @@ impl BusState {
         let input = &self.lines[at].1.input;
         let due = match self.pairing.asked() {
             None => at == requests,
-            Some(open) => at != requests && fits(functions, input, open) != Fit::No && !self.given_up(at),
+            Some(open) => at != requests && fits(functions, input.bytes(), open) != Fit::No && !self.given_up(at),
         };
         let over = input.ended || input.closed;
-        let young = self.now.zip(self.first_seen(at)).is_some_and(|(now, seen)| now - seen < self.uncertain());
-        !due && !over && young
+        !due && !over && self.is_young(at)
+    }
+
+    /// Whether bytes of the other line that come now may have been before the first bytes of this one.
+    fn is_young(&self, at: usize) -> bool {
+        self.now.zip(self.first_seen(at)).is_some_and(|(now, seen)| now - seen < self.uncertain())
     }
 
     /// Reads within this time may have been on the two lines in any order.

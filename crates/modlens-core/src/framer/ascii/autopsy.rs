@@ -9,7 +9,7 @@ use crate::checksum::lrc;
 use crate::direction::{judge, Direction};
 use crate::framer::harm::Harm;
 use crate::framer::Context;
-use crate::functions::EXCEPTION_BIT;
+use crate::functions::{Extent, EXCEPTION_BIT};
 use crate::hex::solid;
 
 /// Characters of unit, function code and LRC: no message has fewer.
@@ -32,8 +32,11 @@ pub(super) struct Headless {
     pub harm: Option<Harm>,
 }
 
-/// The first message without colon before any colon; `over`: nothing comes behind these bytes.
-pub(super) fn headless(bytes: &[u8], over: bool) -> Option<Headless> {
+/// Strays that a driver leaves in front of a message, at most.
+const MOST_STRAYS: usize = 3;
+
+/// The first message without colon before any colon; `over`: nothing comes behind these bytes; `known`: units heard.
+pub(super) fn headless(bytes: &[u8], over: bool, known: &[bool; 256]) -> Option<Headless> {
     let before = &bytes[..memchr(b':', bytes).unwrap_or(bytes.len())];
     let mut from = 0;
     for at in memchr2_iter(b'\r', b'\n', before) {
@@ -51,21 +54,28 @@ pub(super) fn headless(bytes: &[u8], over: bool) -> Option<Headless> {
         }
         let valid = |text: usize| (at - text).is_multiple_of(2) && right(&before[text..at]);
         let found = |start, text, whole, harm| Some(Headless { start, text, text_end: at, end: at + 1 + feed, whole, harm });
+        // What stands in its place may be the colon, damaged; what differs more is a stray.
+        let lost = text == begin || (before[text - 1] ^ b':').count_ones() > 1;
         if valid(text) {
-            // What stands in its place may be the colon, damaged.
-            let lost = text == begin;
             let harm = lost.then_some(Harm::Lost { at: 0, count: 1 });
             return found(if lost { text } else { text - 1 }, text, true, harm);
         }
         if valid(text + 1) {
             return found(text, text + 1, true, None);
         }
-        // Right behind another message, the rest of one.
-        if text == begin && begin == 0 && (at - text) % 2 == 1 && at - text > SHORTEST {
+        // Right behind another message, the rest of one: of a unit that the LRC names, or half a byte less.
+        let rest = lost && begin == 0 && text <= MOST_STRAYS && at - text > SHORTEST;
+        if rest && ((at - text) % 2 == 1 || missing(&before[text..at]).is_some_and(|unit| known[usize::from(unit)])) {
             return found(text, text, false, Some(Harm::Lost { at: 0, count: 0 }));
         }
     }
     None
+}
+
+/// The byte that these characters lack for a right LRC.
+fn missing(text: &[u8]) -> Option<u8> {
+    let mut bytes = Vec::with_capacity(text.len() / 2);
+    solid(text, &mut bytes).then(|| lrc(&bytes))
 }
 
 /// Whether the LRC of these characters is right.
@@ -93,6 +103,21 @@ pub(super) fn lost(text: &[u8]) -> Option<Harm> {
     Some(Harm::Lost { at: text.len() + 1, count: 0 })
 }
 
+/// Bytes that are missing from a message whose LRC is wrong, by what it announces of its length: `adu` has its LRC, if
+/// it has a line end, and half a byte does not count.
+pub(super) fn lacks(context: &Context<'_>, adu: &[u8]) -> Option<usize> {
+    let &[_, code, ref rest @ ..] = adu else { return None };
+    let row = context.functions.row(code & !EXCEPTION_BIT, rest).filter(|_| code & EXCEPTION_BIT == 0)?;
+    let lengths = [&row.request, &row.response].map(|layout| match layout.extent(rest) {
+        Extent::Exactly(body) => Some(body + 1),
+        _ => None,
+    });
+    let less = |length: Option<usize>| length.and_then(|length| length.checked_sub(rest.len()));
+    // As many as one of the two sides would send: then some of them are wrong.
+    let [asks, tells] = lengths.map(less);
+    (asks != Some(0) && tells != Some(0)).then(|| asks.into_iter().chain(tells).min()).flatten()
+}
+
 /// Who sent it, as far as unit and function tell.
 pub(super) fn direction(context: &Context<'_>, adu: &[u8]) -> Direction {
     let &[unit, code, ..] = adu else { return Direction::Unknown };
@@ -111,7 +136,9 @@ mod tests {
     use super::*;
 
     fn found(text: &str) -> Option<(usize, usize, Option<Harm>)> {
-        headless(text.as_bytes(), false).map(|found| (found.start, found.end, found.harm))
+        let mut known = [false; 256];
+        known[1] = true;
+        headless(text.as_bytes(), false, &known).map(|found| (found.start, found.end, found.harm))
     }
 
     // 01 03 00 00 00 02 has the LRC FA (2.5.2.2: two's complement of the sum).
@@ -122,6 +149,16 @@ mod tests {
         assert_eq!(found("noise\r\n010300000002FA\r\n"), Some((7, 23, lost)));
         assert_eq!(found("010300000002FB\r\n"), None);
         assert_eq!(found("010300000002FA\r"), None, "the line feed may come");
+        // The stray of a driver is no damaged colon: four of its bits differ.
+        assert_eq!(found("\u{0}010300000002FA\r\n"), Some((1, 17, lost)));
+    }
+
+    #[test]
+    fn a_line_without_colon_and_unit_is_the_rest_of_one_of_a_unit_that_was_heard() {
+        let rest = Some(Harm::Lost { at: 0, count: 0 });
+        assert_eq!(found("0300000002FA\r\n"), Some((0, 14, rest)));
+        assert_eq!(found("\x7f0300000002FA\r\n"), Some((1, 15, rest)));
+        assert_eq!(found("0300000002F9\r\n"), None, "unit 2 was not");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use memchr::{memchr, memchr3_iter};
 use crate::checksum::lrc;
 use crate::direction::judge;
 use crate::finding::Finding;
+use crate::framer::harm::Harm;
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT};
 use crate::hex::{pair, solid};
 use crate::input::Input;
@@ -79,7 +80,7 @@ impl Ascii {
     fn noise(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
         let bytes = input.bytes();
         let there = &bytes[..bytes.len().min(NOISE_LIMIT)];
-        match autopsy::headless(there, input.closed) {
+        match autopsy::headless(there, input.closed, context.known_units) {
             Some(found) if found.start > 0 => return Some(Cut::noise(found.start, CutBy::Restart)),
             Some(found) => {
                 let whole = decode_hex(&there[found.text..found.text_end], adu) && found.whole;
@@ -110,6 +111,9 @@ impl Ascii {
         let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
         if !no_checksum && end.cut_by != CutBy::Delimiter && !(hex && adu.len() > 2 && lrc(adu) == 0) {
             cut.direction = autopsy::direction(context, adu);
+            // A sender that stops does so anywhere; who loses the line end loses half a byte before it.
+            let half = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
+            cut.harm = (half && autopsy::lacks(context, adu) == Some(1)).then_some(Harm::Lost { at: text.len() + 1, count: 3 });
             return cut;
         }
         if let Some(harm) = autopsy::lost(text).filter(|_| !no_checksum) {
@@ -121,6 +125,11 @@ impl Ascii {
             true if adu.len() > 2 && lrc(adu) == 0 => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
+        if cut.verdict == Verdict::BadChecksum && hex && autopsy::lacks(context, adu) == Some(1) {
+            let direction = autopsy::direction(context, adu);
+            let harm = Some(Harm::Lost { at: text.len() + 1, count: 2 });
+            return Cut { verdict: Verdict::Incomplete, direction, harm, ..cut };
+        }
         if !no_checksum {
             adu.pop();
         }

@@ -177,6 +177,9 @@ fn response(asked: &Request, input: &Input, context: &Context<'_>, at: usize) ->
     // An echoed answer and a retry look the same; where neither the clock nor what follows tells, they are weighed.
     let copy = same && (row.mirrored || length.bytes() == asked.pdu.len() + 3);
     let quiet = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
+    if copy && asked.tentative {
+        return None;
+    }
     if copy && (context.pause)(quiet()) > SURELY_AN_ANSWER {
         if at > 0 {
             return None;

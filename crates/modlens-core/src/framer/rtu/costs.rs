@@ -4,6 +4,7 @@
 //! noise and payload alike, so that a field that agrees is worth exactly the bits of the bytes it predicts, and runs of
 //! zeros cannot fake evidence.
 
+use crate::framer::harm::Harm;
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::hints::Hints;
@@ -67,6 +68,9 @@ pub const WRONG_LINE: f32 = 25.0;
 /// A request while another one waits: one in thirty at first.
 pub const UNANSWERED: f32 = 4.9;
 
+/// A frame that holds whole frames of this line: one write of a file or loopback in a thousand.
+pub const HOLDS_FRAMES: f32 = 10.0;
+
 /// The answer to the request that waits.
 pub const ANSWERED: f32 = 0.1;
 
@@ -111,6 +115,8 @@ pub struct Model {
     few: f32,
     /// Frames with a pause inside.
     paused: f32,
+    /// Damaged frames of which bytes were missing, and those that another sender talked into.
+    harms: [f32; 2],
     requests: f32,
     copies: f32,
     /// Costs of frames that follow each other at once, and of those that do not.
@@ -176,6 +182,7 @@ impl Default for Model {
             junk: 0.0,
             few: 0.0,
             paused: 0.0,
+            harms: [0.0; 2],
             requests: 0.0,
             copies: 0.0,
             glued: 0.0,
@@ -431,7 +438,7 @@ impl Model {
         self.function_totals[direction] += 1.0;
         self.frames += 1.0;
         self.junk += f32::from(u8::from(setting.junk > 0));
-        self.few += f32::from(u8::from((1..MAY_HOLD_A_FRAME).contains(&setting.junk)));
+        self.learn_strays(setting.junk);
         if direction == 0 {
             self.polls.remember(frame);
         }
@@ -440,11 +447,32 @@ impl Model {
         }
     }
 
+    /// So many bytes stood before a frame.
+    pub fn learn_strays(&mut self, junk: u64) {
+        self.few += f32::from(u8::from((1..MAY_HOLD_A_FRAME).contains(&junk)));
+    }
+
     /// Learns from a request that leaves no doubt and from its answer, right behind another frame.
     #[inline]
     pub fn learn_exchange(&mut self, request: &[u8], response: &[u8], copy: Copy) {
         self.learn(request, REQUEST, Setting { waiting: false, junk: 0 }, copy);
         self.learn(response, RESPONSE, Setting { waiting: true, junk: 0 }, Copy::Unclear);
+    }
+
+    /// What happened to a damaged frame, where its bytes told.
+    pub fn learn_harm(&mut self, harm: Option<Harm>) {
+        match harm {
+            Some(Harm::Lost { count: 1.., .. }) => self.harms[0] += 1.0,
+            Some(Harm::Collided { .. }) => self.harms[1] += 1.0,
+            _ => {}
+        }
+    }
+
+    /// Whether bytes of this line go missing, and nearly nobody talks into others' frames.
+    pub fn loses_bytes(&self) -> bool {
+        const SOME: f32 = 3.0;
+        const FOR_EACH_COLLISION: f32 = 4.0;
+        self.harms[0] >= SOME && self.harms[0] >= FOR_EACH_COLLISION * self.harms[1]
     }
 
     /// A good frame had a pause inside.
@@ -473,6 +501,7 @@ impl Model {
             *value /= 2.0;
         }
         self.unit_total /= 2.0;
+        self.harms.iter_mut().for_each(|count| *count /= 2.0);
         for value in [&mut self.frames, &mut self.junk, &mut self.few, &mut self.paused, &mut self.requests, &mut self.copies] {
             *value /= 2.0;
         }

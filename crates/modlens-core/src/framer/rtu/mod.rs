@@ -189,6 +189,7 @@ impl Rtu {
         if self.dissected < to {
             self.dissected = to;
             self.pieces = self.dissect(input, context, (to - offset) as usize);
+            self.pieces.iter().for_each(|(_, piece)| self.search.model.learn_harm(piece.harm));
         }
         let region = (to - offset) as usize;
         let first = self.pieces.front().filter(|(start, _)| *start == offset);
@@ -226,6 +227,7 @@ impl Rtu {
         let pieces = scene.pieces();
         let found = pieces.iter().find(|piece| piece.start == 0 && (piece.end == length || is_glitch(&wire[piece.end..])));
         if let Some(piece) = found {
+            self.search.model.learn_harm(piece.harm);
             if piece.end < length {
                 // It is shorter: strays stand in the place of what was lost.
                 self.told = Some(Told::Junk(input.offset() + length as u64));

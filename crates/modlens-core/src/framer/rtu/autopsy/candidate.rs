@@ -77,12 +77,13 @@ impl Scene<'_, '_> {
     pub(super) fn stranger(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        if function == 0 || (code != function && direction == REQUEST) {
+        let other_line = self.context.speaker.is_some_and(|speaker| speaker != gain::direction(direction));
+        if function == 0 || other_line || (code != function && direction == REQUEST) {
             return None;
         }
         let novelty = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
         let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - self.place(start);
-        if direction == RESPONSE {
+        if direction == RESPONSE && !self.is_by_itself() {
             score -= costs::ORPHAN;
         }
         let row = self.context.functions.row(function, body);

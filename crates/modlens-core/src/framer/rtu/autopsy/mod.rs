@@ -15,6 +15,7 @@ use crate::direction::Direction;
 use crate::framer::harm::Harm;
 use crate::framer::rtu::costs::{self, Model};
 use crate::framer::rtu::index::Values;
+use crate::framer::rtu::AROUND;
 use crate::framer::Context;
 use crate::input::Input;
 use crate::Ns;
@@ -113,9 +114,24 @@ impl Scene<'_, '_> {
                 };
                 (last.end, last.harm) = (self.length, Some(Harm::Lost { at, count }));
             }
+            Some(last) if self.runs_on(last) => {
+                let at = last.end - last.start;
+                (last.short, last.harm) = (true, Some(Harm::Lost { at, count: 0 }));
+            }
             _ => pieces.extend(self.tail(&pieces)),
         }
         pieces
+    }
+
+    /// Whether this line is framed by itself, as those of a two-line tap without a clock are: which requests wait is not
+    /// known, and an answer needs none.
+    fn is_by_itself(&self) -> bool {
+        self.context.speaker.is_some() && self.context.asked.is_none() && !self.input.timed
+    }
+
+    /// Whether more than a few strays are no frame on this line.
+    fn is_clean(&self) -> bool {
+        self.model.strays_at_most() < AROUND
     }
 
     /// Whether the bytes are too few to be worth enough, whatever they agree with.

@@ -133,7 +133,9 @@ impl Scene<'_, '_> {
     pub(super) fn asked_again(&self, candidate: &Candidate) -> bool {
         let Some((frame, Direction::Request)) = self.after else { return false };
         if candidate.direction == REQUEST {
-            return frame[..2] == candidate.header;
+            let there = self.bytes().get(candidate.start..candidate.core).unwrap_or(&[]);
+            let agrees = there.iter().zip(frame).all(|(a, b)| a == b);
+            return frame[..2] == candidate.header && (agrees || !candidate.head.is_empty());
         }
         self.repeats(self.context.asked)
     }

@@ -1,5 +1,6 @@
 //! What stands in front of the damaged frames of a gap and behind them: the remains of others.
 
+use crate::checksum::mending_bit;
 use crate::direction::Direction;
 use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::pick::glitch;
@@ -50,7 +51,7 @@ impl Scene<'_, '_> {
         }
         let bytes = &self.bytes()[..to];
         // On a line with few strays, zeros are data.
-        let clean = begins || (self.context.speaker.is_some() && self.model.strays_at_most() < AROUND);
+        let clean = begins || (self.context.speaker.is_some() && self.is_clean());
         let strays = if clean { 0 } else { bytes.iter().take(MOST_GLITCH).take_while(|&&byte| glitch(byte)).count() };
         let least = if begins { 2 } else { self.model.strays_at_most() + 1 };
         if to - strays < least {
@@ -65,7 +66,7 @@ impl Scene<'_, '_> {
             }
             Some(expected) if expected < length => return None,
             // Who is heard here begins with unit and function, unless those were lost.
-            None if self.context.speaker.is_some() && !begins && self.lacks_its_head(&bytes[strays..]) => {
+            None if self.context.speaker.is_some() && !begins && self.lacks_something(&bytes[strays..]) => {
                 Some(Harm::Lost { at: 0, count: 0 })
             }
             _ => None,
@@ -75,8 +76,17 @@ impl Scene<'_, '_> {
 
     /// Whether the bytes up to here are nothing but a piece of a frame: in one go, by the clock, on a line with few strays.
     pub(super) fn quiet(&self, to: usize) -> bool {
-        let strays = self.model.strays_at_most();
-        self.input.timed && strays < AROUND && strays < to && !(1..to).any(|at| self.stops(at))
+        let known = self.input.timed || self.is_by_itself();
+        known && self.is_clean() && self.model.strays_at_most() < to && !(1..to).any(|at| self.stops(at))
+    }
+
+    /// Whether the bytes behind a piece are neither strays nor a frame that was recognised, on a line where bytes go
+    /// missing: how many between the piece's beginning and their end, nobody knows. An intruder goes on behind a frame, too.
+    pub(super) fn runs_on(&self, piece: &Piece) -> bool {
+        let behind = self.length - piece.end;
+        let whole = mending_bit(&self.bytes()[piece.start..piece.end]).is_some();
+        let loses = self.is_by_itself() || (self.model.loses_bytes() && !self.announced);
+        loses && self.is_clean() && piece.harm.is_none() && behind > self.model.strays_at_most() && !whole
     }
 
     /// Whether the line is silent behind the strays that begin here, as behind those of a driver; who collides goes on.
@@ -94,17 +104,18 @@ impl Scene<'_, '_> {
         }
     }
 
-    /// Whether no unit of this line begins these bytes, and no function code that announces just so many.
-    pub(super) fn lacks_its_head(&self, bytes: &[u8]) -> bool {
+    /// Whether no unit of this line begins these bytes, or one does, and not so many are announced.
+    pub(super) fn lacks_something(&self, bytes: &[u8]) -> bool {
         let &[unit, code, ref body @ ..] = bytes else { return true };
         let row = self.context.functions.row(code & !EXCEPTION_BIT, body);
-        let announced = row.is_some_and(|row| {
-            [&row.request, &row.response].into_iter().any(|layout| match layout.extent(body) {
-                Extent::Exactly(length) => (length + AROUND..=length + AROUND + MOST_GLITCH).contains(&bytes.len()),
-                _ => false,
-            })
+        let lengths = row.map(|row| [&row.request, &row.response].map(|layout| layout.extent(body)));
+        let announced = lengths.into_iter().flatten().any(|length| match length {
+            Extent::Exactly(length) => (length + AROUND..=length + AROUND + MOST_GLITCH).contains(&bytes.len()),
+            _ => false,
         });
-        !self.model.has_unit(unit) && !announced
+        let fixed = lengths.is_some_and(|lengths| lengths.iter().all(|length| matches!(length, Extent::Exactly(_))));
+        let begins = self.model.has_unit(unit) && !(self.is_by_itself() && fixed);
+        !begins && !announced
     }
 
     /// Whether the bytes behind a frame that lost its end are its own last ones: the silence before them is as long as

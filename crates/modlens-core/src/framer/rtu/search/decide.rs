@@ -9,11 +9,12 @@ use crate::framer::rtu::costs::Setting;
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;
+use crate::framer::rtu::pending::Request;
 use crate::framer::rtu::search::paths::{Node, KEPT};
 use crate::framer::rtu::search::{copy, learn, Search, Told};
 use crate::framer::rtu::{announced, LONGEST};
 use crate::framer::Context;
-use crate::functions::{Extent, EXCEPTION_BIT};
+use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
 
 /// The chance of telling a frame too early is about 2 to the minus this.
@@ -34,6 +35,9 @@ const LOOK_ALIKE: f32 = 40.0;
 
 /// What it is worth for a frame that has begun to have begun right behind another one.
 const DUE: f32 = 14.0;
+
+/// So many frames right behind each other are none by chance.
+const CHAIN: u8 = 4;
 
 /// Sums of the same numbers in another order differ by less.
 const ROUNDING: f32 = 0.01;
@@ -123,16 +127,22 @@ impl Search {
         self.threatened_until(input, context, first, (begun, least)).map(|until| until.min(reach))
     }
 
-    /// How long it is open whether this frame stands inside one of any length that has begun before it.
+    /// How long it is open whether this frame stands inside one that has begun before it.
     fn held_until(&self, input: &Input, context: &Context<'_>, start: u64) -> Option<u64> {
         let base = input.offset();
         if start - self.told() < SHORTEST_HEAD || (input.timed && input.starts_read((start - base) as usize)) {
             return None;
         }
         let before = &input.bytes()[(self.told() - base) as usize..];
-        let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
-        let holds = self.model.has_unit(before[0]) && announced(context, before).into_iter().any(any_length);
-        holds.then_some(self.told() + REACH)
+        if !self.model.has_unit(before[0]) {
+            return None;
+        }
+        let until = announced(context, before).into_iter().flatten().filter_map(|(_, extent)| match extent {
+            Extent::Open(_) => Some(self.told() + REACH),
+            Extent::Exactly(length) if self.may_hold(context, before) => Some(self.told() + length as u64),
+            _ => None,
+        });
+        until.max()
     }
 
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
@@ -263,13 +273,18 @@ impl Search {
         let frame = &self.nodes[first];
         let strays = frame.start > self.told();
         let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
-        // Right behind a frame that is one by chance perhaps, another one may be so, too; not its answer.
-        let alone = strays || (self.doubtful && !frame.answers);
+        // Right behind a frame that is one by chance perhaps, another one may be so, too; not its answer, nor one of many.
+        self.glued = if strays { 0 } else { self.glued.saturating_add(1) };
+        let vouched = frame.answers && self.asked().is_none_or(|asked| vouches(context, asked, bytes));
+        let alone = strays || (self.doubtful && !vouched && self.glued < CHAIN);
         let tentative = alone && !asked_for && !context.paired_units[bytes[0] as usize];
-        // Noise must not teach units.
-        if !tentative {
+        let junk = frame.start - self.told();
+        // Noise must not teach units; that strays stand before frames, it may.
+        if tentative {
+            self.model.learn_strays(junk);
+        } else {
             let again = frame.pending.asked.is_some_and(|slot| self.requests.get(slot).copied);
-            let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk: frame.start - self.told() };
+            let setting = Setting { waiting: self.nodes[0].pending.asked.is_some(), junk };
             let (direction, copy) = (frame.direction, copy(context, bytes, again && frame.direction == REQUEST));
             // A response to nobody may be a request that looks like one.
             let sure = direction == REQUEST || frame.answers;
@@ -311,6 +326,14 @@ impl Search {
         let same = |node: &Node| (node.start, node.end) == (frame.start, frame.end) && node.direction != frame.direction;
         self.nodes.iter().any(|node| same(node) && self.standing(node) > bar)
     }
+}
+
+/// Whether an answer says that its request is one. Wrong bytes come again as they were, and where any length may be, any
+/// place may.
+fn vouches(context: &Context<'_>, asked: &Request, frame: &[u8]) -> bool {
+    let (&code, body) = asked.pdu.split_first().unwrap_or((&0, &[]));
+    let known = context.functions.row(code, body).is_some_and(|row| matches!(row.response, Layout::Body(_)));
+    known && asked.pdu[..] != frame[1..frame.len() - 2]
 }
 
 /// The frame with a right checksum that begins at this place and reaches beyond `to`, of a length that its header admits.

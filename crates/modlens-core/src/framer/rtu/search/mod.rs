@@ -4,6 +4,7 @@
 //! to be kept for single bytes. A frame is told once no rival reading within `THETA` bits is left without it.
 
 mod decide;
+mod holds;
 mod paths;
 
 use crate::direction::{self, Asked, Direction, Match};
@@ -70,6 +71,8 @@ pub struct Search {
     cleared: u64,
     /// What was told last was tentative, or noise that goes on.
     doubtful: bool,
+    /// So many frames were told without a byte between them.
+    glued: u8,
     /// What was learned.
     pub model: Model,
 }
@@ -88,6 +91,7 @@ impl Default for Search {
             requests: Requests::default(),
             cleared: 0,
             doubtful: false,
+            glued: 0,
             model: Model::default(),
         }
     }
@@ -295,6 +299,7 @@ impl Search {
         if gain::is_none(frame) {
             return;
         }
+        let held = if self.may_hold(context, frame) { self.held(start) } else { Vec::new() };
         let timing = timing(input, from, to, silence);
         let said = context.said_at(input, from);
         let pause = (context.pause)(input.pause_before(from));
@@ -333,7 +338,8 @@ impl Search {
                 };
                 known = (!strays).then_some((key, (around, answered)));
                 let gain = own + timing - told + around;
-                let score = node.score - self.model.between(start - node.end) + gain;
+                let inside = held.get(i).copied().unwrap_or(0.0);
+                let score = node.score - self.model.between(start - node.end) + gain + inside;
                 let slot = &mut best[usize::from(answered)];
                 if score > floor && slot.is_none_or(|(known, ..)| score > known) {
                     *slot = Some((score, i, gain));
