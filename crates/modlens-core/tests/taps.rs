@@ -288,6 +288,19 @@ fn an_answer_that_is_seen_before_its_request_on_the_other_line_is_its_answer() {
 }
 
 #[test]
+fn how_long_a_server_holds_requests_back_is_learned_from_the_first_that_came_too_late() {
+    for live in [false, true] {
+        // Longer than is expected of a line that has shown nothing yet.
+        let (batch, wanted) = two_lines(live, |round| if round % 6 == 5 { 70 } else { -9 });
+        let told = good(&batch);
+        assert_eq!(told.len(), wanted.len());
+        let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
+        let lost = statuses.iter().filter(|status| **status != Status::Ok).count();
+        assert!(lost <= 2, "live {live}: {statuses:?}");
+    }
+}
+
+#[test]
 fn the_second_of_two_equal_answers_behind_a_retry_is_not_the_next_requests() {
     // Two lines by latency timers of 16 ms; the next request asks the same unit for as much.
     let (ask, next) = (read(1, 10, 2), read(1, 40, 2));

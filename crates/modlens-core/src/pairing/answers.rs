@@ -18,7 +18,24 @@ pub(super) struct Stray {
     pub asked: u64,
 }
 
+/// An answer to nobody. The request may be seen later, if its line's adapter holds it back for longer than was known.
+#[derive(Debug)]
+pub(super) struct Early {
+    unit: u8,
+    pdu: Vec<u8>,
+    start: Ns,
+}
+
 impl Pairing {
+    /// A request is there: how much later was it seen than the answer to it, if that was taken for nobody's?
+    pub(super) fn learn_skew(&mut self, functions: &Functions, seen: &Seen<'_>) {
+        let Some((early, asked)) = self.early.take().zip(seen.end) else { return };
+        let request = Asked { unit: seen.unit(), pdu: seen.pdu() };
+        if answers(functions, request, early.unit, &early.pdu) == Match::Fully {
+            self.tempo.saw(asked, early.start);
+        }
+    }
+
     pub(super) fn response(
         &mut self,
         functions: &Functions,
@@ -31,6 +48,7 @@ impl Pairing {
         else {
             return self.unrequested(functions, seen, next_txn, done);
         };
+        self.early = None;
         let mut exchange = self.open.remove(at).expect("found above");
         exchange.sure = !seen.tentative;
         self.past.answered(&exchange, seen);
@@ -180,6 +198,9 @@ impl Pairing {
             exchange.late_response = self.since(end, seen.start, seen.clean_start);
             placed = Placed { finding: Some(Finding::LateResponse), other: Some(txn), ..placed };
         } else if placed.finding == Some(Finding::Unrequested) {
+            if let (true, None, Some(start)) = (stranger && !self.ordered, &self.early, seen.start) {
+                self.early = Some(Early { unit: seen.unit(), pdu: seen.pdu().to_vec(), start });
+            }
             if let Some(asked) = self.misdirected(functions, seen) {
                 self.settle_stray(None, done);
                 exchange.findings.push(Finding::Unrequested);

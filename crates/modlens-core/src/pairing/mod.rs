@@ -28,7 +28,7 @@ use crate::functions::Functions;
 use crate::records::Status;
 use crate::Ns;
 
-use answers::Stray;
+use answers::{Early, Stray};
 use masters::Masters;
 use past::Past;
 use requests::Copies;
@@ -54,6 +54,8 @@ pub struct Pairing {
     /// A meeting of two masters that lacks its second answer.
     halfway: Option<Meeting>,
     stray: Option<Stray>,
+    /// The first answer since the last pair that nobody had asked for, where the order of two lines is late.
+    early: Option<Early>,
     /// A request that lacks bytes: if an answer follows, the unit could read it.
     partial: Option<Box<Exchange>>,
     /// Units that have answered.
@@ -108,6 +110,7 @@ impl Pairing {
             masters: Masters::default(),
             halfway: None,
             stray: None,
+            early: None,
             partial: None,
             present: Box::new([false; 256]),
             notes: Vec::new(),

@@ -96,6 +96,9 @@ impl Pairing {
             return Placed { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
         }
         self.settle_stray(Some(seen), done);
+        if self.early.is_some() {
+            self.learn_skew(functions, seen);
+        }
         let inside = self.make_room(functions, seen, done);
         if matches!(same, Same::Unclear) {
             self.past.forget_failed();
