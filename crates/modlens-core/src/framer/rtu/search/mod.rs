@@ -3,6 +3,7 @@
 //! Nodes stand at ends of frames only. What lies between two frames costs the same however it is read, so nothing has
 //! to be kept for single bytes. A frame is told once no rival reading within `THETA` bits is left without it.
 
+mod ahead;
 mod decide;
 mod paths;
 
@@ -70,6 +71,12 @@ pub struct Search {
     cleared: u64,
     /// What was told last was tentative, or noise that goes on.
     doubtful: bool,
+    /// What was found could not be decided without more bytes.
+    short: bool,
+    /// What was found cannot be decided until more is found.
+    steady: bool,
+    /// Whether a frame of any length that has begun here, behind what was told, has come.
+    held: Option<(u64, bool)>,
     /// What was learned.
     pub model: Model,
 }
@@ -88,6 +95,9 @@ impl Default for Search {
             requests: Requests::default(),
             cleared: 0,
             doubtful: false,
+            short: false,
+            steady: false,
+            held: None,
             model: Model::default(),
         }
     }
@@ -238,7 +248,14 @@ impl Search {
             self.nodes[0].wake = self.told() + SHORTEST_DAMAGED;
             self.model.settle();
             (self.wake, self.calm, self.cleared, self.threat) = (self.nodes[0].wake, 0, 0, None);
+            self.short = false;
             self.running = true;
+        }
+        if std::mem::take(&mut self.short) {
+            let told = self.decide(input, context, false);
+            if told.is_some() || self.short {
+                return told;
+            }
         }
         let base = input.offset();
         let end = base + input.bytes().len() as u64;
@@ -272,8 +289,9 @@ impl Search {
                 self.calm = 0;
             }
             if self.next >= self.calm {
-                if let Some(told) = self.decide(input, context, false) {
-                    return Some(told);
+                let told = self.decide(input, context, false);
+                if told.is_some() || self.short {
+                    return told;
                 }
             }
         }
