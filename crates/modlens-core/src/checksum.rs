@@ -3,11 +3,16 @@
 //! Whether a checksum is right is asked of every frame, so it has the quickest way that the machine offers; elsewhere
 //! tables do. The bit-by-bit versions of the specification live in the tests, as oracles.
 
+use std::sync::OnceLock;
+
 #[cfg(target_arch = "x86_64")]
 mod carryless;
 
 /// x^16 + x^15 + x^2 + 1, bits reversed (serial line specification, 6.2.2).
 const POLYNOMIAL: u16 = 0xA001;
+
+/// After so many steps of a bit a register comes round: the order of x modulo the polynomial.
+const ORDER: usize = 32_767;
 
 /// Start value of the CRC register.
 pub const INIT: u16 = 0xFFFF;
@@ -105,28 +110,63 @@ pub fn lrc(data: &[u8]) -> u8 {
     data.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte)).wrapping_neg()
 }
 
+/// The first of the lengths from `least` on at which a checksum is right.
+///
+/// Four bytes at a time: so the next register waits for one table instead of four.
+pub fn first_right(bytes: &[u8], least: usize) -> Option<usize> {
+    let mut state = update(INIT, bytes.get(..least)?);
+    if state == 0 {
+        return Some(least);
+    }
+    let mut length = least;
+    let mut words = bytes[least..].chunks_exact(4);
+    for w in words.by_ref() {
+        let [low, high] = (state ^ u16::from_le_bytes([w[0], w[1]])).to_le_bytes().map(usize::from);
+        let [third, fourth] = [w[2], w[3]].map(usize::from);
+        let states = [
+            TABLES[0][low] ^ (state >> 8),
+            TABLES[1][low] ^ TABLES[0][high],
+            TABLES[2][low] ^ TABLES[1][high] ^ TABLES[0][third],
+            TABLES[3][low] ^ TABLES[2][high] ^ TABLES[1][third] ^ TABLES[0][fourth],
+        ];
+        if states.contains(&0) {
+            return states.iter().position(|&state| state == 0).map(|at| length + at + 1);
+        }
+        state = states[3];
+        length += 4;
+    }
+    words.remainder().iter().find_map(|&byte| {
+        state = step(state, byte);
+        length += 1;
+        (state == 0).then_some(length)
+    })
+}
+
 /// The single bit whose flip would make `frame` valid, as (byte, bit), if there is one.
 ///
 /// All frames within the 256 bytes of the specification have at most one such bit: the code's distance is 4.
 pub fn mending_bit(frame: &[u8]) -> Option<(usize, u8)> {
-    let residue = crc16(frame);
-    if residue == 0 {
-        return None;
-    }
-    // A flipped bit of the last byte leaves the table entry of that bit as residue; one byte earlier, one zero more.
-    let mut syndromes = [0u16; 8];
-    for (bit, syndrome) in syndromes.iter_mut().enumerate() {
-        *syndrome = TABLES[0][1 << bit];
-    }
-    for index in (0..frame.len()).rev() {
-        if let Some(bit) = syndromes.iter().position(|&s| s == residue) {
-            return Some((index, bit as u8));
-        }
-        for syndrome in &mut syndromes {
-            *syndrome = step(*syndrome, 0);
-        }
-    }
-    None
+    // Bits from the end: the last byte's highest one comes first.
+    let behind = bits_behind(crc16(frame))?;
+    let index = frame.len().checked_sub(1 + behind / 8)?;
+    Some((index, 7 - (behind % 8) as u8))
+}
+
+/// How many bits stand behind the only wrong one, if it leaves this register.
+fn bits_behind(residue: u16) -> Option<usize> {
+    /// No such bit.
+    const NONE: u16 = u16::MAX;
+    static BEHIND: OnceLock<Box<[u16]>> = OnceLock::new();
+    let behind = BEHIND.get_or_init(|| {
+        let mut behind = vec![NONE; 1 << 16].into_boxed_slice();
+        // The last bit that is sent leaves the polynomial; each one behind it makes one more step.
+        let one_more = |&state: &u16| Some(if state & 1 == 1 { state >> 1 ^ POLYNOMIAL } else { state >> 1 });
+        let states = std::iter::successors(Some(POLYNOMIAL), one_more).take(ORDER);
+        states.zip(0..).for_each(|(state, bits)| behind[usize::from(state)] = bits);
+        behind
+    });
+    let bits = behind[usize::from(residue)];
+    (bits != NONE).then_some(usize::from(bits))
 }
 
 #[cfg(test)]
@@ -187,6 +227,30 @@ mod tests {
                 let right = crc_by_the_book(&bytes[..length]) == 0;
                 prop_assert_eq!((by_tables(&bytes[..length]), crc_valid_at(&bytes, length)), (right, right));
             }
+        }
+
+        #[test]
+        fn the_first_right_length_is_that_of_the_book(
+            data in proptest::collection::vec(0u8..3, 2..40),
+            behind in proptest::collection::vec(0u8..2, 0..12),
+            least in 0usize..60,
+        ) {
+            let bytes = [&data[..], &crc16(&data).to_le_bytes(), &behind].concat();
+            let naive = (least..=bytes.len()).find(|&length| crc_by_the_book(&bytes[..length]) == 0);
+            prop_assert_eq!(first_right(&bytes, least), naive);
+        }
+
+        #[test]
+        fn what_no_flipped_bit_mends_has_none(mut data in proptest::collection::vec(any::<u8>(), 4..60)) {
+            let mut mends = Vec::new();
+            for place in 0..8 * data.len() {
+                data[place / 8] ^= 1 << (place % 8);
+                if crc_valid(&data) {
+                    mends.push((place / 8, (place % 8) as u8));
+                }
+                data[place / 8] ^= 1 << (place % 8);
+            }
+            prop_assert_eq!(mending_bit(&data), mends.first().copied().filter(|_| !crc_valid(&data)));
         }
 
         #[test]

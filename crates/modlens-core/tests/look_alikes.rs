@@ -8,7 +8,7 @@ use modlens_core::finding::Finding;
 use modlens_core::framer::Verdict;
 use modlens_core::records::{Batch, Clock, Status};
 
-use wire::{answer, frame, read, session, MS};
+use wire::{answer, frame, in_pieces, read, session, MS};
 
 /// Exchanges that make units 1 and 2 familiar.
 fn known() -> Vec<Vec<u8>> {
@@ -213,6 +213,23 @@ fn a_loopback_that_holds_a_frame_live_too() {
         let found = good(&timed(live, &frames));
         assert_eq!(found[..2], pair(&outer, &outer), "live {live}");
         assert_eq!(found[2..], pair(&read(1, 0, 1), &answer(1, &[1])), "live {live}");
+    }
+}
+
+#[test]
+fn a_write_behind_strays_that_holds_a_poll_is_waited_for() {
+    // The poll inside is worth more than the header of the write, whose function the line has not shown before.
+    let (poll, strays) = (read(1, 200, 2), vec![0x42, 0x0B, 0xFF]);
+    let values = [&[0x2E; 20][..], &poll, &[0x3D; 18]].concat();
+    let outer = frame(2, &[&[16, 0, 0, 0, 23, 46][..], &values].concat());
+    let reply = frame(2, &[16, 0, 0, 0, 23]);
+    let wanted = [pair(&outer, &reply), pair(&read(1, 0, 1), &answer(1, &[1]))].concat();
+    let frames = [strays, outer, reply, read(1, 0, 1), answer(1, &[1])];
+    assert_eq!(good(&untimed(&frames)), wanted);
+    let bytes: Vec<u8> = known().iter().chain(&frames).flatten().copied().collect();
+    for piece in [1, 7, 64, 300] {
+        let (mut session, _) = session(false, Clock::None);
+        assert_eq!(good(&in_pieces(&mut session, &bytes, piece)), wanted, "in pieces of {piece}");
     }
 }
 

@@ -21,6 +21,9 @@ const PARTS: f32 = 1.5;
 /// Bits of a sum: nine bytes of fourteen parts each.
 const PLANES: usize = 7;
 
+/// Sums of the same numbers in another order differ by less.
+const ROUNDING: f32 = 0.01;
+
 /// Bytes that are worth less agree with much.
 const CHEAP: f32 = 5.0;
 
@@ -105,56 +108,89 @@ impl Sift {
 
     fn sifted(&self, rest: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
         let Some(&first) = bytes.first().filter(|_| rest != 0) else { return 0 };
+        let seen = Seen::of(bytes, bits);
+        if seen.all() < need {
+            return 0;
+        }
         let equal = |place: usize, byte: u8| self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)]);
         let later = |at: usize, byte: u8| (at + 1..=at + MOST_LOST).fold(0, |set, place| set | equal(place, byte));
         let around = |at: usize, byte: u8| later(at, byte) | equal(at, byte) | at.checked_sub(1).map_or(0, |at| equal(at, byte));
         let cover = |at: usize, byte: u8| self.cover.get(at).map_or(0, |sets| sets[usize::from(byte)]);
         // Nothing that happens inside is recognised without the first byte, and no lost beginning without two behind it.
         let begins = rest & equal(0, first);
+        let headed = begins | bytes.get(1).map_or(0, |&second| rest & equal(1, second));
         let pair = |second: u8| (1..=MOST_LOST).fold(0, |set, head| set | equal(head, first) & equal(head + 1, second));
         let headless = bytes.get(1).map_or(0, |&second| rest & pair(second));
-        let straight = worth(rest, bytes, &bits, need, equal);
-        let headless = worth(headless, bytes, &bits, need + costs.head, later);
-        let inside = worth(begins, bytes, &bits, need + costs.inside, around);
-        let collided = worth(begins, bytes, &bits, need + costs.collided, cover);
+        let straight = seen.worth(headed, need, equal);
+        let headless = seen.worth(headless, need + costs.head, later);
+        let inside = seen.worth(begins, need + costs.inside, around);
+        let collided = seen.worth(begins, need + costs.collided, cover);
         straight | headless | inside | collided
     }
 }
 
-/// Those of `among` with which bytes agree that may be worth so many bits.
-fn worth(among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, agree: impl Fn(usize, u8) -> Set) -> Set {
-    if among == 0 {
-        return 0;
-    }
-    // Nearly everywhere too few bytes agree, whatever the cheap ones do.
-    let (mut left, mut dear) = (need, 0.0f32);
-    let (mut one, mut two, mut three) = (0, 0, 0);
-    for (at, &byte) in bytes.iter().enumerate() {
-        let worth = bits(byte);
-        if worth < CHEAP {
-            left -= worth;
-            continue;
+/// Bytes in which requests are looked for, and what they are worth.
+struct Seen<'a> {
+    bytes: &'a [u8],
+    bits: [f32; LENGTH + 1],
+    /// Where those stand that are worth much, and how many these are.
+    dear: [u8; LENGTH + 1],
+    count: usize,
+    /// What the others are worth in all, and the dearest byte.
+    cheap: f32,
+    dearest: f32,
+}
+
+impl<'a> Seen<'a> {
+    /// At most one byte more than is judged.
+    fn of(bytes: &'a [u8], bits: impl Fn(u8) -> f32) -> Self {
+        let mut this = Self { bytes, bits: [0.0; LENGTH + 1], dear: [0; LENGTH + 1], count: 0, cheap: 0.0, dearest: 0.0 };
+        for (at, &byte) in bytes.iter().enumerate() {
+            let worth = bits(byte);
+            let dear = worth >= CHEAP;
+            // Without branches: which bytes are cheap, nobody can foresee.
+            (this.bits[at], this.dear[this.count]) = (worth, at as u8);
+            this.count += usize::from(dear);
+            this.cheap += if dear { 0.0 } else { worth };
+            this.dearest = this.dearest.max(if dear { worth } else { 0.0 });
         }
-        dear = dear.max(worth);
-        let agree = agree(at, byte);
-        three |= two & agree;
-        two |= one & agree;
-        one |= agree;
+        this
     }
-    let enough = match left {
-        _ if left <= 0.0 => Set::MAX,
-        _ if left <= dear => one,
-        _ if left <= 2.0 * dear => two,
-        _ => three,
-    };
-    if among & enough == 0 {
-        return 0;
+
+    /// All of them are worth no more.
+    fn all(&self) -> f32 {
+        self.cheap + self.count as f32 * self.dearest + ROUNDING
     }
-    let mut sum = Sum::default();
-    for (at, &byte) in bytes.iter().enumerate() {
-        sum.add(agree(at, byte), (PARTS * bits(byte)) as u32 + 1);
+
+    /// Those of `among` with which bytes agree that may be worth so many bits.
+    fn worth(&self, among: Set, need: f32, agree: impl Fn(usize, u8) -> Set) -> Set {
+        if among == 0 || self.all() < need {
+            return 0;
+        }
+        // Nearly everywhere too few bytes agree, whatever the cheap ones do.
+        let left = need - self.cheap;
+        let (mut one, mut two, mut three) = (0, 0, 0);
+        for &at in &self.dear[..self.count] {
+            let agree = agree(usize::from(at), self.bytes[usize::from(at)]);
+            three |= two & agree;
+            two |= one & agree;
+            one |= agree;
+        }
+        let enough = match left {
+            _ if left <= ROUNDING => Set::MAX,
+            _ if left <= self.dearest + ROUNDING => one,
+            _ if left <= 2.0 * self.dearest + ROUNDING => two,
+            _ => three,
+        };
+        if among & enough == 0 {
+            return 0;
+        }
+        let mut sum = Sum::default();
+        for (at, &byte) in self.bytes.iter().enumerate() {
+            sum.add(agree(at, byte), (PARTS * self.bits[at]) as u32 + 1);
+        }
+        among & enough & sum.at_least(need)
     }
-    among & enough & sum.at_least(need)
 }
 
 /// A sum for each of 64 requests.

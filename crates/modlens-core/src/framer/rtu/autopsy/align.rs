@@ -1,8 +1,9 @@
 //! How well bytes fit a template, once flipped bits, missing bytes and collisions are allowed for.
 
-use crate::checksum::{crc16, mending_bit};
+use crate::checksum::{crc16, mending_bit, update};
 use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::template::Template;
+use crate::framer::rtu::autopsy::ROUNDING;
 use crate::framer::rtu::costs::Model;
 use crate::framer::rtu::index::MOST_LOST;
 use crate::framer::rtu::sift::Costs;
@@ -75,9 +76,13 @@ fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize, need:
     }
     // Bytes that agree are worth so much at most, whatever happened between them.
     let most: f32 = model.bits_of(&bytes[..bytes.len().min(known.len() + 1)]) - template.cost + template.checksum_at_most();
+    if most < need - ROUNDING {
+        return None;
+    }
     let broken = same > 0 && same < known.len() && head == 0 && most - COLLIDED >= need;
-    let losses = (1..=MOST_LOST).filter(|_| broken).filter_map(|count| lost(model, known, bytes, same, count));
-    let others = [doubled, collided].into_iter().filter(|_| broken).filter_map(|way| way(model, known, bytes, same));
+    let begun = if broken { flipped(model, &known[..same], bytes, 0).0 } else { 0.0 };
+    let losses = (1..=MOST_LOST).filter(|_| broken).filter_map(|count| lost(model, known, bytes, (same, begun), count));
+    let others = [doubled, collided].into_iter().filter(|_| broken).filter_map(|way| way(model, known, bytes, (same, begun)));
     let ways = std::iter::once(straight(model, known, bytes, head)).chain(losses).chain(others);
     let fits = ways.map(|way| {
         // Bytes of the template that are not there, or there twice.
@@ -134,28 +139,28 @@ fn flipped(model: &Model, known: &[u8], bytes: &[u8], from: usize) -> (f32, usiz
     best
 }
 
-/// So many bytes missing behind the first `same` ones.
-fn lost(model: &Model, known: &[u8], bytes: &[u8], same: usize, count: usize) -> Option<Way> {
+/// So many bytes missing behind the first `same` ones, which are worth `begun`.
+fn lost(model: &Model, known: &[u8], bytes: &[u8], (same, begun): (usize, f32), count: usize) -> Option<Way> {
     let rest = known.get(same + count..)?;
     let (score, core) = flipped(model, rest, &bytes[same..], same);
-    let score = flipped(model, &known[..same], bytes, 0).0 + score - LOST_INSIDE;
+    let score = begun + score - LOST_INSIDE;
     // Where nothing that is known is left behind the loss, the checksum has to tell.
     (core > same || rest.is_empty()).then_some(Way { score, core, harm: Some(Harm::Lost { at: same, count }) })
 }
 
 /// One byte twice behind the first `same` ones.
-fn doubled(model: &Model, known: &[u8], bytes: &[u8], same: usize) -> Option<Way> {
+fn doubled(model: &Model, known: &[u8], bytes: &[u8], (same, begun): (usize, f32)) -> Option<Way> {
     if bytes.get(same) != bytes.get(same - 1) {
         return None;
     }
     let (score, core) = flipped(model, &known[same..], bytes.get(same + 1..)?, same + 1);
-    let score = flipped(model, &known[..same], bytes, 0).0 + score - DOUBLED;
+    let score = begun + score - DOUBLED;
     (core > same + 1).then_some(Way { score, core, harm: Some(Harm::Doubled { at: same }) })
 }
 
 /// The driver that pulls to 0 wins: from the first wrong byte on, bits of the template are missing, and none is added.
-fn collided(model: &Model, known: &[u8], bytes: &[u8], same: usize) -> Option<Way> {
-    let mut score = flipped(model, &known[..same], bytes, 0).0 - COLLIDED;
+fn collided(model: &Model, known: &[u8], bytes: &[u8], (same, begun): (usize, f32)) -> Option<Way> {
+    let mut score = begun - COLLIDED;
     let mut core = same;
     let mut wrong = 0;
     for (&wanted, &byte) in known.iter().zip(bytes).skip(same) {
@@ -178,7 +183,7 @@ fn checksum(template: &Template<'_>, bytes: &[u8], length: Option<usize>, short:
     if template.length.is_some_and(|whole| whole <= known) {
         return 0.0;
     }
-    if crc16(&[&template.bytes[..], &bytes[behind..length]].concat()) == 0 {
+    if update(crc16(&template.bytes), &bytes[behind..length]) == 0 {
         return CHECKSUM;
     }
     match mending_bit(&bytes[..length]) {

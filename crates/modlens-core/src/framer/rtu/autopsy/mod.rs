@@ -137,9 +137,11 @@ impl Scene<'_, '_> {
     /// Whether the bytes are too few to be worth enough, whatever they agree with.
     ///
     /// Fewer than a frame has cannot have a right checksum, nor end where one should without bytes missing, which costs more
-    /// than that is worth; to be chosen among all templates costs more than a pause in front is worth.
+    /// than that is worth; to be chosen among all templates costs more than a pause in front is worth. No unit sends what
+    /// drivers leave as its number and its function.
     fn is_nothing(&self) -> bool {
-        self.length <= MOST_GLITCH && self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - STRAY < ENOUGH
+        let worthless = || self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - STRAY < ENOUGH;
+        self.length <= MOST_GLITCH && (is_glitch(self.bytes()) || worthless())
     }
 
     fn all_candidates(&self) -> Vec<Candidate> {

@@ -2,17 +2,16 @@
 
 use std::ops::Range;
 
-use crate::checksum::{crc_valid_at, step, update, INIT};
 use crate::direction::Direction;
-use crate::framer::rtu::certain::{Certain, Length};
+use crate::framer::rtu::announced;
 use crate::framer::rtu::costs::Setting;
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;
 use crate::framer::rtu::pending::Request;
+use crate::framer::rtu::search::ahead::Outlook;
 use crate::framer::rtu::search::paths::{Node, KEPT};
 use crate::framer::rtu::search::{copy, learn, Search, Told};
-use crate::framer::rtu::{announced, LONGEST};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, EXCEPTION_BIT};
 use crate::input::Input;
@@ -21,10 +20,13 @@ use crate::input::Input;
 const THETA: f32 = 14.0;
 
 /// The same where nobody waits: in a recording.
-const THETA_AHEAD: f32 = 30.0;
+pub(super) const THETA_AHEAD: f32 = 30.0;
 
-/// The same for frames that have only begun: they are many, and each costs time.
-const THREAT_AHEAD: f32 = 18.0;
+/// The same for frames that have only begun before one that leaves no doubt.
+pub(super) const THREAT_AHEAD: f32 = 18.0;
+
+/// The same where it is looked up whether they come: those that do have a right checksum, too.
+pub(super) const COMING: f32 = 35.0;
 
 /// Readings that stay equally good for so many bytes will not be told apart: the better one is taken.
 const PATIENCE: u64 = 640;
@@ -34,19 +36,19 @@ const PATIENCE_AHEAD: u64 = 1280;
 const LOOK_ALIKE: f32 = 40.0;
 
 /// What it is worth for a frame that has begun to have begun right behind another one.
-const DUE: f32 = 14.0;
+pub(super) const DUE: f32 = 14.0;
 
 /// So many frames right behind each other are none by chance.
 const CHAIN: u8 = 4;
 
 /// Sums of the same numbers in another order differ by less.
-const ROUNDING: f32 = 0.01;
+pub(super) const ROUNDING: f32 = 0.01;
 
 /// No header is worth more.
 const MOST_HEADER: f32 = 60.0;
 
 /// A frame with this many bits cannot be overtaken by a header alone that begins in it.
-const SURE: f32 = 34.0;
+pub(super) const SURE: f32 = 34.0;
 
 /// More readings than this at once are no traffic; the best one is taken.
 const CROWD: usize = 96;
@@ -60,13 +62,29 @@ const SHORTEST_HEAD: u64 = 4;
 /// Bytes without any frame are given out in such pieces.
 const NOISE: u64 = 4096;
 
+/// Some units.
+#[derive(Default)]
+pub(super) struct Units([u64; 4]);
+
+impl Units {
+    fn add(&mut self, unit: u8) {
+        self.0[usize::from(unit >> 6)] |= 1 << (unit & 63);
+    }
+
+    fn has(&self, unit: u8) -> bool {
+        self.0[usize::from(unit >> 6)] >> (unit & 63) & 1 == 1
+    }
+}
+
 impl Search {
     /// Tells the first frame of the best path, or that there is none, or sets the place before which that need not be
     /// asked again.
     pub(super) fn decide(&mut self, input: &Input, context: &Context<'_>, closed: bool) -> Option<Told> {
+        (self.short, self.steady) = (false, false);
         let (best, standing) = self.best();
         let first = self.nodes[best].first;
-        let moving = self.next < self.nodes[self.nodes.len() - 1].end + STILL;
+        // Where nothing was found, nothing changes.
+        let moving = self.nodes.len() > 1 && self.next < self.nodes[self.nodes.len() - 1].end + STILL;
         let until = if first == 0 {
             let limit = self.told() + NOISE;
             if closed || self.next > limit + REACH {
@@ -87,7 +105,7 @@ impl Search {
         };
         match until {
             Some(until) => {
-                self.calm = if moving { 0 } else { until };
+                self.calm = if moving && !self.steady { 0 } else { until };
                 None
             }
             None => Some(self.tell(input, context, first, standing)),
@@ -97,30 +115,34 @@ impl Search {
     /// The place before which the first frame of the best path cannot be told, unless more frames are found.
     fn undecided_until(&mut self, input: &Input, context: &Context<'_>, best: usize, standing: f32) -> Option<u64> {
         let first = self.nodes[best].first;
-        let frame = &self.nodes[first];
+        let (start, end, whole) = (self.nodes[first].start, self.nodes[first].end, self.nodes[first].whole);
         let (theta, patience) = if context.ahead { (THETA_AHEAD, PATIENCE_AHEAD) } else { (THETA, PATIENCE) };
-        if self.next >= frame.end + patience || self.nodes.len() >= CROWD {
+        if self.next >= end + patience || self.nodes.len() >= CROWD {
             return None;
         }
         let bar = standing - theta;
-        if self.nodes.iter().any(|node| node.first != first && self.standing(node) > bar) {
-            return Some(frame.end + patience);
+        let rivals = self.nodes.iter().filter(|node| node.first != first && self.standing(node) > bar);
+        // One that ends no later falls back no more than the best one does.
+        if let Some(first_end) = rivals.map(|node| node.end).min() {
+            self.steady = first_end <= self.nodes[best].end;
+            return Some(end + patience);
         }
-        let reach = frame.end + REACH;
+        let reach = end + REACH;
         if self.next >= reach {
             return None;
         }
-        if let Some(held) = self.held_until(input, context, frame.start).filter(|&held| self.next < held) {
+        if let Some(held) = self.held_until(input, context, (start, end)).filter(|&held| self.next < held) {
             return Some(held);
         }
-        let clockless = (context.pause)(input.pause_before((frame.start - input.offset()) as usize)) == 0.0;
+        let clockless = (context.pause)(input.pause_before((start - input.offset()) as usize)) == 0.0;
         let look_alike = clockless && context.speaker.is_none() && first == best && self.turned(first, standing - LOOK_ALIKE);
         // Only what follows shows that a frame was damaged rather than none.
-        let doubtful = !frame.whole && first == best;
+        let doubtful = !whole && first == best;
         if look_alike || doubtful {
+            self.steady = true;
             return Some(reach);
         }
-        let begun = standing - if context.ahead { THREAT_AHEAD } else { THETA };
+        let begun = standing - if context.ahead { COMING } else { THETA };
         // The further it stands back, the less it is worth, as far as that goes.
         let behind = self.next - self.nodes[best].end;
         let least = begun - (self.model.astray(behind.max(STILL)) - self.model.astray(behind)) - ROUNDING;
@@ -128,7 +150,7 @@ impl Search {
     }
 
     /// How long it is open whether this frame stands inside one that has begun before it.
-    fn held_until(&self, input: &Input, context: &Context<'_>, start: u64) -> Option<u64> {
+    fn held_until(&mut self, input: &Input, context: &Context<'_>, (start, end): (u64, u64)) -> Option<u64> {
         let base = input.offset();
         if start - self.told() < SHORTEST_HEAD || (input.timed && input.starts_read((start - base) as usize)) {
             return None;
@@ -137,12 +159,22 @@ impl Search {
         if !self.model.has_unit(before[0]) {
             return None;
         }
-        let until = announced(context, before).into_iter().flatten().filter_map(|(_, extent)| match extent {
-            Extent::Open(_) => Some(self.told() + REACH),
-            Extent::Exactly(length) if self.may_hold(context, before) => Some(self.told() + length as u64),
-            _ => None,
-        });
-        until.max()
+        let mut until = None;
+        for (_, extent) in announced(context, before).into_iter().flatten() {
+            let (length, outlook) = match extent {
+                Extent::Open(_) if context.ahead => (REACH, self.outlook_of_any_length(input, end)),
+                Extent::Open(_) => (REACH, Outlook::Comes),
+                Extent::Exactly(_) if !self.may_hold(context, before) => continue,
+                Extent::Exactly(length) if context.ahead => (length as u64, self.outlook(input, context, self.told())),
+                Extent::Exactly(length) => (length as u64, Outlook::Comes),
+                Extent::AtLeast(_) => continue,
+            };
+            self.short |= outlook == Outlook::Unknown;
+            if outlook != Outlook::Never {
+                until = until.max(Some(self.told() + length));
+            }
+        }
+        until
     }
 
     /// Whether a frame that has begun before the end of `first` may still turn out to be worth more: at least up to there.
@@ -151,18 +183,28 @@ impl Search {
     fn threatened_until(&mut self, input: &Input, context: &Context<'_>, first: usize, (bar, least): (f32, f32)) -> Option<u64> {
         let frame = &self.nodes[first];
         // What begins inside a sure one is no threat to it; but behind strays it may itself stand inside a longer one.
-        if frame.gain >= SURE && frame.start == self.told() {
+        let sure = frame.gain >= SURE;
+        if sure && frame.start == self.told() {
             return None;
         }
-        let within = self.told().max(self.next.saturating_sub(REACH))..frame.end;
+        let behind = if sure && context.ahead { frame.start } else { frame.end };
+        let within = self.told().max(self.next.saturating_sub(REACH))..behind;
         // What was possible a byte ago mostly still is.
         let known = self.threat.take().and_then(|(node, start)| {
             let behind = &self.nodes[node];
             let counts = within.contains(&start) || (start == behind.end && node != 0 && behind.first != first);
-            let until = if counts { self.promises(input, context, behind, start, bar) } else { None };
+            let until = match counts {
+                true if context.ahead => self.comes(input, context, node, start, bar),
+                true => self.promises(input, context, behind, start, bar),
+                false => None,
+            };
             Some((node, start, until?))
         });
-        let found = known.or_else(|| self.find_threat(input, context, first, within, (bar, least)));
+        let found = match known {
+            None if context.ahead => self.find_coming(input, context, first, within, (bar, least)),
+            None => self.find_threat(input, context, first, within, (bar, least)),
+            known => known,
+        };
         self.threat = found.map(|(node, start, _)| (node, start));
         found.map(|(_, start, until)| until.min(start + REACH + 1))
     }
@@ -175,10 +217,12 @@ impl Search {
         within: Range<u64>,
         (bar, least): (f32, f32),
     ) -> Option<(usize, u64, u64)> {
+        let asked = self.units_asked();
         let mut quiet = true;
         let top = self.nodes.iter().map(|node| node.score).fold(f32::MIN, f32::max) + ROUNDING;
         for start in within.start.max(self.cleared)..within.end {
-            let nodes = if self.claims_too_little(input, context, start, least - top) { 0 } else { self.nodes.len() };
+            let seen = &input.bytes()[(start - input.offset()) as usize..(self.next - input.offset()) as usize];
+            let nodes = if self.claims_too_little(context, seen, start, least - top, &asked) { 0 } else { self.nodes.len() };
             for node in 0..nodes {
                 if self.promises(input, context, &self.nodes[node], start, least).is_none() {
                     continue;
@@ -202,21 +246,28 @@ impl Search {
     }
 
     /// Whether no frame that begins at this place may claim so many bits, whatever stands in it, unless it is an answer.
-    fn claims_too_little(&mut self, input: &Input, context: &Context<'_>, start: u64, bits: f32) -> bool {
-        let Some(&[unit, code, ..]) = input.bytes().get((start - input.offset()) as usize..(self.next - input.offset()) as usize)
-        else {
-            return false;
-        };
+    ///
+    /// `seen` ends where the bytes end that may be looked at; `asked`: the units that are asked on any of the paths.
+    pub(super) fn claims_too_little(&mut self, context: &Context<'_>, seen: &[u8], start: u64, bits: f32, asked: &Units) -> bool {
+        let &[unit, code, ..] = seen else { return false };
         let claims = self.model.claims_at_most(context.functions, unit, code);
         let due = || self.nodes.iter().any(|node| node.end == start);
         let little = claims + DUE <= bits || (claims - self.model.between(1) <= bits && !due());
         let asks =
             |node: &Node| node.pending.asked.is_some_and(|slot| self.requests.get(slot).is_of(unit, code & !EXCEPTION_BIT));
-        little && !self.nodes.iter().any(asks)
+        little && !(asked.has(unit) && self.nodes.iter().any(asks))
+    }
+
+    /// The units that are asked on any of the paths.
+    pub(super) fn units_asked(&self) -> Units {
+        let mut units = Units::default();
+        let asked = self.nodes.iter().filter_map(|node| node.pending.asked);
+        asked.for_each(|slot| units.add(self.requests.get(slot).unit));
+        units
     }
 
     /// Whether a frame that has begun at `start`, behind this node, may come out above the bar: at least up to there.
-    fn promises(&self, input: &Input, context: &Context<'_>, node: &Node, start: u64, bar: f32) -> Option<u64> {
+    pub(super) fn promises(&self, input: &Input, context: &Context<'_>, node: &Node, start: u64, bar: f32) -> Option<u64> {
         if node.end > start || start >= self.next {
             return None;
         }
@@ -231,28 +282,6 @@ impl Search {
         let asked = node.pending.asked.map(|slot| self.requests.get(slot));
         let header = gain::header(&self.model, context, asked, seen).filter(|header| way + header.gain > bar)?;
         Some(start + header.until)
-    }
-
-    /// A frame that has begun with one of some strays and would outweigh the sure one behind them, if there is one.
-    pub fn begins_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> Certain {
-        let root = &self.nodes[0];
-        let asked = root.pending.asked.map(|slot| self.requests.get(slot));
-        for at in 0..strays {
-            let due = if at == 0 { DUE } else { 0.0 };
-            let way = due - self.model.between(at as u64);
-            let seen = &input.bytes()[at..strays + length];
-            // What a function of any length holds may look like a frame, where it is new to this line as well.
-            let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
-            let holds = context.known_units[usize::from(seen[0])] && announced(context, seen).into_iter().any(any_length);
-            let header = || gain::header(&self.model, context, asked, seen);
-            if holds || header().is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD) {
-                match whole_at(input, context, at, strays + length) {
-                    Certain::No => {}
-                    found => return found,
-                }
-            }
-        }
-        Certain::No
     }
 
     /// Tells a frame: it becomes the root of all that is left.
@@ -334,38 +363,4 @@ fn vouches(context: &Context<'_>, asked: &Request, frame: &[u8]) -> bool {
     let (&code, body) = asked.pdu.split_first().unwrap_or((&0, &[]));
     let known = context.functions.row(code, body).is_some_and(|row| matches!(row.response, Layout::Body(_)));
     known && asked.pdu[..] != frame[1..frame.len() - 2]
-}
-
-/// The frame with a right checksum that begins at this place and reaches beyond `to`, of a length that its header admits.
-fn whole_at(input: &Input, context: &Context<'_>, at: usize, to: usize) -> Certain {
-    let bytes = &input.bytes()[at..];
-    let reach = input.edge_after(at, at + bytes.len().min(LONGEST) - 1, input.break_ns).map_or(LONGEST, |edge| edge - at);
-    for (_, extent) in announced(context, bytes).into_iter().flatten() {
-        let (Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length)) = extent;
-        let needed = if matches!(extent, Extent::Open(_)) { reach } else { length };
-        if length > reach {
-            continue;
-        }
-        let found = match extent {
-            Extent::Exactly(_) => crc_valid_at(bytes, length).then_some(length),
-            Extent::AtLeast(_) => None,
-            Extent::Open(_) => any_right(&bytes[..reach.min(bytes.len())], to - at),
-        };
-        match found {
-            Some(length) => return Certain::Frame(Length::exactly(length)),
-            None if needed > bytes.len() && !input.closed => return Certain::Wait,
-            None => {}
-        }
-    }
-    Certain::No
-}
-
-/// The first of the lengths from `least` on at which a checksum is right.
-fn any_right(bytes: &[u8], least: usize) -> Option<usize> {
-    let begun = update(INIT, bytes.get(..least)?);
-    let later = bytes[least..].iter().scan(begun, |state, &byte| {
-        *state = step(*state, byte);
-        Some(*state)
-    });
-    std::iter::once(begun).chain(later).position(|state| state == 0).map(|more| least + more)
 }

@@ -3,6 +3,7 @@
 //! Nodes stand at ends of frames only. What lies between two frames costs the same however it is read, so nothing has
 //! to be kept for single bytes. A frame is told once no rival reading within `THETA` bits is left without it.
 
+mod ahead;
 mod decide;
 mod holds;
 mod paths;
@@ -73,6 +74,12 @@ pub struct Search {
     doubtful: bool,
     /// So many frames were told without a byte between them.
     glued: u8,
+    /// What was found could not be decided without more bytes.
+    short: bool,
+    /// What was found cannot be decided until more is found.
+    steady: bool,
+    /// Whether a frame of any length that has begun here, behind what was told, has come.
+    any_length: Option<(u64, bool)>,
     /// What was learned.
     pub model: Model,
 }
@@ -92,6 +99,9 @@ impl Default for Search {
             cleared: 0,
             doubtful: false,
             glued: 0,
+            short: false,
+            steady: false,
+            any_length: None,
             model: Model::default(),
         }
     }
@@ -242,7 +252,14 @@ impl Search {
             self.nodes[0].wake = self.told() + SHORTEST_DAMAGED;
             self.model.settle();
             (self.wake, self.calm, self.cleared, self.threat) = (self.nodes[0].wake, 0, 0, None);
+            self.short = false;
             self.running = true;
+        }
+        if std::mem::take(&mut self.short) {
+            let told = self.decide(input, context, false);
+            if told.is_some() || self.short {
+                return told;
+            }
         }
         let base = input.offset();
         let end = base + input.bytes().len() as u64;
@@ -276,8 +293,9 @@ impl Search {
                 self.calm = 0;
             }
             if self.next >= self.calm {
-                if let Some(told) = self.decide(input, context, false) {
-                    return Some(told);
+                let told = self.decide(input, context, false);
+                if told.is_some() || self.short {
+                    return told;
                 }
             }
         }

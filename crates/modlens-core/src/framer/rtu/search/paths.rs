@@ -129,13 +129,20 @@ impl Search {
     /// What stands on this frame stays.
     pub(super) fn reroot(&mut self, first: usize) {
         let score = self.nodes[first].score;
-        let mut keep = vec![false; self.nodes.len()];
-        keep[first] = true;
-        for i in first + 1..self.nodes.len() {
-            keep[i] = keep[self.nodes[i].parent];
-        }
         self.nodes[first].parent = first;
-        self.retain(&keep);
+        if first + 1 == self.nodes.len() {
+            // Nothing stands on it yet, as nearly always.
+            self.nodes.swap(0, first);
+            self.nodes.truncate(1);
+            self.nodes[0].parent = 0;
+        } else {
+            let mut keep = vec![false; self.nodes.len()];
+            keep[first] = true;
+            for i in first + 1..self.nodes.len() {
+                keep[i] = keep[self.nodes[i].parent];
+            }
+            self.retain(&keep);
+        }
         for node in &mut self.nodes {
             node.score -= score;
         }
