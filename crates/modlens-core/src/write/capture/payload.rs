@@ -40,9 +40,13 @@ pub struct Route {
     pub id: u16,
 }
 
-/// Tags for a dissector that goes by ports; `kind` is 2 for TCP, 3 for UDP.
-fn routed(name: [u8; 5], kind: u8, route: Route, out: &mut Vec<u8>) {
-    let mut head = [0; 40];
+/// Bytes of the tags of a dissector that goes by ports, and of the MBAP header behind them.
+const ROUTED: usize = 40;
+const MBAP: usize = 6;
+
+/// These tags, and room behind them; `kind` is 2 for TCP, 3 for UDP. In one piece: a capture is mostly heads like this one.
+fn routed<const N: usize>(name: [u8; 5], kind: u8, route: Route) -> [u8; N] {
+    let mut head = [0; N];
     head[..4].copy_from_slice(&[0, NAME as u8, 0, 8]);
     head[4..9].copy_from_slice(&name);
     head[12..20].copy_from_slice(&[0, PORT_TYPE as u8, 0, 4, 0, 0, 0, kind]);
@@ -50,27 +54,27 @@ fn routed(name: [u8; 5], kind: u8, route: Route, out: &mut Vec<u8>) {
     head[26..28].copy_from_slice(&route.from.to_be_bytes());
     head[28..34].copy_from_slice(&[0, TARGET_PORT as u8, 0, 4, 0, 0]);
     head[34..36].copy_from_slice(&route.to.to_be_bytes());
-    out.extend_from_slice(&head);
+    head
 }
 
-/// The MBAP header of an ADU (unit and PDU).
-pub fn mbap(id: u16, adu: &[u8], out: &mut Vec<u8>) {
-    out.extend_from_slice(&id.to_be_bytes());
-    out.extend_from_slice(&[0, 0]);
-    out.extend_from_slice(&(adu.len() as u16).to_be_bytes());
+/// The MBAP header of an ADU (unit and PDU) of this length.
+pub fn mbap(id: u16, length: usize) -> [u8; MBAP] {
+    let ([a, b], [c, d]) = (id.to_be_bytes(), (length as u16).to_be_bytes());
+    [a, b, 0, 0, c, d]
 }
 
 /// A serial frame for `mbudp`: `adu` is unit and PDU, `behind` what stood behind them (the CRC, or the ASCII text).
 pub fn udp(route: Route, adu: &[u8], behind: &[u8], out: &mut Vec<u8>) {
-    routed(*b"mbudp", 3, route, out);
-    mbap(route.id, adu, out);
+    let mut head: [u8; ROUTED + MBAP] = routed(*b"mbudp", 3, route);
+    head[ROUTED..].copy_from_slice(&mbap(route.id, adu.len()));
+    out.extend_from_slice(&head);
     out.extend_from_slice(adu);
     out.extend_from_slice(behind);
 }
 
 /// A frame of Modbus/TCP as it is.
 pub fn tcp(route: Route, wire: &[u8], out: &mut Vec<u8>) {
-    routed(*b"mbtcp", 2, route, out);
+    out.extend_from_slice(&routed::<ROUTED>(*b"mbtcp", 2, route));
     out.extend_from_slice(wire);
 }
 

@@ -54,7 +54,7 @@ impl Connections {
             [1, 1]
         });
         let mut bytes = Vec::with_capacity(7 + adu.len());
-        mbap(route.id, adu, &mut bytes);
+        bytes.extend_from_slice(&mbap(route.id, adu.len()));
         bytes.extend_from_slice(adu);
         let (mine, theirs) = if to_server { (0, 1) } else { (1, 0) };
         emit(&ends.packet(to_server, [counts[mine], counts[theirs]], PUSH_ACK, &bytes));

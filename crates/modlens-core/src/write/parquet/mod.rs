@@ -269,6 +269,21 @@ mod tests {
         assert_whole(&[table]);
     }
 
+    /// Every value that a register can have, twice: the last of them has the last place of two bytes.
+    #[test]
+    fn all_registers_are_read_back() {
+        let values: Vec<u8> = (0..=u16::MAX).flat_map(u16::to_be_bytes).collect();
+        let exchange = |data: &[u8]| {
+            let answer = [&[3, data.len() as u8], data].concat();
+            [request(1, &[3, 0, 0, 0, (data.len() / 2) as u8]), request(1, &answer)].concat()
+        };
+        let pieces: Vec<Vec<u8>> = values.chunks(250).chain(values.chunks(250)).map(exchange).collect();
+        let batches = decoded(&pieces, false);
+        let tables: Vec<Table> = batches.into_iter().map(|batch| Table::new(batch, TableKind::Transactions)).collect();
+        assert!(tables.iter().map(Table::len).sum::<usize>() >= pieces.len() - 2);
+        assert_whole(&tables);
+    }
+
     /// Bounds of each part, from the rows themselves.
     #[test]
     fn parts_say_what_is_in_them() {
