@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::direction::Direction;
 use crate::framer::rtu::announced;
-use crate::framer::rtu::costs::Setting;
+use crate::framer::rtu::costs::{Setting, MAY_HOLD_A_FRAME};
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;
@@ -300,14 +300,16 @@ impl Search {
             self.learn_late(context, bytes, answers);
         }
         let frame = &self.nodes[first];
-        let strays = frame.start > self.told();
-        let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative);
+        let junk = frame.start - self.told();
+        let strays = junk > 0;
+        let vouched = frame.answers && self.asked().is_none_or(|asked| vouches(context, asked, bytes));
+        // Drivers that are switched leave a stray or two in front of every frame.
+        let near = vouched && junk < MAY_HOLD_A_FRAME;
+        let asked_for = frame.answers && self.asked().is_some_and(|asked| !asked.tentative || near);
         // Right behind a frame that is one by chance perhaps, another one may be so, too; not its answer, nor one of many.
         self.glued = if strays { 0 } else { self.glued.saturating_add(1) };
-        let vouched = frame.answers && self.asked().is_none_or(|asked| vouches(context, asked, bytes));
         let alone = strays || (self.doubtful && !vouched && self.glued < CHAIN);
         let tentative = alone && !asked_for && !context.paired_units[bytes[0] as usize];
-        let junk = frame.start - self.told();
         // Noise must not teach units; that strays stand before frames, it may.
         if tentative {
             self.model.learn_strays(junk);
