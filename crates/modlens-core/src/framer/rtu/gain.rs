@@ -3,7 +3,8 @@
 use crate::direction::{answers, consistent, expected_block, Direction, Match, Pause};
 use crate::framer::rtu::announced;
 use crate::framer::rtu::bits::log2;
-use crate::framer::rtu::costs::{self, Model, Setting};
+use crate::framer::rtu::costs;
+use crate::framer::rtu::model::{Model, Setting};
 use crate::framer::rtu::pending::{print, Open, Request};
 use crate::framer::Context;
 use crate::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};

@@ -4,8 +4,9 @@
 //! only make a header dearer; when what was seen is halved, all bounds go.
 
 use crate::framer::rtu::bits::log2;
-use crate::framer::rtu::costs::{usual_bits, Model, OPEN_LENGTH, ORPHAN};
+use crate::framer::rtu::costs::{usual_bits, OPEN_LENGTH, ORPHAN};
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
+use crate::framer::rtu::model::Model;
 use crate::functions::{Functions, Permit, EXCEPTION_BIT};
 
 /// So many times as many sightings.
@@ -113,8 +114,8 @@ fn permitted_at_most(permit: &Permit) -> f32 {
 mod tests {
     use super::*;
     use crate::direction::Direction;
-    use crate::framer::rtu::costs::{Copy, Setting};
     use crate::framer::rtu::gain::{header, permitted};
+    use crate::framer::rtu::model::{Copy, Setting};
     use crate::framer::Context;
     use proptest::prelude::*;
 

@@ -12,6 +12,7 @@ mod gain;
 mod hints;
 mod index;
 mod join;
+mod model;
 mod pending;
 mod polls;
 mod routine;

@@ -4,8 +4,8 @@ use crate::checksum::{crc16, mending_bit, update};
 use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::template::Template;
 use crate::framer::rtu::autopsy::ROUNDING;
-use crate::framer::rtu::costs::Model;
 use crate::framer::rtu::index::MOST_LOST;
+use crate::framer::rtu::model::Model;
 use crate::framer::rtu::sift::Costs;
 
 /// Flipped bits in unit and function code, where they are to be recognised.

@@ -13,8 +13,9 @@ mod template;
 
 use crate::direction::Direction;
 use crate::framer::harm::Harm;
-use crate::framer::rtu::costs::{self, Model};
+use crate::framer::rtu::costs;
 use crate::framer::rtu::index::Values;
+use crate::framer::rtu::model::Model;
 use crate::framer::rtu::AROUND;
 use crate::framer::Context;
 use crate::input::Input;

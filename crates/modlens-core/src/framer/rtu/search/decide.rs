@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use crate::direction::Direction;
 use crate::framer::rtu::announced;
-use crate::framer::rtu::costs::{Setting, MAY_HOLD_A_FRAME};
+use crate::framer::rtu::costs::MAY_HOLD_A_FRAME;
 use crate::framer::rtu::gain;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;
+use crate::framer::rtu::model::Setting;
 use crate::framer::rtu::pending::Request;
 use crate::framer::rtu::search::ahead::Outlook;
 use crate::framer::rtu::search::paths::{Node, KEPT};

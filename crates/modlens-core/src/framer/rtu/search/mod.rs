@@ -11,9 +11,9 @@ mod readings;
 
 use crate::direction::{self, Asked, Direction, Match};
 use crate::framer::rtu::certain::{answer, Length};
-use crate::framer::rtu::costs::{Copy, Model, Setting};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::Join;
+use crate::framer::rtu::model::{Copy, Model, Setting};
 use crate::framer::rtu::pending::{Open, Pending, Request, Requests};
 use crate::framer::rtu::search::paths::Node;
 use crate::framer::Context;
