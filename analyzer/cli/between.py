@@ -27,27 +27,26 @@ def chosen(where: str | None, between: Sequence[str] | None) -> str | None:
     """
     if between is None:
         return where
-    (key, first), (last_key, last) = (_bound(text) for text in between)
+    (key, first, low), (last_key, last, high) = (_bound(text) for text in between)
     if key != last_key:
         raise UsageError(
             f"--between {' '.join(between)}: two times, or two numbers of seconds; not one of each"
         )
     if last <= first:
         raise UsageError(f"--between {' '.join(between)}: the second comes before the first")
-    values = [repr(text) if key == "time" else str(int(_bound(text)[1])) for text in between]
-    inside = f"({key} >= {values[0]} and {key} < {values[1]})"
+    inside = f"({key} >= {low} and {key} < {high})"
     return inside if where is None else f"({where}) and {inside}"
 
 
-def _bound(text: str) -> tuple[str, Decimal]:
-    """The column that a bound is of, and its value there."""
+def _bound(text: str) -> tuple[str, Decimal, str]:
+    """The column that a bound is of, its value there, and how a filter says it."""
     moment = parse_ns(text)
     if moment is not None:
-        return "time", Decimal(moment)
+        return "time", Decimal(moment), repr(text)
     try:
         number = Decimal(text) * 1_000_000
         if number.is_finite():
-            return "elapsed_us", number
+            return "elapsed_us", number, str(int(number))
     except InvalidOperation:
         pass
     raise UsageError(

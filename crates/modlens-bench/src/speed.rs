@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use modlens_core::checksum::CHECKSUM;
 use modlens_core::chunk::Chunk;
 use modlens_core::framer::auto::make;
 use modlens_core::framer::{Context, Framer, Mode};
@@ -178,7 +179,7 @@ fn exchanges(framer: &mut dyn Framer, functions: &Functions, input: &mut Input) 
     let Some(rtu) = framer.routine().filter(|_| settled) else { return 0 };
     let (mut count, mut last) = (0, None);
     while let Some(known) = rtu.exchange(functions, input, i64::MAX, |_| 0.0) {
-        let [asked, answered] = [known.asked, known.answered].map(|length| length + 2);
+        let [asked, answered] = [known.asked, known.answered].map(|length| length + CHECKSUM);
         let (request, behind) = input.bytes().split_at(asked);
         rtu.again(request, &behind[..answered], known.mirrored);
         input.consume(asked + answered);

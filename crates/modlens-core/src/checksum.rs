@@ -12,7 +12,10 @@ mod carryless;
 const POLYNOMIAL: u16 = 0xA001;
 
 /// After so many steps of a bit a register comes round: the order of x modulo the polynomial.
-const ORDER: usize = 32_767;
+pub const ORDER: usize = 32_767;
+
+/// Bytes of the CRC behind an RTU frame (serial line specification, 2.5.1).
+pub const CHECKSUM: usize = 2;
 
 /// Start value of the CRC register.
 pub const INIT: u16 = 0xFFFF;

@@ -1,5 +1,6 @@
 //! Modbus/TCP: frames by the MBAP header (messaging on TCP/IP, 3.1.3).
 
+use crate::checksum::CHECKSUM;
 use crate::direction::{judge, readings};
 use crate::finding::Finding;
 use crate::framer::{Context, Cut, CutBy, Framer, Mode, Verdict, NOISE_LIMIT};
@@ -10,9 +11,6 @@ use crate::Ns;
 
 /// Transaction, protocol, length; the unit counts in the length.
 pub const HEADER: usize = 6;
-
-/// Bytes of the checksum of RTU.
-const CHECKSUM: usize = 2;
 
 /// A silence in a stream over TCP says nothing before it is this long.
 const BREAK: Ns = 1_000_000_000;

@@ -4,6 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use crate::checksum::crc_valid;
 use crate::chunk::Side;
+use crate::framer::tcp::HEADER as MBAP;
 use crate::pcap::file::Packet;
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::own::{self, Told};
@@ -17,9 +18,6 @@ const UPPER_PDU: u16 = 252;
 
 /// Bytes of the RTAC header.
 const RTAC_HEADER: usize = 12;
-
-/// Bytes of the MBAP header without the unit.
-const MBAP: usize = 6;
 
 /// The port that stands for the slaves in exported serial frames.
 const SLAVES: u32 = 502;

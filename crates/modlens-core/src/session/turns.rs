@@ -6,7 +6,7 @@
 
 use std::cmp::Ordering;
 
-use crate::checksum::crc_valid;
+use crate::checksum::{crc_valid, CHECKSUM};
 use crate::direction::{answers, Asked, Direction, Match};
 use crate::framer::Mode;
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
@@ -26,7 +26,6 @@ const STRAYS: usize = 4;
 
 /// Unit, function code, checksum: bytes of a frame beside its body.
 const AROUND: usize = 4;
-const CHECKSUM: usize = 2;
 
 /// How well the first bytes of a line fit a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

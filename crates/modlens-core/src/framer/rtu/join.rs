@@ -11,6 +11,8 @@
 
 use std::sync::OnceLock;
 
+use crate::checksum::ORDER;
+
 /// The longest frame that is looked for.
 pub const REACH: u64 = 272;
 
@@ -22,9 +24,6 @@ const RING: usize = 512;
 
 /// Lists of waiting starts. Few enough for the nearest cache, many enough to be nearly always empty.
 const LISTS: usize = 4096;
-
-/// The order of x modulo the polynomial: after so many single steps everything comes round.
-const ORDER: usize = 32_767;
 
 /// Effects of single bits and of the start value FFFF, so many positions on.
 struct Powers {

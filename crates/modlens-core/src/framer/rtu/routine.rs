@@ -2,7 +2,7 @@
 //!
 //! Each has to do just what `Rtu::next` would for the request and then for the answer.
 
-use crate::checksum::crc_valid_at;
+use crate::checksum::{crc_valid_at, CHECKSUM};
 use crate::direction::Pause;
 use crate::framer::exchange::Exchange;
 use crate::framer::rtu::certain::{third_copy, SURELY_AN_ANSWER};
@@ -13,9 +13,6 @@ use crate::framer::Mode;
 use crate::functions::Functions;
 use crate::input::Input;
 use crate::Ns;
-
-/// Bytes of a checksum.
-const CHECKSUM: usize = 2;
 
 impl Rtu {
     /// The exchange at the head of the input, if there is no doubt about it: unit and function are known by now, and the

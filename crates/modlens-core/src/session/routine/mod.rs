@@ -8,6 +8,7 @@
 mod ascii;
 mod rows;
 
+use crate::checksum::CHECKSUM;
 use crate::direction::Direction;
 use crate::framer::exchange::Exchange;
 use crate::framer::tcp::HEADER as MBAP;
@@ -23,9 +24,6 @@ use crate::stats::Key;
 use crate::Ns;
 
 use rows::Told;
-
-/// Bytes of the checksum of RTU.
-const CHECKSUM: usize = 2;
 
 /// An exchange on the wire.
 struct Found {

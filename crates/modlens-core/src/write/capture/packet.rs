@@ -5,6 +5,7 @@ use super::words::{self, Note};
 use super::{blocks, Style};
 use crate::finding::Finding;
 use crate::framer::{Mode, Verdict};
+use crate::hex::solid;
 use crate::records::{Batch, Frame};
 use crate::Ns;
 
@@ -55,14 +56,8 @@ pub fn unwrap<'a>(mode: Mode, verdict: Verdict, wire: &'a [u8], scratch: &'a mut
         Mode::Rtu => wire.split_at(wire.len().saturating_sub(2)),
         Mode::Tcp => (wire.get(6..).unwrap_or(&[]), &[]),
         Mode::Ascii => {
-            let digits = wire.iter().filter_map(|&byte| (byte as char).to_digit(16)).map(|digit| digit as u8);
-            let mut high = None;
-            for digit in digits {
-                match high.take() {
-                    Some(first) => scratch.push(first << 4 | digit),
-                    None => high = Some(digit),
-                }
-            }
+            let digits: Vec<u8> = wire.iter().copied().filter(u8::is_ascii_hexdigit).collect();
+            solid(&digits, scratch);
             if verdict != Verdict::NoChecksum {
                 scratch.pop(); // the LRC
             }

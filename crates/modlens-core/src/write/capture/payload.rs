@@ -6,6 +6,7 @@
 //! `mbrtu` is the dissector of RTU itself; it guesses who speaks, and leaves most functions undecoded.
 
 use crate::checksum::crc16;
+use crate::framer::tcp::HEADER as MBAP;
 
 /// Wireshark takes the side with this port for the server.
 pub const SERVER_PORT: u16 = 502;
@@ -40,9 +41,8 @@ pub struct Route {
     pub id: u16,
 }
 
-/// Bytes of the tags of a dissector that goes by ports, and of the MBAP header behind them.
+/// Bytes of the tags of a dissector that goes by ports.
 const ROUTED: usize = 40;
-const MBAP: usize = 6;
 
 /// These tags, and room behind them; `kind` is 2 for TCP, 3 for UDP. In one piece: a capture is mostly heads like this one.
 fn routed<const N: usize>(name: [u8; 5], kind: u8, route: Route) -> [u8; N] {

@@ -3,13 +3,11 @@
 //! That a few bytes before a frame and two behind it make another one with a right checksum is no chance, and that this
 //! one holds the first is seldom, but happens: so it is worth what both are, less what it takes to hold any.
 
+use crate::checksum::CHECKSUM;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::search::Search;
 use crate::framer::Context;
 use crate::functions::{Operation, EXCEPTION_BIT};
-
-/// Nothing of a frame that is held reaches into the checksum of the one that holds it.
-const CHECKSUM: u64 = 2;
 
 impl Search {
     /// Whether a frame that begins so may hold others: answers to reads are measured, not copied.
@@ -33,7 +31,8 @@ impl Search {
             let inside = at > 0 && node.start > start;
             outside[at] = if inside { outside[node.parent] } else { at };
             let worth = node.score - self.nodes[outside[at]].score - costs::HOLDS_FRAMES;
-            if inside && node.whole && node.end + CHECKSUM <= self.next && worth > held[outside[at]] {
+            // Nothing of a frame that is held reaches into the checksum of the one that holds it.
+            if inside && node.whole && node.end + CHECKSUM as u64 <= self.next && worth > held[outside[at]] {
                 held[outside[at]] = worth;
             }
         }
