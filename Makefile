@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz captures vectors corpus clean
+.PHONY: demo test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz properties captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -84,6 +84,12 @@ fuzz:
 		cargo run --release --manifest-path fuzz/Cargo.toml --target $$(rustc -vV | sed -n 's/host: //p') --bin $$target -- \
 			-max_total_time=$(SECONDS) -max_len=2048 -artifact_prefix=fuzz/artifacts/$$target/ fuzz/corpus/$$target || exit 1; \
 	done
+
+# Property tests with examples that no run before had: make properties CASES=20000
+CASES ?= 5000
+properties: $(VENV)/.tested
+	PROPTEST_CASES=$(CASES) cargo test --release --locked --package modlens-core
+	$(BIN)/python -m pytest -m hypothesis
 
 captures: $(VENV)/.tested
 	$(BIN)/python -m tests.support.recording all

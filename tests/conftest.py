@@ -15,10 +15,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
 CAPTURES = ROOT / "captures"
 TIMEOUT_S = 120
+
+# Whether a change lands is not left to chance: `make properties` looks for examples that are new.
+settings.register_profile("repeated", derandomize=True)
+if os.environ.get("MODLENS_CI") == "1":
+    settings.load_profile("repeated")
 
 
 @dataclass(frozen=True, slots=True)
