@@ -7,7 +7,9 @@
 
 use std::fmt::Write;
 
+use crate::learn::floats::{float, SIZES};
 use crate::learn::movement::Movement;
+use crate::learn::whole::whole;
 use crate::points::{Convert, Value};
 use crate::profile::{Order, Type};
 
@@ -25,11 +27,11 @@ pub struct Claim {
     /// Whether nothing else comes near.
     pub sure: bool,
     /// Mean step of the number: in the wrong order it is larger.
-    step: f64,
+    pub(super) step: f64,
 }
 
 /// Enough to claim a type.
-const ENOUGH: f64 = 6.0;
+pub(super) const ENOUGH: f64 = 6.0;
 
 /// Devices keep to an order, most of them.
 const USUAL: f64 = 3.0;
@@ -38,25 +40,13 @@ const USUAL: f64 = 3.0;
 const TURNED: f64 = 4.0;
 
 /// What a carry is worth: that the upper part steps by one just where the lower one wraps, of all samples.
-const CARRY: f64 = 8.0;
-
-/// A number that only rises is a counter, not what a sensor gives.
-const RISING: f64 = 8.0;
-
-/// A total in four registers is not so large that more than these bits of the highest one are used.
-const TOP: u64 = 0x0200;
-
-/// A constant that is a round number as a float.
-const ROUND: f64 = 6.0;
-
-/// An upper register that never moves.
-const STILL: f64 = 3.5;
+pub(super) const CARRY: f64 = 8.0;
 
 /// What the best claim has to be ahead.
 pub(super) const AHEAD: f64 = 2.0;
 
 /// A lower register that moves so far at a time is no quantity of its own.
-const WILD: f64 = 6_000.0;
+pub(super) const WILD: f64 = 6_000.0;
 
 /// Judges windows of two or four registers; `asked` is the share of requests that asked for just them, `usual` the order
 /// that the device has shown elsewhere. Best claim first.
@@ -115,28 +105,8 @@ fn bits_of(rows: &[&[u16]], words: usize, order: Order) -> Vec<u64> {
     rows.iter().map(bits).collect()
 }
 
-fn floats(values: &[u64], words: usize) -> Vec<f64> {
-    let float = |&bits: &u64| if words == 2 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) };
-    values.iter().map(float).collect()
-}
-
-/// Sizes of quantities of plants: from hundredths of a milli to some hundred millions.
-const SIZES: std::ops::Range<f64> = 1e-5..1e9;
-
-/// Smallest and largest size, where they are those of quantities of plants.
-fn sizes(numbers: &[f64]) -> Option<(f64, f64)> {
-    let (mut low, mut high) = (f64::MAX, 0.0f64);
-    for size in numbers.iter().filter(|&&number| number != 0.0).map(|number| number.abs()) {
-        if !SIZES.contains(&size) {
-            return None;
-        }
-        (low, high) = (low.min(size), high.max(size));
-    }
-    (high > 0.0 && high / low <= 1e6).then_some((low, high))
-}
-
 /// Bits for the movement, and the words for it.
-fn coupling(movement: &Movement, reason: &mut String) -> f64 {
+pub(super) fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     let mut bits = 0.0;
     if movement.high_changes > 0 && movement.carries == movement.high_changes {
         bits += (CARRY * f64::from(movement.carries)).min(24.0);
@@ -158,7 +128,7 @@ fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     bits
 }
 
-fn asked_for(asked: f64, reason: &mut String) -> f64 {
+pub(super) fn asked_for(asked: f64, reason: &mut String) -> f64 {
     if asked < 0.5 {
         return 0.0;
     }
@@ -166,188 +136,7 @@ fn asked_for(asked: f64, reason: &mut String) -> f64 {
     6.0
 }
 
-fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
-    let kind = if words == 2 { Type::F32 } else { Type::F64 };
-    let numbers = floats(values, words);
-    sizes(&numbers)?;
-    let mut reason = String::new();
-    let movement = Movement::of(values, words, true);
-    let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
-    if words == 4 && (movement.low_step < WILD || movement.next_step < WILD) {
-        bits = 0.0;
-    } else if words == 4 {
-        let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
-        bits += coupling(&Movement::of(&halves, 2, true), &mut String::new());
-    }
-    let short = short_decimals(values, words);
-    if short > 0.0 {
-        bits += short;
-        reason.push_str("the numbers are short in decimal; ");
-    }
-    bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
-    // Bits that only rise: a float below zero falls then.
-    if movement.distinct > 16 && values.windows(2).all(|pair| pair[0] <= pair[1]) && short == 0.0 {
-        bits -= RISING;
-    }
-    if words == 2 && !order.swaps_bytes() && round(values) {
-        bits += ROUND;
-        reason.push_str("a constant that is a round number as a float; ");
-    }
-    if bits < ENOUGH {
-        return None;
-    }
-    let _ = write!(
-        reason,
-        "as {} from {} to {}",
-        kind.word(),
-        figure(numbers.iter().copied().fold(f64::MAX, f64::min)),
-        figure(numbers.iter().copied().fold(f64::MIN, f64::max))
-    );
-    // Exponents in the range of plants are the rarer thing: so a float stands before a whole number of the same bits.
-    Some(Claim { kind, order, bits: bits + 3.0, reason, sure: false, step: movement.step })
-}
-
-/// Bits for numbers that are short in decimal though their lower bits are not zero; negative where most are not short
-/// would be too hard on noisy sensors, so that counts nothing.
-fn short_decimals(values: &[u64], words: usize) -> f64 {
-    let mut distinct: Vec<u64> = values.to_vec();
-    distinct.sort_unstable();
-    distinct.dedup();
-    distinct.truncate(64);
-    let (mask, digits, each) = if words == 2 { (0xFFFF, 5, 6.0) } else { (0xFFFF_FFFF, 9, 12.0) };
-    let full: Vec<&u64> = distinct.iter().filter(|&&bits| bits & mask != 0).collect();
-    let short = full.iter().filter(|&&&bits| significant(bits, words) <= digits).count();
-    if full.is_empty() || short * 5 < full.len() * 4 {
-        return 0.0;
-    }
-    (each * short as f64).min(24.0)
-}
-
-/// A constant with an empty lower register that is a number of four figures at most, as people set them. Of all
-/// registers one in 25 is the upper half of such a number, and few have an empty one behind them.
-fn round(values: &[u64]) -> bool {
-    let constant = values.iter().all(|&bits| bits == values[0]);
-    let size = f32::from_bits(values[0] as u32).abs();
-    constant && values[0].trailing_zeros() >= 16 && (1e-3..1e6).contains(&size) && significant(values[0], 2) <= 4
-}
-
-fn significant(bits: u64, words: usize) -> usize {
-    let text = if words == 2 { Value::Single(f32::from_bits(bits as u32)) } else { Value::Double(f64::from_bits(bits)) };
-    let text = text.text().unwrap_or_default();
-    let mantissa = text.split('e').next().unwrap_or_default().trim_start_matches(['-', '0', '.']);
-    mantissa.bytes().filter(u8::is_ascii_digit).count()
-}
-
-fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
-    let movement = Movement::of(values, words, false);
-    let width = 16 * words as u32;
-    let top = |value: u64| value >> (width - 16);
-    // Numbers whose upper half is empty are told as the shorter type they may be.
-    let upper_half_empty = words == 4 && values.iter().all(|&value| value >> 32 == 0);
-    let (any_negative, all_negative) =
-        (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0xF000));
-    let any_small = values.iter().any(|&value| top(value) < 0x0100);
-    let signed = (any_negative && any_small) || all_negative;
-    if movement.distinct < 2 || (upper_half_empty && asked < 0.5) {
-        return None;
-    }
-    let mut reason = String::new();
-    let mut bits = asked_for(asked, &mut reason);
-    let still = if words == 2 { still_half(values, &mut reason) } else { 0.0 };
-    bits += if words == 4 { halves(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
-    bits = bits.max(still);
-    bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
-    if all_negative && !any_small && bits > 0.0 {
-        bits += 2.0;
-        reason.push_str("small below zero; ");
-    }
-    if signed && any_small && bits > 0.0 {
-        bits += 2.0;
-        reason.push_str("the sign changes where the value passes zero; ");
-    }
-    if bits < ENOUGH && still == 0.0 {
-        return None;
-    }
-    let kind = match (words, signed) {
-        (2, false) => Type::U32,
-        (2, true) => Type::S32,
-        (_, false) => Type::U64,
-        (_, true) => Type::S64,
-    };
-    let number = |value: &u64| {
-        if words == 2 && signed {
-            f64::from(*value as u32 as i32)
-        } else if signed {
-            *value as i64 as f64
-        } else {
-            *value as f64
-        }
-    };
-    let numbers: Vec<f64> = values.iter().map(number).collect();
-    let _ = write!(
-        reason,
-        "as {} from {} to {}",
-        kind.word(),
-        figure(numbers.iter().copied().fold(f64::MAX, f64::min)),
-        figure(numbers.iter().copied().fold(f64::MIN, f64::max))
-    );
-    Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
-}
-
-/// Bits for an upper register that never moves, beside a lower one that does: never enough without the order that the
-/// device has shown elsewhere.
-fn still_half(values: &[u64], reason: &mut String) -> f64 {
-    let top = values[0] >> 16;
-    let mut lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF).collect();
-    let rising = lower.windows(2).all(|pair| pair[0] <= pair[1]);
-    lower.dedup();
-    if values.iter().any(|value| value >> 16 != top) || lower.len() < 5 {
-        return 0.0;
-    }
-    match top {
-        // 65535 alone says "not there" in many devices.
-        0xFF00..=0xFFFE => {
-            reason.push_str("the upper register is that of a small number below zero; ");
-            STILL
-        }
-        1..0x8000 if rising => {
-            reason.push_str("a register that only rises beside a constant one, as the halves of a total; ");
-            // Totals are of all sizes, so small upper halves are more frequent than large ones (Benford); constants of
-            // their own are small, too, but not that much.
-            STILL + (65_536.0 / (11.0 * top as f64)).log2().clamp(-STILL, 2.0)
-        }
-        _ => 0.0,
-    }
-}
-
-/// Bits for a whole number of four registers: its halves are judged as numbers of two.
-fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
-    let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
-    let changes = upper.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    if changes * 20 <= upper.len() {
-        // A total whose upper half hardly moves; or a shorter one behind constants.
-        let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
-        let bits = coupling(&Movement::of(&lower, 2, false), reason);
-        let carries = (1..upper.len()).filter(|&at| upper[at] == upper[at - 1] + 1 && lower[at] < lower[at - 1]).count();
-        let total = !signed && upper[0] > 0 && upper[0] >> 16 < TOP;
-        return match (bits > 0.0, carries == changes) {
-            (true, true) => bits + CARRY * changes as f64 + if total { 2.0 } else { -3.0 },
-            _ => 0.0,
-        };
-    }
-    // An upper half that moves leaves nothing smooth below it.
-    if whole.low_step < WILD || whole.next_step < WILD {
-        return 0.0;
-    }
-    let bits = coupling(whole, reason) + coupling(&Movement::of(&upper, 2, false), &mut String::new());
-    if signed && upper.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
-        reason.push_str("the highest register is nothing but the sign; ");
-        return bits + 8.0;
-    }
-    bits
-}
-
-fn figure(number: f64) -> String {
+pub(super) fn figure(number: f64) -> String {
     Value::Double(if number.abs() < 1e15 { (number * 1e4).round() / 1e4 } else { number }).text().unwrap_or_default()
 }
 

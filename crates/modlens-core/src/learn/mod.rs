@@ -1,9 +1,11 @@
 //! What traffic tells of a device: which registers are asked for, in which blocks, what their values do, and which of
 //! them belong together. The result is a skeleton of a profile, with the evidence.
 
+mod floats;
 mod judge;
 mod movement;
 mod text;
+mod whole;
 
 use std::collections::BTreeMap;
 

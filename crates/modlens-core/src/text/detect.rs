@@ -3,9 +3,9 @@
 use std::cmp::Reverse;
 use std::sync::Arc;
 
+use crate::text::clock::ClockSettings;
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::notation::{Marks, Notation};
-use crate::text::stamp::ClockSettings;
 use crate::text::{evidence, suspicion, Reader};
 
 /// A guess: format name, confidence from 0 to 1, reason.

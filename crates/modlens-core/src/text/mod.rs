@@ -8,6 +8,7 @@
 
 mod chunks;
 mod clean;
+mod clock;
 mod date;
 mod deliver;
 pub mod detect;
@@ -27,9 +28,9 @@ use crate::framer::Mode;
 use crate::records::Clock;
 use crate::Ns;
 
+pub use clock::{day_of, ClockSettings, Kind};
 pub use dialect::{Dialect, Dialects, TABLE};
 pub use reader::{LeftOut, Reader};
-pub use stamp::{day_of, ClockSettings, Kind};
 
 /// What one record of a recording is.
 #[derive(Clone, Copy, Debug, Default)]

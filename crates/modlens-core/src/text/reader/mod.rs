@@ -1,5 +1,7 @@
 //! Goes through the lines of a text, with the rows that it needs.
 
+mod others;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -8,11 +10,12 @@ use memchr::memchr;
 use crate::chunk::Side;
 use crate::records::Clock;
 use crate::text::clean::{clean, is_quoted};
+use crate::text::clock::{ClockSettings, Kind};
 use crate::text::deliver::Deliver;
 use crate::text::dialect::{Dialect, Dialects, Role};
 use crate::text::evidence;
 use crate::text::notation::Notation;
-use crate::text::stamp::{delta, ClockSettings, Kind, Stamps};
+use crate::text::stamp::{delta, Stamps};
 use crate::text::template::{Match, Scratch, Template};
 use crate::text::Record;
 use crate::Ns;
@@ -25,16 +28,6 @@ const SHOWN_LENGTH: usize = 120;
 
 /// A line longer than this is given up: it is no text.
 const LONGEST_LINE: usize = 1 << 24;
-
-/// Lines with bytes that no row in use can read, which are tried with all rows.
-const TRIES: u32 = 4000;
-
-/// Lines that are tried together with those before them: this costs more.
-const TRIES_BEHIND: u32 = 1000;
-
-/// Lines without a reader that are kept for rows whose records have several, and as much of each.
-const LINES_BEHIND: usize = 12;
-const LONGEST_BEHIND: usize = 400;
 
 /// Records that one line may hold.
 const PER_LINE: usize = 64;
@@ -190,43 +183,6 @@ impl Reader {
         }
     }
 
-    /// Looks for a row of several lines a record that reads this line together with those before it, which none could read.
-    fn rows_behind(&mut self, line: &[u8]) -> bool {
-        let Some(others) = self.others.clone() else { return false };
-        if self.unread.len() >= LINES_BEHIND {
-            self.unread.pop_front();
-        }
-        self.unread.push_back((self.number, line[..line.len().min(LONGEST_BEHIND)].to_vec()));
-        if self.tries_behind >= TRIES_BEHIND || !line.iter().any(u8::is_ascii_digit) {
-            return false;
-        }
-        self.tries_behind += 1;
-        let mut text = Vec::new();
-        for (_, line) in &self.unread {
-            text.extend_from_slice(line);
-            text.push(b'\n');
-        }
-        let reads = |row: &&Arc<Dialect>| row.several_lines() && row.possible(&text) && reads_all(row, &text);
-        let used = |row: &Arc<Dialect>| self.dialects.iter().any(|one| one.name == row.name);
-        let Some(row) = others.rows().filter(|row| !used(row)).find(reads) else { return false };
-        self.dialects.push(Arc::clone(row));
-        self.stamps.seen.short_fractions |= row.short_fractions;
-        // They were counted, all but the last.
-        self.deliver.end_of_head(&self.stamps);
-        let lines = std::mem::take(&mut self.unread);
-        self.unparsed -= lines.len() as u64 - 1;
-        self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
-        for (number, line) in lines {
-            self.deliver.number = number;
-            if self.matches_of(row, &line) {
-                self.hand_over(row);
-            } else if !line.trim_ascii().is_empty() {
-                self.note_unparsed_at(number, line.trim_ascii());
-            }
-        }
-        true
-    }
-
     fn hand_over(&mut self, dialect: &Arc<Dialect>) {
         let matches = std::mem::take(&mut self.matches);
         let mut from = 0;
@@ -331,32 +287,6 @@ impl Reader {
         found.map(|found| (*role, found, template.whole))
     }
 
-    /// Looks for a row that reads a line of bytes which those in use cannot read; a checksum has to prove it.
-    fn another_row(&mut self, line: &[u8]) -> bool {
-        if self.tries >= TRIES || !may_hold_bytes(line) {
-            return false;
-        }
-        let Some(others) = self.others.clone() else { return false };
-        self.tries += 1;
-        // Those whose bytes other lines announce are tried with these (`rows_behind`).
-        for dialect in others.rows().filter(|row| !row.has_heads) {
-            let used = self.dialects.iter().any(|one| one.name == dialect.name);
-            let seen = self.stamps.seen;
-            if !used
-                && self.matches_of(dialect, line)
-                && evidence::good(&self.found) == self.found.len()
-                && !self.found.is_empty()
-            {
-                self.dialects.push(Arc::clone(dialect));
-                self.stamps.seen.short_fractions |= dialect.short_fractions;
-                self.hand_over(dialect);
-                return true;
-            }
-            self.stamps.seen = seen;
-        }
-        false
-    }
-
     fn note_unparsed(&mut self, line: &[u8]) {
         self.note_unparsed_at(self.number, line);
     }
@@ -423,30 +353,6 @@ impl Reader {
     pub fn resolution(&self) -> Option<Ns> {
         self.stamps.resolution()
     }
-}
-
-/// Whether the row reads bytes in these lines, and only such that checksums prove.
-fn reads_all(row: &Arc<Dialect>, text: &[u8]) -> bool {
-    let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
-    reader.push(text);
-    let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
-    while let Some((record, piece)) = reader.next(true) {
-        if record.record {
-            good += evidence::good(&burst);
-            burst.clear();
-        }
-        bytes += piece.len();
-        burst.extend_from_slice(piece);
-    }
-    good += evidence::good(&burst);
-    // Where a program prints no checksums, its words have to do.
-    bytes > 0 && (good == bytes || row.no_checksum) && reader.announced()
-}
-
-/// Whether a line can hold bytes: some digits among some hex digits.
-fn may_hold_bytes(line: &[u8]) -> bool {
-    let digits = line.iter().filter(|b| b.is_ascii_digit()).count();
-    digits >= 4 && line.iter().filter(|b| b.is_ascii_hexdigit()).count() >= 6
 }
 
 /// Whether this may stand behind bytes: their characters, their number, a mark, nothing.

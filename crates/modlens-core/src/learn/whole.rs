@@ -1,0 +1,123 @@
+//! What speaks for a whole number.
+
+use std::fmt::Write;
+
+use crate::learn::judge::{asked_for, coupling, figure, Claim, CARRY, ENOUGH, WILD};
+use crate::learn::movement::Movement;
+use crate::profile::{Order, Type};
+
+/// A total in four registers is not so large that more than these bits of the highest one are used.
+const TOP: u64 = 0x0200;
+
+/// An upper register that never moves.
+const STILL: f64 = 3.5;
+
+/// The registers as a whole number.
+pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
+    let movement = Movement::of(values, words, false);
+    let width = 16 * words as u32;
+    let top = |value: u64| value >> (width - 16);
+    // Numbers whose upper half is empty are told as the shorter type they may be.
+    let upper_half_empty = words == 4 && values.iter().all(|&value| value >> 32 == 0);
+    let (any_negative, all_negative) =
+        (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0xF000));
+    let any_small = values.iter().any(|&value| top(value) < 0x0100);
+    let signed = (any_negative && any_small) || all_negative;
+    if movement.distinct < 2 || (upper_half_empty && asked < 0.5) {
+        return None;
+    }
+    let mut reason = String::new();
+    let mut bits = asked_for(asked, &mut reason);
+    let still = if words == 2 { still_half(values, &mut reason) } else { 0.0 };
+    bits += if words == 4 { halves(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
+    bits = bits.max(still);
+    bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
+    if all_negative && !any_small && bits > 0.0 {
+        bits += 2.0;
+        reason.push_str("small below zero; ");
+    }
+    if signed && any_small && bits > 0.0 {
+        bits += 2.0;
+        reason.push_str("the sign changes where the value passes zero; ");
+    }
+    if bits < ENOUGH && still == 0.0 {
+        return None;
+    }
+    let kind = match (words, signed) {
+        (2, false) => Type::U32,
+        (2, true) => Type::S32,
+        (_, false) => Type::U64,
+        (_, true) => Type::S64,
+    };
+    let number = |value: &u64| {
+        if words == 2 && signed {
+            f64::from(*value as u32 as i32)
+        } else if signed {
+            *value as i64 as f64
+        } else {
+            *value as f64
+        }
+    };
+    let numbers: Vec<f64> = values.iter().map(number).collect();
+    let _ = write!(
+        reason,
+        "as {} from {} to {}",
+        kind.word(),
+        figure(numbers.iter().copied().fold(f64::MAX, f64::min)),
+        figure(numbers.iter().copied().fold(f64::MIN, f64::max))
+    );
+    Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
+}
+
+/// Bits for an upper register that never moves, beside a lower one that does: never enough without the order that the
+/// device has shown elsewhere.
+fn still_half(values: &[u64], reason: &mut String) -> f64 {
+    let top = values[0] >> 16;
+    let mut lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF).collect();
+    let rising = lower.windows(2).all(|pair| pair[0] <= pair[1]);
+    lower.dedup();
+    if values.iter().any(|value| value >> 16 != top) || lower.len() < 5 {
+        return 0.0;
+    }
+    match top {
+        // 65535 alone says "not there" in many devices.
+        0xFF00..=0xFFFE => {
+            reason.push_str("the upper register is that of a small number below zero; ");
+            STILL
+        }
+        1..0x8000 if rising => {
+            reason.push_str("a register that only rises beside a constant one, as the halves of a total; ");
+            // Totals are of all sizes, so small upper halves are more frequent than large ones (Benford); constants of
+            // their own are small, too, but not that much.
+            STILL + (65_536.0 / (11.0 * top as f64)).log2().clamp(-STILL, 2.0)
+        }
+        _ => 0.0,
+    }
+}
+
+/// Bits for a whole number of four registers: its halves are judged as numbers of two.
+fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
+    let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
+    let changes = upper.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if changes * 20 <= upper.len() {
+        // A total whose upper half hardly moves; or a shorter one behind constants.
+        let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
+        let bits = coupling(&Movement::of(&lower, 2, false), reason);
+        let carries = (1..upper.len()).filter(|&at| upper[at] == upper[at - 1] + 1 && lower[at] < lower[at - 1]).count();
+        let total = !signed && upper[0] > 0 && upper[0] >> 16 < TOP;
+        return match (bits > 0.0, carries == changes) {
+            (true, true) => bits + CARRY * changes as f64 + if total { 2.0 } else { -3.0 },
+            _ => 0.0,
+        };
+    }
+    // An upper half that moves leaves nothing smooth below it.
+    if whole.low_step < WILD || whole.next_step < WILD {
+        return 0.0;
+    }
+    let bits = coupling(whole, reason) + coupling(&Movement::of(&upper, 2, false), &mut String::new());
+    if signed && upper.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
+        reason.push_str("the highest register is nothing but the sign; ");
+        return bits + 8.0;
+    }
+    bits
+}
