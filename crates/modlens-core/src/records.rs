@@ -2,6 +2,10 @@
 //!
 //! Columns are not stored: `columns` reads them off the rows when somebody asks.
 
+mod buses;
+
+pub use buses::Buses;
+
 use std::sync::{Arc, Mutex};
 
 use crate::direction::Direction;
@@ -267,7 +271,7 @@ pub struct FindingRow {
 #[derive(Debug, Default)]
 pub struct Batch {
     /// What rows of a bus share.
-    pub buses: Arc<Vec<Bus>>,
+    pub buses: Arc<Buses>,
     /// The table that decodes the PDUs.
     pub functions: Option<Arc<Functions>>,
     /// Bytes.

@@ -7,6 +7,7 @@ mod ahead;
 mod bus;
 mod capture;
 mod clock;
+mod done;
 mod feed;
 mod logic;
 mod moment;
@@ -24,7 +25,7 @@ use crate::finding::Finding;
 use crate::framer::{Cut, Mode, Verdict};
 use crate::functions::{Functions, EXCEPTION_BIT};
 use crate::pairing::{Exchange, Pairing, Seen};
-use crate::records::{Batch, Bus, Clock, FindingRow, Frame, Place, Span, Spare, Status, Transaction};
+use crate::records::{Batch, Buses, Clock, FindingRow, Frame, Place, Span, Spare, Transaction};
 use crate::stats::Stats;
 use crate::Ns;
 
@@ -36,7 +37,7 @@ use capture::CaptureState;
 use logic::LogicState;
 use moment::{Moment, Setting};
 use profiles::Assignment;
-use rows::{elapsed, framing_detail, keep_half, marked_detail, note_detail, placed_detail};
+use rows::{elapsed, framing_detail, marked_detail, placed_detail};
 
 /// Transactions that may wait for an older one before they are written all the same.
 const HOLD_BACK: usize = 65_536;
@@ -63,7 +64,7 @@ pub struct Wanted {
 pub struct Session {
     functions: Arc<Functions>,
     buses: Vec<BusState>,
-    bus_rows: Arc<Vec<Bus>>,
+    bus_rows: Arc<Buses>,
     batch: Batch,
     spare: Spare,
     held: Vec<Transaction>,
@@ -348,110 +349,5 @@ impl Session {
         if noted || !self.done.is_empty() {
             self.write_done(bus);
         }
-    }
-
-    /// What showed only now of frames whose rows are written.
-    fn write_notes(&mut self, bus: usize) {
-        for note in self.buses[bus].pairing.notes.drain(..) {
-            self.stats.finding(note.finding);
-            if self.wanted.findings {
-                let seen = note.meeting;
-                self.batch.findings.push(FindingRow {
-                    frame: Some(seen.frame),
-                    txn: Some(seen.txn),
-                    bus: bus as u32,
-                    start: seen.start,
-                    elapsed: elapsed(self.origin, seen.start),
-                    unit: Some(seen.unit),
-                    finding: note.finding,
-                    detail: note_detail(&note),
-                    origin: seen.origin,
-                });
-            }
-        }
-    }
-
-    fn write_done(&mut self, bus: usize) {
-        self.write_notes(bus);
-        let mut done = std::mem::take(&mut self.done);
-        let told_apart = 2 * self.buses[bus].coarsest();
-        for mut exchange in done.drain(..) {
-            self.found.clear();
-            // Null, never a guess, where the clock cannot tell.
-            for time in [&mut exchange.response_time, &mut exchange.waited, &mut exchange.late_response] {
-                *time = time.filter(|&ns| ns >= told_apart);
-            }
-            self.found.append(&mut exchange.told);
-            if !exchange.retold {
-                check::pair(&self.functions, &exchange, &mut self.found);
-            }
-            if exchange.findings.contains(&Finding::NoResponse) && !exchange.retold {
-                let waited =
-                    exchange.waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
-                self.found.push((Finding::NoResponse, format!("unit {}{waited}", exchange.unit)));
-            }
-            if let Some(code) = exchange.exception.filter(|_| exchange.findings.contains(&Finding::Exception)) {
-                self.found.push((Finding::Exception, format!("exception {code}")));
-            }
-            let before = self.found.len();
-            let points = self.buses[bus].profiles.on(&self.functions, &exchange, &mut self.found);
-            if exchange.retold && self.found[before..].iter().all(|(finding, _)| exchange.findings.contains(finding)) {
-                self.found.truncate(before);
-            }
-            let elapsed = elapsed(self.origin, exchange.request.start.or(exchange.response.start));
-            let start = exchange.request.start.or(exchange.response.start);
-            for (finding, detail) in self.found.drain(..) {
-                self.stats.finding(finding);
-                if !exchange.findings.contains(&finding) {
-                    exchange.findings.push(finding);
-                }
-                if self.wanted.findings {
-                    let frame = Some(exchange.response.frame).filter(|&n| n > 0).or(Some(exchange.request.frame));
-                    self.batch.findings.push(FindingRow {
-                        frame,
-                        txn: Some(exchange.txn),
-                        bus: bus as u32,
-                        start,
-                        elapsed,
-                        unit: Some(exchange.unit),
-                        finding,
-                        detail,
-                        origin: exchange.origin,
-                    });
-                }
-            }
-            if exchange.sure && matches!(exchange.status, Status::Ok | Status::Exception) {
-                self.buses[bus].paired_units[exchange.unit as usize] = true;
-            }
-            self.stats.transaction(self.buses[bus].counts, &self.functions, &exchange);
-            if self.wanted.transactions {
-                let row = Transaction {
-                    number: exchange.txn,
-                    bus: bus as u32,
-                    mode: exchange.mode,
-                    start,
-                    elapsed,
-                    unit: exchange.unit,
-                    function: exchange.function,
-                    status: exchange.status,
-                    exception: exchange.exception,
-                    response_time: exchange.response_time,
-                    waited: exchange.waited,
-                    late_response: exchange.late_response,
-                    retry_of: exchange.retry_of,
-                    late_for: exchange.late_for,
-                    gap: exchange.gap,
-                    mbap_id: exchange.mbap_id,
-                    request: keep_half(&mut self.batch, &exchange.request),
-                    response: keep_half(&mut self.batch, &exchange.response),
-                    findings: self.batch.keep_codes(&exchange.findings),
-                    points,
-                    origin: exchange.origin,
-                };
-                self.held.push(row);
-            }
-            self.buses[bus].pairing.recycle(exchange);
-        }
-        self.done = done;
     }
 }
