@@ -22,6 +22,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import _modlens
 from bench.decode_speed import BLOCK, PEER_BYTES, traffic
 
 ROOT = Path(__file__).parent.parent
@@ -46,6 +47,10 @@ EXPORTS = {
     "zeek": ("zeek",),
 }
 """What is written, and how: format, further options."""
+
+FIRST_PACKET = 1_700_000_000_000_000_000
+TURN = 5_000_000
+"""ns since 1970, and from packet to packet."""
 
 PEERS = (
     ("-T fields, eight", ("-T", "fields", *(f"-e{field}" for field in FIELDS)), "csv", EIGHT),
@@ -124,8 +129,28 @@ def main() -> None:
         if not options.no_peer:
             capture, beginning = bench.export(large, "pcapng")[1], bench.export(one, "pcapng")[1]
             against(bench, (large, one), (capture, beginning), frames, PEERS)
-            tcp, first = (bench.export(each, "pcap", "--style", "tcp")[1] for each in (large, one))
+            tcp, first = bench.folder / "large.pcap", bench.folder / "one.pcap"
+            on_a_network(tcp, pairs * count)
+            on_a_network(first, pairs[:1])
             against(bench, (tcp, first), (tcp, first), frames, PEERS[:1])
+
+
+def on_a_network(path: Path, pairs: list[tuple[bytes, bytes]]) -> None:
+    """The exchanges as Modbus/TCP, every packet at a time of its own, as on any network."""
+    core = _modlens.Session(_modlens.Functions())
+    bus = core.add_bus("bus", source="bus", mode="rtu", clock="utc")
+    capture, now = _modlens.Capture("tcp", classic=True), FIRST_PACKET
+    with path.open("wb") as file:
+        for at, pair in enumerate(pairs):
+            for frame in pair:
+                now += TURN
+                core.feed(bus, frame, now)
+            if at % 1000 == 0:
+                capture.put(core.take())
+                file.writelines(iter(capture.more, b""))
+        core.flush()
+        capture.put(core.take())
+        file.write(capture.end())
 
 
 def alone(recording: Path) -> dict[str, str]:
