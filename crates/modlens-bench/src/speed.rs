@@ -177,8 +177,9 @@ fn framing(bytes: &[u8]) -> u64 {
 fn exchanges(framer: &mut dyn Framer, functions: &Functions, input: &mut Input) -> u64 {
     let settled = framer.settled(input.offset());
     let Some(rtu) = framer.routine().filter(|_| settled) else { return 0 };
-    let (mut count, mut last) = (0, None);
-    while let Some(known) = rtu.exchange(functions, input, i64::MAX, |_| 0.0) {
+    let (mut count, mut last, mut before) = (0, None, rtu.before());
+    while let Some(known) = rtu.exchange(functions, input, before, i64::MAX, |_| 0.0) {
+        before = Some((known.unit, known.code));
         let [asked, answered] = [known.asked, known.answered].map(|length| length + CHECKSUM);
         let (request, behind) = input.bytes().split_at(asked);
         rtu.again(request, &behind[..answered], known.mirrored);

@@ -93,14 +93,22 @@ struct Row {
     response: Times,
 }
 
+/// The functions of a unit, which are few.
+#[derive(Clone, Debug, Default)]
+struct Unit {
+    rows: Vec<Row>,
+    /// One more than the place of a function in them; 0 where it was not seen.
+    places: Vec<u8>,
+}
+
 #[derive(Clone, Debug, Default)]
 struct BusCounts {
     name: String,
     mode: Option<Mode>,
     frames: [u64; 5],
     bytes: [u64; 5],
-    /// By unit; a unit has few functions.
-    units: Vec<Vec<Row>>,
+    /// By unit.
+    units: Vec<Unit>,
     silence: Option<Silence>,
     requests: Requests,
     busy: Ns,
@@ -180,21 +188,18 @@ impl Stats {
         }
     }
 
-    /// A request and its answer of which nothing is to be said were decided: so many bytes, then, and so much later.
-    #[inline]
-    pub(crate) fn again(
-        &mut self,
-        bus: usize,
-        mode: Mode,
-        key: Key,
-        bytes: usize,
-        spans: [Option<(Ns, Ns)>; 2],
-        response_time: Option<Ns>,
-    ) {
+    /// So many requests of which nothing is to be said were decided with their answers, of so many bytes.
+    pub(crate) fn run(&mut self, bus: usize, mode: Mode, exchanges: u64, bytes: u64) {
         let counts = &mut self.buses[bus];
         counts.mode = Some(mode);
-        counts.frames[Verdict::Ok as usize] += 2;
-        counts.bytes[Verdict::Ok as usize] += bytes as u64;
+        counts.frames[Verdict::Ok as usize] += 2 * exchanges;
+        counts.bytes[Verdict::Ok as usize] += bytes;
+    }
+
+    /// One of them: when it and its answer were on the line, and how long the answer took.
+    #[inline]
+    pub(crate) fn again(&mut self, bus: usize, key: Key, spans: [Option<(Ns, Ns)>; 2], response_time: Option<Ns>) {
+        let counts = &mut self.buses[bus];
         for span in spans {
             counts.on_the_line(span);
         }
@@ -223,6 +228,7 @@ impl Stats {
 }
 
 impl BusCounts {
+    #[inline]
     fn on_the_line(&mut self, span: Option<(Ns, Ns)>) {
         if let Some((start, end)) = span {
             self.busy += (end - start).max(0);
@@ -232,21 +238,27 @@ impl BusCounts {
     }
 
     fn row(&mut self, unit: u8, function: u8) -> &mut Row {
-        if self.units.is_empty() {
-            self.units.resize(256, Vec::new());
+        match self.units.get(usize::from(unit)).and_then(|unit| unit.places.get(usize::from(function))) {
+            Some(&place @ 1..) => &mut self.units[usize::from(unit)].rows[usize::from(place) - 1],
+            _ => self.new_row(unit, function),
         }
-        let rows = &mut self.units[usize::from(unit)];
-        let at = rows.iter().position(|row| row.function == function).unwrap_or_else(|| {
-            rows.push(Row { function, ..Row::default() });
-            rows.len() - 1
-        });
-        &mut rows[at]
+    }
+
+    #[cold]
+    fn new_row(&mut self, unit: u8, function: u8) -> &mut Row {
+        self.units.resize_with(256, Unit::default);
+        let Unit { rows, places } = &mut self.units[usize::from(unit)];
+        places.resize(256, 0);
+        rows.push(Row { function, ..Row::default() });
+        // Function codes have seven bits.
+        places[usize::from(function)] = rows.len() as u8;
+        rows.last_mut().expect("just added")
     }
 
     /// By unit and function.
     fn rows(&self) -> impl Iterator<Item = (usize, &Row)> {
-        self.units.iter().enumerate().flat_map(|(unit, rows)| {
-            let mut rows: Vec<&Row> = rows.iter().collect();
+        self.units.iter().enumerate().flat_map(|(unit, of)| {
+            let mut rows: Vec<&Row> = of.rows.iter().collect();
             rows.sort_by_key(|row| row.function);
             rows.into_iter().map(move |row| (unit, row))
         })

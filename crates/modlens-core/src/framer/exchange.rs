@@ -45,30 +45,33 @@ pub struct Exchange {
     pub answered: usize,
     /// Request and answer are the same.
     pub mirrored: bool,
+    /// An answer to such a request has this one's length and beginning: the one before, once more, may look like it.
+    pub ambiguous: bool,
     answer: Answer,
 }
 
 impl Exchange {
     /// Of a request at the head of these bytes, its unit first, that asks for what may be asked for.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // What it gives is large, and taken apart at once.
     pub fn of(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; ASKED] = bytes.first_chunk()?;
         let [unit, code, high, low, ..] = *request;
-        let row = functions.row(code, &request[2..])?;
-        let kind = row.plain.filter(|_| mode == Mode::Tcp || ADDRESSES.contains(&unit))?;
+        let asks = functions.asks(code).filter(|_| mode == Mode::Tcp || ADDRESSES.contains(&unit))?;
         let (address, number) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
-        if !row.permits[0].iter().all(|permit| permit.violated_by(&request[2..]).is_none()) {
+        if !asks.permits(functions, code, number, &request[2..]) {
             return None;
         }
         let (bits, registers) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
-        let (asked, answered, mirrored) = (ASKED, ASKED, row.mirrored);
-        let plain = Self { unit, code, kind, address, quantity: number, asked, answered, mirrored, answer: Answer::Repeated };
-        // The old answer once more may look like this request.
-        let looks_answered = mode != Mode::Tcp && usize::from(high) + HEAD == ASKED;
+        let (kind, mirrored, asked, answered) = (asks.kind, asks.mirrored, ASKED, ASKED);
+        let answer = Answer::Repeated;
+        let plain = Self { unit, code, kind, address, quantity: number, asked, answered, mirrored, ambiguous: false, answer };
         let read = |count: usize, padding: u8| {
-            let count = u8::try_from(count).ok().filter(|_| !looks_answered)?;
+            // A request that could be its own answer leaves doubt.
+            let ambiguous = mode != Mode::Tcp && usize::from(high) + HEAD == ASKED;
+            let count = u8::try_from(count).ok().filter(|&count| !ambiguous || count != high)?;
             let answered = HEAD + usize::from(count);
-            Some(Self { answered, mirrored: false, answer: Answer::Block { count, padding }, ..plain })
+            Some(Self { answered, mirrored: false, ambiguous, answer: Answer::Block { count, padding }, ..plain })
         };
         let written = |count: usize| (bytes.get(ASKED).copied().map(usize::from) == Some(count)).then_some(WRITTEN + count);
         match kind {

@@ -9,7 +9,7 @@ mod row;
 mod shape;
 
 pub use parse::parse_toml;
-pub use row::{Echo, Operation, Permit, Plain, Roles, Row};
+pub use row::{Asks, Echo, Operation, Permit, Plain, Roles, Row};
 pub use shape::{Extent, Field, Layout, Shape, Word};
 
 use parse::parse;
@@ -42,6 +42,8 @@ struct Entry {
 #[derive(Clone, Debug)]
 pub struct Functions {
     entries: Vec<Option<Box<Entry>>>,
+    /// Those of them that are asked in a plain way.
+    plain: Vec<Option<Asks>>,
 }
 
 impl Default for Functions {
@@ -55,7 +57,7 @@ impl Functions {
     pub fn embedded() -> &'static Self {
         static EMBEDDED: OnceLock<Functions> = OnceLock::new();
         EMBEDDED.get_or_init(|| {
-            let mut table = Self { entries: vec![None; 256] };
+            let mut table = Self { entries: vec![None; 256], plain: vec![None; 256] };
             table.load(TABLE, "functions.toml", None).expect("the embedded table is tested");
             table
         })
@@ -67,7 +69,8 @@ impl Functions {
     pub fn load(&mut self, text: &str, origin: &str, vendor: Option<&str>) -> Result<(), String> {
         let rows = parse(text, origin, vendor)?;
         for row in rows {
-            let slot = &mut self.entries[row.code as usize];
+            let code = row.code as usize;
+            let slot = &mut self.entries[code];
             let width = leading_width(&row);
             match slot {
                 Some(entry) => {
@@ -81,6 +84,8 @@ impl Functions {
                 }
                 None => *slot = Some(Box::new(Entry { width: if row.when.is_some() { width } else { 0 }, variants: vec![row] })),
             }
+            let only = slot.as_deref().filter(|entry| entry.width == 0).and_then(|entry| entry.variants.first());
+            self.plain[code] = only.and_then(Asks::of);
         }
         Ok(())
     }
@@ -104,6 +109,12 @@ impl Functions {
         }
         let leading = number(body, 0, entry.width).map(|value| value as u16);
         entry.variants.iter().find(|row| row.when.is_none() || row.when == leading)
+    }
+
+    /// What may be asked with this function code, if that is plain.
+    #[inline]
+    pub fn asks(&self, code: u8) -> Option<Asks> {
+        self.plain[usize::from(code)]
     }
 
     /// Whether the body is too short to tell which row it belongs to, and how many bytes that takes.

@@ -4,6 +4,7 @@ use serde_json::Value as Json;
 
 use crate::direction::Direction;
 use crate::functions::shape::{number, Layout};
+use crate::functions::Functions;
 use crate::profile::Space;
 
 /// What a transaction does.
@@ -77,6 +78,48 @@ pub enum Plain {
     WriteRegisters,
     /// Address and value are sent, and are the answer.
     WriteOne,
+}
+
+/// What a request of a plain function may be, in one look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Asks {
+    /// Of which kind it is.
+    pub kind: Plain,
+    /// Whether request and response have the same layout.
+    pub mirrored: bool,
+    /// The least and the greatest number behind the address.
+    permitted: (u16, u16),
+    /// Whether that is all that is permitted; else the row has to be asked.
+    whole: bool,
+}
+
+impl Asks {
+    /// Where the number behind the address stands in a body, and its bytes.
+    const NUMBER: (usize, usize) = (2, 2);
+
+    /// Of a row, if it is plain.
+    pub(super) fn of(row: &Row) -> Option<Self> {
+        let whole = |permitted| (permitted, true);
+        let (permitted, whole) = match &row.permits[0][..] {
+            [] => whole((0, u16::MAX)),
+            [Permit { offset, width, ranges, .. }] if (*offset, *width) == Self::NUMBER && ranges.len() == 1 => {
+                let narrow = |limit: u32| limit.min(u32::from(u16::MAX)) as u16;
+                whole((narrow(ranges[0].0), narrow(ranges[0].1)))
+            }
+            _ => ((0, u16::MAX), false),
+        };
+        Some(Self { kind: row.plain?, mirrored: row.mirrored, permitted, whole })
+    }
+
+    /// Whether a request for so many, or with this value, may be made. `body`: its bytes behind the function code.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A comparison, for nearly all functions.
+    pub fn permits(&self, functions: &Functions, code: u8, number: u16, body: &[u8]) -> bool {
+        let (least, most) = self.permitted;
+        let by_row =
+            || functions.row(code, body).is_some_and(|row| row.permits[0].iter().all(|one| one.violated_by(body).is_none()));
+        (least..=most).contains(&number) && (self.whole || by_row())
+    }
 }
 
 /// What the specification permits for one number of a body.

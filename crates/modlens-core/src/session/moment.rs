@@ -59,6 +59,8 @@ impl Moment {
     }
 
     /// Of the first `length` bytes of the input.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // What it gives is large, and mostly empty: without a clock nothing of it is made.
     pub(super) fn of(input: &Input, length: usize, setting: &Setting) -> Self {
         let clocked = setting.clocked && input.timed;
         let time_of = |index: usize| if clocked { input.byte_time(index) } else { None };

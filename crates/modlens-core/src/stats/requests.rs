@@ -1,6 +1,7 @@
 //! The different requests of a bus: how often each is repeated, how often not answered, and what was about it then.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::hash::{Hash, Hasher};
 
 use foldhash::fast::RandomState;
 use serde_json::{json, Value as Json};
@@ -21,8 +22,19 @@ const REMEMBERED: usize = 64;
 const REPEATED: u64 = 3;
 
 /// Unit, function, address, quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key(u8, u8, Option<(u16, u16)>);
+
+/// All of it in one number.
+impl Hash for Key {
+    #[inline]
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let (address, quantity) = self.2.unwrap_or_default();
+        let head = u16::from_be_bytes([self.0, self.1]);
+        let of = |part: u16, at: u32| u64::from(part) << (16 * at);
+        state.write_u64(of(head, 3) | of(address, 2) | of(quantity, 1) | u64::from(self.2.is_some()));
+    }
+}
 
 impl Key {
     /// What tells this request from others; single writes ask for one.
@@ -53,8 +65,6 @@ impl Key {
 #[derive(Clone, Debug)]
 struct Slot {
     key: Key,
-    /// The slot of the request that came after this one the last time.
-    next: usize,
     asked: u64,
     unanswered: u64,
     damaged: u64,
@@ -69,6 +79,8 @@ struct Slot {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Requests {
     slots: Vec<Slot>,
+    /// Of each: what is asked, and the slot of the request that came after it the last time.
+    turns: Vec<(Key, u32)>,
     places: HashMap<Key, usize, RandomState>,
     /// The slot of the last request.
     latest: usize,
@@ -128,20 +140,22 @@ impl Requests {
     }
 
     /// The slot of a request. A master asks in turn: the request that came next the last time is tried first.
+    #[inline]
     fn place(&mut self, key: Key) -> Option<usize> {
-        let likely = self.slots.get(self.latest).map_or(0, |slot| slot.next);
-        let at = if self.slots.get(likely).is_some_and(|slot| slot.key == key) {
+        let likely = self.turns.get(self.latest).map_or(0, |turn| turn.1 as usize);
+        let at = if self.turns.get(likely).is_some_and(|turn| turn.0 == key) {
             likely
         } else if let Some(&at) = self.places.get(&key) {
             at
         } else if self.slots.len() < MOST {
             self.places.insert(key, self.slots.len());
             self.slots.push(Slot::new(key));
+            self.turns.push((key, 0));
             self.slots.len() - 1
         } else {
             return None;
         };
-        self.slots[self.latest].next = at;
+        self.turns[self.latest].1 = at as u32;
         self.latest = at;
         Some(at)
     }
@@ -189,7 +203,6 @@ impl Slot {
     fn new(key: Key) -> Self {
         Self {
             key,
-            next: 0,
             asked: 0,
             unanswered: 0,
             damaged: 0,
@@ -202,6 +215,7 @@ impl Slot {
     }
 
     /// It was asked in its turn.
+    #[inline]
     fn turn(&mut self, start: Option<Ns>) {
         self.asked += 1;
         if let Some((last, start)) = self.last.zip(start).filter(|(last, start)| start > last) {

@@ -18,16 +18,22 @@ impl Rtu {
     /// The exchange at the head of the input, if there is no doubt about it: unit and function are known by now, and the
     /// request and its answer follow each other with right checksums, in one read without times or within `patience`.
     ///
-    /// Asked where nothing is open: `Framer::settled`. `pause`: what the silence before a byte says.
-    #[inline]
+    /// Asked where nothing is open: `Framer::settled`. `before`: unit and function of the exchange before; `pause`: what
+    /// the silence before a byte says.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // What it gives is large, and taken apart at once.
     pub fn exchange(
         &self,
         functions: &Functions,
         input: &Input,
+        before: Option<(u8, u8)>,
         patience: Ns,
         pause: impl Fn(usize) -> Pause,
     ) -> Option<Exchange> {
         let known = Exchange::of(functions, Mode::Rtu, input.bytes())?;
+        if known.ambiguous && before == Some((known.unit, known.code)) {
+            return None;
+        }
         let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
         let (request, rest) = input.bytes().split_at_checked(asked)?;
         let response = rest.get(..answered)?;
@@ -37,6 +43,12 @@ impl Rtu {
             return None;
         }
         (!known.mirrored || answers_itself(pause(asked), input.timed, rest, asked)).then_some(known)
+    }
+
+    /// Unit and function of the request that was answered last.
+    pub fn before(&self) -> Option<(u8, u8)> {
+        let (request, _) = self.search.pending().last?;
+        Some((request.unit, *request.pdu.first()?))
     }
 
     /// Takes note of a request and its answer, whose checksums are right. `mirrored`: they look the same.

@@ -10,7 +10,7 @@ use crate::framer::Mode;
 use crate::functions::Functions;
 use crate::hex::solid;
 use crate::session::bus::{said, BusState};
-use crate::session::routine::{unmarked, Found};
+use crate::session::routine::{both, unmarked, Found, Run};
 use crate::session::Session;
 use crate::Ns;
 
@@ -39,7 +39,9 @@ fn plain(state: &mut BusState, functions: &Functions, patience: Ns, adus: &mut [
     let text = input.bytes();
     let [request, response] = adus;
     let asked = 2 + memchr(b'\r', &text[..text.len().min(LIMIT)])?;
-    let known = decode(text, asked, request).then(|| Exchange::of(functions, Mode::Ascii, request).filter(unmarked))??;
+    let known = decode(text, asked, request)
+        .then(|| Exchange::of(functions, Mode::Ascii, request))?
+        .filter(|known| unmarked(known) && !known.ambiguous)?;
     let answered = characters(known.answered);
     let whole = request.len() == known.asked && decode(&text[asked..], answered, response);
     if !whole || !known.is_answered(request, response) || !input.holds_exchange(Mode::Ascii, asked, answered, patience) {
@@ -64,14 +66,21 @@ impl Session {
         let state = &mut self.buses[bus];
         let setting = state.setting(0);
         let told_apart = 2 * state.coarsest();
+        let mut run = Run::default();
         loop {
             let state = &mut self.buses[bus];
             let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
             let Some(found) = plain(state, &self.functions, patience, &mut adus) else { break };
-            self.exchange(bus, &found, Some(&adus), &setting, told_apart);
+            let whole = &state.lines[0].1.input.bytes()[..found.lengths[0] + found.lengths[1]];
+            let wires = both(self.batch.keep(whole).start as usize, found.lengths);
+            let pdus = adus.each_ref().map(|adu| self.batch.keep(&adu[1..]));
+            self.exchange(bus, &found, wires, Some(pdus), &setting, told_apart, &mut run);
             let response = &adus[1];
             self.buses[bus].pairing.resume(response[0], &response[1..]);
         }
         self.adus = adus;
+        if run.exchanges > 0 {
+            self.stats.run(self.buses[bus].counts, Mode::Ascii, run.exchanges, run.bytes as u64);
+        }
     }
 }

@@ -15,7 +15,7 @@ use crate::framer::tcp::HEADER as MBAP;
 use crate::framer::Mode;
 use crate::functions::Plain;
 use crate::points::sunspec::may_begin_in;
-use crate::records::{Batch, Span};
+use crate::records::Span;
 use crate::session::bus::{learn_side, LineState};
 use crate::session::capture::FROM_SERVER;
 use crate::session::moment::{Moment, Setting};
@@ -63,14 +63,17 @@ impl Session {
         }
         let setting = state.setting(0);
         let told_apart = 2 * state.coarsest();
-        let mut last = None;
+        let mut run = Run::default();
+        let mut last: Option<Exchange> = None;
+        let mut before = state.lines[0].1.framer.routine().and_then(|framer| framer.before());
+        let first = self.batch.arena.len();
         loop {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
             let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
             let Some(framer) = line.framer.routine() else { break };
             let pause = |index| state.pairing.tempo.judge(line.input.pause_before(index));
-            let known = framer.exchange(&self.functions, &line.input, patience, pause).filter(unmarked);
+            let known = framer.exchange(&self.functions, &line.input, before, patience, pause).filter(unmarked);
             let Some(known) = known else { break };
             let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
             let (request, response) = line.input.bytes()[..asked + answered].split_at(asked);
@@ -80,12 +83,17 @@ impl Session {
             }
             framer.again(request, response, known.mirrored);
             let found = Found { known, mode: Mode::Rtu, id: None, lines: [0, 0], lengths: [asked, answered] };
-            self.exchange(bus, &found, None, &setting, told_apart);
+            // Their bytes are kept at the end, all at once.
+            let wires = both(first + run.bytes, found.lengths);
+            self.exchange(bus, &found, wires, None, &setting, told_apart, &mut run);
+            before = Some((known.unit, known.code));
             last = Some(known);
         }
         let Some(known) = last else { return };
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
+        self.batch.arena.extend_from_slice(line.input.forgotten(run.bytes));
+        self.stats.run(state.counts, Mode::Rtu, run.exchanges, run.bytes as u64);
         if let Some(framer) = line.framer.routine() {
             framer.resume(&line.input, &known);
         }
@@ -99,6 +107,7 @@ impl Session {
         let state = &mut self.buses[bus];
         let setting = state.setting(client);
         let told_apart = 2 * state.coarsest();
+        let mut run = Run::default();
         let mut last = None;
         loop {
             let state = &mut self.buses[bus];
@@ -123,21 +132,35 @@ impl Session {
                 break;
             }
             let found = Found { known, mode: Mode::Tcp, id: Some(u16::from_be_bytes(id)), lines, lengths };
-            self.exchange(bus, &found, None, &setting, told_apart);
+            let wires = [0, 1].map(|at| self.batch.keep(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
+            self.exchange(bus, &found, wires, None, &setting, told_apart, &mut run);
             last = Some(known.answered);
         }
         let Some(answered) = last else { return };
         let state = &mut self.buses[bus];
+        self.stats.run(state.counts, Mode::Tcp, run.exchanges, run.bytes as u64);
         let response = state.lines[server].1.input.forgotten(answered);
         state.pairing.resume(response[0], &response[1..]);
     }
 
-    /// Tells an exchange at the heads of its lines. `adus`: unit and PDU of both, where the lines have characters.
-    fn exchange(&mut self, bus: usize, found: &Found, adus: Option<&[Vec<u8>; 2]>, setting: &Setting, told_apart: Ns) {
+    /// Tells an exchange at the heads of its lines, whose bytes are or will be in the arena at `wires`. `pdus`: where those
+    /// of both are, where the lines have characters.
+    #[inline(always)]
+    #[allow(clippy::inline_always, clippy::too_many_arguments)] // The body of three loops; apart, most of its time goes to its arguments.
+    fn exchange(
+        &mut self,
+        bus: usize,
+        found: &Found,
+        wires: [Span; 2],
+        pdus: Option<[Span; 2]>,
+        setting: &Setting,
+        told_apart: Ns,
+        run: &mut Run,
+    ) {
         let state = &mut self.buses[bus];
         let Found { known, mode, id, lines: [client, server], lengths } = found;
-        let (request, asked) = taken(&mut self.batch, &mut state.lines[*client].1, lengths[0], setting);
-        let (response, answered) = taken(&mut self.batch, &mut state.lines[*server].1, lengths[1], setting);
+        let asked = taken(&mut state.lines[*client].1, lengths[0], setting);
+        let answered = taken(&mut state.lines[*server].1, lengths[1], setting);
         learn_side(&mut state.sides, asked.side, Direction::Request);
         learn_side(&mut state.sides, answered.side, Direction::Response);
         let response_time = state.pairing.since(asked.end, answered.start, answered.clean_start);
@@ -150,8 +173,8 @@ impl Session {
             bus: bus as u32,
             lines: [state.lines[*client].0, state.lines[*server].0],
             found,
-            request,
-            response,
+            request: wires[0],
+            response: wires[1],
             asked,
             answered,
             response_time: response_time.filter(|&ns| ns >= told_apart),
@@ -159,23 +182,29 @@ impl Session {
         };
         let spans = [asked.span(), answered.span()];
         let key = Key::plain(known.unit, known.code, known.address, known.quantity);
-        self.stats.again(state.counts, *mode, key, lengths[0] + lengths[1], spans, told.response_time);
+        self.stats.again(state.counts, key, spans, told.response_time);
+        run.exchanges += 1;
+        run.bytes += lengths[0] + lengths[1];
         self.next_txn += 1;
         self.next_frame += 2;
-        let findings = self.batch.keep_codes(&[]);
+        let findings = Span { start: self.batch.codes.len() as u32, length: 0 };
         if self.wanted.frames {
             self.batch.frames.push(told.frame(Direction::Request, findings));
             self.batch.frames.push(told.frame(Direction::Response, findings));
         }
         if self.wanted.transactions {
-            let pdus = match adus {
-                Some([request, response]) => [self.batch.keep(&request[1..]), self.batch.keep(&response[1..])],
-                None => [inside(*mode, request, known.asked), inside(*mode, response, known.answered)],
-            };
+            let inside = || [inside(*mode, wires[0], known.asked), inside(*mode, wires[1], known.answered)];
             let points = state.profiles.of(known.unit);
-            self.held.push(told.transaction(points, pdus, findings));
+            self.held.push(told.transaction(points, pdus.unwrap_or_else(inside), findings));
         }
     }
+}
+
+/// Exchanges one behind the other, and their bytes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Run {
+    exchanges: u64,
+    bytes: usize,
 }
 
 /// Whether no profile of a unit begins in what is read.
@@ -189,11 +218,18 @@ fn inside(mode: Mode, wire: Span, length: usize) -> Span {
     Span { start: wire.start + before as u32, length: length as u32 - 1 }
 }
 
-/// The first bytes of a line, kept and told.
-fn taken(batch: &mut Batch, line: &mut LineState, length: usize, setting: &Setting) -> (Span, Moment) {
-    let wire = batch.keep(&line.input.bytes()[..length]);
+/// A request at this place of the arena, and its answer behind it.
+fn both(start: usize, [asked, answered]: [usize; 2]) -> [Span; 2] {
+    let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
+    [span(start, asked), span(start + asked, answered)]
+}
+
+/// The first bytes of a line, told.
+#[inline(always)]
+#[allow(clippy::inline_always)] // See `Session::exchange`.
+fn taken(line: &mut LineState, length: usize, setting: &Setting) -> Moment {
     let moment = Moment::of(&line.input, length, &Setting { last_end: line.last_end, ..*setting });
     line.input.consume(length);
     line.last_end = moment.end.or(line.last_end);
-    (wire, moment)
+    moment
 }

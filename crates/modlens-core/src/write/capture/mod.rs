@@ -269,7 +269,10 @@ impl Capture {
         if let Some(txn) = frame.txn {
             match self.told.get(txn).map(|(batch, at)| &batch.transactions[at]) {
                 Some(row) if frame.number < last_frame(row) => {}
-                Some(_) => self.tell(txn, out),
+                Some(_) => {
+                    self.tell(txn, out);
+                    self.untold.remove(&txn);
+                }
                 None => {
                     self.untold.insert(txn);
                 }
@@ -360,4 +363,29 @@ fn last_frame(row: &Transaction) -> u64 {
 /// The first moment of the recording.
 fn origin(frame: &Frame) -> Option<Ns> {
     Some(frame.start? - frame.elapsed?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chunk::{Chunk, Times};
+    use crate::session::{BusOptions, Session, Wanted};
+
+    /// A tap may go on for years: of a transaction that has its packets, nothing stays.
+    #[test]
+    fn a_live_capture_remembers_no_transaction_that_is_told() {
+        let wanted = Wanted { frames: true, transactions: true, findings: true };
+        let mut session = Session::new(Arc::default(), wanted, true, None);
+        let bus = session.add_bus(BusOptions::named("bus"));
+        let mut capture = Capture::new(Options { live: true, ..Options::default() });
+        let mut out = Vec::new();
+        let frames: [&[u8]; 2] = [&[1, 3, 0, 0, 0, 1, 0x84, 0x0A], &[1, 3, 2, 0, 7, 0xF9, 0x86]];
+        for at in 0..40 {
+            session.feed(bus, &Chunk { bytes: frames[at % 2], times: Times::Read(at as Ns * 200_000_000), ..Chunk::default() });
+            capture.put(&Arc::new(session.take()), None);
+            capture.more(usize::MAX, &mut out);
+        }
+        assert!(capture.written >= 38, "{}", capture.written);
+        assert!(capture.untold.len() < 2, "{:?}", capture.untold);
+    }
 }

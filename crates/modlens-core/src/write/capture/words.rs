@@ -145,7 +145,8 @@ pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
         if half.frame > 0 {
             number(key, half.frame, out);
             let pdu = half.pdu.of(&batch.arena);
-            if pdu != usual_pdu(batch, row.mode, half) {
+            let usual = usual_pdu(batch, row.mode, half);
+            if !std::ptr::eq(pdu, usual) && pdu != usual {
                 word(bytes, &hex(pdu), out);
             }
         }

@@ -194,24 +194,22 @@ where
     }
 }
 
-/// What all columns share: zstd's memory, and that of a page before and behind it.
+/// What all columns share: zstd's memory, and that of a page before it.
 pub(super) struct Packer {
     zstd: Compressor<'static>,
     plain: Vec<u8>,
-    packed: Vec<u8>,
 }
 
 impl Packer {
     pub(super) fn new() -> IoResult<Self> {
-        Ok(Self { zstd: Compressor::new(LEVEL)?, plain: Vec::new(), packed: Vec::new() })
+        Ok(Self { zstd: Compressor::new(LEVEL)?, plain: Vec::new() })
     }
 
     /// What is in `plain`, packed.
     fn packed(&mut self) -> IoResult<Vec<u8>> {
-        self.packed.clear();
-        self.packed.reserve(compress_bound(self.plain.len()));
-        self.zstd.compress_to_buffer(&self.plain, &mut self.packed)?;
-        Ok(self.packed.as_slice().to_vec())
+        let mut packed = Vec::with_capacity(compress_bound(self.plain.len()));
+        self.zstd.compress_to_buffer(&self.plain, &mut packed)?;
+        Ok(packed)
     }
 
     /// Appends a page of what is in `plain`, behind its header; gives their size without zstd.

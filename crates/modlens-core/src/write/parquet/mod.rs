@@ -232,7 +232,7 @@ mod tests {
         #[test]
         fn any_rows_are_read_back(rows in proptest::collection::vec((any::<Option<u64>>(), any::<i64>(), ".{0,9}", any::<Option<u8>>()), 1..500)) {
             let mut batch = Batch::default();
-        batch.buses = Arc::new(vec![a_bus("one", 0), a_bus("two", u64::MAX)]);
+        batch.buses = Arc::new([a_bus("one", 0), a_bus("two", u64::MAX)].into_iter().collect());
             batch.findings = rows.into_iter().map(|(number, time, detail, unit)| FindingRow {
                 frame: number,
                 txn: number.map(|number| number >> 40),
@@ -288,7 +288,7 @@ mod tests {
     #[test]
     fn parts_say_what_is_in_them() {
         let mut batch = Batch::default();
-        batch.buses = Arc::new(vec![a_bus("b", 1), a_bus("a", 2)]);
+        batch.buses = Arc::new([a_bus("b", 1), a_bus("a", 2)].into_iter().collect());
         let row = |frame, bus, start| FindingRow {
             frame,
             txn: None,
