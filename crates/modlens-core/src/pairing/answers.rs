@@ -72,8 +72,8 @@ impl Pairing {
         }
         let mut placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
         // Where the order is a guess, it proves nothing.
-        if seen.mode != Mode::Tcp && self.ordered && self.meeting(&mut exchange, seen) {
-            placed.finding = Some(Finding::TwoMasters);
+        if seen.mode != Mode::Tcp && self.ordered {
+            self.meeting(&mut exchange, seen, &mut placed);
         }
         if exchange.mbap_id != seen.mbap_id {
             exchange.findings.push(Finding::TransactionId);
@@ -92,14 +92,12 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<Exchange>>,
     ) -> Option<usize> {
-        let mut request = partial.filter(|request| (request.unit, request.function) == (seen.unit(), seen.function()))?;
+        let request = partial.filter(|request| (request.unit, request.function) == (seen.unit(), seen.function()))?;
         self.settle_stray(None, done);
         while !self.open.is_empty() {
             self.give_up_oldest(functions, seen, done);
         }
-        request.txn = *next_txn;
-        *next_txn += 1;
-        self.open.push_back(request);
+        self.open_partial(request, next_txn);
         Some(0)
     }
 
@@ -116,8 +114,9 @@ impl Pairing {
         own.or_else(|| if foreign() { self.open.iter().position(|exchange| fits(exchange)) } else { None })
     }
 
-    /// Whether this answer proves, with the others, that two masters talk. Older proofs become notes.
-    fn meeting(&mut self, exchange: &mut Exchange, seen: &Seen<'_>) -> bool {
+    /// Whether this answer proves, with the others, that two masters talk. Older proofs become notes: of two exchanges, the
+    /// one that is told only now says it.
+    fn meeting(&mut self, exchange: &mut Exchange, seen: &Seen<'_>, placed: &mut Placed) {
         if let Some(inside) = exchange.inside {
             let (txn, unit, other, clear) = (exchange.txn, exchange.unit, inside.txn, inside.clear);
             let meeting = Meeting { txn, frame: seen.frame, unit, start: seen.start, other, clear, origin: seen.origin };
@@ -133,16 +132,16 @@ impl Pairing {
         if let Some(meeting) = self.halfway.take_if(|meeting| meeting.other == exchange.txn) {
             self.masters.met(meeting);
         }
-        let mut mine = false;
         for meeting in self.masters.proofs() {
-            if meeting.txn == exchange.txn {
-                exchange.findings.push(Finding::TwoMasters);
-                mine = true;
-            } else {
+            let here = meeting.txn == exchange.txn || meeting.other == exchange.txn;
+            if !here {
                 self.notes.push(Note { finding: Finding::TwoMasters, meeting });
+            } else if placed.finding.is_none() {
+                exchange.findings.push(Finding::TwoMasters);
+                placed.finding = Some(Finding::TwoMasters);
+                placed.other = (meeting.other == exchange.txn).then_some(meeting.txn);
             }
         }
-        mine
     }
 
     /// The time from the end of a request to a start, if that is exact and the clock can tell.

@@ -16,6 +16,7 @@ mod past;
 mod requests;
 mod routine;
 mod tempo;
+mod wreck;
 
 pub use exchange::{Exchange, Kept, Seen};
 pub use masters::Meeting;
@@ -162,11 +163,11 @@ impl Pairing {
     /// Places a frame; `done` gets what it completes.
     pub fn take(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
         match (seen.verdict.good(), seen.direction) {
-            (_, _) if seen.verdict == Verdict::Noise || seen.adu.len() < 2 => Placed::default(),
-            (true, Direction::Request) => {
-                self.partial = None;
-                self.request(functions, seen, next_txn, done)
-            }
+            (_, _) if seen.verdict == Verdict::Noise => Placed::default(),
+            // Of an answer, no more than that it came may be known; on two lines, not even to what.
+            (false, Direction::Response) if self.ordered => self.damaged(functions, seen, next_txn, done),
+            (_, _) if seen.adu.len() < 2 => Placed::default(),
+            (true, Direction::Request) => self.request(functions, seen, next_txn, done),
             (true, Direction::Response) => self.response(functions, seen, next_txn, done),
             (true, Direction::Unknown) => Placed::default(),
             (false, _) => self.damaged(functions, seen, next_txn, done),
@@ -190,7 +191,9 @@ impl Pairing {
         if exchange.status != Status::BadRequest {
             exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
         }
-        if exchange.status != Status::BadRequest && !exchange.silent {
+        if exchange.status == Status::BadRequest {
+            self.past.damaged(&exchange);
+        } else if !exchange.silent {
             self.past.unanswered(&exchange, exchange.status == Status::NoResponse && !exchange.late_seen);
         }
         if exchange.status == Status::NoResponse && !exchange.silent {

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use crate::direction::{answers, Asked, Match};
 use crate::functions::Functions;
+use crate::pairing::wreck::Wreck;
 use crate::pairing::{Exchange, Seen};
 use crate::Ns;
 
@@ -34,16 +35,21 @@ pub(super) struct Request {
     pub unit: u8,
     pub pdu: Vec<u8>,
     pub end: Option<Ns>,
+    /// What came of it, if that was not all, or not right.
+    wreck: Option<Wreck>,
 }
 
 impl Request {
     pub(super) fn of(exchange: &Exchange) -> Self {
         let (txn, unit, end) = (exchange.txn, exchange.unit, exchange.request.end);
-        Self { txn, unit, end, pdu: exchange.request.pdu().to_vec() }
+        Self { txn, unit, end, pdu: exchange.request.pdu().to_vec(), wreck: None }
     }
 
     pub(super) fn is(&self, seen: &Seen<'_>) -> bool {
-        self.unit == seen.unit() && self.pdu == seen.pdu()
+        match &self.wreck {
+            Some(wreck) => wreck.is_of(seen.wire),
+            None => self.unit == seen.unit() && self.pdu == seen.pdu(),
+        }
     }
 
     fn answered_by(&self, functions: &Functions, seen: &Seen<'_>) -> bool {
@@ -104,6 +110,12 @@ impl Past {
             self.unanswered.push_back(request.clone());
         }
         self.failed.push(request);
+    }
+
+    /// A request that arrived damaged was not answered.
+    pub(super) fn damaged(&mut self, exchange: &Exchange) {
+        let wreck = Some(Wreck::of(&exchange.request.wire));
+        self.failed.push(Request { wreck, ..Request::of(exchange) });
     }
 
     /// The unanswered request that this one repeats. Only the next request is asked for.

@@ -6,6 +6,7 @@ use crate::framer::{Mode, Verdict};
 use crate::functions::{Functions, Layout, Operation};
 use crate::pairing::exchange::Inside;
 use crate::pairing::past::Request;
+use crate::pairing::wreck::Wreck;
 use crate::pairing::{Exchange, Pairing, Placed, Seen, BROADCAST};
 use crate::records::Status;
 use crate::Ns;
@@ -96,6 +97,7 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<Exchange>>,
     ) -> Placed {
+        let partial = self.partial.take();
         let same = self.same_again(functions, seen);
         if let Same::Echo(txn) = same {
             return Placed { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
@@ -107,6 +109,10 @@ impl Pairing {
         let inside = self.make_room(functions, seen, done);
         if matches!(same, Same::Unclear) {
             self.past.forget_failed();
+        }
+        if let Some(partial) = partial.filter(|partial| self.begins(partial, seen)) {
+            self.open_partial(partial, next_txn);
+            self.give_up_oldest(functions, seen, done);
         }
         let mut exchange = self.start(seen, next_txn);
         exchange.request.fill(seen);
@@ -247,7 +253,8 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<Exchange>>,
     ) -> Placed {
-        let request_like = seen.direction == Direction::Request && functions.name(seen.function()).is_some();
+        let known = functions.name(seen.function()).is_some() || self.present[usize::from(seen.unit())];
+        let request_like = seen.direction == Direction::Request && seen.adu.len() > 1 && known;
         if seen.mode == Mode::Tcp || !request_like {
             return Placed::default();
         }
@@ -273,6 +280,19 @@ impl Pairing {
         let txn = exchange.txn;
         self.open.push_back(exchange);
         Placed { txn: Some(txn), ..Placed::default() }
+    }
+
+    /// Whether the master asks again for what it had no answer to, as only the beginning of the request had arrived.
+    fn begins(&self, partial: &Exchange, seen: &Seen<'_>) -> bool {
+        let waited = seen.start.zip(partial.request.end).map(|(start, end)| start - end);
+        Wreck::of(&partial.request.wire).is_of(seen.wire) && waited.is_none_or(|waited| !self.too_soon(waited))
+    }
+
+    /// A request that lacks bytes was one, as what follows shows.
+    pub(super) fn open_partial(&mut self, mut request: Box<Exchange>, next_txn: &mut u64) {
+        request.txn = *next_txn;
+        *next_txn += 1;
+        self.open.push_back(request);
     }
 
     /// Closes the oldest open request: another one came.

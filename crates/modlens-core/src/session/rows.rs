@@ -32,6 +32,7 @@ pub(super) fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) 
         Finding::Retry => format!("repeats transaction{other}"),
         Finding::LateResponse => format!("answers transaction{other}"),
         Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
+        Finding::TwoMasters if placed.other.is_some() => format!("asked while transaction{other} waited for its answer"),
         Finding::TwoMasters => String::from("answered after a later request"),
         Finding::WrongUnit => format!("unit {unit} answered; transaction{other} asked another"),
         Finding::WrongFunction => {

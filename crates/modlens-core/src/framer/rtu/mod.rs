@@ -8,6 +8,7 @@ mod autopsy;
 mod bits;
 mod certain;
 mod costs;
+mod ends;
 mod gain;
 mod hints;
 mod index;
@@ -30,6 +31,7 @@ use crate::input::Input;
 use crate::line::Line;
 use crate::Ns;
 
+pub(crate) use autopsy::is_glitch;
 use autopsy::Piece;
 use certain::{Certain, Length};
 use pending::set_first;
@@ -68,6 +70,8 @@ pub struct Rtu {
     dissected: u64,
     /// The last frame given out was damaged.
     after_damage: bool,
+    /// An answer without its end was told, and not yet what the master made of it.
+    open_end: bool,
     /// Shortest pause between frames.
     silence: Ns,
 }
@@ -83,6 +87,7 @@ impl Rtu {
             pieces: VecDeque::new(),
             dissected: 0,
             after_damage: false,
+            open_end: false,
             silence: line.map_or(COARSE_SILENCE, Line::t35_ns),
         }
     }
@@ -177,6 +182,7 @@ impl Rtu {
         self.hear(input, length.bytes());
         self.search.pass(context, bytes, 0, length);
         let direction = self.search.direction();
+        self.learn_end(context, &bytes[..length.bytes()], direction);
         if !length.exact() {
             return self.cut(input, context, length.bytes(), direction, SURE, adu);
         }
@@ -207,6 +213,7 @@ impl Rtu {
                     (self.told, self.after_damage) = (None, false);
                     let length = (end - start) as usize;
                     self.hear(input, length);
+                    self.learn_end(context, &input.bytes()[..length], direction);
                     let cut = self.cut(input, context, length, direction, confidence, adu);
                     return Some(Cut { tentative, ..cut });
                 }

@@ -33,6 +33,8 @@ pub struct Model {
     paused: f32,
     /// Damaged frames of which bytes were missing, and those that another sender talked into.
     harms: [f32; 2],
+    /// Answers without their end, behind which the master went on, and those that it asked for again.
+    ends: [f32; 2],
     requests: f32,
     copies: f32,
     /// Costs of frames that follow each other at once, and of those that do not.
@@ -88,6 +90,7 @@ impl Default for Model {
             few: 0.0,
             paused: 0.0,
             harms: [0.0; 2],
+            ends: [0.0; 2],
             requests: 0.0,
             copies: 0.0,
             glued: 0.0,
@@ -344,6 +347,18 @@ impl Model {
         const SOME: f32 = 3.0;
         const FOR_EACH_COLLISION: f32 = 4.0;
         self.harms[0] >= SOME && self.harms[0] >= FOR_EACH_COLLISION * self.harms[1]
+    }
+
+    /// Behind an answer without its end, the master asked for it again, or went on.
+    pub fn learn_end(&mut self, again: bool) {
+        self.ends[usize::from(again)] += 1.0;
+    }
+
+    /// Whether it is the tap that has lost the end of an answer, and not the sender that stopped: masters went on.
+    pub fn loses_ends(&self) -> bool {
+        const SOME: f32 = 2.0;
+        const FOR_EACH_STOP: f32 = 4.0;
+        self.ends[0] >= SOME && self.ends[0] >= FOR_EACH_STOP * self.ends[1]
     }
 
     /// A good frame had a pause inside.

@@ -18,6 +18,9 @@ impl Rtu {
         if self.dissected < to {
             self.dissected = to;
             self.pieces = self.dissect(input, context, (to - offset) as usize);
+            if !context.ahead {
+                self.blame();
+            }
             self.pieces.iter().for_each(|(_, piece)| self.search.model.learn_harm(piece.harm));
         }
         let region = (to - offset) as usize;

@@ -1,7 +1,7 @@
 //! What stands in front of the damaged frames of a gap and behind them: the remains of others.
 
 use crate::checksum::mending_bit;
-use crate::direction::Direction;
+use crate::direction::{Asked, Direction};
 use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::pick::glitch;
 use crate::framer::rtu::autopsy::{template, Piece, Scene, COARSE_STOP, MOST_GLITCH};
@@ -50,6 +50,12 @@ impl Scene<'_, '_> {
             return None;
         }
         let bytes = &self.bytes()[..to];
+        if let Some(asked) = asked.filter(|&asked| to == self.length && self.is_clean() && begun(bytes, asked)) {
+            let unknown = bytes.len() < 2;
+            let again = self.repeats(Some(asked));
+            let harm = again.then_some(Harm::Truncated { count: 0 });
+            return Some(Piece { start: 0, end: to, direction: due, head: Vec::new(), short: true, harm, unknown, wrong: 0 });
+        }
         // On a line with few strays, zeros are data.
         let clean = begins || (self.context.speaker.is_some() && self.is_clean());
         let strays = if clean { 0 } else { bytes.iter().take(MOST_GLITCH).take_while(|&&byte| glitch(byte)).count() };
@@ -128,4 +134,11 @@ impl Scene<'_, '_> {
         let pause = self.input.pause_before(piece.end);
         pause.is_some_and(|pause| (pause - expected).abs() <= late.max(expected / 8))
     }
+}
+
+/// Whether these are the first bytes of the answer, and no strays: on a line with few of those, one byte in 256 is the unit
+/// that was asked.
+fn begun(bytes: &[u8], asked: Asked<'_>) -> bool {
+    let code = || bytes.get(1).is_none_or(|code| asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
+    bytes.len() <= 2 && !glitch(bytes[0]) && bytes[0] == asked.unit && code()
 }
