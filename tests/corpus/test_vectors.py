@@ -129,7 +129,11 @@ def test_wrong_answers_get_a_finding(row: dict[str, Any], request_frame: bytes) 
     body = request_frame[:-2]
     asked = body + _modlens.crc16(body).to_bytes(2, "little")
     batch = decode("rtu", asked, wire(row))
-    assert [finding.code for finding in batch.findings] != []
+    if wire(row).startswith(asked):
+        # A local echo or a retry: without a clock nothing tells, and nothing is claimed.
+        assert [txn.status for txn in batch.transactions] == ["not_seen", "ok"]
+    else:
+        assert [finding.code for finding in batch.findings] != []
 
 
 def test_document_mistakes_are_said() -> None:

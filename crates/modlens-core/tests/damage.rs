@@ -8,7 +8,7 @@ use modlens_core::framer::{Mode, Verdict};
 use modlens_core::records::{Batch, Status};
 use modlens_core::session::{BusOptions, Session};
 
-use wire::{answer, read};
+use wire::{answer, frame, read};
 
 /// A poll cycle of two units, often enough to be known.
 fn cycle() -> Vec<u8> {
@@ -50,6 +50,36 @@ fn a_flipped_bit_is_found_and_named_in_every_byte_of_a_response() {
         assert_eq!(found.len(), 1, "byte {at}: {found:?}");
         assert_eq!((found[0].0, found[0].1), (8, Verdict::BadChecksum), "byte {at}");
         assert!(found[0].2.contains(&Finding::BitFlip), "byte {at}: {:?}", found[0].2);
+    }
+}
+
+#[test]
+fn a_damaged_frame_that_somebody_shows_by_itself_begins_where_it_begins() {
+    // Examples of the specification (V1.1b3, section 6): requests and responses of 1, 3, 4, 15, 16, 43.
+    let pdus: [&[u8]; 10] = [
+        &[0x01, 0x00, 0x13, 0x00, 0x13],
+        &[0x01, 0x03, 0xCD, 0x6B, 0x05],
+        &[0x03, 0x06, 0x02, 0x2B, 0x00, 0x00, 0x00, 0x64],
+        &[0x04, 0x00, 0x08, 0x00, 0x01],
+        &[0x04, 0x02, 0x00, 0x0A],
+        &[0x04, 0x04, 0x00, 0x00, 0x00, 0x0A],
+        &[0x0F, 0x00, 0x13, 0x00, 0x0A, 0x02, 0xCD, 0x01],
+        &[0x0F, 0x00, 0x13, 0x00, 0x0A],
+        &[0x10, 0x00, 0x01, 0x00, 0x02, 0x04, 0x00, 0x0A, 0x01, 0x02],
+        &[0x2B, 0x0E, 0x01, 0x01, 0x00, 0x00, 0x01, 0x00, 0x04, b'A', b'c', b'm', b'e'],
+    ];
+    for whole in [1, 4, 16, 17].iter().flat_map(|&unit| pdus.map(|pdu| frame(unit, pdu))) {
+        let flipped = (0..8 * whole.len()).map(|bit| {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            bytes
+        });
+        // A unit that has become 0 may as well be a driver's stray.
+        for bytes in flipped.filter(|bytes| bytes[0] != 0).chain([whole[..whole.len() - 1].to_vec()]) {
+            let batch = decode(&bytes);
+            let first = &batch.frames[0];
+            assert!(matches!(first.verdict, Verdict::BadChecksum | Verdict::Incomplete), "{bytes:02x?}: {first:?}");
+        }
     }
 }
 

@@ -104,6 +104,10 @@ impl Scene<'_, '_> {
     /// The damaged frames of this gap, in order.
     pub fn pieces(&self) -> Vec<Piece> {
         let mut pieces = if self.is_nothing() { Vec::new() } else { self.pick(&self.all_candidates()) };
+        // What somebody shows by itself begins where it begins.
+        if self.is_alone() && pieces.first().is_some_and(|piece| !is_glitch(&self.bytes()[..piece.start])) {
+            pieces.clear();
+        }
         let first = pieces.first().map_or(self.length, |piece| piece.start);
         pieces.splice(0..0, self.remains(first, pieces.is_empty()));
         match pieces.last_mut() {
@@ -128,6 +132,11 @@ impl Scene<'_, '_> {
     /// known, and an answer needs none.
     fn is_by_itself(&self) -> bool {
         self.context.speaker.is_some() && self.context.asked.is_none() && !self.input.timed
+    }
+
+    /// Whether there is nothing else in the recording.
+    fn is_alone(&self) -> bool {
+        self.input.offset() == 0 && self.after.is_none() && self.input.ended && self.length == self.input.bytes().len()
     }
 
     /// Whether more than a few strays are no frame on this line.
