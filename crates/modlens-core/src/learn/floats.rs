@@ -1,8 +1,6 @@
 //! What speaks for a float.
 
-use std::fmt::Write;
-
-use crate::learn::judge::{asked_for, coupling, figure, Claim, ENOUGH, WILD};
+use crate::learn::judge::{asked_for, coupling, span, Claim, ENOUGH, WILD};
 use crate::learn::movement::Movement;
 use crate::points::Value;
 use crate::profile::{Order, Type};
@@ -64,13 +62,7 @@ pub fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
     if bits < ENOUGH {
         return None;
     }
-    let _ = write!(
-        reason,
-        "as {} from {} to {}",
-        kind.word(),
-        figure(numbers.iter().copied().fold(f64::MAX, f64::min)),
-        figure(numbers.iter().copied().fold(f64::MIN, f64::max))
-    );
+    span(kind, &numbers, &mut reason);
     // Exponents in the range of plants are the rarer thing: so a float stands before a whole number of the same bits.
     Some(Claim { kind, order, bits: bits + 3.0, reason, sure: false, step: movement.step })
 }

@@ -136,7 +136,14 @@ pub(super) fn asked_for(asked: f64, reason: &mut String) -> f64 {
     6.0
 }
 
-pub(super) fn figure(number: f64) -> String {
+/// The words for what these numbers would be.
+pub(super) fn span(kind: Type, numbers: &[f64], reason: &mut String) {
+    let least = figure(numbers.iter().copied().fold(f64::MAX, f64::min));
+    let most = figure(numbers.iter().copied().fold(f64::MIN, f64::max));
+    let _ = write!(reason, "as {} from {least} to {most}", kind.word());
+}
+
+fn figure(number: f64) -> String {
     Value::Double(if number.abs() < 1e15 { (number * 1e4).round() / 1e4 } else { number }).text().unwrap_or_default()
 }
 

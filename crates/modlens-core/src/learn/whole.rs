@@ -1,8 +1,6 @@
 //! What speaks for a whole number.
 
-use std::fmt::Write;
-
-use crate::learn::judge::{asked_for, coupling, figure, Claim, CARRY, ENOUGH, WILD};
+use crate::learn::judge::{asked_for, coupling, span, Claim, CARRY, ENOUGH, WILD};
 use crate::learn::movement::Movement;
 use crate::profile::{Order, Type};
 
@@ -59,13 +57,7 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
         }
     };
     let numbers: Vec<f64> = values.iter().map(number).collect();
-    let _ = write!(
-        reason,
-        "as {} from {} to {}",
-        kind.word(),
-        figure(numbers.iter().copied().fold(f64::MAX, f64::min)),
-        figure(numbers.iter().copied().fold(f64::MIN, f64::max))
-    );
+    span(kind, &numbers, &mut reason);
     Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
