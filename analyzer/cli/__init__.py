@@ -10,12 +10,13 @@ input unreadable or output not writable; 4 port trouble.
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 from collections.abc import Sequence
 from typing import TextIO
 
-__all__ = ["COMMANDS", "STDERR", "STDOUT", "forget", "main", "module_of"]
+from analyzer.cli.standard_streams import STDOUT, discard_output
+
+__all__ = ["COMMANDS", "main", "module_of"]
 
 COMMANDS = {
     "tap": "listen to a serial line and decode what happens on it",
@@ -39,8 +40,6 @@ COMMANDS = {
 
 INTERRUPTED = 130
 
-STDOUT, STDERR = 1, 2
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; gives the exit status and prints every error as one line."""
@@ -53,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(words[0], words[1:])
     except BrokenPipeError:
-        forget(STDOUT)
+        discard_output(STDOUT)
         return 0
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -99,7 +98,7 @@ def _flush(*, told: bool) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        forget(STDOUT)
+        discard_output(STDOUT)
         if not told:
             message = f"standard output: cannot be written: {error.strerror}"
             raise SourceError(message) from error
@@ -141,13 +140,6 @@ def _survive_odd_text(*streams: TextIO) -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="backslashreplace")
-
-
-def forget(descriptor: int) -> None:
-    """Nobody reads it any more: what is left in a buffer goes nowhere, also when Python ends."""
-    sink = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, descriptor)
-    os.close(sink)
 
 
 def _plain(text: str) -> str:

@@ -13,7 +13,7 @@ import stat
 import sys
 from pathlib import Path
 
-from analyzer.cli import STDOUT
+from analyzer.cli.standard_streams import STDOUT
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["add_arguments", "run"]

@@ -10,7 +10,7 @@ import sys
 import textwrap
 from typing import Any
 
-from analyzer.cli import STDERR, forget
+from analyzer.cli.standard_streams import STDERR, discard_output
 from analyzer.session import Intake
 from analyzer.views.screen import Screen, fit, visible
 from analyzer.views.stats import show_stats
@@ -80,7 +80,7 @@ class Notes:
         try:
             self._screen.line(visible(text), style)
         except (BrokenPipeError, SourceError):
-            forget(STDERR)
+            discard_output(STDERR)
 
     def _detected(self, intake: Intake) -> None:
         seen = intake.seen

@@ -14,11 +14,11 @@ from dataclasses import replace
 from os.path import isfile
 from typing import Protocol
 
-from analyzer.cli import STDOUT, forget
 from analyzer.cli.between import chosen
 from analyzer.cli.notes import Notes
 from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import announce
+from analyzer.cli.standard_streams import STDOUT, discard_output
 from analyzer.cli.stopping import Stopping
 from analyzer.exports import Wish
 from analyzer.exports.sink import ExportSink, Target, check_style, fitting, tables_of, target
@@ -187,7 +187,7 @@ class Outputs:
         self._failures += 1
         if isinstance(error, BrokenPipeError):
             self.silenced = len(self._sinks) == 1
-            forget(STDOUT)
+            discard_output(STDOUT)
             return
         self.status = max(self.status, error.exit_status)
         self._notes.trouble(error.message)

@@ -1,0 +1,25 @@
+"""No circle of imports between files: each is understood with only those below it."""
+
+from __future__ import annotations
+
+import grimp
+import pytest
+
+from tests.support.cycles import cycles
+
+
+@pytest.mark.parametrize("packages", [("analyzer", "dissectors"), ("tests",)])
+def test_python_files_do_not_import_each_other(packages: tuple[str, ...]) -> None:
+    """Imports inside functions count, and so do those for type checkers."""
+    graph = grimp.build_graph(*packages, cache_dir=None)
+    imports = {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+    tied = [
+        [
+            f"{detail['importer']}:{detail['line_number']}: {detail['line_contents']}"
+            for name in group
+            for target in sorted(imports[name].intersection(group))
+            for detail in graph.get_import_details(importer=name, imported=target)
+        ]
+        for group in cycles(imports)
+    ]
+    assert not tied, "\n\n".join("\n".join(lines) for lines in tied)
