@@ -12,10 +12,10 @@ import _modlens
 from analyzer.columns import columns
 from analyzer.filters import Filter, parse
 from analyzer.line import Line, parse_line
-from analyzer.live import LiveRun
+from analyzer.live_run import LiveRun
 from analyzer.profiles import Binding, binding, with_vendors
 from analyzer.session import FileRun, Settings
-from analyzer.silences import silences
+from analyzer.silence_limits import silences
 from analyzer.times import transitions
 from dissectors.errors import UsageError
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from dissectors.errors import UsageError
+from dissectors.function_lookup import near
 from dissectors.vocabulary import vocabulary
-from dissectors.words import near
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
 

@@ -56,7 +56,7 @@ from dataclasses import dataclass
 
 import _modlens
 from analyzer.columns import columns
-from analyzer.filtertree import Compiler, Tree
+from analyzer.filter_compiler import Compiler, Tree
 from dissectors.errors import FilterError
 
 __all__ = ["LONGEST", "Filter", "parse"]

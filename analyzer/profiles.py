@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 import _modlens
 from dissectors.errors import ProfileError, SourceError, UsageError
+from dissectors.function_lookup import near
 from dissectors.profile import FORMS, Profile, parse, shipped, shipped_names
-from dissectors.words import near
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint as _EntryPoint

@@ -1,7 +1,7 @@
 r"""From sources to sinks: pulls chunks, feeds the core, hands on what it decided.
 
-A `FileRun` goes through recordings; `analyzer.live` has the run that listens to ports. Both give
-batches one after the other, as they come, so that memory does not grow with the input; `pump`
+A `FileRun` goes through recordings; `analyzer.live_run` has the run that listens to ports. Both
+give batches one after the other, as they come, so that memory does not grow with the input; `pump`
 passes them to sinks. Nothing here looks at a frame.
 
 >>> import tempfile, pathlib
@@ -23,8 +23,8 @@ import _modlens
 from analyzer.line import Line
 from analyzer.profiles import Binding
 from analyzer.sources import FORMATS, is_binary
-from analyzer.sources.digital import Levels
 from analyzer.sources.files import STDIN, Recording, check
+from analyzer.sources.saleae import Levels
 from analyzer.sources.sigrok import Samples
 from analyzer.sources.unpack import Name, expand
 from dissectors.errors import SourceError, UsageError

@@ -17,8 +17,8 @@ import sys
 import time
 
 from analyzer.line import parse_line
-from analyzer.sources.tuning import BAUDS, Tuner
-from tests.support.overheard import ASCII, MOST_S, RTU, listen, traffic
+from analyzer.sources.settings_search import BAUDS, Tuner
+from tests.support.settings_search import ASCII, MOST_S, RTU, listen, traffic
 
 SHAPES = [(shape, "rtu") for shape in RTU] + [(shape, "ascii") for shape in ASCII]
 

@@ -20,11 +20,11 @@ from typing import Literal
 
 import _modlens
 from dissectors.errors import UsageError
+from dissectors.function_lookup import choose, near, number, plain
 from dissectors.pdu import default_functions
 from dissectors.table import EXCEPTION_BIT, Direction, Field, Function, function, functions
 from dissectors.values import Json, coil_state, to_json
 from dissectors.vocabulary import names
-from dissectors.words import choose, near, number, plain
 
 __all__ = ["craft", "craft_pdu", "frame"]
 

@@ -22,7 +22,7 @@ from typing import Literal
 
 import _modlens
 from dissectors.context import Context, Meaning
-from dissectors.meaning import about
+from dissectors.field_meaning import about
 from dissectors.pdu import Part, decode, guess_direction
 from dissectors.table import EXCEPTION_BIT, LISTS, Direction
 

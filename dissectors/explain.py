@@ -25,6 +25,7 @@ from dissectors import vocabulary
 from dissectors.craft import craft_pdu
 from dissectors.describe import describe
 from dissectors.errors import UsageError
+from dissectors.function_lookup import Choice, code_of, function_names, near, number, plain
 from dissectors.table import (
     DIRECTIONS,
     EXCEPTION_BIT,
@@ -34,7 +35,6 @@ from dissectors.table import (
     function,
     functions,
 )
-from dissectors.words import Choice, code_of, function_names, near, number, plain
 
 __all__ = ["Explanation", "explain", "known_words"]
 

@@ -29,7 +29,7 @@ from typing import Any
 
 import _modlens
 from dissectors.errors import ProfileError, UsageError
-from dissectors.words import near
+from dissectors.function_lookup import near
 
 __all__ = ["FORMS", "Profile", "form_of", "from_model", "parse", "shipped", "shipped_names"]
 

@@ -15,8 +15,8 @@ import re
 from collections.abc import Iterable, Mapping
 
 from dissectors.errors import UsageError
+from dissectors.function_lookup import near, number
 from dissectors.table import LISTS, NUMBERS, Field
-from dissectors.words import near, number
 
 __all__ = ["Json", "coil_state", "to_json"]
 

@@ -127,7 +127,7 @@ def _version() -> int:
 
 def _unknown(command: str) -> int:
     from dissectors.errors import UsageError  # noqa: PLC0415
-    from dissectors.words import near  # noqa: PLC0415
+    from dissectors.function_lookup import near  # noqa: PLC0415
 
     hint = near(command, COMMANDS)
     question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(COMMANDS)}"

@@ -8,8 +8,8 @@ from analyzer.cli.parser import add_functions, load_functions
 from analyzer.views.screen import stdout
 from dissectors.craft import craft, craft_pdu
 from dissectors.errors import UsageError
+from dissectors.function_lookup import number
 from dissectors.table import Direction
-from dissectors.words import number
 
 __all__ = ["add_arguments", "run"]
 

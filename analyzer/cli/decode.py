@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from itertools import islice
 
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
+from analyzer.cli.outputs import TABLE, run_files
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows, settings
-from analyzer.cli.running import TABLE, run_files
 from analyzer.sources.files import STDIN, Recording
-from analyzer.sources.hindsight import judge, made_at, reads
+from analyzer.sources.settings_inference import judge, made_at, reads
 from dissectors.errors import UsageError
 
 __all__ = ["add_arguments", "run"]

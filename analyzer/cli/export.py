@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from analyzer.cli.outputs import run_files
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows
-from analyzer.cli.running import run_files
 
 __all__ = ["add_arguments", "run"]
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from analyzer.cli.import_ import show_notes, write_text
 from analyzer.cli.parser import add_decoding, add_input, add_line
-from analyzer.cli.surveying import survey
+from analyzer.cli.register_survey import survey
 from dissectors.errors import UsageError
 from dissectors.importers.toml import dumps
-from dissectors.learned import evidence, skeleton
 from dissectors.profile import from_model
+from dissectors.profile_learning import evidence, skeleton
 
 __all__ = ["add_arguments", "run"]
 

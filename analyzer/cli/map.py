@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import _modlens
 from analyzer.addresses import BASES
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
-from analyzer.cli.stopping import Stopping
+from analyzer.cli.stop_signals import Stopping
 from analyzer.session import FileRun
 from analyzer.views.registers import show_map
 from analyzer.views.screen import stdout

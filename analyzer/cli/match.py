@@ -8,12 +8,12 @@ from collections.abc import Iterator
 
 from analyzer.cli.learn import tables_of
 from analyzer.cli.parser import add_decoding, add_input, add_line
-from analyzer.cli.surveying import survey
+from analyzer.cli.register_survey import survey
 from analyzer.profiles import known, load
 from analyzer.views.screen import Screen, stdout, visible
 from dissectors.errors import ModlensError
-from dissectors.learned import score
 from dissectors.profile import Profile
+from dissectors.profile_learning import score
 
 __all__ = ["add_arguments", "run"]
 

@@ -11,13 +11,13 @@ from typing import NoReturn
 
 import _modlens
 from analyzer.addresses import BASES
+from analyzer.bus_file import choose_bus
 from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
 from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
-from analyzer.plant import choose_bus
 from analyzer.profiles import binding, with_vendors
 from analyzer.session import MODES, Settings
-from analyzer.silences import silences
+from analyzer.silence_limits import silences
 from analyzer.times import transitions
 from dissectors.errors import ProfileError, SourceError, UsageError
 

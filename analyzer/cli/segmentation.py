@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
 from analyzer.session import Settings
-from analyzer.silences import WORDS
+from analyzer.silence_limits import WORDS
 
 __all__ = ["add_segmentation", "announce"]
 

@@ -10,10 +10,17 @@ import os
 import re
 
 import _modlens
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
 from analyzer.cli.parser import add_decoding, add_line, settings
-from analyzer.cli.showing import MBAP, Shown, lookup_frame, lookup_packet, lookup_transaction, show
-from analyzer.cli.showing_registers import add_place, show_registers
+from analyzer.cli.show_frames import (
+    MBAP,
+    Shown,
+    lookup_frame,
+    lookup_packet,
+    lookup_transaction,
+    show,
+)
+from analyzer.cli.show_registers import add_place, show_registers
 from analyzer.session import FileRun, Settings
 from analyzer.views.detail import show_frame
 from analyzer.views.screen import Screen, stdout

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
+from analyzer.cli.outputs import DAMAGED, SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
-from analyzer.cli.running import DAMAGED, SIGNALLED
 from analyzer.cli.segmentation import announce
-from analyzer.cli.stopping import Stopping
+from analyzer.cli.stop_signals import Stopping
 from analyzer.session import FileRun
 from analyzer.views.screen import stdout
 from analyzer.views.stats import show_stats

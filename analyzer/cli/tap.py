@@ -8,25 +8,25 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import Any
 
-from analyzer.cli.cockpit import Cockpit
-from analyzer.cli.notes import Notes
+from analyzer.bus_file import choose_buses
+from analyzer.cli.live_screen import Cockpit
+from analyzer.cli.messages import Notes
+from analyzer.cli.outputs import DAMAGED, TABLE, LiveSink, Outputs, run_settings, targets
 from analyzer.cli.parser import add_decoding, add_line, add_rows, duration
-from analyzer.cli.running import DAMAGED, TABLE, LiveSink, Outputs, run_settings, targets
 from analyzer.cli.segmentation import announce
-from analyzer.cli.stopping import Stopping
+from analyzer.cli.stop_signals import Stopping
 from analyzer.cli.triggers import Around, Hourly, Limits
 from analyzer.exports.recorder import Recorded, Recorder, keeping, rotation
 from analyzer.line import Line
-from analyzer.live import LINES, LiveRun, Tap, parse_tap
-from analyzer.plant import choose_buses
+from analyzer.live_run import LINES, LiveRun, Tap, parse_tap
 from analyzer.profiles import Binding, with_vendors
 from analyzer.session import Settings
 from analyzer.sources.serial import Chunk
 from analyzer.views.live import VIEWS
-from analyzer.views.live.board import Board
+from analyzer.views.live.state import Board
+from analyzer.views.row_lines import Look
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
-from analyzer.views.tables import Look
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["add_arguments", "run"]

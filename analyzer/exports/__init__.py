@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, ClassVar, cast
 from analyzer.columns import TABLES
 from analyzer.exports.output import Output, opened
 from dissectors.errors import UsageError
-from dissectors.words import near
+from dissectors.function_lookup import near
 
 if TYPE_CHECKING:
     import _modlens
@@ -63,7 +63,7 @@ class Wish:
     - `style`: a word of the format's `styles`, or "" for its usual one
     - `live`: rows are written as they come, because the end may come at any moment
     - `context`: captures only: further frames before and behind those that a filter keeps
-    - `address`, `times`, `buses`: tables for people only, see `analyzer.views.tables.Look`
+    - `address`, `times`, `buses`: tables for people only, see `analyzer.views.row_lines.Look`
     """
 
     table: str

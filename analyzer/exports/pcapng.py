@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import _modlens
 from analyzer import exports
-from analyzer.exports.original import cut_out
+from analyzer.exports.original_packets import cut_out
 from analyzer.exports.output import Output
 from analyzer.sources.files import STDIN
 from dissectors.errors import UsageError

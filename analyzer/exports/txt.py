@@ -6,9 +6,9 @@ import io
 
 import _modlens
 from analyzer import exports
+from analyzer.views.row_lines import Look
 from analyzer.views.screen import Screen
-from analyzer.views.table import TableSink
-from analyzer.views.tables import Look
+from analyzer.views.table_sink import TableSink
 
 __all__ = ["Format"]
 

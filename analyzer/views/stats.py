@@ -41,9 +41,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from analyzer.views import cells
+from analyzer.views.diagnostics import counted, explained, ranked
 from analyzer.views.grid import ROOMY, Field, Grid, Head
 from analyzer.views.screen import Part, Screen, visible
-from analyzer.views.troubles import counted, explained, ranked
 
 __all__ = ["show_stats"]
 

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from dissectors.errors import ModlensError, ProfileError, UsageError
-from dissectors.importers.draft import Imported, Options, order_of
+from dissectors.function_lookup import near
+from dissectors.importers.profile_builder import Imported, Options, order_of
 from dissectors.profile import Profile
-from dissectors.words import near
 
 __all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "order_of", "read", "write"]
 

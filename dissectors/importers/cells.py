@@ -9,8 +9,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dissectors.importers.draft import Draft, composed, known_order, tidy
-from dissectors.words import plain
+from dissectors.function_lookup import plain
+from dissectors.importers.profile_builder import Draft, composed, known_order, tidy
 
 __all__ = ["Cells"]
 

@@ -2,7 +2,7 @@ r"""Tables with a head: any CSV whose columns have names that people use, Kepwar
 
 Also writes the profile's own CSV, which it reads again.
 
->>> from dissectors.importers.draft import Options
+>>> from dissectors.importers.profile_builder import Options
 >>> text = "Register;Tag Name;Data Type;Factor;Eng Units\n108;flow;INT16;0,1;l/s\n"
 >>> read(text, "map.csv", Options(base=1)).model["registers"]
 [{'at': 'hr:107', 'name': 'flow', 'type': 's16', 'scale': 0.1, 'unit': 'l/s'}]
@@ -14,7 +14,7 @@ import csv
 from collections.abc import Mapping
 from typing import Any
 
-from dissectors.importers.draft import Draft, Imported, Options, choose_unit, tidy
+from dissectors.importers.profile_builder import Draft, Imported, Options, choose_unit, tidy
 from dissectors.importers.rows import PLAIN, Rows
 from dissectors.importers.tables import table
 from dissectors.profile import Profile, parse

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
-from dissectors.importers.draft import WIDTHS, Draft, Imported, LeftOut, Options, tidy
+from dissectors.importers.profile_builder import WIDTHS, Draft, Imported, LeftOut, Options, tidy
 from dissectors.yaml import plain_data
 
 __all__ = ["read"]

@@ -13,7 +13,7 @@ from decimal import Decimal
 from typing import Any
 
 from dissectors.errors import ProfileError
-from dissectors.importers.draft import (
+from dissectors.importers.profile_builder import (
     WIDTHS,
     Draft,
     Imported,
@@ -24,7 +24,7 @@ from dissectors.importers.draft import (
     known_order,
     tidy,
 )
-from dissectors.importers.losses import Losses
+from dissectors.importers.unsupported_keys import Losses
 from dissectors.profile import Profile
 from dissectors.yaml import plain_data
 

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from dissectors.function_lookup import number, plain
 from dissectors.importers.cells import Cells
-from dissectors.importers.draft import SPACES, WIDTHS, Draft, LeftOut, tidy
-from dissectors.importers.heads import FUNCTIONS, KINDS, SUFFIXES, WIDTHLESS, Preset
-from dissectors.words import number, plain
+from dissectors.importers.profile_builder import SPACES, WIDTHS, Draft, LeftOut, tidy
+from dissectors.importers.table_headers import FUNCTIONS, KINDS, SUFFIXES, WIDTHLESS, Preset
 
 __all__ = ["PLAIN", "Rows"]
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError
-from dissectors.importers.draft import Draft, Imported, Options, tidy
+from dissectors.importers.profile_builder import Draft, Imported, Options, tidy
 
 __all__ = ["read"]
 

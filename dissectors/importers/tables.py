@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from dissectors.errors import ProfileError
-from dissectors.importers.draft import SPACES
-from dissectors.importers.heads import HEADS, KEY_OF, Preset, preset_of
-from dissectors.words import plain
+from dissectors.function_lookup import plain
+from dissectors.importers.profile_builder import SPACES
+from dissectors.importers.table_headers import HEADS, KEY_OF, Preset, preset_of
 
 __all__ = ["Table", "table"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dissectors.errors import ProfileError
-from dissectors.importers.draft import (
+from dissectors.importers.profile_builder import (
     WIDTHS,
     Draft,
     Imported,
@@ -22,7 +22,7 @@ from dissectors.importers.draft import (
     known_order,
     tidy,
 )
-from dissectors.importers.losses import Losses
+from dissectors.importers.unsupported_keys import Losses
 from dissectors.profile import Profile
 
 __all__ = ["read", "write"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analyzer.plant import choose_bus, load_plant
+from analyzer.bus_file import choose_bus, load_plant
 from analyzer.profiles import binding, known, load, parse_units
 from dissectors.errors import ProfileError, UsageError
 from tests.conftest import Modlens

@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from dissectors.importers.draft import WIDTHS
+from dissectors.importers.profile_builder import WIDTHS
 
 __all__ = ["models"]
 

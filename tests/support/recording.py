@@ -26,13 +26,13 @@ from pymodbus import FramerType
 from pymodbus.constants import ExcCodes
 from pymodbus.simulator import SimDevice
 
-from tests.support import scripts
+from tests.support import master_scripts
 from tests.support.devices import ANY_ADDRESS, PROFILE_ADDRESS, Behaviour, demo_device
 from tests.support.expected import DisagreementError, Frame, Mode, expected_frames
-from tests.support.plant import Plant
-from tests.support.players import Play, play
 from tests.support.ptybus import flip_bit
-from tests.support.typed import poll_types, typed_device
+from tests.support.pymodbus_buses import Play, play
+from tests.support.random_devices import Plant
+from tests.support.typed_device import poll_types, typed_device
 
 CAPTURES = Path(__file__).parents[2] / "captures"
 EXPECTED_SOURCE = (
@@ -53,22 +53,22 @@ class Recipe:
 
 
 def _all_functions() -> Play:
-    return Play({"unit17": demo_device(17)}, scripts.all_functions)
+    return Play({"unit17": demo_device(17)}, master_scripts.all_functions)
 
 
 def _ascii() -> Play:
     units = {"unit10": demo_device(10)}
-    return Play(units, scripts.mixed_ascii, framer=FramerType.ASCII, char_bits=10)
+    return Play(units, master_scripts.mixed_ascii, framer=FramerType.ASCII, char_bits=10)
 
 
 def _broadcast() -> Play:
-    return Play(_two_devices(), scripts.broadcast, hears=FOUR_WIRE)
+    return Play(_two_devices(), master_scripts.broadcast, hears=FOUR_WIRE)
 
 
 def _disturbed() -> Play:
     noise = {5: b"\x00\xff\x00", 17: bytes.fromhex("fffefcf0")}
     units = {"unit1": demo_device(1)}
-    return Play(units, scripts.plain_polls, disturb=_trouble(), noise=noise)
+    return Play(units, master_scripts.plain_polls, disturb=_trouble(), noise=noise)
 
 
 def _exceptions() -> Play:
@@ -76,25 +76,25 @@ def _exceptions() -> Play:
     refusals = {(6, address): code for address, code in enumerate(codes, start=1)}
     refusals[23, ANY_ADDRESS] = ExcCodes.ILLEGAL_FUNCTION
     refusals[4, ANY_ADDRESS] = ExcCodes.GATEWAY_NO_RESPONSE
-    return Play({"unit1": demo_device(1, Behaviour(refusals))}, scripts.exceptions)
+    return Play({"unit1": demo_device(1, Behaviour(refusals))}, master_scripts.exceptions)
 
 
 def _late_answers() -> Play:
     device = demo_device(1, Behaviour(slow_s={PROFILE_ADDRESS: 0.37}))
-    return Play({"unit1": device}, scripts.late_answers, retries=1)
+    return Play({"unit1": device}, master_scripts.late_answers, retries=1)
 
 
 def _no_silence() -> Play:
     device = demo_device(1, Behaviour(work_s=(0.0,)))
-    return Play({"unit1": device}, scripts.plain_polls, turnaround_chars=0.0)
+    return Play({"unit1": device}, master_scripts.plain_polls, turnaround_chars=0.0)
 
 
 def _timeouts() -> Play:
-    return Play({"unit1": demo_device(1)}, scripts.timeouts)
+    return Play({"unit1": demo_device(1)}, master_scripts.timeouts)
 
 
 def _two_units() -> Play:
-    return Play(_two_devices(), scripts.two_units, trigger=8, hears=FOUR_WIRE)
+    return Play(_two_devices(), master_scripts.two_units, trigger=8, hears=FOUR_WIRE)
 
 
 def _types() -> Play:
@@ -195,15 +195,15 @@ RECIPES: Mapping[str, Recipe] = {
     ),
     "pymodbus_types": Recipe(
         "Unit 5 has floats, doubles, counters, signed numbers and a text of known types and orders "
-        "(tests/support/typed.py), read 60 times as one block of 66 registers. The values are "
-        "random walks and waves of our own, not those of a plant. Reads of up to 14 bytes.",
+        "(tests/support/typed_device.py), read 60 times as one block of 66 registers. The values "
+        "are random walks and waves of our own, not those of a plant. Reads of up to 14 bytes.",
         _types,
         line="57600-8E1",
     ),
     "pymodbus_plant": Recipe(
-        "Unit 9 is a device that chance has made (tests/support/plant.py, seed 303): floats in "
-        "both orders, totals that start big, signed and 64-bit numbers, text, states, constants, "
-        "polled in blocks 64 times. Reads of up to 14 bytes.",
+        "Unit 9 is a device that chance has made (tests/support/random_devices.py, seed 303): "
+        "floats in both orders, totals that start big, signed and 64-bit numbers, text, states, "
+        "constants, polled in blocks 64 times. Reads of up to 14 bytes.",
         _plant,
         line="57600-8E1",
     ),

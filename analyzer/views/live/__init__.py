@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analyzer.views.live.board import Board
+from analyzer.views.live.state import Board
 from analyzer.views.screen import Part
 
 __all__ = ["VIEWS", "Line", "View", "draw"]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.live.board import Board
+from analyzer.views.diagnostics import counted, explained, ranked
+from analyzer.views.live.state import Board
 from analyzer.views.screen import Part, fit, visible
-from analyzer.views.troubles import counted, explained, ranked
 
 __all__ = ["lines"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import _modlens
-from analyzer.views.live.board import Board, Mark
+from analyzer.views.live.state import Board, Mark
+from analyzer.views.row_lines import lines as lines_of
 from analyzer.views.screen import Part, fit, visible
-from analyzer.views.tables import lines as lines_of
 
 __all__ = ["lines"]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from analyzer.addresses import SHORT, render
-from analyzer.views.live.board import Board, Value
+from analyzer.views.live.state import Board, Value
 from analyzer.views.screen import Part, fit, visible
 
 __all__ = ["lines"]

@@ -6,7 +6,7 @@ from typing import Any
 
 from analyzer.views import cells
 from analyzer.views.grid import ROOMY, Carried, Field, Grid, Head
-from analyzer.views.live.board import Board
+from analyzer.views.live.state import Board
 from analyzer.views.screen import Part
 
 __all__ = ["lines"]

@@ -10,11 +10,11 @@ import pytest
 
 import _modlens
 from analyzer import decode
-from analyzer.cli.surveying import survey
-from dissectors.learned import score
+from analyzer.cli.register_survey import survey
 from dissectors.profile import parse, shipped
+from dissectors.profile_learning import score
 from tests.conftest import CAPTURES, Modlens
-from tests.support.typed import SINGLES, TRUTH
+from tests.support.typed_device import SINGLES, TRUTH
 
 TYPES = str(CAPTURES / "pymodbus_types" / "recording.jsonl")
 

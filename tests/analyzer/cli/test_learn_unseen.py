@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 
 from tests.conftest import CAPTURES, Modlens
-from tests.support.plant import Plant
+from tests.support.random_devices import Plant
 
 SEEDS = range(201, 217)
 

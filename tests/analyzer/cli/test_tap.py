@@ -26,10 +26,10 @@ from pymodbus.client import ModbusSerialClient
 
 from analyzer import tap
 from tests.conftest import ROOT, command, environment, need_program
-from tests.support import scripts
+from tests.support import master_scripts
 from tests.support.devices import demo_device
-from tests.support.players import Play, Servers
 from tests.support.ptybus import PtyBus, Sent
+from tests.support.pymodbus_buses import Play, Servers
 
 UNIT = 17
 LINE = "19200-8E1"
@@ -78,7 +78,7 @@ class Tap:
 def polling(mode: str) -> Iterator[tuple[PtyBus, ModbusSerialClient]]:
     """A bus with a server at unit 17, a client, and a place for the tap."""
     framer = FramerType.RTU if mode == "rtu" else FramerType.ASCII
-    what = Play({"unit": demo_device(UNIT)}, scripts.plain_polls, framer=framer)
+    what = Play({"unit": demo_device(UNIT)}, master_scripts.plain_polls, framer=framer)
     with (
         PtyBus(["master", "unit", "tap"], turnaround_chars=3.5) as bus,
         Servers(what, bus, {"unit": []}),
@@ -93,7 +93,7 @@ def polling(mode: str) -> Iterator[tuple[PtyBus, ModbusSerialClient]]:
 
 def follow(bus: PtyBus, client: ModbusSerialClient) -> list[tuple[Sent, Sent]]:
     """Poll, and give each request with its response as the line carried them."""
-    steps = [*scripts.plain_polls(client, UNIT), *scripts.plain_polls(client, UNIT)]
+    steps = [*master_scripts.plain_polls(client, UNIT), *master_scripts.plain_polls(client, UNIT)]
     for step in steps:
         with contextlib.suppress(ModbusException):
             step()
@@ -223,7 +223,7 @@ def test_the_api_gives_transactions_live() -> None:
     """`with tap(port) as bus: for transaction in bus`."""
     with polling("rtu") as (bus, client), tap(bus.path("tap"), line=LINE) as listening:
         transactions = iter(listening)
-        for step in scripts.plain_polls(client, UNIT):
+        for step in master_scripts.plain_polls(client, UNIT):
             step()
             row = next(transactions)
             assert row.status == "ok"

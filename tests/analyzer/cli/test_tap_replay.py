@@ -27,10 +27,10 @@ from pymodbus.client import ModbusSerialClient
 
 from analyzer.cli import main
 from tests.conftest import ROOT, command, environment
-from tests.support import scripts
+from tests.support import master_scripts
 from tests.support.devices import demo_device
-from tests.support.players import Play, Servers
 from tests.support.ptybus import PtyBus, flip_bit
+from tests.support.pymodbus_buses import Play, Servers
 
 TABLES = ("frames", "transactions", "findings", "readings")
 
@@ -93,7 +93,7 @@ def polls(bus: PtyBus, client: ModbusSerialClient, rounds: int) -> None:
         for number in range(rounds):
             if number % 3 == 1:
                 bus.inject(b"\x00\xff\xf0"[: number % 4])
-            for step in scripts.plain_polls(client, 17):
+            for step in master_scripts.plain_polls(client, 17):
                 with contextlib.suppress(ModbusException):
                     step()
                 time.sleep(0.004)
@@ -107,7 +107,7 @@ def test_a_replay_gives_the_rows_of_the_tap(mode: str, tmp_path: Path) -> None:
     """RTU and ASCII, whole and damaged frames."""
     framer = FramerType.RTU if mode == "rtu" else FramerType.ASCII
     what = Play(
-        {"unit": demo_device(17)}, scripts.plain_polls, framer=framer, disturb=disturbance(3)
+        {"unit": demo_device(17)}, master_scripts.plain_polls, framer=framer, disturb=disturbance(3)
     )
     names = ["master", "unit", "tap"]
     with (

@@ -22,7 +22,7 @@ from analyzer.line import Line
 from analyzer.sources import serial as serial_module
 from analyzer.sources.clock import monotonic_ns
 from analyzer.sources.serial import Port
-from tests.support.hearing import Hearing
+from tests.support.port_reader import Hearing
 
 if sys.platform == "win32":
     pytest.skip("pseudo terminals", allow_module_level=True)

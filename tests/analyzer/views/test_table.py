@@ -10,9 +10,9 @@ import pytest
 
 from analyzer import decode
 from analyzer.columns import TABLES
+from analyzer.views.row_lines import Look
 from analyzer.views.screen import Screen
-from analyzer.views.table import TableSink
-from analyzer.views.tables import Look
+from analyzer.views.table_sink import TableSink
 
 
 def shown(  # noqa: PLR0913 - a table can look in so many ways

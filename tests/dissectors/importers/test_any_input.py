@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from dissectors import importers
 from dissectors.errors import ModlensError
 from dissectors.importers import FORMATS, Options
-from dissectors.importers.heads import HEADS, KINDS
+from dissectors.importers.table_headers import HEADS, KINDS
 from dissectors.profile import from_model
 
 READERS = [name for name, form in FORMATS.items() if form.reads]

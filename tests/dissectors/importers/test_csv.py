@@ -20,8 +20,8 @@ import pytest
 from dissectors import importers
 from dissectors.errors import ProfileError, UsageError
 from dissectors.importers import Options
-from dissectors.importers.draft import ORDERS
-from dissectors.importers.heads import HEADS, KINDS
+from dissectors.importers.profile_builder import ORDERS
+from dissectors.importers.table_headers import HEADS, KINDS
 from tests.support.importing import Feature, imported, notes, points
 
 

@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 
 from dissectors import importers
 from dissectors.importers import FORMATS
-from dissectors.importers.draft import WIDTHS
+from dissectors.importers.profile_builder import WIDTHS
 from dissectors.profile import Profile, from_model, parse, shipped, shipped_names
 from tests.support.profiles import models
 

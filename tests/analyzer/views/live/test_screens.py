@@ -25,7 +25,7 @@ UPDATE_S = 3.0
 
 def showing(width: int, height: int, view: str, recording: str) -> Terminal:
     """The screens over a recording, with a clock that stands still."""
-    words = (sys.executable, "-m", "tests.support.cockpit", recording, view)
+    words = (sys.executable, "-m", "tests.support.live_screen", recording, view)
     return Terminal(width, height, *words)
 
 

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 
 from dissectors import address, vocabulary
 from dissectors.context import LAST_ADDRESS, Context, Meaning
-from dissectors.doubts import doubts
 from dissectors.pdu import Part
 from dissectors.table import LISTS
+from dissectors.validation import doubts
 
 __all__ = ["about"]
 

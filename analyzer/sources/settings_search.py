@@ -6,7 +6,7 @@ the zeros at a byte's low end tell how long the line was low, in bits of the rec
 length is a multiple of the line's bit (`likelihood`). At a rate nine times too high every
 byte is 00. So a guess or two lead to the rate.
 
-At the right rate the shapes of characters are tried; `analyzer.sources.characters` has them.
+At the right rate the shapes of characters are tried; `analyzer.sources.character_format` has them.
 
 >>> tuner = Tuner()
 >>> str(tuner.line)
@@ -23,7 +23,7 @@ from types import MappingProxyType
 
 import _modlens
 from analyzer.line import Line
-from analyzer.sources.characters import SHAPES, WIDE, Shaping, Trial
+from analyzer.sources.character_format import SHAPES, WIDE, Shaping, Trial
 from analyzer.sources.serial import Chunk
 
 __all__ = ["BAUDS", "MASKS", "Found", "Tuner", "evidence", "likelihood", "listener", "pulses"]

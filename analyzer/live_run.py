@@ -18,9 +18,9 @@ from typing import Any
 import _modlens
 from analyzer.line import Line, parse_line
 from analyzer.session import Settings
-from analyzer.sources.live import PAUSE_NS, Listening, Tapped
+from analyzer.sources.port_listener import PAUSE_NS, Listening, Tapped
 from analyzer.sources.serial import Chunk
-from analyzer.sources.tuning import Tuner
+from analyzer.sources.settings_search import Tuner
 from dissectors.errors import UsageError
 
 __all__ = ["LINES", "LiveRun", "Tap", "parse_tap"]

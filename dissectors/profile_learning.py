@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.importers.draft import WIDTHS
+from dissectors.importers.profile_builder import WIDTHS
 from dissectors.profile import Profile
 
 __all__ = ["Score", "evidence", "score", "skeleton"]

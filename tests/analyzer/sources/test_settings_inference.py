@@ -9,10 +9,10 @@ import pytest
 
 from analyzer.exports.recorder import Recorded, Recorder
 from analyzer.line import parse_line
-from analyzer.sources.hindsight import judge, made_at, reads
 from analyzer.sources.serial import Chunk
+from analyzer.sources.settings_inference import judge, made_at, reads
 from tests.conftest import command, environment
-from tests.support.overheard import traffic
+from tests.support.settings_search import traffic
 from tests.support.uart import Uart
 
 NS = 1_000_000_000

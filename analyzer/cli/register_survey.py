@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import _modlens
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
 from analyzer.cli.parser import settings
 from analyzer.session import FileRun
 

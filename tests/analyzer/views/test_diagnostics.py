@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import _modlens
-from analyzer.views.troubles import explained, ranked
+from analyzer.views.diagnostics import explained, ranked
 from dissectors.vocabulary import findings
 
 MS = 1_000_000

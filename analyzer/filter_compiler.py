@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from analyzer import addresses
 from analyzer.times import parse_ns
 from dissectors.errors import FilterError
-from dissectors.words import near
+from dissectors.function_lookup import near
 
 __all__ = ["Compiler", "Tree"]
 

@@ -6,7 +6,7 @@ import pytest
 
 import _modlens
 from dissectors.errors import UsageError
-from dissectors.words import Choice, choose, function_names, near, number
+from dissectors.function_lookup import Choice, choose, function_names, near, number
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from analyzer.line import Line, parse_line
-from analyzer.sources.tuning import BAUDS, MASKS, evidence, likelihood, listener, pulses
+from analyzer.sources.settings_search import BAUDS, MASKS, evidence, likelihood, listener, pulses
 
 __all__ = ["Heard", "judge", "made_at", "marked", "reads"]
 

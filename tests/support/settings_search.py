@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import _modlens
 from analyzer.line import Line
 from analyzer.sources.serial import Chunk
-from analyzer.sources.tuning import Tuner
+from analyzer.sources.settings_search import Tuner
 from tests.support.uart import Heard, Uart, Wire
 
 LOAD = 0.2

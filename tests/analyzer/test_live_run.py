@@ -12,13 +12,13 @@ if sys.platform != "linux":
     pytest.skip("the line is one of Linux' ptys", allow_module_level=True)
 
 from analyzer.line import parse_line
-from analyzer.live import LiveRun
+from analyzer.live_run import LiveRun
 from analyzer.session import Settings
-from analyzer.sources import live as sources
+from analyzer.sources import port_listener as sources
 from analyzer.sources.serial import Chunk, Port
-from analyzer.views.live.board import Board
 from analyzer.views.live.health import lines
-from analyzer.views.tables import Look
+from analyzer.views.live.state import Board
+from analyzer.views.row_lines import Look
 
 PAIR = bytes.fromhex("010300000001840a0103020007f986")
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dissectors.errors import UsageError
-from dissectors.words import number, plain
+from dissectors.function_lookup import number, plain
 
 __all__ = [
     "ORDERS",

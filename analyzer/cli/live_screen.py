@@ -15,7 +15,7 @@ import _modlens
 from analyzer.cli.keys import Keys
 from analyzer.filters import parse
 from analyzer.views.live import VIEWS, draw
-from analyzer.views.live.board import Board
+from analyzer.views.live.state import Board
 from analyzer.views.screen import Part, Screen, fit, visible
 from dissectors.errors import FilterError
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import _modlens
 from analyzer.addresses import SHORT
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
 from analyzer.cli.parser import settings
 from analyzer.filters import parse
 from analyzer.session import FileRun
@@ -19,7 +19,7 @@ from analyzer.views.grid import Field, Head
 from analyzer.views.registers import show_grid
 from analyzer.views.screen import Screen
 from dissectors.errors import UsageError
-from dissectors.words import number
+from dissectors.function_lookup import number
 
 __all__ = ["add_place", "show_registers"]
 

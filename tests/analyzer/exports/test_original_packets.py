@@ -18,7 +18,7 @@ from scapy.utils import wrpcap
 from analyzer import SourceError, decode
 from analyzer.columns import TABLES
 from analyzer.exports import Wish
-from analyzer.exports.original import cut_out
+from analyzer.exports.original_packets import cut_out
 from analyzer.exports.sink import ExportSink, target
 from tests.conftest import CAPTURES, need_program
 from tests.support.tshark import environment, fields

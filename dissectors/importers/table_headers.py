@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from dissectors.words import plain
+from dissectors.function_lookup import plain
 
 __all__ = [
     "FUNCTIONS",

@@ -13,9 +13,9 @@ import pytest
 
 from analyzer import PortError
 from analyzer.line import Line
-from analyzer.sources import live as live_module
+from analyzer.sources import port_listener as live_module
 from analyzer.sources.clock import Clock
-from analyzer.sources.live import Listening, Tapped
+from analyzer.sources.port_listener import Listening, Tapped
 from analyzer.sources.serial import Chunk, Port
 
 if sys.platform == "win32":

@@ -6,8 +6,8 @@ from itertools import islice
 
 import _modlens
 from analyzer.filters import parse
+from analyzer.views.row_lines import Look, lines
 from analyzer.views.screen import Screen
-from analyzer.views.tables import Look, lines
 
 __all__ = ["TableSink"]
 

@@ -15,18 +15,18 @@ from os.path import isfile
 from typing import Protocol
 
 from analyzer.cli.between import chosen
-from analyzer.cli.notes import Notes
+from analyzer.cli.messages import Notes
 from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import announce
 from analyzer.cli.standard_streams import STDOUT, discard_output
-from analyzer.cli.stopping import Stopping
+from analyzer.cli.stop_signals import Stopping
 from analyzer.exports import Wish
 from analyzer.exports.sink import ExportSink, Target, check_style, fitting, tables_of, target
 from analyzer.session import FileRun, Run, Settings, Sink, pump
+from analyzer.views.row_lines import Look
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
-from analyzer.views.table import TableSink
-from analyzer.views.tables import Look
+from analyzer.views.table_sink import TableSink
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["DAMAGED", "LiveSink", "Outputs", "run_files", "run_settings", "targets"]

@@ -8,8 +8,8 @@ import pytest
 
 from analyzer.line import parse_line
 from analyzer.sources.serial import Chunk
-from analyzer.sources.tuning import BAUDS, Tuner
-from tests.support.overheard import ASCII, MOST_S, RTU, listen, polls, traffic
+from analyzer.sources.settings_search import BAUDS, Tuner
+from tests.support.settings_search import ASCII, MOST_S, RTU, listen, polls, traffic
 
 
 def cases() -> list[tuple[str, str]]:

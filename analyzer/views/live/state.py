@@ -14,7 +14,7 @@ from typing import Any
 
 import _modlens
 from analyzer.filters import Filter
-from analyzer.views.tables import Look
+from analyzer.views.row_lines import Look
 
 __all__ = ["Board", "Mark", "Value"]
 

@@ -27,7 +27,7 @@ from typing import Any
 from analyzer.line import Line, parse_line
 from analyzer.profiles import Binding, load, parse_units, read
 from dissectors.errors import ModlensError, ProfileError, UsageError
-from dissectors.words import near
+from dissectors.function_lookup import near
 
 __all__ = ["Bus", "choose_bus", "choose_buses", "load_plant"]
 

@@ -1,6 +1,6 @@
 """The live screens over a recording, with a clock that stands still: the same in every run.
 
-    python -m tests.support.cockpit captures/pymodbus_two_units/recording.jsonl log
+    python -m tests.support.live_screen captures/pymodbus_two_units/recording.jsonl log
 
 Keys work as in a tap; q ends. What was noted goes to standard output at the end.
 """
@@ -10,12 +10,12 @@ from __future__ import annotations
 import sys
 import time
 
-from analyzer.cli.cockpit import Cockpit
+from analyzer.cli.live_screen import Cockpit
 from analyzer.line import parse_line
 from analyzer.session import FileRun, Settings
-from analyzer.views.live.board import Board
+from analyzer.views.live.state import Board
+from analyzer.views.row_lines import Look
 from analyzer.views.screen import stdout
-from analyzer.views.tables import Look
 
 SECONDS = 83.0
 
