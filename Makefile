@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # What the extension is made of: sources, and the tables that are embedded in it.
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
-	$(shell find crates/modlens-core crates/modlens-py dissectors analyzer -name '*.rs' -o -name '*.toml')
+	$(shell find $(filter-out crates/modlens-bench,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
 .PHONY: demo test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz properties captures vectors corpus clean
 
@@ -14,7 +14,7 @@ demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
 
 test: $(VENV)/.tested
-	cargo test --release --locked --package modlens-core --package modlens-bench
+	cargo test --release --locked --workspace --exclude modlens-py
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/.tested
@@ -88,7 +88,7 @@ fuzz:
 # Property tests with examples that no run before had: make properties CASES=20000
 CASES ?= 5000
 properties: $(VENV)/.tested
-	PROPTEST_CASES=$(CASES) cargo test --release --locked --package modlens-core
+	PROPTEST_CASES=$(CASES) cargo test --release --locked --workspace --exclude modlens-py
 	$(BIN)/python -m pytest -m hypothesis
 
 captures: $(VENV)/.tested

@@ -158,7 +158,7 @@ def alone(recording: Path) -> dict[str, str]:
     cargo = shutil.which("cargo")
     if cargo is None:
         return {}
-    words = ("run", "--release", "--quiet", "-p", "modlens-core", "--example", "speed", "--")
+    words = ("run", "--release", "--quiet", "-p", "modlens-writers", "--example", "speed", "--")
     run = subprocess.run(
         [cargo, *words, recording], capture_output=True, text=True, check=True, cwd=ROOT
     )

@@ -19,7 +19,7 @@ from bench.decode_speed import measured, traffic
 from tests.support.logs import NOON, SINGLE_LINE, WRITERS, Said, write
 
 ROOT = Path(__file__).resolve().parent.parent
-CARGO = ("cargo", "build", "--release", "--locked", "--package", "modlens-core")
+CARGO = ("cargo", "build", "--release", "--locked", "--package", "modlens-writers")
 UNIQUE = 1 << 19
 """Bytes of text that are made; they are repeated."""
 

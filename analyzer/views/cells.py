@@ -1,6 +1,6 @@
 """What the cells of small tables say: buses, functions, times in milliseconds.
 
-The cells of rows are the core's (`crates/modlens-core/src/view/cells.rs`).
+The cells of rows are the core's (`crates/modlens-writers/src/view/cells.rs`).
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 //! What must hold for any bytes in any pieces at any times; the fuzz targets only hand their bytes on.
 
-use modlens_core::chunk::{Chunk, Times};
-use modlens_core::framer::Mode;
-use modlens_core::records::{Batch, Clock};
-use modlens_core::session::{BusOptions, Session};
-use modlens_core::text::{Dialects, Reader};
+use modlens_engine::records::Batch;
+use modlens_engine::session::{BusOptions, Session};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::source::Clock;
+use modlens_readers::chunk::{Chunk, Times};
+use modlens_readers::text::{Dialects, Reader};
 
 /// Pauses between reads, in ns: none, in frames, between them, time-outs, and a clock that runs back.
 const PAUSES: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
@@ -30,8 +31,8 @@ fn script(data: &[u8]) -> Script<'_> {
 }
 
 fn session(mode: Option<Mode>, clock: Clock, live: bool) -> (Session, usize) {
-    let functions = std::sync::Arc::new(modlens_core::functions::Functions::default());
-    let wanted = modlens_core::session::Wanted { frames: true, transactions: true, findings: true };
+    let functions = std::sync::Arc::new(modlens_protocol::functions::Functions::default());
+    let wanted = modlens_engine::session::Wanted { frames: true, transactions: true, findings: true };
     let mut session = Session::new(functions, wanted, live, None);
     let mut options = BusOptions::named("bus");
     options.mode = mode;

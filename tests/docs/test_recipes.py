@@ -60,7 +60,8 @@ def built(tree: Path) -> Path:
 
 def test_the_core_knows_them(tree: Path) -> None:
     """The core's own tests: samples of formats, texts of findings, the columns of the file."""
-    words = ["cargo", "test", "--release", "--locked", "--package", "modlens-core", "--lib"]
+    words = ["cargo", "test", "--release", "--locked", "--workspace"]
+    words += ["--exclude", "modlens-py", "--exclude", "modlens-bench", "--lib"]
     out = run(words, tree)
     for name in (
         "every_notation_reads_the_same_bytes",

@@ -3,14 +3,16 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use modlens_core::chunk::{Chunk, Times};
-use modlens_core::direction;
-use modlens_core::framer::silence::Rule;
-use modlens_core::framer::{Mode, Verdict};
-use modlens_core::functions::Functions;
-use modlens_core::line::{Line, Parity};
-use modlens_core::records::{Batch, Bus, Clock, Frame, Place, Status};
-use modlens_core::session::{BusOptions, Session, Wanted};
+use modlens_engine::framer::silence::Rule;
+use modlens_engine::records::{Batch, Bus, Frame};
+use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_protocol::direction;
+use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::Functions;
+use modlens_protocol::line::{Line, Parity};
+use modlens_protocol::source::{Clock, Place};
+use modlens_protocol::status::Status;
+use modlens_readers::chunk::{Chunk, Times};
 
 use crate::model::{Direction, Framing, Label, Settings};
 use crate::reported::{Algorithm, Reported};

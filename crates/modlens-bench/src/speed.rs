@@ -3,13 +3,14 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use modlens_core::checksum::CHECKSUM;
-use modlens_core::chunk::Chunk;
-use modlens_core::framer::auto::make;
-use modlens_core::framer::{Context, Framer, Mode};
-use modlens_core::functions::Functions;
-use modlens_core::input::Input;
-use modlens_core::session::{BusOptions, Session, Wanted};
+use modlens_engine::framer::auto::make;
+use modlens_engine::framer::{Context, Framer};
+use modlens_engine::input::Input;
+use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
+use modlens_readers::chunk::Chunk;
 
 use crate::checksum::rtu;
 use crate::sim::bulk::{Bulk, Mixed};
@@ -154,7 +155,7 @@ fn framing(bytes: &[u8]) -> u64 {
             known_units: &known_units,
             paired_units: &known_units,
             pause: &|_| 0.0,
-            said: &|_| modlens_core::direction::Direction::Unknown,
+            said: &|_| modlens_protocol::direction::Direction::Unknown,
         };
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
         // As a session does: noise makes no unit known.

@@ -1,8 +1,8 @@
 //! Captures and raw recordings.
 
-use modlens_core::line::Line;
-use modlens_core::write::capture::{Capture as Core, Options, Style};
-use modlens_core::write::recording;
+use modlens_protocol::line::Line;
+use modlens_writers::capture::{Capture as Core, Options, Style};
+use modlens_writers::recording;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use modlens_core::chunk::Side;
-use modlens_core::text::{detect, Dialects as Core, Reader};
+use modlens_readers::chunk::Side;
+use modlens_readers::text::{detect, Dialects as Core, Reader};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
@@ -46,7 +46,7 @@ impl Dialects {
     }
 
     fn rows(&self) -> String {
-        let row = |row: &modlens_core::text::Dialect| {
+        let row = |row: &modlens_readers::text::Dialect| {
             let bytes: Vec<(&str, String)> = row.bytes.iter().map(|(who, bytes)| (side(*who), hex(bytes))).collect();
             json!({
                 "name": row.name, "title": row.title, "clock": row.clock, "sample": row.sample.trim_matches('\n'), "bytes": bytes,

@@ -2,8 +2,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use modlens_core::columns::TableKind;
-use modlens_core::write::files::RowFile as Core;
+use modlens_tables::columns::TableKind;
+use modlens_writers::files::RowFile as Core;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use modlens_core::functions::Functions as Core;
-use modlens_core::pdu;
+use modlens_protocol::functions::Functions as Core;
+use modlens_protocol::pdu;
 use pyo3::prelude::*;
 use serde_json::Value as Json;
 

@@ -9,10 +9,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use modlens_core::chunk::{Chunk, Times};
-use modlens_core::marks::Unmark;
-use modlens_core::session::Session as Core;
-use modlens_core::Ns;
+use modlens_engine::session::Session as Core;
+use modlens_protocol::Ns;
+use modlens_readers::chunk::{Chunk, Times};
+use modlens_readers::marks::Unmark;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -301,7 +301,7 @@ mod reader {
     use std::io::PipeReader;
     use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-    use modlens_core::pace::Pace;
+    use modlens_readers::pace::Pace;
     use rustix::event::{poll, PollFd, PollFlags};
     use rustix::io::Errno;
     use rustix::time::{clock_gettime, ClockId};

@@ -13,10 +13,10 @@ mod stream;
 mod table;
 mod view;
 
-use modlens_core::checksum;
-use modlens_core::finding::Finding;
-use modlens_core::functions::{Functions, VENDORS, VOCABULARY};
-use modlens_core::line::Line;
+use modlens_protocol::checksum;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::functions::{Functions, VENDORS, VOCABULARY};
+use modlens_protocol::line::Line;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value as Json};
@@ -30,7 +30,7 @@ fn wrong(message: String) -> PyErr {
 #[pyfunction]
 fn vocabulary() -> PyResult<String> {
     let words: Json = toml_to_json(VOCABULARY)?;
-    let columns: Json = toml_to_json(modlens_core::columns::COLUMNS)?;
+    let columns: Json = toml_to_json(modlens_tables::columns::COLUMNS)?;
     let mut all = Map::new();
     for (here, there) in [
         ("exceptions", "exception"),
@@ -44,7 +44,7 @@ fn vocabulary() -> PyResult<String> {
     }
     all.insert("functions".into(), Functions::embedded().rows().map(|row| row.source.clone()).collect());
     let tables: Map<String, Json> =
-        modlens_core::columns::TABLES.iter().map(|table| ((*table).into(), columns[*table].clone())).collect();
+        modlens_tables::columns::TABLES.iter().map(|table| ((*table).into(), columns[*table].clone())).collect();
     all.insert("columns".into(), tables.into());
     all.insert("findings".into(), Finding::ALL.iter().map(|finding| finding_json(*finding)).collect());
     all.insert("vendors".into(), VENDORS.iter().map(|(name, _)| *name).collect());
@@ -53,7 +53,7 @@ fn vocabulary() -> PyResult<String> {
 }
 
 fn toml_to_json(text: &str) -> PyResult<Json> {
-    modlens_core::functions::parse_toml(text).map_err(wrong)
+    modlens_protocol::functions::parse_toml(text).map_err(wrong)
 }
 
 fn finding_json(finding: Finding) -> Json {

@@ -2,10 +2,10 @@
 
 use std::cell::RefCell;
 
-use modlens_core::columns::Table as Core;
-use modlens_core::write::csv::{self, Csv};
-use modlens_core::write::jsonl::Jsonl;
-use modlens_core::write::lines::Lines;
+use modlens_tables::columns::Table as Core;
+use modlens_writers::csv::{self, Csv};
+use modlens_writers::jsonl::Jsonl;
+use modlens_writers::lines::Lines;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use modlens_core::latest::Latest;
-use modlens_core::learn::{self, Survey as CoreSurvey};
-use modlens_core::points::{Convert, Plan};
-use modlens_core::profile::{self, Form, Mistake, Order, Profile as Core, Type, SHIPPED, SUNSPEC};
+use modlens_profiles::learn;
+use modlens_profiles::points::{Convert, Plan};
+use modlens_profiles::profile::{self, Form, Mistake, Order, Profile as Core, Type, SHIPPED, SUNSPEC};
+use modlens_tables::latest::Latest;
+use modlens_tables::survey::Survey as CoreSurvey;
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 

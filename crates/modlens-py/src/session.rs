@@ -2,15 +2,16 @@
 
 use std::sync::{Arc, OnceLock};
 
-use modlens_core::chunk::{Chunk, Times};
-use modlens_core::columns::{Table as CoreTable, TableKind};
-use modlens_core::framer::silence::Rule;
-use modlens_core::framer::Mode;
-use modlens_core::logic::Wiring;
-use modlens_core::pcap::Ports;
-use modlens_core::records::{Batch as CoreBatch, Bus, Clock, Place};
-use modlens_core::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
-use modlens_core::text::{day_of, ClockSettings, Reader};
+use modlens_engine::framer::silence::Rule;
+use modlens_engine::records::{Batch as CoreBatch, Bus};
+use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::source::{Clock, Place};
+use modlens_readers::chunk::{Chunk, Times};
+use modlens_readers::logic::Wiring;
+use modlens_readers::pcap::Ports;
+use modlens_readers::text::{day_of, ClockSettings, Reader};
+use modlens_tables::columns::{Table as CoreTable, TableKind};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -170,7 +171,7 @@ impl Session {
             .map(|date| day_of(date).ok_or_else(|| wrong(format!("date {date:?} is not written as 2026-11-21"))))
             .transpose()?;
         let table =
-            dialects.map_or_else(|| Arc::new(modlens_core::text::Dialects::default()), |dialects| Arc::clone(&dialects.core));
+            dialects.map_or_else(|| Arc::new(modlens_readers::text::Dialects::default()), |dialects| Arc::clone(&dialects.core));
         let rows = table.named(format).map_err(wrong)?;
         let clock = Arc::new(ClockSettings { zone: zone.unwrap_or_default(), day });
         let reader = Reader::new(rows, (!ordered).then_some(table), clock);

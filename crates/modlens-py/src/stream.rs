@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{RecordBatch, RecordBatchReader};
-use modlens_core::columns::TableKind;
-use modlens_core::write::arrow::{batch, schema};
+use modlens_tables::columns::TableKind;
+use modlens_writers::arrow::{batch, schema};
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 

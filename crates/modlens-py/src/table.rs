@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema};
 use arrow_array::{Array, RecordBatch, StructArray};
-use modlens_core::columns::{Cell, Kind, RowRef, Table as Core, TableKind};
-use modlens_core::predicate::Predicate as CorePredicate;
-use modlens_core::records::Frame;
-use modlens_core::write;
+use modlens_engine::records::Frame;
+use modlens_tables::cell_text::{cell_text, source_text};
+use modlens_tables::columns::{Cell, Kind, RowRef, Table as Core, TableKind};
+use modlens_tables::predicate::Predicate as CorePredicate;
+use modlens_writers::{arrow, influx, zeek};
 use pyo3::exceptions::{PyAttributeError, PyIndexError, PyRuntimeError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -113,15 +114,15 @@ impl Table {
 
     fn influx<'py>(&self, py: Python<'py>) -> (Bound<'py, PyBytes>, usize) {
         let mut left_out = 0;
-        let bytes = as_bytes(py, |out| left_out = write::influx::rows(&self.core, out));
+        let bytes = as_bytes(py, |out| left_out = influx::rows(&self.core, out));
         (bytes, left_out)
     }
 
     #[pyo3(signature = (log, *, json, header))]
     fn zeek<'py>(&self, py: Python<'py>, log: &str, json: bool, header: bool) -> PyResult<Bound<'py, PyBytes>> {
         let log = match log {
-            "modbus" => write::zeek::Log::Modbus,
-            "modbus_detailed" => write::zeek::Log::Detailed,
+            "modbus" => zeek::Log::Modbus,
+            "modbus_detailed" => zeek::Log::Detailed,
             other => return Err(wrong(format!("log {other:?} is neither modbus nor modbus_detailed"))),
         };
         Ok(as_bytes(py, |out| {
@@ -176,18 +177,18 @@ impl Table {
             (Cell::Int(n), Kind::Int) => n.into_py_any(py),
             (Cell::Us(ns), _) => (*ns as f64 / 1000.0).into_py_any(py),
             (Cell::Bool(yes), _) => i64::from(*yes).into_py_any(py),
-            _ => write::cell_text(&cell).into_py_any(py),
+            _ => cell_text(&cell).into_py_any(py),
         };
         number.unwrap_or_else(|_| py.None())
     }
 
     fn arrow(&self, py: Python<'_>) -> RecordBatch {
-        py.detach(|| write::arrow::batch(&self.core))
+        py.detach(|| arrow::batch(&self.core))
     }
 }
 
 fn schema_capsule(py: Python<'_>, kind: TableKind) -> PyResult<Bound<'_, PyCapsule>> {
-    let schema = FFI_ArrowSchema::try_from(&write::arrow::schema(kind)).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+    let schema = FFI_ArrowSchema::try_from(&arrow::schema(kind)).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
     PyCapsule::new_with_value(py, schema, c"arrow_schema")
 }
 
@@ -253,7 +254,7 @@ impl Row {
         let columns = self.table.kind.columns().iter().enumerate();
         let shown = columns.filter_map(|(i, column)| {
             let cell = self.table.cell(self.row, i);
-            let text = write::cell_text(&cell);
+            let text = cell_text(&cell);
             (!text.is_empty()).then(|| format!("{}={text}", column.key))
         });
         format!("<{} {}>", self.table.kind.name().trim_end_matches('s'), shown.collect::<Vec<_>>().join(" "))
@@ -288,7 +289,7 @@ impl Row {
                 py.import("json")?.call_method1("loads", (PyBytes::new(py, &text),))?
             }
             Cell::Map(map) => py.import("json")?.call_method1("loads", (map.to_string(),))?,
-            Cell::Source(file, place, number) => write::source_text(file, place, number).into_pyobject(py)?.into_any(),
+            Cell::Source(file, place, number) => source_text(file, place, number).into_pyobject(py)?.into_any(),
         })
     }
 }
@@ -303,6 +304,6 @@ fn datetime(py: Python<'_>, ns: i64) -> PyResult<Bound<'_, PyAny>> {
 }
 
 /// Makes a table of a batch.
-pub fn table(batch: &Arc<modlens_core::records::Batch>, kind: TableKind) -> Table {
+pub fn table(batch: &Arc<modlens_engine::records::Batch>, kind: TableKind) -> Table {
     Table { core: Core::new(Arc::clone(batch), kind) }
 }

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-use modlens_core::columns::RowRef;
-use modlens_core::view::{self as lines, Base, Look, Part, Times, Zone};
+use modlens_tables::columns::RowRef;
+use modlens_writers::view as lines;
+use modlens_writers::view::{Base, Look, Part, Times, Zone};
 use pyo3::prelude::*;
 
 use crate::table::{Row, Table};

@@ -1,0 +1,9 @@
+//! Bytes and times in, rows out: framing, pairing, findings, statistics. No I/O, no clock, no failure on bytes.
+
+pub mod check;
+pub mod framer;
+pub mod input;
+pub mod pairing;
+pub mod records;
+pub mod session;
+pub mod stats;

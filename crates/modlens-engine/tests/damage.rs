@@ -1,0 +1,193 @@
+//! Frames that did not arrive whole: where they are, and what happened to them.
+
+mod wire;
+
+use modlens_engine::records::Batch;
+use modlens_engine::session::{BusOptions, Session};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::status::Status;
+use modlens_readers::chunk::Chunk;
+
+use wire::{answer, frame, read};
+
+/// A poll cycle of two units, often enough to be known.
+fn cycle() -> Vec<u8> {
+    let once = [read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]), read(2, 7, 1), answer(2, &[0x4321])].concat();
+    once.repeat(6)
+}
+
+fn decode(bytes: &[u8]) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+/// Offset behind the poll cycle, verdict and findings of what is neither good nor noise.
+fn damaged(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Finding>)> {
+    let rows = batch.frames.iter().filter(|row| !matches!(row.verdict, Verdict::Ok | Verdict::Noise));
+    rows.map(|row| (row.offset as usize - before.len(), row.verdict, row.findings.of(&batch.codes).to_vec())).collect()
+}
+
+/// Request, answer and the next request, after something was done to the first two.
+fn around(spoil: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) {
+    let (mut ask, mut tell) = (read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]));
+    spoil(&mut ask, &mut tell);
+    let before = cycle();
+    let bytes = [&before[..], &ask, &tell, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+    let batch = decode(&bytes);
+    let good = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).count();
+    assert!(good >= 27, "the neighbours stay whole: {good} good frames");
+    (before, batch)
+}
+
+#[test]
+fn a_flipped_bit_is_found_and_named_in_every_byte_of_a_response() {
+    for at in 0..9 {
+        let (before, batch) = around(|_, tell| tell[at] ^= 0x04);
+        let found = damaged(&before, &batch);
+        assert_eq!(found.len(), 1, "byte {at}: {found:?}");
+        assert_eq!((found[0].0, found[0].1), (8, Verdict::BadChecksum), "byte {at}");
+        assert!(found[0].2.contains(&Finding::BitFlip), "byte {at}: {:?}", found[0].2);
+    }
+}
+
+#[test]
+fn a_damaged_frame_that_somebody_shows_by_itself_begins_where_it_begins() {
+    // Examples of the specification (V1.1b3, section 6): requests and responses of 1, 3, 4, 15, 16, 43.
+    let pdus: [&[u8]; 10] = [
+        &[0x01, 0x00, 0x13, 0x00, 0x13],
+        &[0x01, 0x03, 0xCD, 0x6B, 0x05],
+        &[0x03, 0x06, 0x02, 0x2B, 0x00, 0x00, 0x00, 0x64],
+        &[0x04, 0x00, 0x08, 0x00, 0x01],
+        &[0x04, 0x02, 0x00, 0x0A],
+        &[0x04, 0x04, 0x00, 0x00, 0x00, 0x0A],
+        &[0x0F, 0x00, 0x13, 0x00, 0x0A, 0x02, 0xCD, 0x01],
+        &[0x0F, 0x00, 0x13, 0x00, 0x0A],
+        &[0x10, 0x00, 0x01, 0x00, 0x02, 0x04, 0x00, 0x0A, 0x01, 0x02],
+        &[0x2B, 0x0E, 0x01, 0x01, 0x00, 0x00, 0x01, 0x00, 0x04, b'A', b'c', b'm', b'e'],
+    ];
+    for whole in [1, 4, 16, 17].iter().flat_map(|&unit| pdus.map(|pdu| frame(unit, pdu))) {
+        let flipped = (0..8 * whole.len()).map(|bit| {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            bytes
+        });
+        // A unit that has become 0 may as well be a driver's stray.
+        for bytes in flipped.filter(|bytes| bytes[0] != 0).chain([whole[..whole.len() - 1].to_vec()]) {
+            let batch = decode(&bytes);
+            let first = &batch.frames[0];
+            assert!(matches!(first.verdict, Verdict::BadChecksum | Verdict::Incomplete), "{bytes:02x?}: {first:?}");
+        }
+    }
+}
+
+#[test]
+fn bytes_lost_in_front_inside_and_behind_are_counted() {
+    for (at, count) in [(0, 1), (0, 2), (1, 1), (4, 1), (5, 2), (6, 3), (8, 1)] {
+        let (before, batch) = around(|_, tell| drop(tell.drain(at..at + count)));
+        let found = damaged(&before, &batch);
+        assert_eq!((found.len(), found[0].0, found[0].1), (1, 8, Verdict::Incomplete), "{count} at {at}: {found:?}");
+        assert!(found[0].2.contains(&Finding::LostBytes), "{count} at {at}: {:?}", found[0].2);
+        let detail = &batch.findings.iter().find(|row| row.finding == Finding::LostBytes).expect("found above").detail;
+        assert!(detail.starts_with(&count.to_string()), "{detail}");
+    }
+}
+
+#[test]
+fn a_request_of_the_poll_cycle_is_known_without_its_first_bytes() {
+    for count in 1..=3 {
+        let (before, batch) = around(|ask, _| drop(ask.drain(..count)));
+        let found = damaged(&before, &batch);
+        assert_eq!((found.len(), found[0].0), (1, 0), "{count}: {found:?}");
+        assert!(found[0].2.contains(&Finding::LostBytes));
+        assert_eq!(batch.frames[24].unit, Some(1), "the unit is known all the same");
+    }
+}
+
+#[test]
+fn a_truncated_request_is_one_where_the_same_request_follows() {
+    let (before, ask) = (cycle(), read(1, 9, 4));
+    let whole = [&ask[..], &answer(1, &[1, 2, 3, 4])].concat();
+    for length in 3..7 {
+        let bytes = [&before[..], &ask[..length], &whole, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+        let found = damaged(&before, &decode(&bytes));
+        assert_eq!(found, [(0, Verdict::Incomplete, vec![Finding::Incomplete])], "{length}");
+    }
+}
+
+#[test]
+fn a_collision_is_one_where_only_ones_are_missing() {
+    let (before, batch) = around(|ask, _| {
+        for (byte, other) in ask[3..].iter_mut().zip([0x12, 0x00, 0x41, 0x35, 0x42]) {
+            *byte &= other;
+        }
+    });
+    let found = damaged(&before, &batch);
+    assert_eq!((found.len(), found[0].0), (1, 0), "{found:?}");
+    assert!(found[0].2.contains(&Finding::Collision), "{:?}", found[0].2);
+}
+
+#[test]
+fn strays_of_a_switched_driver_are_glitches_and_others_are_noise() {
+    let before = cycle();
+    for (strays, glitch) in [(&[0u8][..], true), (&[0xFF, 0xFF], true), (&[0xF8], true), (&[0x37], false), (&[0x00, 0x9C], false)]
+    {
+        let bytes = [&before[..], &read(1, 0x6B, 2), strays, &answer(1, &[1, 2]), &read(2, 7, 1), &answer(2, &[3])].concat();
+        let batch = decode(&bytes);
+        assert_eq!(damaged(&before, &batch), []);
+        assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::Glitch), glitch, "{strays:02x?}");
+    }
+}
+
+#[test]
+fn noise_between_whole_frames_is_no_damaged_frame() {
+    let before = cycle();
+    for strays in [&[0x5A, 0x91, 0x3C, 0xE7][..], &[1], &[3, 0, 0], &[0x77; 40]] {
+        let bytes = [&before[..], &read(1, 0x6B, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
+        assert_eq!(damaged(&before, &decode(&bytes)), [], "{strays:02x?}");
+    }
+}
+
+#[test]
+fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_answer() {
+    let (request, response) = (read(1, 10, 2), answer(1, &[7, 8]));
+    let bytes = [&cycle()[..], &request[..5], &response, &read(2, 20, 1), &answer(2, &[1])].concat();
+    let batch = decode(&bytes);
+    let bad: Vec<_> = batch.transactions.iter().filter(|row| row.status == Status::BadRequest).collect();
+    assert_eq!(bad.len(), 1);
+    assert_eq!(bad[0].response.wire.of(&batch.arena), response);
+    assert!(bad[0].request.frame > 0);
+}
+
+/// Two lines without a clock, requests on the first and answers on the second, the bytes as they are.
+fn two_lines(requests: &[u8], answers: &[u8]) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
+    session.feed(bus, &Chunk { line: 1, bytes: requests, ..Chunk::default() });
+    session.feed(bus, &Chunk { line: 2, bytes: answers, ..Chunk::default() });
+    session.flush();
+    session.take()
+}
+
+#[test]
+fn what_is_missing_on_one_of_two_lines_without_a_clock_is_said() {
+    let asks = [read(1, 0x6B, 2), read(2, 7, 1), read(1, 9, 4)];
+    let told = [answer(1, &[0x1234, 0x5678]), answer(2, &[0x4321]), answer(1, &[0x1111, 0x2222, 0x3333, 0x4444])];
+    let requests = asks.concat().repeat(12);
+    let whole = told.concat();
+    // Inside an answer, before one, and from the end of one into the next but one.
+    for gone in [22..24, 0..2, 16..18, 5..20] {
+        let mut once = whole.clone();
+        once.drain(gone.clone());
+        let answers = [whole.repeat(8), once, whole.repeat(3)].concat();
+        let batch = two_lines(&requests, &answers);
+        let place = (8 * whole.len() + gone.start) as u64;
+        let said = batch.frames.iter().filter(|row| row.findings.of(&batch.codes).contains(&Finding::LostBytes));
+        let said: Vec<(u64, u64)> = said.map(|row| (row.offset, row.offset + u64::from(row.wire.length))).collect();
+        assert_eq!(said.len(), 1, "{gone:?}: {said:?}");
+        assert!((said[0].0..=said[0].1).contains(&place), "{gone:?}: {said:?}");
+    }
+}

@@ -1,0 +1,331 @@
+//! What holds for any bytes: frames tile the input, chunk sizes change nothing, nothing panics.
+
+use std::sync::Arc;
+
+use modlens_engine::records::{Batch, Frame, Half, Span, Transaction};
+use modlens_engine::session::{BusOptions, Session};
+use modlens_protocol::checksum::{crc16, lrc};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::source::Clock;
+use modlens_readers::chunk::{Chunk, Times};
+use modlens_readers::text::{Dialects, Reader};
+use proptest::prelude::*;
+
+/// One read: bytes and the pause before it in microseconds.
+type Read = (Vec<u8>, u32);
+
+fn options(mode: Option<Mode>) -> BusOptions {
+    let mut options = BusOptions::named("bus");
+    options.mode = mode;
+    options.line = Some("19200-8E1".parse().unwrap());
+    options.bus.clock = Clock::Utc;
+    options
+}
+
+/// A row without what only names the batch: everything that a table would show.
+fn shown(batch: &Batch) -> Vec<String> {
+    let frames = batch.frames.iter().map(|f| {
+        format!(
+            "{} {} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+            f.number,
+            f.offset,
+            f.wire.of(&batch.arena),
+            f.start,
+            f.gap,
+            f.direction,
+            f.verdict,
+            f.cut_by,
+            f.confidence,
+            f.txn,
+            f.findings.of(&batch.codes)
+        )
+    });
+    let transactions = batch.transactions.iter().map(|t| {
+        format!(
+            "{} {:?} {:?} {:?} {:?} {:?}",
+            t.number,
+            t.status,
+            t.response_time,
+            t.waited,
+            t.retry_of,
+            t.findings.of(&batch.codes)
+        )
+    });
+    frames.chain(transactions).collect()
+}
+
+fn untimed(data: &[u8], mode: Option<Mode>, piece: usize) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(options(mode));
+    for bytes in data.chunks(piece) {
+        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    }
+    session.flush();
+    session.take()
+}
+
+/// The same bytes with the same byte times, each read given whole or byte by byte.
+fn timed(reads: &[Read], mode: Option<Mode>, piece: usize) -> Batch {
+    let mut session = Session::default();
+    let bus = session.add_bus(options(mode));
+    let mut now = 1_700_000_000_000_000_000i64;
+    for (bytes, pause) in reads {
+        now += i64::from(*pause) * 1000;
+        let times: Vec<i64> = bytes
+            .iter()
+            .map(|_| {
+                now += 572_917;
+                now
+            })
+            .collect();
+        for (bytes, times) in bytes.chunks(piece).zip(times.chunks(piece)) {
+            session.feed(bus, &Chunk { bytes, times: Times::Bytes(times), ..Chunk::default() });
+        }
+    }
+    session.flush();
+    session.take()
+}
+
+fn assert_tiles(batch: &Batch, data: &[u8]) {
+    let mut joined = Vec::new();
+    for frame in &batch.frames {
+        assert_eq!(frame.offset, joined.len() as u64);
+        joined.extend_from_slice(frame.wire.of(&batch.arena));
+        assert!(frame.wire.length as usize <= 4096);
+    }
+    assert_eq!(joined, data);
+}
+
+/// Bytes of a bus: good frames, noise, damage, in any order.
+fn traffic() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![Just(0u8), Just(0xFF), 0u8..8, any::<u8>()];
+    let frame =
+        (1u8..5, prop_oneof![Just(3u8), 1u8..25, Just(43), Just(65), Just(0x83)], proptest::collection::vec(byte.clone(), 0..12))
+            .prop_map(|(unit, code, body)| {
+                let mut frame = vec![unit, code];
+                frame.extend(body);
+                frame.extend(crc16(&frame).to_le_bytes());
+                frame
+            });
+    let poll = (1u8..4, 0u16..200, 1u16..6).prop_map(|(unit, address, quantity)| {
+        let mut request = vec![unit, 3];
+        request.extend(address.to_be_bytes());
+        request.extend(quantity.to_be_bytes());
+        request.extend(crc16(&request).to_le_bytes());
+        let mut response = vec![unit, 3, 2 * quantity as u8];
+        response.extend((0..2 * quantity).map(|i| i as u8));
+        response.extend(crc16(&response).to_le_bytes());
+        request.extend(response);
+        request
+    });
+    let ascii = (1u8..4, proptest::collection::vec(any::<u8>(), 1..8)).prop_map(|(unit, body)| {
+        let mut adu = vec![unit];
+        adu.extend(body);
+        adu.push(lrc(&adu));
+        format!(":{}\r\n", modlens_protocol::hex::hex(&adu).to_uppercase()).into_bytes()
+    });
+    let noise = proptest::collection::vec(byte, 0..40);
+    proptest::collection::vec(prop_oneof![3 => poll, 2 => frame, 1 => ascii, 1 => noise], 0..12).prop_map(|parts| parts.concat())
+}
+
+/// Everything that is told of these bytes, given in such pieces: rows with their bytes, and the statistics.
+fn all_told(data: &[u8], mode: Mode, piece: usize) -> Vec<String> {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
+    data.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
+    told(session)
+}
+
+/// The same of a log with a record a line, given so many lines at once.
+fn all_logged(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
+    let mut session = Session::default();
+    let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
+    let dialect = if mode == Mode::Ascii { "ascii-lines" } else { "hex" };
+    let rows = Dialects::embedded().named(dialect).unwrap();
+    session.open_text(bus, Reader::new(rows, None, Arc::default()), b"");
+    log.chunks(lines).for_each(|lines| session.feed_text(bus, lines.concat().as_bytes(), false));
+    session.feed_text(bus, b"", true);
+    told(session)
+}
+
+fn told(mut session: Session) -> Vec<String> {
+    session.flush();
+    let batch = session.take();
+    let (bytes, codes) = (|span: Span| span.of(&batch.arena), |span: Span| span.of(&batch.codes));
+    let place = Span::default();
+    let frames = batch.frames.iter().map(|row| {
+        format!("{:?} {:?} {:?}", bytes(row.wire), codes(row.findings), Frame { wire: place, findings: place, ..row.clone() })
+    });
+    let transactions = batch.transactions.iter().map(|row| {
+        let half = |half: Half| format!("{:?} {:?}", bytes(half.wire), bytes(half.pdu));
+        let bare = |half: Half| Half { wire: place, pdu: place, ..half };
+        let (request, response) = (bare(row.request), bare(row.response));
+        let plain = Transaction { request, response, findings: place, ..row.clone() };
+        format!("{} {} {plain:?}", half(row.request), half(row.response))
+    });
+    let findings = batch.transactions.iter().map(|row| format!("{:?}", codes(row.findings)));
+    let rows = batch.findings.iter().map(|row| format!("{row:?}"));
+    frames.chain(transactions).chain(findings).chain(rows).chain([session.stats_json().to_string()]).collect()
+}
+
+fn framed(body: &[u8]) -> Vec<u8> {
+    [body, &crc16(body).to_le_bytes()].concat()
+}
+
+/// A request that reads or writes in a plain way, and its answer.
+fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u8>, Vec<u8>) {
+    let [high, low] = address.to_be_bytes();
+    let head = [unit, code, high, low, 0, quantity];
+    let count = if matches!(code, 1 | 2 | 15) { quantity.div_ceil(8) } else { 2 * quantity };
+    // Most devices leave the bits behind the last one asked for at zero.
+    let data = (0..count).map(|at| if code < 3 && at + 1 == count { value & 1 } else { value ^ at });
+    let (request, response) = match code {
+        1..=4 => (head.to_vec(), [unit, code, count].into_iter().chain(data).collect()),
+        5 => ([unit, 5, high, low, if value > 99 { 0xFF } else { 0 }, value / 200].to_vec(), Vec::new()),
+        6 => ([unit, 6, high, low, value, quantity].to_vec(), Vec::new()),
+        _ => (head.into_iter().chain([count]).chain(data).collect(), head.to_vec()),
+    };
+    (framed(&request), framed(if response.is_empty() { &request } else { &response }))
+}
+
+/// A poll cycle with what may happen to one exchange of it in five; what each side sends, and how long it waits before.
+/// The adapters of some lines hear themselves.
+fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
+    let code = prop_oneof![4 => 1u8..5, 1 => prop_oneof![Just(5u8), Just(6), Just(15), Just(16)]];
+    let poll = (1u8..4, code, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
+    let accident = (0u8..60, any::<u8>(), any::<u16>());
+    let (polls, turns) = (proptest::collection::vec(poll, 1..5), proptest::collection::vec(accident, 4..60));
+    (polls, turns, proptest::bool::weighted(0.2)).prop_map(|(polls, turns, echo)| {
+        let mut bursts = Vec::new();
+        for (turn, (accident, value, place)) in turns.into_iter().enumerate() {
+            let pauses = if accident == 12 { (2_000, 900) } else { (10 + u32::from(value) % 7, 3 + u32::from(place) % 20) };
+            let (unit, code, address, quantity) = polls[turn % polls.len()];
+            let (request, mut response) = exchange(unit, code, address, quantity, value);
+            bursts.push((request.clone(), pauses.0));
+            if echo {
+                bursts.push((request.clone(), 1));
+            }
+            match accident {
+                0 => continue,
+                1 => bursts.push((request, 400)),
+                2 => response = framed(&[unit, code | 0x80, value % 12]),
+                3 => *response.last_mut().unwrap() ^= 1,
+                4 => response.insert(0, value),
+                5 => response.push(value),
+                6 => response = response.repeat(2),
+                7 => response.truncate(usize::from(place) % response.len()),
+                8 => response = framed(&[unit, code, 1, value]),
+                9 => response.extend(framed(&[0, 6, 0, 1, 0, value])),
+                10 => response.extend(framed(&[unit, 6, 0, 1, 0, value]).repeat(2)),
+                11 => response[0] ^= 3,
+                _ => {}
+            }
+            bursts.push((response, pauses.1));
+        }
+        bursts
+    })
+}
+
+/// The same in characters; what is no frame stays as it is.
+fn in_ascii(bursts: &[(Vec<u8>, u32)]) -> Vec<(Vec<u8>, u32)> {
+    let frame = |bytes: &[u8]| {
+        let content = bytes.split_last_chunk::<2>().filter(|(content, sum)| crc16(content).to_le_bytes() == **sum)?.0;
+        let mut adu = content.to_vec();
+        adu.push(lrc(&adu));
+        let text = modlens_protocol::hex::hex(&adu);
+        Some(format!(":{}\r\n", if adu.last() == Some(&7) { text } else { text.to_uppercase() }).into_bytes())
+    };
+    bursts.iter().map(|(bytes, pause)| (frame(bytes).unwrap_or_else(|| bytes.clone()), *pause)).collect()
+}
+
+fn bytes_of(bursts: &[(Vec<u8>, u32)]) -> Vec<u8> {
+    bursts.iter().flat_map(|(bytes, _)| bytes).copied().collect()
+}
+
+/// A log of them, a line each.
+fn log_of(bursts: &[(Vec<u8>, u32)], stamped: bool) -> Vec<String> {
+    let mut ms = 0;
+    let lines = bursts.iter().map(|(bytes, pause)| {
+        ms += pause;
+        let stamp = format!("2026-11-21 12:{:02}:{:02}.{:03} ", ms / 60_000, ms / 1000 % 60, ms % 1000);
+        let side = if matches!(bytes.len(), 8 | 17) { "Tx" } else { "Rx" };
+        let hex = || bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<String>>().join(" ");
+        let shown = if bytes.starts_with(b":") { String::from_utf8_lossy(bytes).trim_end().to_owned() } else { hex() };
+        format!("{}{side}: {shown}\n", if stamped { &stamp } else { "" })
+    });
+    lines.collect()
+}
+
+fn mode() -> impl Strategy<Value = Option<Mode>> {
+    prop_oneof![Just(None), Just(Some(Mode::Rtu)), Just(Some(Mode::Ascii)), Just(Some(Mode::Tcp))]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    #[test]
+    fn untimed_bytes_tile_and_chunk_sizes_change_nothing(data in traffic(), mode in mode()) {
+        let whole = untimed(&data, mode, usize::MAX);
+        assert_tiles(&whole, &data);
+        for piece in [1, 7, 64] {
+            prop_assert_eq!(shown(&untimed(&data, mode, piece)), shown(&whole));
+        }
+    }
+
+    // A request that stands in the same piece as its answer may be told with it, without search and pairing; where they
+    // are parted, each is told by itself.
+    #[test]
+    fn what_came_before_is_told_as_if_it_never_had(bursts in cycle(), piece in 2usize..70) {
+        for (mode, bursts) in [(Mode::Rtu, bursts.clone()), (Mode::Ascii, in_ascii(&bursts))] {
+            let data = bytes_of(&bursts);
+            let apart = all_told(&data, mode, 1);
+            prop_assert_eq!(&all_told(&data, mode, usize::MAX), &apart);
+            prop_assert_eq!(&all_told(&data, mode, piece), &apart);
+        }
+    }
+
+    #[test]
+    fn records_of_a_log_are_told_alike_however_many_come_at_once(bursts in cycle(), lines in 2usize..9, stamped in any::<bool>()) {
+        for (mode, bursts) in [(Mode::Rtu, bursts.clone()), (Mode::Ascii, in_ascii(&bursts))] {
+            let log = log_of(&bursts, stamped);
+            let apart = all_logged(&log, mode, 1);
+            prop_assert_eq!(&all_logged(&log, mode, usize::MAX), &apart);
+            prop_assert_eq!(&all_logged(&log, mode, lines), &apart);
+        }
+    }
+
+    #[test]
+    fn timed_bytes_tile_and_chunk_sizes_change_nothing(
+        reads in proptest::collection::vec((traffic(), prop_oneof![Just(0u32), 500u32..4000, 20_000u32..400_000, Just(1_200_000u32)]), 0..6),
+        mode in mode(),
+    ) {
+        let data: Vec<u8> = reads.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+        let whole = timed(&reads, mode, usize::MAX);
+        assert_tiles(&whole, &data);
+        for piece in [1, 7, 64] {
+            prop_assert_eq!(shown(&timed(&reads, mode, piece)), shown(&whole));
+        }
+    }
+
+    #[test]
+    fn any_bytes_tile(data in proptest::collection::vec(any::<u8>(), 0..3000), mode in mode()) {
+        assert_tiles(&untimed(&data, mode, 512), &data);
+    }
+
+    #[test]
+    fn times_never_run_back(reads in proptest::collection::vec((traffic(), 0u32..50_000), 0..6)) {
+        let batch = timed(&reads, Some(Mode::Rtu), usize::MAX);
+        let starts: Vec<i64> = batch.frames.iter().filter_map(|frame| frame.start).collect();
+        prop_assert!(starts.windows(2).all(|pair| pair[0] <= pair[1]));
+    }
+}
+
+#[test]
+fn long_noise_is_cut_into_rows_of_4096_bytes() {
+    for byte in [0x00, 0xFF, 0x55] {
+        let data = vec![byte; 100_000];
+        for mode in [None, Some(Mode::Rtu), Some(Mode::Ascii), Some(Mode::Tcp)] {
+            assert_tiles(&untimed(&data, mode, 1000), &data);
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! What taps do to good traffic: pieces, stalls, strays, clocks that step, live and not.
+
+mod wire;
+
+use modlens_engine::records::Batch;
+use modlens_engine::session::Session;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::framing::Verdict;
+use modlens_protocol::source::Clock;
+use modlens_protocol::status::Status;
+use modlens_readers::chunk::{Chunk, Times};
+
+use wire::{frame, good, read, session, MS};
+
+const START: i64 = 1_700_000_000_000_000_000;
+
+fn tell(unit: u8, quantity: u8, first: u8) -> Vec<u8> {
+    let mut pdu = vec![3, 2 * quantity];
+    pdu.extend((0..2 * quantity).map(|i| i.wrapping_mul(31).wrapping_add(first)));
+    frame(unit, &pdu)
+}
+
+/// The frames with their directions; all bytes have to be in good ones.
+fn all_good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
+    assert!(batch.frames.iter().all(|frame| frame.verdict == Verdict::Ok && !frame.tentative));
+    good(batch)
+}
+
+fn pair(request: Vec<u8>, response: Vec<u8>) -> [(Vec<u8>, Direction); 2] {
+    [(request, Direction::Request), (response, Direction::Response)]
+}
+
+#[test]
+fn every_split_of_a_pair_in_two_reads() {
+    let (request, response) = (read(1, 10, 2), tell(1, 2, 5));
+    let bytes = [request.clone(), response.clone()].concat();
+    for live in [false, true] {
+        for split in 1..bytes.len() {
+            let (mut session, bus) = session(live, Clock::Utc);
+            for (bytes, time) in [(&bytes[..split], START), (&bytes[split..], START + 20 * MS)] {
+                session.feed(bus, &Chunk { bytes, times: Times::Read(time), ..Chunk::default() });
+            }
+            session.flush();
+            assert_eq!(all_good(&session.take()), pair(request.clone(), response.clone()), "{live} {split}");
+        }
+    }
+}
+
+#[test]
+fn packets_of_32_and_62_bytes_with_long_waits_between_them() {
+    let exchanges: Vec<_> = (0..8u8).map(|i| pair(read(1, 10, 120), tell(1, 120, i))).collect();
+    for (size, wait) in [(32, 16 * MS), (32, 33 * MS), (62, 16 * MS), (62, 33 * MS), (31, 16 * MS)] {
+        let (mut session, bus) = session(false, Clock::Utc);
+        let mut now = START;
+        for (bytes, _) in exchanges.iter().flatten() {
+            for bytes in bytes.chunks(size) {
+                now += wait;
+                session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+            }
+            now += 40 * MS;
+        }
+        session.flush();
+        assert_eq!(all_good(&session.take()), exchanges.concat(), "{size} {wait}");
+    }
+}
+
+#[test]
+fn a_frame_whose_checksum_ends_in_zero_byte_by_byte_and_live() {
+    // Answers of one register whose checksum has the high byte 00: valid without their last byte, too.
+    let ending = (0..=u16::MAX).map(|value| frame(1, &[&[3, 2][..], &value.to_be_bytes()].concat()));
+    for response in ending.filter(|frame| frame[frame.len() - 1] == 0).take(40) {
+        for live in [false, true] {
+            let (mut session, bus) = session(live, Clock::Utc);
+            let mut now = START;
+            for byte in [read(1, 10, 1), response.clone(), read(1, 11, 1), response.clone()].concat() {
+                now += MS;
+                session.feed(bus, &Chunk { bytes: &[byte], times: Times::Read(now), ..Chunk::default() });
+            }
+            session.flush();
+            let both = [pair(read(1, 10, 1), response.clone()), pair(read(1, 11, 1), response.clone())].concat();
+            assert_eq!(all_good(&session.take()), both, "{response:02x?}");
+        }
+    }
+}
+
+#[test]
+fn a_stray_byte_at_every_turn_round_costs_no_frame() {
+    for stray in [0x00u8, 0xFE, 0xFF, 0x80] {
+        for clock in [Clock::None, Clock::Utc] {
+            let (mut session, bus) = session(false, clock);
+            let mut wanted = Vec::new();
+            let mut now = START;
+            for i in 0..200u16 {
+                let unit = 1 + (i % 3) as u8;
+                let frames = pair(read(unit, 10 * (i % 7), 4), tell(unit, 4, i as u8));
+                for (bytes, _) in &frames {
+                    let bytes = [&[stray][..], bytes].concat();
+                    now += 8 * MS;
+                    let times = if clock == Clock::None { Times::None } else { Times::Read(now) };
+                    session.feed(bus, &Chunk { bytes: &bytes, times, ..Chunk::default() });
+                }
+                wanted.extend(frames);
+            }
+            session.flush();
+            let batch = session.take();
+            assert_eq!(good(&batch), wanted, "{stray:02x} {clock:?}");
+            // Nobody has heard of a unit before it has answered.
+            let doubted = batch.frames.iter().filter(|row| row.tentative).count();
+            assert!(doubted <= 3, "{doubted} tentative frames at {stray:02x} {clock:?}");
+        }
+    }
+}
+
+#[test]
+fn units_change_after_hours_and_are_believed_at_once() {
+    let (mut session, bus) = session(false, Clock::None);
+    let traffic = |units: [u8; 2], count: u16| -> Vec<(Vec<u8>, Direction)> {
+        (0..count)
+            .flat_map(|i| pair(read(units[usize::from(i % 2)], i % 50, 3), tell(units[usize::from(i % 2)], 3, i as u8)))
+            .collect()
+    };
+    let wanted = [traffic([1, 2], 6000), traffic([201, 77], 50)].concat();
+    let bytes: Vec<u8> = wanted.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+    for bytes in bytes.chunks(1000) {
+        session.feed(bus, &Chunk { bytes, ..Chunk::default() });
+    }
+    session.flush();
+    assert_eq!(all_good(&session.take()), wanted);
+}
+
+#[test]
+fn a_noisy_start_teaches_no_units() {
+    let mut state = 99u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let (mut session, bus) = session(false, Clock::None);
+    let mut bytes: Vec<u8> = (0..200_000).map(|_| noise()).collect();
+    let traffic: Vec<_> = (0..20u16).flat_map(|i| pair(read(9, i, 2), tell(9, 2, i as u8))).collect();
+    bytes.extend(traffic.iter().flat_map(|(bytes, _)| bytes.clone()));
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    let batch = session.take();
+    let behind: Vec<_> = batch.frames.iter().filter(|frame| frame.offset >= 200_000 && frame.verdict == Verdict::Ok).collect();
+    assert_eq!(behind.len(), 40);
+    assert!(behind.iter().all(|frame| frame.unit == Some(9)));
+}
+
+#[test]
+fn clocks_that_stand_still_step_back_or_fail_lose_no_frame() {
+    let wanted: Vec<_> = (0..12u16).flat_map(|i| pair(read(1, i, 2), tell(1, 2, i as u8))).collect();
+    let steps: [&dyn Fn(i64) -> Option<i64>; 4] = [
+        &|_| Some(START),
+        &|i| Some(START + i * 8 * MS - if i % 5 == 4 { 300_000 } else { 0 }),
+        &|i| Some(START + i * 8 * MS - if i > 12 { 3_600_000 * MS } else { 0 }),
+        &|i| (i % 3 != 1).then_some(START + i * 8 * MS),
+    ];
+    for (which, time) in steps.iter().enumerate() {
+        for live in [false, true] {
+            let (mut session, bus) = session(live, Clock::Utc);
+            for (i, (bytes, _)) in wanted.iter().enumerate() {
+                let times = time(i as i64).map_or(Times::None, Times::Read);
+                session.feed(bus, &Chunk { bytes, times, ..Chunk::default() });
+            }
+            session.flush();
+            assert_eq!(all_good(&session.take()), wanted, "{which} {live}");
+        }
+    }
+}
+
+#[test]
+fn live_frames_come_with_their_last_byte_and_are_those_of_the_recording() {
+    let wanted: Vec<_> = (0..30u16).flat_map(|i| pair(read(1, i % 4, 2), tell(1, 2, i as u8))).collect();
+    let (mut live, bus) = session(true, Clock::Utc);
+    let (mut now, mut at_once, mut all) = (START, 0, Vec::new());
+    for (i, (bytes, _)) in wanted.iter().enumerate() {
+        now += 8 * MS;
+        live.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+        let found = good(&live.take());
+        // Once the line is known, nothing has to be waited for.
+        at_once += usize::from(i >= 12 && found.len() == 1);
+        all.extend(found);
+    }
+    live.poll(now + 150 * MS);
+    all.extend(good(&live.take()));
+    assert_eq!(at_once, wanted.len() - 12);
+    assert_eq!(all, wanted);
+}
+
+#[test]
+fn silence_bounds_the_wait_of_a_live_tap() {
+    let (mut live, bus) = session(true, Clock::Utc);
+    live.feed(bus, &Chunk { bytes: &read(1, 10, 2)[..5], times: Times::Read(START), ..Chunk::default() });
+    assert!(live.take().frames.is_empty());
+    live.poll(START + 100 * MS);
+    assert_eq!(live.take().frames.len(), 1, "a piece of a frame is told after 100 ms of silence");
+    live.feed(bus, &Chunk { bytes: &read(1, 10, 2), times: Times::Read(START + 200 * MS), ..Chunk::default() });
+    live.poll(START + 1_300 * MS);
+    let statuses: Vec<Status> = live.take().transactions.iter().map(|row| row.status).collect();
+    assert_eq!(statuses, [Status::NoResponse]);
+}
+
+/// Familiar exchanges, then a response that stalls for so many ms in its middle, then one more exchange.
+fn stalled(live: bool, stall: i64) -> Batch {
+    let (mut session, bus) = session(live, Clock::Utc);
+    let mut now = START;
+    let mut feed = |session: &mut Session, pause: i64, bytes: &[u8]| {
+        now += pause * MS;
+        session.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+    };
+    for i in 0..10u8 {
+        feed(&mut session, 20, &read(1, 10, 20));
+        feed(&mut session, 20, &tell(1, 20, i));
+    }
+    feed(&mut session, 20, &read(1, 10, 20));
+    feed(&mut session, 20, &tell(1, 20, 77)[..21]);
+    feed(&mut session, stall, &tell(1, 20, 77)[21..]);
+    feed(&mut session, 30, &read(1, 10, 20));
+    feed(&mut session, 20, &tell(1, 20, 99));
+    session.flush();
+    session.take()
+}
+
+#[test]
+fn a_read_that_comes_late_inside_a_frame_live_and_not() {
+    for live in [false, true] {
+        // Adapters and schedulers hold bytes back for as long as this.
+        assert_eq!(all_good(&stalled(live, 80)).len(), 24, "live {live}");
+        // No frame crosses a longer silence: it costs this frame, and no other one.
+        let batch = stalled(live, 120);
+        let found = good(&batch);
+        assert_eq!(found.len(), 23, "live {live}");
+        assert_eq!(found[21..], pair(read(1, 10, 20), tell(1, 20, 99)), "live {live}");
+        let told: Vec<Verdict> = batch.frames.iter().map(|frame| frame.verdict).filter(|verdict| !verdict.good()).collect();
+        assert!(told.iter().any(|verdict| *verdict != Verdict::Noise), "live {live}: {told:?}");
+    }
+}
+
+#[test]
+fn the_baud_rate_changes_in_the_middle_of_a_recording() {
+    let (mut session, bus) = session(false, Clock::Utc);
+    let mut now = START;
+    let mut feed = |bytes: &[u8], char_ns: i64, pause: i64| {
+        now += pause;
+        let times: Vec<i64> = (1..=bytes.len() as i64).map(|at| now + at * char_ns).collect();
+        now = times[times.len() - 1];
+        session.feed(bus, &Chunk { bytes, times: Times::Bytes(&times), ..Chunk::default() });
+    };
+    let pairs: Vec<_> = (0..40u16).flat_map(|at| pair(read(1, at % 4, 2), tell(1, 2, at as u8))).collect();
+    let (before, after) = pairs.split_at(40);
+    for (bytes, _) in before {
+        feed(bytes, 572_916, 8 * MS);
+    }
+    // At the old rate the receiver sees nonsense of the new one, until it is set anew.
+    feed(&[0xF8, 0x00, 0xE6, 0x80, 0x00, 0x66, 0xFE, 0x98, 0xE0, 0x00, 0x1E, 0x80, 0xF8, 0x06], 572_916, 8 * MS);
+    for (bytes, _) in after {
+        feed(bytes, 95_486, 3 * MS);
+    }
+    session.flush();
+    assert_eq!(good(&session.take()), pairs);
+}
+
+/// Exchanges on two lines whose adapters hold bytes back, each for its own time; the request's is seen at START + 100 ms a
+/// round, the answer's so many ms before it.
+fn two_lines(live: bool, early: impl Fn(i64) -> i64) -> (Batch, Vec<(Vec<u8>, Direction)>) {
+    let (mut session, bus) = session(live, Clock::Utc);
+    let (mut reads, mut wanted) = (Vec::new(), Vec::new());
+    for round in 0..60i64 {
+        let unit = 1 + (round % 3) as u8;
+        let both = pair(read(unit, round as u16 % 7, 2), tell(unit, 2, round as u8));
+        let asked = START + 100 * round * MS;
+        reads.push((asked, 1, both[0].0.clone()));
+        reads.push((asked - early(round) * MS, 2, both[1].0.clone()));
+        wanted.extend(both);
+    }
+    reads.sort();
+    for (time, line, bytes) in reads {
+        session.feed(bus, &Chunk { line, bytes: &bytes, times: Times::Read(time), ..Chunk::default() });
+    }
+    session.flush();
+    (session.take(), wanted)
+}
+
+#[test]
+fn an_answer_that_is_seen_before_its_request_on_the_other_line_is_its_answer() {
+    for live in [false, true] {
+        // A latency timer of 16 ms on each line: every third answer is seen first.
+        let (batch, wanted) = two_lines(live, |round| if round % 3 == 0 { 11 } else { -9 });
+        assert_eq!(all_good(&batch), wanted, "live {live}");
+        let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
+        assert_eq!(statuses, [Status::Ok; 60], "live {live}");
+    }
+}
+
+#[test]
+fn how_long_a_server_holds_requests_back_is_learned_from_the_first_that_came_too_late() {
+    for live in [false, true] {
+        // Longer than is expected of a line that has shown nothing yet.
+        let (batch, wanted) = two_lines(live, |round| if round % 6 == 5 { 70 } else { -9 });
+        let told = good(&batch);
+        assert_eq!(told.len(), wanted.len());
+        let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
+        let lost = statuses.iter().filter(|status| **status != Status::Ok).count();
+        assert!(lost <= 2, "live {live}: {statuses:?}");
+    }
+}
+
+#[test]
+fn the_second_of_two_equal_answers_behind_a_retry_is_not_the_next_requests() {
+    // Two lines by latency timers of 16 ms; the next request asks the same unit for as much.
+    let (ask, next) = (read(1, 10, 2), read(1, 40, 2));
+    let (same, own) = (tell(1, 2, 5), tell(1, 2, 99));
+    for live in [false, true] {
+        let (mut session, bus) = session(live, Clock::Utc);
+        let mut now = START;
+        let mut feed = |line: u8, pause: i64, bytes: &[u8]| {
+            now += pause * MS;
+            session.feed(bus, &Chunk { line, bytes, times: Times::Read(now), ..Chunk::default() });
+        };
+        for round in 0..30u8 {
+            // Every other answer is in one read with its request's.
+            feed(1, 60, &read(2, 7, 3));
+            feed(2, if round % 2 == 0 { 0 } else { 16 }, &tell(2, 3, round));
+            feed(1, 40, &read(3, 7, 1));
+            feed(2, 16, &tell(3, 1, round)[..3]);
+            feed(2, 16, &tell(3, 1, round)[3..]);
+        }
+        feed(1, 60, &ask);
+        feed(1, 250, &ask);
+        feed(2, 16, &same);
+        feed(2, 16, &same);
+        feed(1, 15, &next);
+        feed(2, 1, &own);
+        feed(1, 60, &read(2, 7, 3));
+        feed(2, 16, &tell(2, 3, 1));
+        session.flush();
+        let batch = session.take();
+        let answered = |row: &modlens_engine::records::Transaction| row.status == Status::Ok && row.response.frame != 0;
+        let told: Vec<Vec<u8>> = batch
+            .transactions
+            .iter()
+            .filter(|row| answered(row))
+            .rev()
+            .take(2)
+            .map(|row| {
+                let frame = batch.frames.iter().find(|frame| frame.number == row.response.frame).unwrap();
+                frame.wire.of(&batch.arena).to_vec()
+            })
+            .collect();
+        assert_eq!(told, [tell(2, 3, 1), own.clone()], "live {live}");
+    }
+}
+
+#[test]
+fn wrong_bytes_that_come_again_do_not_vouch_for_each_other() {
+    // Eight bytes of a write, and a vendor's frame of any length: misheard, both the request and its echo come out the same.
+    let noise = [0xE1, 0x5C, 0x3D, 0xC7, 0x91, 0x2B, 0x6E];
+    for once in [frame(2, &[6, 0x16, 6, 0xE3, 3]), frame(2, &[102])] {
+        let (mut session, bus) = session(false, Clock::None);
+        let bytes = [&noise.repeat(40)[..], &once, &once, &noise.repeat(40)].concat();
+        session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+        session.flush();
+        let batch = session.take();
+        assert!(batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).all(|row| row.tentative), "{once:02x?}");
+    }
+}
+
+#[test]
+fn a_line_of_a_vendors_functions_is_believed_behind_strays_as_well() {
+    let exchanges: Vec<Vec<u8>> = (0..12u8).flat_map(|at| [frame(9, &[70, at]), frame(9, &[70, at, 7, at * 3])]).collect();
+    let (mut session, bus) = session(false, Clock::None);
+    let bytes = [&[0x13, 0x55, 0xA9, 0x70][..], &exchanges.concat()].concat();
+    session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+    session.flush();
+    let batch = session.take();
+    let whole: Vec<bool> = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).map(|row| row.tentative).collect();
+    assert_eq!(whole.len(), 24);
+    assert!(whole[5..].iter().all(|tentative| !tentative), "{whole:?}");
+}
+
+#[test]
+fn a_live_tap_waits_for_what_an_adapter_holds_back() {
+    // A serial server sends 200 bytes at once: at 19200 baud they take 115 ms, longer than any pause inside a frame.
+    let (mut live, bus) = session(true, Clock::Utc);
+    let wanted: Vec<_> = (0..40u8).flat_map(|i| pair(read(1, 10, 20), tell(1, 20, i))).collect();
+    let bytes: Vec<u8> = wanted.iter().flat_map(|(bytes, _)| bytes.clone()).collect();
+    let mut now = START;
+    for bytes in bytes.chunks(200) {
+        let until = now + 115 * MS;
+        while now < until {
+            now += 5 * MS;
+            live.poll(now);
+        }
+        live.feed(bus, &Chunk { bytes, times: Times::Read(now), ..Chunk::default() });
+    }
+    live.poll(now + 1000 * MS);
+    assert_eq!(all_good(&live.take()), wanted);
+}

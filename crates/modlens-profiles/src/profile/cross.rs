@@ -1,0 +1,67 @@
+//! What is wrong between points: the same name twice, registers taken twice, scale factors that are not there.
+
+use std::collections::HashMap;
+
+use crate::profile::{Mistake, Point, Profile};
+use modlens_protocol::register_type::Space;
+
+/// Compares the points with each other.
+pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
+    let mut names: HashMap<&str, usize> = HashMap::new();
+    for (i, point) in profile.points.iter().enumerate() {
+        if let Some(first) = names.insert(&point.name, i) {
+            let line = profile.points[first].lines.name;
+            let message = if line > 0 {
+                format!("{:?} is the name of the point in line {line}, too", point.name)
+            } else {
+                format!("{:?} is the name of two points", point.name)
+            };
+            mistakes.push(Mistake::new(point.lines.name, &format!("registers[{}].name", point.lines.index), message));
+        }
+    }
+    for point in &profile.points {
+        let Some(sf) = &point.sf else { continue };
+        let key = format!("registers[{}].sf", point.lines.index);
+        match names.get(sf.as_str()).map(|&at| &profile.points[at]) {
+            None => {
+                let hint = crate::profile::keys::near(sf, names.keys().copied()).map(str::to_owned);
+                let message = format!("no point {sf:?} holds the scale factor");
+                mistakes.push(Mistake { line: point.lines.sf, key, message, hint });
+            }
+            Some(holder) if !holder.kind.whole() || holder.length() != 1 || holder.sf.is_some() => {
+                let message = format!("{sf:?} is no single whole number, which a scale factor is");
+                mistakes.push(Mistake::new(point.lines.sf, &key, message));
+            }
+            Some(_) => {}
+        }
+    }
+    overlaps(&profile.points, mistakes);
+}
+
+/// A register belongs to one point, or is shared by parts of it: halves and bits.
+fn overlaps(points: &[Point], mistakes: &mut Vec<Mistake>) {
+    for space in Space::ALL.map(|row| row.0) {
+        let mut taken: Vec<(u32, u32, usize)> = points
+            .iter()
+            .enumerate()
+            .filter(|(_, point)| point.space == space && !is_part(point))
+            .map(|(i, point)| (u32::from(point.address), u32::from(point.address) + u32::from(point.count), i))
+            .collect();
+        taken.sort_unstable();
+        let mut reach: Option<(u32, usize)> = None;
+        for (start, end, i) in taken {
+            if let Some((until, other)) = reach.filter(|(until, _)| *until > start) {
+                let (point, other) = (&points[i], &points[other]);
+                let message = format!("takes wire address {start} of {}, which belongs to {:?}", space.short(), other.name);
+                mistakes.push(Mistake::new(point.lines.at, &format!("registers[{}].at", point.lines.index), message));
+                reach = Some((until.max(end), i));
+                continue;
+            }
+            reach = Some((end, i));
+        }
+    }
+}
+
+fn is_part(point: &Point) -> bool {
+    point.bits.is_some() || point.kind.width() == 8
+}

@@ -1,0 +1,258 @@
+//! Types of values, orders of bytes, register types, exact decimal numbers.
+
+use std::fmt;
+
+/// What a value is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Type {
+    /// A bit.
+    Bool,
+    /// The high half of a register.
+    U8h,
+    /// The low half.
+    U8l,
+    /// The high half, signed.
+    S8h,
+    /// The low half, signed.
+    S8l,
+    /// One register.
+    U16,
+    /// One register, signed.
+    S16,
+    /// Two registers.
+    U32,
+    /// Two registers, signed.
+    S32,
+    /// Four registers.
+    U64,
+    /// Four registers, signed.
+    S64,
+    /// Half precision.
+    F16,
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+    /// Four decimal digits.
+    Bcd16,
+    /// Eight decimal digits.
+    Bcd32,
+    /// Two characters a register.
+    Str,
+    /// One character a register, in the high half.
+    Strh,
+    /// One character a register, in the low half.
+    Strl,
+    /// Bytes without meaning.
+    Raw,
+}
+
+impl Type {
+    /// All of them: word, registers of one value (0: as many as `count` says), what it is.
+    pub const ALL: [(Self, &'static str, u16, &'static str); 20] = [
+        (Self::Bool, "bool", 1, "a bit"),
+        (Self::U8h, "u8h", 1, "the high half of a register"),
+        (Self::U8l, "u8l", 1, "the low half of a register"),
+        (Self::S8h, "s8h", 1, "the high half, signed"),
+        (Self::S8l, "s8l", 1, "the low half, signed"),
+        (Self::U16, "u16", 1, "a register"),
+        (Self::S16, "s16", 1, "a register, signed"),
+        (Self::U32, "u32", 2, "two registers"),
+        (Self::S32, "s32", 2, "two registers, signed"),
+        (Self::U64, "u64", 4, "four registers"),
+        (Self::S64, "s64", 4, "four registers, signed"),
+        (Self::F16, "f16", 1, "floating point, half precision"),
+        (Self::F32, "f32", 2, "floating point, single precision"),
+        (Self::F64, "f64", 4, "floating point, double precision"),
+        (Self::Bcd16, "bcd16", 1, "four decimal digits"),
+        (Self::Bcd32, "bcd32", 2, "eight decimal digits"),
+        (Self::Str, "str", 0, "text, two characters a register"),
+        (Self::Strh, "strh", 0, "text, one character a register, in its high half"),
+        (Self::Strl, "strl", 0, "text, one character a register, in its low half"),
+        (Self::Raw, "raw", 0, "bytes without further meaning"),
+    ];
+
+    /// By its word.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.iter().find(|row| row.1 == word).map(|row| row.0)
+    }
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+
+    /// Registers of one value; 0 where `count` says it.
+    pub fn registers(self) -> u16 {
+        Self::ALL[self as usize].2
+    }
+
+    /// Whether it is a whole number, and so can have labels.
+    pub fn whole(self) -> bool {
+        self.number() && !matches!(self, Self::F16 | Self::F32 | Self::F64)
+    }
+
+    /// Whether it is a number, and so can be scaled.
+    pub fn number(self) -> bool {
+        !matches!(self, Self::Bool | Self::Str | Self::Strh | Self::Strl | Self::Raw)
+    }
+
+    /// Whether it carries a sign.
+    pub fn signed(self) -> bool {
+        matches!(self, Self::S8h | Self::S8l | Self::S16 | Self::S32 | Self::S64)
+    }
+
+    /// Bits of one value, where it is a number.
+    pub fn width(self) -> u32 {
+        match self {
+            Self::U8h | Self::U8l | Self::S8h | Self::S8l => 8,
+            other => 16 * u32::from(other.registers()),
+        }
+    }
+}
+
+/// In which order the bytes of a value stand on the wire; named by where the bytes of 0xAABBCCDD go.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Order {
+    /// Highest register first, high byte first.
+    #[default]
+    Abcd,
+    /// Lowest register first, high byte first.
+    Cdab,
+    /// Highest register first, low byte first.
+    Badc,
+    /// Lowest register first, low byte first.
+    Dcba,
+}
+
+impl Order {
+    /// All of them.
+    pub const ALL: [(Self, &'static str); 4] =
+        [(Self::Abcd, "ABCD"), (Self::Cdab, "CDAB"), (Self::Badc, "BADC"), (Self::Dcba, "DCBA")];
+
+    /// By its word, in any case.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.iter().find(|row| row.1.eq_ignore_ascii_case(word)).map(|row| row.0)
+    }
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+
+    /// Whether the low byte of a register comes first.
+    pub fn swaps_bytes(self) -> bool {
+        matches!(self, Self::Badc | Self::Dcba)
+    }
+
+    /// Whether the lowest register comes first.
+    pub fn swaps_words(self) -> bool {
+        matches!(self, Self::Cdab | Self::Dcba)
+    }
+}
+
+/// Who may do what with a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Access {
+    /// Read.
+    #[default]
+    Read,
+    /// Written.
+    Write,
+    /// Both.
+    Both,
+}
+
+impl Access {
+    /// All of them.
+    pub const ALL: [(Self, &'static str); 3] = [(Self::Read, "r"), (Self::Write, "w"), (Self::Both, "rw")];
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+}
+
+/// A decimal number as it was written: `digits * 10^exponent`, exact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Decimal {
+    /// The digits with their sign.
+    pub digits: i64,
+    /// The power of ten.
+    pub exponent: i32,
+}
+
+impl Decimal {
+    /// One.
+    pub const ONE: Self = Self { digits: 1, exponent: 0 };
+    /// Zero.
+    pub const ZERO: Self = Self { digits: 0, exponent: 0 };
+
+    /// Reads `0.1`, `-40`, `1e-3`. `None` where it is no such number, or has more than 18 digits.
+    pub fn parse(text: &str) -> Option<Self> {
+        let text = text.trim().replace('_', "");
+        let (mantissa, power) = match text.split_once(['e', 'E']) {
+            Some((mantissa, power)) => (mantissa, power.parse::<i32>().ok()?),
+            None => (text.as_str(), 0),
+        };
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+        if !fraction.bytes().all(|byte| byte.is_ascii_digit()) || fraction.len() + whole.len() == 0 {
+            return None;
+        }
+        // Zeros at the end of a fraction say nothing; a scale of 0.10 is one of 0.1.
+        let fraction = fraction.trim_end_matches('0');
+        let digits: i64 = format!("{whole}{fraction}").parse().ok()?;
+        let exponent = power - fraction.len() as i32;
+        (exponent.abs() <= 64 && digits.unsigned_abs() < 10u64.pow(18)).then_some(Self { digits, exponent })
+    }
+
+    /// The nearest floating point number.
+    pub fn to_f64(self) -> f64 {
+        self.to_string().parse().unwrap_or(f64::NAN)
+    }
+}
+
+impl fmt::Display for Decimal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&decimal_text(i128::from(self.digits), self.exponent))
+    }
+}
+
+/// `digits * 10^exponent` in plain figures.
+pub fn decimal_text(digits: i128, exponent: i32) -> String {
+    if exponent >= 0 {
+        let zeros = if digits == 0 { 0 } else { exponent as usize };
+        return format!("{digits}{}", "0".repeat(zeros));
+    }
+    let places = exponent.unsigned_abs() as usize;
+    let sign = if digits < 0 { "-" } else { "" };
+    let text = format!("{:0>width$}", digits.unsigned_abs(), width = places + 1);
+    let (whole, fraction) = text.split_at(text.len() - places);
+    format!("{sign}{whole}.{fraction}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use modlens_protocol::register_type::Space;
+
+    #[test]
+    fn words_stand_in_the_order_of_their_enums() {
+        assert!(Type::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i && Type::from_word(row.1) == Some(row.0)));
+        assert!(Space::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i));
+        assert!(Order::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i));
+        assert!(Access::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i));
+    }
+
+    #[test]
+    fn decimals_are_exact() {
+        for (text, back) in
+            [("0.1", "0.1"), ("-40", "-40"), ("1e-3", "0.001"), ("2.50", "2.5"), ("1e3", "1000"), ("-0.05", "-0.05"), ("0", "0")]
+        {
+            assert_eq!(Decimal::parse(text).unwrap().to_string(), back);
+        }
+        for text in ["", ".", "x", "1.2.3", "nan", "inf", "1e999", "0x10", "1.-5"] {
+            assert_eq!(Decimal::parse(text), None, "{text}");
+        }
+    }
+}

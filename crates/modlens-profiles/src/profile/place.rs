@@ -1,0 +1,132 @@
+//! `at`: where a point stands. `hr:0x00CD`, `hr:40108` with base modicon, `hr:10.3`, `hr:10.4-7`, `co:5`.
+
+use crate::profile::Base;
+use modlens_protocol::register_type::Space;
+
+/// A table, a wire address, and the bits of a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Which table.
+    pub space: Space,
+    /// The address on the wire.
+    pub address: u16,
+    /// First and last bit.
+    pub bits: Option<(u8, u8)>,
+}
+
+/// Reads it; the error says what is wrong and what is right.
+pub fn parse(text: &str, base: Base) -> Result<Place, String> {
+    let (word, rest) = text.trim().split_once(':').ok_or("takes hr, ir, co or di, a colon and an address, such as hr:0x00CD")?;
+    let space = Space::from_word(&word.trim().to_ascii_lowercase())
+        .ok_or_else(|| format!("{word:?} is no table; it is hr (holding), ir (input), co (coil) or di (discrete input)"))?;
+    let (number, bits) = match rest.split_once('.') {
+        Some((number, bits)) => (number, Some(parse_bits(bits, space)?)),
+        None => (rest, None),
+    };
+    let number = parse_number(number.trim()).ok_or_else(|| format!("{:?} is no address", number.trim()))?;
+    Ok(Place { space, address: to_wire(number, space, base)?, bits })
+}
+
+fn parse_number(text: &str) -> Option<u64> {
+    match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u64::from_str_radix(digits, 16).ok(),
+        // A plus sign would be read, too.
+        None => text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok())?,
+    }
+}
+
+fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
+    if space.bits() {
+        return Err(format!("a {} has no bits of its own", space.long().replace('_', " ")));
+    }
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let bit =
+        |text: &str| text.trim().parse::<u8>().map_err(|_| format!("{:?} is no bit; bits are 0 (lowest) to 15", text.trim()));
+    let (first, last) = (bit(first)?, bit(last)?);
+    if first.max(last) > 15 {
+        return Err(format!("bit {}; a register has bits 0 (lowest) to 15", first.max(last)));
+    }
+    if first > last {
+        return Err(format!("bits {first}-{last}; the lower bit comes first"));
+    }
+    Ok((first, last))
+}
+
+fn to_wire(number: u64, space: Space, base: Base) -> Result<u16, String> {
+    let wire = match base {
+        Base::Zero => Some(number),
+        Base::One if number == 0 => return Err("address 0, but address_base = 1 counts from 1".into()),
+        Base::One => Some(number - 1),
+        Base::Modicon => Some(from_modicon(number, space)?),
+    };
+    wire.and_then(|wire| u16::try_from(wire).ok())
+        .ok_or_else(|| format!("address {number} is beyond the last one, {}", 0xFFFF + u64::from(base == Base::One)))
+}
+
+/// 40001 to 49999, or 400001 to 465536. Coils have no leading digit, or a zero, which a number does not show.
+fn from_modicon(number: u64, space: Space) -> Result<u64, String> {
+    let digit = u64::from(space.digit());
+    let (five, six) = (digit * 10_000, digit * 100_000);
+    let word = space.short();
+    if (six + 1..=six + 65_536).contains(&number) {
+        return Ok(number - six - 1);
+    }
+    if (five + 1..=five + 9_999).contains(&number) {
+        return Ok(number - five - 1);
+    }
+    let examples = format!("{:05} or {:06}", five + 1, six + 1);
+    Err(format!("{number} is no Modicon address of {word}; they begin with {examples}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wire(text: &str, base: Base) -> u16 {
+        parse(text, base).unwrap().address
+    }
+
+    #[test]
+    fn one_register_and_its_five_names() {
+        assert_eq!(wire("hr:107", Base::Zero), 107);
+        assert_eq!(wire("hr:0x6B", Base::Zero), 107);
+        assert_eq!(wire("hr:108", Base::One), 107);
+        assert_eq!(wire("hr:40108", Base::Modicon), 107);
+        assert_eq!(wire("hr:400108", Base::Modicon), 107);
+    }
+
+    #[test]
+    fn a_bare_40001_is_a_wire_address_unless_the_file_says_otherwise() {
+        assert_eq!(wire("hr:40001", Base::Zero), 40_001);
+        assert_eq!(wire("hr:40001", Base::One), 40_000);
+        assert_eq!(wire("ir:30000", Base::Zero), 30_000);
+        assert!(parse("ir:40001", Base::Modicon).is_err());
+    }
+
+    #[test]
+    fn five_digits_stop_at_9999() {
+        assert_eq!(wire("hr:49999", Base::Modicon), 9_998);
+        assert!(parse("hr:50000", Base::Modicon).is_err());
+        assert_eq!(wire("hr:410000", Base::Modicon), 9_999);
+        assert_eq!(wire("hr:465536", Base::Modicon), 65_535);
+        assert_eq!(wire("co:1", Base::Modicon), 0);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (text, base, part) in [
+            ("107", Base::Zero, "colon"),
+            ("xr:1", Base::Zero, "is no table"),
+            ("hr:x", Base::Zero, "no address"),
+            ("hr:65536", Base::Zero, "beyond the last one, 65535"),
+            ("hr:65537", Base::One, "beyond the last one, 65536"),
+            ("hr:0", Base::One, "counts from 1"),
+            ("hr:1.16", Base::Zero, "bits 0 (lowest) to 15"),
+            ("hr:1.5-3", Base::Zero, "lower bit"),
+            ("co:1.0", Base::Zero, "no bits"),
+        ] {
+            let error = parse(text, base).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

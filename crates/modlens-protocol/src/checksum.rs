@@ -1,0 +1,277 @@
+//! CRC-16/MODBUS and LRC (serial line specification, 6.2).
+//!
+//! Whether a checksum is right is asked of every frame, so it has the quickest way that the machine offers; elsewhere
+//! tables do. The bit-by-bit versions of the specification live in the tests, as oracles.
+
+use std::sync::OnceLock;
+
+#[cfg(target_arch = "x86_64")]
+mod carryless;
+
+/// x^16 + x^15 + x^2 + 1, bits reversed (serial line specification, 6.2.2).
+const POLYNOMIAL: u16 = 0xA001;
+
+/// After so many steps of a bit a register comes round: the order of x modulo the polynomial.
+pub const ORDER: usize = 32_767;
+
+/// Bytes of the CRC behind an RTU frame (serial line specification, 2.5.1).
+pub const CHECKSUM: usize = 2;
+
+/// Start value of the CRC register.
+pub const INIT: u16 = 0xFFFF;
+
+/// `TABLES[k][b]` is the effect of byte `b` followed by `k` zero bytes.
+static TABLES: [[u16; 256]; 8] = tables();
+
+const fn tables() -> [[u16; 256]; 8] {
+    let mut all = [[0u16; 256]; 8];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut state = byte as u16;
+        let mut bit = 0;
+        while bit < 8 {
+            state = if state & 1 == 1 { (state >> 1) ^ POLYNOMIAL } else { state >> 1 };
+            bit += 1;
+        }
+        all[0][byte] = state;
+        byte += 1;
+    }
+    let mut k = 1;
+    while k < 8 {
+        let mut byte = 0;
+        while byte < 256 {
+            let before = all[k - 1][byte];
+            all[k][byte] = (before >> 8) ^ all[0][(before & 0xFF) as usize];
+            byte += 1;
+        }
+        k += 1;
+    }
+    all
+}
+
+/// The register after one more byte.
+#[inline]
+pub fn step(state: u16, byte: u8) -> u16 {
+    (state >> 8) ^ TABLES[0][((state ^ u16::from(byte)) & 0xFF) as usize]
+}
+
+/// The register after more bytes, eight at a time.
+pub fn update(mut state: u16, data: &[u8]) -> u16 {
+    let mut words = data.chunks_exact(8);
+    for w in words.by_ref() {
+        let low = (state ^ u16::from_le_bytes([w[0], w[1]])).to_le_bytes();
+        state = TABLES[7][low[0] as usize]
+            ^ TABLES[6][low[1] as usize]
+            ^ TABLES[5][w[2] as usize]
+            ^ TABLES[4][w[3] as usize]
+            ^ TABLES[3][w[4] as usize]
+            ^ TABLES[2][w[5] as usize]
+            ^ TABLES[1][w[6] as usize]
+            ^ TABLES[0][w[7] as usize];
+    }
+    words.remainder().iter().fold(state, |state, &byte| step(state, byte))
+}
+
+/// CRC-16/MODBUS; sent low byte first.
+///
+/// ```
+/// assert_eq!(modlens_protocol::checksum::crc16(&[0x11, 0x03, 0x00, 0x6B, 0x00, 0x03]), 0x8776);
+/// ```
+pub fn crc16(data: &[u8]) -> u16 {
+    update(INIT, data)
+}
+
+/// Whether the last two bytes are the CRC of those before: the register over all of them is then zero.
+pub fn crc_valid(frame: &[u8]) -> bool {
+    crc_valid_at(frame, frame.len())
+}
+
+/// The same for the first `length` bytes. With bytes behind them it takes fewer steps: they can be read along.
+#[inline]
+pub fn crc_valid_at(bytes: &[u8], length: usize) -> bool {
+    if length < 4 || length > bytes.len() {
+        return false;
+    }
+    #[cfg(target_arch = "x86_64")]
+    if let Some(valid) = carryless::valid(bytes, length) {
+        return valid;
+    }
+    by_tables(&bytes[..length])
+}
+
+/// A register that is zero stays zero over zero bytes, and no other one becomes zero: so the last bytes may be filled
+/// up to eight.
+fn by_tables(frame: &[u8]) -> bool {
+    let (words, rest) = frame.split_at(frame.len() & !7);
+    let mut last = [0; 8];
+    last[..rest.len()].copy_from_slice(rest);
+    update(update(INIT, words), &last) == 0
+}
+
+/// LRC of the binary bytes of an ASCII frame: the two's complement of their sum.
+pub fn lrc(data: &[u8]) -> u8 {
+    data.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte)).wrapping_neg()
+}
+
+/// The first of the lengths from `least` on at which a checksum is right.
+///
+/// Four bytes at a time: so the next register waits for one table instead of four.
+pub fn first_right(bytes: &[u8], least: usize) -> Option<usize> {
+    let mut state = update(INIT, bytes.get(..least)?);
+    if state == 0 {
+        return Some(least);
+    }
+    let mut length = least;
+    let mut words = bytes[least..].chunks_exact(4);
+    for w in words.by_ref() {
+        let [low, high] = (state ^ u16::from_le_bytes([w[0], w[1]])).to_le_bytes().map(usize::from);
+        let [third, fourth] = [w[2], w[3]].map(usize::from);
+        let states = [
+            TABLES[0][low] ^ (state >> 8),
+            TABLES[1][low] ^ TABLES[0][high],
+            TABLES[2][low] ^ TABLES[1][high] ^ TABLES[0][third],
+            TABLES[3][low] ^ TABLES[2][high] ^ TABLES[1][third] ^ TABLES[0][fourth],
+        ];
+        if states.contains(&0) {
+            return states.iter().position(|&state| state == 0).map(|at| length + at + 1);
+        }
+        state = states[3];
+        length += 4;
+    }
+    words.remainder().iter().find_map(|&byte| {
+        state = step(state, byte);
+        length += 1;
+        (state == 0).then_some(length)
+    })
+}
+
+/// The single bit whose flip would make `frame` valid, as (byte, bit), if there is one.
+///
+/// All frames within the 256 bytes of the specification have at most one such bit: the code's distance is 4.
+pub fn mending_bit(frame: &[u8]) -> Option<(usize, u8)> {
+    // Bits from the end: the last byte's highest one comes first.
+    let behind = bits_behind(crc16(frame))?;
+    let index = frame.len().checked_sub(1 + behind / 8)?;
+    Some((index, 7 - (behind % 8) as u8))
+}
+
+/// How many bits stand behind the only wrong one, if it leaves this register.
+fn bits_behind(residue: u16) -> Option<usize> {
+    /// No such bit.
+    const NONE: u16 = u16::MAX;
+    static BEHIND: OnceLock<Box<[u16]>> = OnceLock::new();
+    let behind = BEHIND.get_or_init(|| {
+        let mut behind = vec![NONE; 1 << 16].into_boxed_slice();
+        // The last bit that is sent leaves the polynomial; each one behind it makes one more step.
+        let one_more = |&state: &u16| Some(if state & 1 == 1 { state >> 1 ^ POLYNOMIAL } else { state >> 1 });
+        let states = std::iter::successors(Some(POLYNOMIAL), one_more).take(ORDER);
+        states.zip(0..).for_each(|(state, bits)| behind[usize::from(state)] = bits);
+        behind
+    });
+    let bits = behind[usize::from(residue)];
+    (bits != NONE).then_some(usize::from(bits))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The procedure of the serial line specification, 6.2.2, step by step.
+    fn crc_by_the_book(data: &[u8]) -> u16 {
+        let mut register = 0xFFFFu16;
+        for &byte in data {
+            register ^= u16::from(byte);
+            for _ in 0..8 {
+                let out = register & 1;
+                register >>= 1;
+                if out == 1 {
+                    register ^= 0xA001;
+                }
+            }
+        }
+        register
+    }
+
+    #[test]
+    fn examples_of_the_documents() {
+        assert_eq!(crc16(&[0x01, 0x83, 0x04]).to_le_bytes(), [0x40, 0xF3]);
+        assert_eq!(crc16(&[0x01, 0x86, 0x04]).to_le_bytes(), [0x43, 0xA3]);
+        assert_eq!(lrc(&[0x11, 0x03, 0x00, 0x6B, 0x00, 0x03]), 0x7E);
+    }
+
+    proptest! {
+        #[test]
+        fn table_equals_the_book(data in proptest::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert_eq!(crc16(&data), crc_by_the_book(&data));
+        }
+
+        #[test]
+        fn every_way_finds_right_checksums_right_and_others_wrong(
+            data in proptest::collection::vec(any::<u8>(), 2..300),
+            behind in proptest::collection::vec(any::<u8>(), 0..40),
+            at in any::<usize>(),
+            flip in any::<u8>(),
+        ) {
+            let length = data.len() + 2;
+            let mut bytes = [&data, &crc_by_the_book(&data).to_le_bytes()[..], &behind].concat();
+            bytes[at % length] ^= flip;
+            let right = crc_by_the_book(&bytes[..length]) == 0;
+            prop_assert_eq!(right, flip == 0);
+            prop_assert_eq!(by_tables(&bytes[..length]), right);
+            prop_assert_eq!(crc_valid_at(&bytes, length), right);
+            prop_assert_eq!(crc_valid(&bytes[..length]), right);
+        }
+
+        #[test]
+        fn every_way_agrees_on_any_bytes(bytes in proptest::collection::vec(0u8..3, 4..60)) {
+            // Few values and short frames: there right checksums come by chance.
+            for length in 4..=bytes.len() {
+                let right = crc_by_the_book(&bytes[..length]) == 0;
+                prop_assert_eq!((by_tables(&bytes[..length]), crc_valid_at(&bytes, length)), (right, right));
+            }
+        }
+
+        #[test]
+        fn the_first_right_length_is_that_of_the_book(
+            data in proptest::collection::vec(0u8..3, 2..40),
+            behind in proptest::collection::vec(0u8..2, 0..12),
+            least in 0usize..60,
+        ) {
+            let bytes = [&data[..], &crc16(&data).to_le_bytes(), &behind].concat();
+            let naive = (least..=bytes.len()).find(|&length| crc_by_the_book(&bytes[..length]) == 0);
+            prop_assert_eq!(first_right(&bytes, least), naive);
+        }
+
+        #[test]
+        fn what_no_flipped_bit_mends_has_none(mut data in proptest::collection::vec(any::<u8>(), 4..60)) {
+            let mut mends = Vec::new();
+            for place in 0..8 * data.len() {
+                data[place / 8] ^= 1 << (place % 8);
+                if crc_valid(&data) {
+                    mends.push((place / 8, (place % 8) as u8));
+                }
+                data[place / 8] ^= 1 << (place % 8);
+            }
+            prop_assert_eq!(mending_bit(&data), mends.first().copied().filter(|_| !crc_valid(&data)));
+        }
+
+        #[test]
+        fn one_flipped_bit_is_found(data in proptest::collection::vec(any::<u8>(), 2..250), at in any::<usize>(), bit in 0u8..8) {
+            let mut frame = data.clone();
+            frame.extend(crc_by_the_book(&data).to_le_bytes());
+            let at = at % frame.len();
+            frame[at] ^= 1 << bit;
+            prop_assert_eq!(mending_bit(&frame), Some((at, bit)));
+        }
+
+        #[test]
+        fn merged_frames_never_validate(a in proptest::collection::vec(any::<u8>(), 2..60), b in proptest::collection::vec(any::<u8>(), 2..60)) {
+            let mut both = a.clone();
+            both.extend(crc16(&a).to_le_bytes());
+            both.extend(&b);
+            both.extend(crc16(&b).to_le_bytes());
+            prop_assert!(!crc_valid(&both));
+        }
+    }
+}

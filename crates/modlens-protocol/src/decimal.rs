@@ -1,0 +1,109 @@
+//! Integers and short texts appended to bytes, fast.
+
+use std::sync::OnceLock;
+
+/// Appends an integer.
+#[inline]
+pub fn push_int(value: i64, out: &mut Vec<u8>) {
+    if value < 0 {
+        out.push(b'-');
+    }
+    push_whole(value.unsigned_abs(), out);
+}
+
+/// Four digits at a time, looked up: nothing is divided for most numbers of a table.
+fn push_whole(value: u64, out: &mut Vec<u8>) {
+    if let Some(entry) = decimals().get(value as usize) {
+        push_entry(*entry, out);
+        return;
+    }
+    push_whole(value / 10_000, out);
+    // A number with a one in front of them shows zeros, too.
+    let [_, a, b, c, d, ..] = decimals()[10_000 + (value % 10_000) as usize];
+    out.extend_from_slice(&[a, b, c, d]);
+}
+
+/// Appends a short text: a copy of a size that only the text knows costs more than all else that is done with it.
+#[inline]
+pub fn push_short(text: &[u8], out: &mut Vec<u8>) {
+    let (start, length) = (out.len(), text.len());
+    if let (Some(head), Some(tail)) = (text.first_chunk::<16>(), text.last_chunk::<16>()) {
+        if length > 32 {
+            out.extend_from_slice(text);
+            return;
+        }
+        out.extend_from_slice(&[0; 32]);
+        out[start..start + 16].copy_from_slice(head);
+        out[start + length - 16..start + length].copy_from_slice(tail);
+    } else if let (Some(head), Some(tail)) = (text.first_chunk::<8>(), text.last_chunk::<8>()) {
+        out.extend_from_slice(&[0; 16]);
+        out[start..start + 8].copy_from_slice(head);
+        out[start + length - 8..start + length].copy_from_slice(tail);
+    } else if let (Some(head), Some(tail)) = (text.first_chunk::<4>(), text.last_chunk::<4>()) {
+        out.extend_from_slice(&[0; 8]);
+        out[start..start + 4].copy_from_slice(head);
+        out[start + length - 4..start + length].copy_from_slice(tail);
+    } else {
+        for &byte in text {
+            out.push(byte);
+        }
+    }
+    out.truncate(start + length);
+}
+
+/// Numbers of 16 bits as text: up to five digits, and how many they are in the last byte.
+pub fn decimals() -> &'static [[u8; 8]] {
+    static TABLE: OnceLock<Vec<[u8; 8]>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        (0..=u16::MAX)
+            .map(|value| {
+                let text = value.to_string();
+                let mut entry = [0; 8];
+                entry[..text.len()].copy_from_slice(text.as_bytes());
+                entry[7] = text.len() as u8;
+                entry
+            })
+            .collect()
+    })
+}
+
+/// A copy of fixed size and a cut are faster than a copy of the right size.
+#[inline]
+fn push_entry(entry: [u8; 8], out: &mut Vec<u8>) {
+    let end = out.len() + entry[7] as usize;
+    out.extend_from_slice(&entry);
+    out.truncate(end);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_of_all_lengths() {
+        let mut value = 1u64;
+        while value < 1 << 63 {
+            for near in [value - 1, value, value + 1, value / 3 * 2] {
+                for signed in [near as i64, -(near as i64)] {
+                    let mut out = Vec::new();
+                    push_int(signed, &mut out);
+                    assert_eq!(String::from_utf8(out).unwrap(), signed.to_string());
+                }
+            }
+            value = value.saturating_mul(7);
+        }
+        let mut out = Vec::new();
+        push_int(i64::MIN, &mut out);
+        assert_eq!(String::from_utf8(out).unwrap(), i64::MIN.to_string());
+    }
+
+    #[test]
+    fn short_texts_of_all_lengths() {
+        let text: Vec<u8> = (0..100).collect();
+        for length in 0..text.len() {
+            let mut out = b"before".to_vec();
+            push_short(&text[..length], &mut out);
+            assert_eq!(out, [b"before", &text[..length]].concat());
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The rows of a TOML text. Every mistake is named, with the words that are known.
+
+use serde_json::Value as Json;
+
+use crate::functions::row::{Echo, Operation, Permit, Plain, Roles, Row};
+use crate::functions::shape::{Extent, Field, Layout, Shape, Word};
+use crate::register_type::Space;
+
+/// The words of the table, as the messages name them.
+pub const WORDS: &str = "u8 u16 len8 len16 count8 count16 bits u8[] u16[] bytes group{...}";
+
+const KEYS: &[&str] = &[
+    "code",
+    "name",
+    "when",
+    "section",
+    "summary",
+    "request",
+    "response",
+    "operation",
+    "register_type",
+    "echo",
+    "limits",
+    "allowed",
+    "serial_only",
+    "example",
+];
+
+const REGISTER_TYPES: &[&str] = &["coil", "discrete_input", "holding_register", "input_register"];
+
+/// A TOML text as JSON.
+pub fn parse_toml(text: &str) -> Result<Json, String> {
+    toml::from_str(text).map_err(|e| e.to_string().trim_end().replace('\n', " "))
+}
+
+pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Vec<Row>, String> {
+    let file: Json = parse_toml(text).map_err(|e| format!("{origin}: {e}"))?;
+    if file.get("format").and_then(Json::as_u64) != Some(1) {
+        return Err(format!("{origin}: the first line must be format = 1"));
+    }
+    let rows = file.get("function").and_then(Json::as_array).ok_or(format!("{origin}: no [[function]] row"))?;
+    rows.iter()
+        .enumerate()
+        .map(|(i, row)| parse_row(row, vendor).map_err(|e| format!("{origin}: function row {}: {e}", i + 1)))
+        .collect()
+}
+
+fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
+    let table = row.as_object().ok_or("not a table")?;
+    if let Some(key) = table.keys().find(|key| !KEYS.contains(&key.as_str())) {
+        return Err(format!("unknown key {key:?}; known are {}", KEYS.join(", ")));
+    }
+    let code = row["code"].as_u64().filter(|c| (1..128).contains(c)).ok_or("code must be a number from 1 to 127")? as u8;
+    let name = row["name"].as_str().ok_or("name is missing")?.to_owned();
+    let request = parse_layout(row.get("request"))?;
+    let response = parse_layout(row.get("response"))?;
+    let operation = match row.get("operation").and_then(Json::as_str) {
+        Some("read") => Operation::Read,
+        Some("write") => Operation::Write,
+        Some("read_write") => Operation::ReadWrite,
+        Some("other") | None => Operation::Other,
+        Some(word) => return Err(format!("operation {word:?} is none of read, write, read_write, other")),
+    };
+    let register_type = row.get("register_type").and_then(Json::as_str).map(str::to_owned);
+    if let Some(word) = &register_type {
+        if !REGISTER_TYPES.contains(&word.as_str()) {
+            return Err(format!("register_type {word:?} is none of {}", REGISTER_TYPES.join(", ")));
+        }
+    }
+    if operation != Operation::Other && register_type.is_none() {
+        return Err("an operation on registers or bits needs register_type".into());
+    }
+    let when = parse_when(row, &request)?;
+    if row.get("example").and_then(|e| e.get("request")).and_then(Json::as_str).is_none() {
+        return Err("example = { request = \"hex\", response = \"hex\" } is missing".into());
+    }
+    let mut source = row.clone();
+    source["vendor"] = vendor.map_or(Json::Null, Json::from);
+    let roles = roles(&request, &response, operation);
+    let permits = [permits(row, &request)?, permits(row, &response)?];
+    let echo = strings(row.get("echo"))?;
+    let echoes = echoes(&echo, &request, &response);
+    let limits = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
+    Ok(Row {
+        judged: limits.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
+        code,
+        unquoted: name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b" ()/_".contains(&byte)),
+        name,
+        when,
+        operation,
+        space: register_type.as_deref().and_then(Space::from_word),
+        register_type,
+        plain: plain(&request, &response, &roles, &echoes, &permits),
+        echoes,
+        echo,
+        permits,
+        mirrored: request == response,
+        request,
+        response,
+        source,
+        roles,
+    })
+}
+
+fn parse_when(row: &Json, request: &Layout) -> Result<Option<u16>, String> {
+    let Some(when) = row.get("when") else { return Ok(None) };
+    let (key, value) = when.as_object().filter(|o| o.len() == 1).and_then(|o| o.iter().next()).ok_or("when takes one field")?;
+    let leading = request.shape().and_then(|shape| shape.fields.first());
+    if leading.is_none_or(|field| field.name != *key || field.word.width() == 0) {
+        return Err(format!("when = {{ {key} = .. }}: {key:?} must be the first field of the request"));
+    }
+    let value = value.as_u64().and_then(|v| u16::try_from(v).ok()).ok_or("when takes a number")?;
+    Ok(Some(value))
+}
+
+fn strings(list: Option<&Json>) -> Result<Vec<String>, String> {
+    let Some(list) = list else { return Ok(Vec::new()) };
+    list.as_array()
+        .and_then(|items| items.iter().map(|item| item.as_str().map(str::to_owned)).collect())
+        .ok_or_else(|| "echo takes a list of field names".into())
+}
+
+fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
+    let mut all = Vec::new();
+    for (key, wrong) in [("limits", "field = [lowest, highest]"), ("allowed", "field = [values]")] {
+        let Some(table) = row.get(key) else { continue };
+        let wrong = || format!("{key} takes a table of {wrong}");
+        for (name, list) in table.as_object().ok_or_else(wrong)? {
+            let list: Option<Vec<u32>> =
+                list.as_array().and_then(|list| list.iter().map(|v| v.as_u64().and_then(|v| u32::try_from(v).ok())).collect());
+            let ranges = match (key, list.as_deref()) {
+                ("limits", Some(&[low, high])) if low <= high => vec![(low, high)],
+                ("allowed", Some(values)) if !values.is_empty() => values.iter().map(|&v| (v, v)).collect(),
+                _ => return Err(wrong()),
+            };
+            // Fields behind a list, or of the other direction, have no fixed place: nothing to check there.
+            if let Some((offset, width)) = layout.shape().and_then(|shape| shape.place_of(name)) {
+                all.push(Permit { name: name.clone(), offset, width, ranges });
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn parse_layout(layout: Option<&Json>) -> Result<Layout, String> {
+    match layout {
+        None => Ok(Layout::Unknown),
+        Some(Json::String(word)) if word == "none" => Ok(Layout::Silent),
+        Some(Json::Array(fields)) => {
+            let fields: Vec<&str> =
+                fields.iter().map(|f| f.as_str().ok_or("a field is \"name:word\"")).collect::<Result<_, _>>()?;
+            Ok(Layout::Body(Shape::new(fields.iter().map(|f| parse_field(f)).collect::<Result<_, _>>()?)))
+        }
+        Some(_) => Err("request and response take a list of \"name:word\", or \"none\"".into()),
+    }
+}
+
+fn parse_field(text: &str) -> Result<Field, String> {
+    let (name, word) = text.trim().split_once(':').ok_or_else(|| format!("field {text:?} is not \"name:word\""))?;
+    if name.is_empty() || !name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
+        return Err(format!("field name {name:?}: lower-case letters, digits and _ only"));
+    }
+    let word = match word {
+        "u8" => Word::U8,
+        "u16" => Word::U16,
+        "len8" => Word::Len8,
+        "len16" => Word::Len16,
+        "count8" => Word::Count8,
+        "count16" => Word::Count16,
+        "bits" => Word::Bits,
+        "u8[]" => Word::U8List,
+        "u16[]" => Word::U16List,
+        "bytes" => Word::Bytes,
+        group => {
+            let inner = group.strip_prefix("group{").and_then(|rest| rest.strip_suffix('}'));
+            let inner = inner.ok_or_else(|| format!("unknown word {word:?} of field {name:?}; known are {WORDS}"))?;
+            let fields: Vec<Field> = inner.split_whitespace().map(parse_field).collect::<Result<_, _>>()?;
+            if fields.is_empty() || fields.iter().any(|field| matches!(field.word, Word::Group(_))) {
+                return Err(format!("field {name:?}: a group holds one or more fields, no further groups"));
+            }
+            Word::Group(fields)
+        }
+    };
+    Ok(Field { name: name.to_owned(), word })
+}
+
+fn plain(request: &Layout, response: &Layout, roles: &Roles, echoes: &[Echo], permits: &[Vec<Permit>; 2]) -> Option<Plain> {
+    let four = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
+    let counted = |layout: &Layout, at: usize| {
+        let extent = |count: u8| layout.extent(&[&[0u8; 4][..at], &[count]].concat());
+        [1u8, 2, 250].iter().all(|&count| extent(count) == Extent::Exactly(at + 1 + usize::from(count)))
+    };
+    // What is permitted of the answer must not depend on its values, unless those are the request's.
+    let by_count = permits[1].iter().all(|permit| permit.offset + permit.width <= 1);
+    let repeats = |at: usize| echoes.iter().any(|echo| (echo.asked, echo.answered, echo.width) == (at, at, 2));
+    let same = four(response) && repeats(0) && repeats(2) && permits[1].iter().all(|permit| permits[0].contains(permit));
+    if roles.address != Some(0) {
+        return None;
+    }
+    match (roles.quantity, roles.request_block, roles.response_block) {
+        (Some(2), None, Some((1, bits))) if four(request) && counted(response, 0) && by_count => {
+            Some(if bits { Plain::ReadBits } else { Plain::ReadRegisters })
+        }
+        (Some(2), Some((5, bits)), None) if counted(request, 4) && same => {
+            Some(if bits { Plain::WriteBits } else { Plain::WriteRegisters })
+        }
+        (None, None, None) if roles.value == Some(2) && four(request) && request == response && same => Some(Plain::WriteOne),
+        _ => None,
+    }
+}
+
+/// The numbers of these names that have a place in both bodies.
+fn echoes(names: &[String], request: &Layout, response: &Layout) -> Vec<Echo> {
+    let (Some(asked), Some(answered)) = (request.shape(), response.shape()) else { return Vec::new() };
+    let place = |name: &String| {
+        let width = asked.fields.iter().find(|field| field.name == *name)?.word.width();
+        let (asked, answered) = (asked.offset_of(name)?, answered.offset_of(name)?);
+        Some(Echo { name: name.clone(), asked, answered, width })
+    };
+    names.iter().filter_map(place).collect()
+}
+
+fn roles(request: &Layout, response: &Layout, operation: Operation) -> Roles {
+    if operation == Operation::Other {
+        return Roles::default();
+    }
+    let at = |name: &str| request.shape().and_then(|shape| shape.offset_of(name));
+    let response_block = response.shape().and_then(Shape::block).filter(|_| operation != Operation::Write);
+    Roles {
+        address: at("address"),
+        quantity: at("quantity"),
+        write_address: at("write_address"),
+        write_quantity: at("write_quantity"),
+        value: at("value"),
+        request_block: request.shape().and_then(Shape::block),
+        response_block,
+    }
+}

@@ -1,0 +1,174 @@
+//! The bytes of a PDU from the values of its fields.
+
+use serde_json::{Map, Value as Json};
+
+use crate::functions::{Field, Functions, Layout, Row, Word, EXCEPTION_BIT};
+use crate::hex::parse_hex;
+
+/// The PDU of these values; lengths and counts are filled in, and a quantity that only counts the values given.
+///
+/// The error names the field and what it takes.
+pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<String, Json>) -> Result<Vec<u8>, String> {
+    if let Some(exception) = values.get("exception_code") {
+        let code = take_number("exception_code", exception, 1)?;
+        return Ok(vec![function | EXCEPTION_BIT, code as u8]);
+    }
+    let row = choose_row(functions, function, values)?;
+    let layout = if response { &row.response } else { &row.request };
+    let shape = match layout {
+        Layout::Body(shape) => shape,
+        Layout::Silent => return Err(format!("function {function} is not answered")),
+        Layout::Unknown => return Err(format!("the layout of function {function} is not public: use show or a hex dump")),
+    };
+    if let Some(name) = values.keys().find(|name| !shape.fields.iter().any(|field| field.name == **name)) {
+        let known: Vec<&str> = shape.fields.iter().map(|field| field.name.as_str()).collect();
+        return Err(format!(
+            "{} has no field {name:?}; it has {}",
+            row.name,
+            if known.is_empty() { "none".into() } else { known.join(", ") }
+        ));
+    }
+    let mut pdu = vec![function];
+    encode_fields(&shape.fields, values, &mut pdu)?;
+    Ok(pdu)
+}
+
+fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, Json>) -> Result<&'a Row, String> {
+    let mut rows = functions.rows().filter(|row| row.code == function);
+    let chosen = rows.find(|row| match (row.when, row.request.shape().and_then(|shape| shape.fields.first())) {
+        (Some(when), Some(field)) => values.get(&field.name).and_then(Json::as_u64) == Some(u64::from(when)),
+        _ => true,
+    });
+    chosen.ok_or_else(|| format!("function {function} is not in the table; --functions loads further rows"))
+}
+
+fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>) -> Result<(), String> {
+    // The length counts everything behind it, so the rest is built first.
+    for (i, field) in fields.iter().enumerate() {
+        let width = field.word.width();
+        let rest = &fields[i + 1..];
+        let given = values.get(&field.name);
+        match (&field.word, given) {
+            (_, Some(value)) if width > 0 => push_number(out, take_number(&field.name, value, width)?, width),
+            (Word::Len8 | Word::Len16, None) => {
+                let mut tail = Vec::new();
+                encode_fields(rest, values, &mut tail)?;
+                push_number(out, fitting(&field.name, tail.len(), width)?, width);
+                out.extend(tail);
+                return Ok(());
+            }
+            (Word::Count8 | Word::Count16, None) => {
+                let count = rest.first().map_or(0, |list| count_items(list, values));
+                push_number(out, fitting(&field.name, count, width)?, width);
+            }
+            (_, None) if width > 0 => {
+                let quantity = quantity_field(&field.name).and_then(|prefix| {
+                    rest.iter().find(|list| {
+                        let own = list.name.strip_prefix(prefix).is_some_and(|name| !name.contains('_'));
+                        matches!(list.word, Word::Bits | Word::U16List) && own
+                    })
+                });
+                let Some(list) = quantity.filter(|list| values.contains_key(&list.name)) else {
+                    return Err(format!("{} is missing: a number", field.name));
+                };
+                push_number(out, fitting(&field.name, count_items(list, values), width)?, width);
+            }
+            (Word::Group(inner), value) => {
+                for group in value.and_then(Json::as_array).map_or(&[][..], |groups| groups) {
+                    let group = group.as_object().ok_or_else(|| format!("{} takes a list of objects", field.name))?;
+                    encode_fields(inner, group, out)?;
+                }
+            }
+            (_, None) => {}
+            (word, Some(value)) => push_list(&field.name, word, value, out)?,
+        }
+    }
+    Ok(())
+}
+
+/// `quantity` counts `registers` or `coils`, `write_quantity` the list whose name starts with `write_`.
+fn quantity_field(name: &str) -> Option<&str> {
+    name.strip_suffix("quantity")
+}
+
+fn count_items(list: &Field, values: &Map<String, Json>) -> usize {
+    match values.get(&list.name) {
+        Some(Json::Array(items)) => items.len(),
+        Some(Json::String(text)) => {
+            let bytes = text.bytes().filter(u8::is_ascii_hexdigit).count() / 2;
+            match list.word {
+                Word::U16List => bytes / 2,
+                Word::Bits => bytes * 8,
+                _ => bytes,
+            }
+        }
+        _ => 0,
+    }
+}
+
+fn fitting(name: &str, value: usize, width: usize) -> Result<u32, String> {
+    u32::try_from(value)
+        .ok()
+        .filter(|&v| v < 1 << (8 * width))
+        .ok_or_else(|| format!("{name}: {value} does not fit into {width} byte(s)"))
+}
+
+fn take_number(name: &str, value: &Json, width: usize) -> Result<u32, String> {
+    let top = (1u64 << (8 * width)) - 1;
+    let number =
+        value.as_u64().filter(|&v| v <= top).ok_or_else(|| format!("{name} takes a number from 0 to {top}, not {value}"))?;
+    Ok(number as u32)
+}
+
+fn push_number(out: &mut Vec<u8>, value: u32, width: usize) {
+    out.extend(&value.to_be_bytes()[4 - width..]);
+}
+
+fn push_list(name: &str, word: &Word, value: &Json, out: &mut Vec<u8>) -> Result<(), String> {
+    if let Json::String(text) = value {
+        out.extend(parse_hex(text).ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {text:?}"))?);
+        return Ok(());
+    }
+    let list = value.as_array().ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {value}"))?;
+    let width = if *word == Word::U16List { 2 } else { 1 };
+    let numbers: Vec<u32> = list.iter().map(|item| take_number(name, item, width)).collect::<Result<_, _>>()?;
+    if *word == Word::Bits {
+        let mut bytes = vec![0u8; numbers.len().div_ceil(8)];
+        for (i, &bit) in numbers.iter().enumerate() {
+            if bit > 1 {
+                return Err(format!("{name} takes bits (0 or 1), not {bit}"));
+            }
+            bytes[i / 8] |= (bit as u8) << (i % 8);
+        }
+        out.extend(bytes);
+    } else {
+        for value in numbers {
+            push_number(out, value, width);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::hex::hex;
+
+    #[test]
+    fn lengths_and_quantities_are_filled_in() {
+        let functions = Functions::embedded();
+        let values = json!({"address": 1, "registers": [10, 258]});
+        let pdu = encode(functions, 16, false, values.as_object().unwrap()).unwrap();
+        assert_eq!(hex(&pdu), "100001000204000a0102");
+        let values = json!({"address": 3, "quantity": 6, "write_address": 14, "write_registers": [255, 255, 255]});
+        assert_eq!(hex(&encode(functions, 23, false, values.as_object().unwrap()).unwrap()), "1700030006000e00030600ff00ff00ff");
+        let unsaid = json!({"address": 3, "write_address": 14, "write_registers": [255]});
+        assert!(encode(functions, 23, false, unsaid.as_object().unwrap()).unwrap_err().contains("quantity is missing"));
+        let wrong = json!({"address": 70000});
+        assert!(encode(functions, 3, false, wrong.as_object().unwrap()).unwrap_err().contains("0 to 65535"));
+        let wrong = json!({"adress": 7});
+        assert!(encode(functions, 3, false, wrong.as_object().unwrap()).unwrap_err().contains("address, quantity"));
+    }
+}

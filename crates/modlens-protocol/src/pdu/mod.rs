@@ -1,0 +1,305 @@
+//! PDU bodies by their shape. Values borrow the bytes.
+
+mod encode;
+
+pub use encode::encode;
+
+use serde_json::{json, Map, Value as Json};
+
+use crate::decimal::push_int;
+use crate::functions::{Field, Functions, Layout, Shape, Word, EXCEPTION_BIT};
+use crate::hex::{hex, push_hex};
+
+/// One decoded field.
+#[derive(Clone, Debug)]
+pub struct Node<'a> {
+    /// The field of the table.
+    pub field: &'a Field,
+    /// Offset in the body.
+    pub offset: usize,
+    /// The bytes.
+    pub bytes: &'a [u8],
+    /// The groups of a group list.
+    pub groups: Vec<Vec<Node<'a>>>,
+}
+
+/// A decoded body.
+#[derive(Clone, Debug)]
+pub struct Decoded<'a> {
+    /// Fields in wire order.
+    pub nodes: Vec<Node<'a>>,
+    /// Whether every announced byte was there.
+    pub complete: bool,
+    /// Body bytes that the layout covers.
+    pub used: usize,
+}
+
+/// Decodes a body by its shape; never fails: what is missing makes it incomplete.
+pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
+    let mut complete = true;
+    let mut at = 0;
+    let nodes = decode_fields(&shape.fields, body, &mut at, body.len(), &mut complete);
+    Decoded { nodes, complete, used: at }
+}
+
+fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut end: usize, complete: &mut bool) -> Vec<Node<'a>> {
+    let mut nodes = Vec::with_capacity(fields.len());
+    let mut count: Option<usize> = None;
+    for field in fields {
+        let width = field.word.width();
+        let start = *at;
+        if width > 0 {
+            if start + width > end {
+                *complete = false;
+                return nodes;
+            }
+            let bytes = &body[start..start + width];
+            *at += width;
+            let value = number(bytes);
+            match field.word {
+                Word::Len8 | Word::Len16 => {
+                    *complete &= *at + value as usize <= end;
+                    end = end.min(*at + value as usize);
+                }
+                Word::Count8 | Word::Count16 => count = Some(value as usize),
+                _ => {}
+            }
+            nodes.push(Node { field, offset: start, bytes, groups: Vec::new() });
+            continue;
+        }
+        let items = count.take();
+        let mut groups = Vec::new();
+        if let Word::Group(inner) = &field.word {
+            while *at < end && items.is_none_or(|items| groups.len() < items) {
+                let before = *at;
+                let group = decode_fields(inner, body, at, end, complete);
+                // Half an item takes no bytes: it stays outside and shows up as extra.
+                if *at == before {
+                    break;
+                }
+                groups.push(group);
+            }
+            *complete &= items.is_none_or(|items| groups.len() == items);
+        } else {
+            let wanted = items.map_or(end - start, |items| list_bytes(&field.word, items));
+            *complete &= start + wanted <= end;
+            // Half a register at the end belongs to no value; it stays outside and shows up as extra.
+            let whole = if field.word == Word::U16List { (end - start).min(wanted) & !1 } else { (end - start).min(wanted) };
+            *at = start + whole;
+        }
+        nodes.push(Node { field, offset: start, bytes: &body[start..*at], groups });
+    }
+    nodes
+}
+
+fn list_bytes(word: &Word, items: usize) -> usize {
+    match word {
+        Word::U16List => 2 * items,
+        Word::Bits => items.div_ceil(8),
+        _ => items,
+    }
+}
+
+/// The big-endian number of one or two bytes.
+pub fn number(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |value, &byte| value << 8 | u32::from(byte))
+}
+
+/// Two bytes at an offset of the body, if they are there.
+#[inline]
+pub fn u16_at(body: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]))
+}
+
+/// The numbers of a list field.
+pub fn items(word: &Word, bytes: &[u8]) -> Vec<u32> {
+    match word {
+        Word::U16List => bytes.chunks_exact(2).map(number).collect(),
+        Word::Bits => (0..bytes.len() * 8).map(|i| u32::from(bytes[i / 8] >> (i % 8) & 1)).collect(),
+        _ => bytes.iter().map(|&b| u32::from(b)).collect(),
+    }
+}
+
+impl Node<'_> {
+    /// The value as JSON: a number, a list, hex text for bytes, objects for groups.
+    pub fn json(&self) -> Json {
+        match &self.field.word {
+            Word::Group(_) => self.groups.iter().map(|group| Json::Object(object(group))).collect(),
+            Word::Bytes => Json::from(hex(self.bytes)),
+            Word::Bits | Word::U8List | Word::U16List => Json::from(items(&self.field.word, self.bytes)),
+            _ => Json::from(number(self.bytes)),
+        }
+    }
+
+    fn tree(&self, shift: usize) -> Json {
+        let children: Vec<Json> =
+            self.groups.iter().map(|group| group.iter().map(|node| node.tree(shift)).collect::<Vec<_>>().into()).collect();
+        let length = self
+            .groups
+            .last()
+            .and_then(|g| g.last())
+            .map_or(self.bytes.len(), |last| last.offset + last.bytes.len() - self.offset);
+        json!({
+            "name": self.field.name, "word": self.field.word.spelling(), "offset": self.offset + shift, "length": length,
+            "value": self.json(), "children": children,
+        })
+    }
+}
+
+impl Node<'_> {
+    /// Appends the value as JSON, as `json` spells it.
+    fn push(&self, out: &mut Vec<u8>) {
+        match &self.field.word {
+            Word::Group(_) => list(&self.groups, out, |group, out| push_object(group, out)),
+            Word::Bytes => {
+                out.push(b'"');
+                push_hex(self.bytes, out);
+                out.push(b'"');
+            }
+            Word::Bits | Word::U8List | Word::U16List => {
+                list(&items(&self.field.word, self.bytes), out, |item, out| push_int(i64::from(*item), out));
+            }
+            _ => push_int(i64::from(number(self.bytes)), out),
+        }
+    }
+}
+
+fn list<T>(items: &[T], out: &mut Vec<u8>, push: impl Fn(&T, &mut Vec<u8>)) {
+    out.push(b'[');
+    for (at, item) in items.iter().enumerate() {
+        if at > 0 {
+            out.push(b',');
+        }
+        push(item, out);
+    }
+    out.push(b']');
+}
+
+/// Appends the fields as a JSON object, as `object` has them; names need no escaping.
+pub fn push_object(nodes: &[Node<'_>], out: &mut Vec<u8>) {
+    out.push(b'{');
+    for (at, node) in nodes.iter().enumerate() {
+        out.extend_from_slice(if at == 0 { b"\"" } else { b",\"" });
+        out.extend_from_slice(node.field.name.as_bytes());
+        out.extend_from_slice(b"\":");
+        node.push(out);
+    }
+    out.push(b'}');
+}
+
+/// The fields as an object: name -> value.
+pub fn object(nodes: &[Node<'_>]) -> Map<String, Json> {
+    nodes.iter().map(|node| (node.field.name.clone(), node.json())).collect()
+}
+
+/// A whole PDU as a JSON tree; offsets count from the function code.
+pub fn describe(functions: &Functions, pdu: &[u8], response: bool) -> Json {
+    let Some((&code, body)) = pdu.split_first() else {
+        return json!({"function": null, "name": null, "exception": null, "complete": false, "fields": []});
+    };
+    let function = code & !EXCEPTION_BIT;
+    let name = functions.name(function);
+    if code & EXCEPTION_BIT != 0 {
+        let mut fields = Vec::new();
+        if let Some(exception) = body.first() {
+            fields.push(
+                json!({"name": "exception_code", "word": "u8", "offset": 1, "length": 1, "value": exception, "children": []}),
+            );
+        }
+        extra(&mut fields, body, 1);
+        return json!({"function": function, "name": name, "exception": body.first(), "complete": !body.is_empty(), "fields": fields});
+    }
+    let row = functions.row(function, body);
+    let layout = row.map(|row| if response { &row.response } else { &row.request });
+    let mut fields = Vec::new();
+    let (mut complete, mut used) = (true, 0);
+    if let Some(shape) = layout.and_then(Layout::shape) {
+        let decoded = decode(shape, body);
+        (complete, used) = (decoded.complete, decoded.used);
+        fields = decoded.nodes.iter().map(|node| node.tree(1)).collect();
+    }
+    extra(&mut fields, body, used);
+    json!({"function": function, "name": name, "exception": null, "complete": complete, "fields": fields})
+}
+
+fn extra(fields: &mut Vec<Json>, body: &[u8], used: usize) {
+    if let Some(rest) = body.get(used..).filter(|rest| !rest.is_empty()) {
+        let value = hex(rest);
+        fields.push(
+            json!({"name": "extra", "word": "bytes", "offset": used + 1, "length": rest.len(), "value": value, "children": []}),
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::functions::Row;
+    use crate::hex::parse_hex;
+
+    #[test]
+    fn examples_decode_whole_and_encode_back() {
+        let functions = Functions::embedded();
+        for row in functions.rows() {
+            for (key, response) in [("request", false), ("response", true)] {
+                let Some(text) = row.source["example"].get(key).and_then(Json::as_str) else { continue };
+                let pdu = parse_hex(text).unwrap();
+                let tree = describe(functions, &pdu, response);
+                let layout = if response { &row.response } else { &row.request };
+                let Some(shape) = layout.shape() else { continue };
+                assert_eq!(tree["complete"], true, "{text}");
+                let decoded = decode(shape, &pdu[1..]);
+                assert_eq!(decoded.used, pdu.len() - 1, "{text}");
+                assert!(shape.fits(&pdu[1..]), "{text}");
+                assert_eq!(encode(functions, row.code, response, &object(&decoded.nodes)).unwrap(), pdu, "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn half_an_item_of_a_group_does_not_hold_up_the_decoder() {
+        let mut functions = Functions::default();
+        let row = r#"
+            format = 1
+            [[function]]
+            code = 0x47
+            name = "Pairs"
+            section = "vendor"
+            summary = "pairs of words"
+            request = ["pairs:group{first:u16 second:u16}"]
+            response = ["lists:group{items:u16[]}"]
+            example = { request = "47 0001 0002", response = "47 0001" }
+        "#;
+        functions.load(row, "pairs.toml", None).unwrap();
+        for response in [false, true] {
+            let tree = describe(&functions, &[0x47, 0, 1, 0, 2, 3], response);
+            assert_eq!(tree["fields"][1]["name"], "extra", "{tree}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn text_of_fields_is_that_of_their_json(at in 0..64_usize, response: bool, body in proptest::collection::vec(any::<u8>(), 0..60)) {
+            let rows: Vec<&Row> = Functions::embedded().rows().collect();
+            let row = rows[at % rows.len()];
+            let layout = if response { &row.response } else { &row.request };
+            if let Some(shape) = layout.shape() {
+                let decoded = decode(shape, &body);
+                let mut text = Vec::new();
+                push_object(&decoded.nodes, &mut text);
+                prop_assert_eq!(String::from_utf8(text).unwrap(), Json::Object(object(&decoded.nodes)).to_string());
+            }
+        }
+
+        #[test]
+        fn any_body_decodes(code in 0u8..=255, body in proptest::collection::vec(any::<u8>(), 0..260), response: bool) {
+            let mut pdu = vec![code];
+            pdu.extend(&body);
+            let tree = describe(Functions::embedded(), &pdu, response);
+            let covered: usize = tree["fields"].as_array().unwrap().iter().map(|f| f["length"].as_u64().unwrap() as usize).sum();
+            prop_assert!(covered <= body.len());
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! What comes in: chunks of bytes with their marks, recordings in text, captures of networks, logic samples.
+
+pub mod chunk;
+pub mod logic;
+pub mod marks;
+pub mod pace;
+pub mod pcap;
+pub mod text;

@@ -1,0 +1,62 @@
+//! The chunk log of records.md: one JSON object a read.
+
+use memchr::memchr;
+use serde_json::Value as Json;
+
+use crate::text::stamp::Stamps;
+use modlens_protocol::hex::solid;
+use modlens_protocol::Ns;
+
+/// Parses an object; its bytes go to `out`. Gives the time and the line of a two-line tap.
+pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Option<(Option<Ns>, u8)> {
+    if line.first() != Some(&b'{') {
+        return None;
+    }
+    if let Some((time, hex, line)) = written(line) {
+        let before = out.len();
+        let time = if time == b"null" { Some(None) } else { stamps.seconds(time).map(Some) };
+        if let Some(time) = time.filter(|_| solid(hex, out)) {
+            return Some((time, line));
+        }
+        out.truncate(before);
+    }
+    let Ok(Json::Object(object)) = serde_json::from_slice::<Json>(line) else { return None };
+    let bytes = object.get("hex").and_then(Json::as_str).and_then(modlens_protocol::hex::parse_hex)?;
+    let time = match object.get("t") {
+        Some(Json::Number(_)) => Some(number_text(line).and_then(|text| stamps.seconds(text))?),
+        None | Some(Json::Null) => None,
+        Some(_) => return None,
+    };
+    let line = match object.get("line").and_then(Json::as_str) {
+        None => 0,
+        Some("A") => 1,
+        Some("B") => 2,
+        Some(_) => return None,
+    };
+    out.extend(bytes);
+    Some((time, line))
+}
+
+/// Time, hex and line of an object in the form that `modlens` writes; any other is the JSON parser's.
+fn written(line: &[u8]) -> Option<(&[u8], &[u8], u8)> {
+    let rest = line.strip_prefix(b"{\"t\":")?.trim_ascii_start();
+    let (time, rest) = rest.split_at(memchr(b',', rest)?);
+    let rest = rest[1..].trim_ascii_start().strip_prefix(b"\"hex\":")?.trim_ascii_start().strip_prefix(b"\"")?;
+    let (hex, rest) = rest.split_at(memchr(b'"', rest)?);
+    let line = match rest[1..].trim_ascii_end() {
+        b"}" => 0,
+        b",\"line\":\"A\"}" | b", \"line\": \"A\"}" => 1,
+        b",\"line\":\"B\"}" | b", \"line\": \"B\"}" => 2,
+        _ => return None,
+    };
+    let plain = time.iter().all(|b| b.is_ascii_digit() || matches!(b, b'.' | b'-')) || time == b"null";
+    (plain && hex.len() % 2 == 0).then_some((time, hex, line))
+}
+
+/// The digits of `t` as they stand: a float would lose nanoseconds.
+fn number_text(line: &[u8]) -> Option<&[u8]> {
+    let at = line.windows(3).position(|key| key == b"\"t\"")? + 3;
+    let rest = line[at..].trim_ascii_start().strip_prefix(b":")?.trim_ascii_start();
+    let length = rest.iter().take_while(|b| !matches!(b, b',' | b'}' | b' ')).count();
+    Some(&rest[..length])
+}

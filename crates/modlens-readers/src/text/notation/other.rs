@@ -1,0 +1,181 @@
+//! Bytes in decimal, in words, as characters with escapes, in base64, and as the characters of Modbus ASCII.
+
+use crate::text::notation::hex::{byte, hex_token};
+use crate::text::notation::word;
+use modlens_protocol::checksum::{crc_valid, lrc};
+use modlens_protocol::hex::{digit, pair, BAD, DIGITS};
+
+/// Base64 in both of its alphabets (RFC 4648).
+static SIXTY_FOUR: [u8; 256] = {
+    let mut table = [BAD; 256];
+    let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut i = 0;
+    while i < alphabet.len() {
+        table[alphabet[i] as usize] = i as u8;
+        i += 1;
+    }
+    (table[b'-' as usize], table[b'_' as usize]) = (62, 63);
+    table
+};
+
+pub(super) fn named(text: &[u8], out: &mut Vec<u8>) -> usize {
+    let mut end = 0;
+    loop {
+        let rest = &text[end..];
+        let blanks = rest.iter().take_while(|&&b| b == b' ').count();
+        let name = rest[blanks..].iter().take_while(|&&b| b != b' ').count();
+        let Some(inner) = rest[blanks + name..].strip_prefix(b" (") else { return end };
+        let token = word(inner, 0);
+        let value = if token.len() == 3 { number(token) } else { pair(token, 0).filter(|_| token.len() == 2) };
+        let Some(value) = value.filter(|_| name > 0 && inner.get(token.len()) == Some(&b')')) else { return end };
+        out.push(value);
+        end += blanks + name + 2 + token.len() + 1;
+    }
+}
+
+pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
+    let (mut at, mut end) = (0, 0);
+    loop {
+        while text.get(at).is_some_and(|b| matches!(b, b' ' | b',' | b'-' | b'[' | b'(' | b';')) {
+            at += 1;
+        }
+        let token = word(text, at);
+        let Some(value) = number(token) else { return end };
+        out.push(value);
+        at += token.len();
+        end = at;
+        if text.get(at).is_some_and(|b| matches!(b, b']' | b')')) {
+            return at + 1;
+        }
+    }
+}
+
+fn number(token: &[u8]) -> Option<u8> {
+    if !(1..=3).contains(&token.len()) {
+        return None;
+    }
+    token.iter().try_fold(0u16, |value, &b| b.is_ascii_digit().then(|| value * 10 + u16::from(b - b'0')))?.try_into().ok()
+}
+
+pub(super) fn decimal_one(text: &[u8], out: &mut Vec<u8>) -> usize {
+    let blanks = text.iter().take_while(|&&b| b == b' ').count();
+    let token = word(text, blanks);
+    out.extend(number(token));
+    blanks + token.len()
+}
+
+/// A string without any escape is text for people.
+pub(super) fn escaped(text: &[u8], stop: Option<u8>, out: &mut Vec<u8>) -> usize {
+    let (mut at, before) = (0, out.len());
+    while let Some(&b) = text.get(at) {
+        if Some(b) == stop {
+            break;
+        }
+        if b != b'\\' {
+            out.push(b);
+            at += 1;
+            continue;
+        }
+        let Some(&kind) = text.get(at + 1) else { break };
+        let octal = text[at + 1..].iter().take(3).take_while(|b| matches!(b, b'0'..=b'7')).count();
+        let (value, length) = match kind {
+            b'x' => match (digit(text, at + 2), pair(text, at + 2)) {
+                (_, Some(value)) => (value, 4),
+                (BAD, None) => break,
+                (single, None) => (single, 3),
+            },
+            b'0'..=b'7' => {
+                (text[at + 1..=at + octal].iter().fold(0u8, |value, b| value.wrapping_mul(8).wrapping_add(b - b'0')), 1 + octal)
+            }
+            b'n' => (b'\n', 2),
+            b'r' => (b'\r', 2),
+            b't' => (b'\t', 2),
+            b'a' => (7, 2),
+            b'b' => (8, 2),
+            b'f' => (12, 2),
+            b'v' => (11, 2),
+            b'e' => (27, 2),
+            other => (other, 2),
+        };
+        out.push(value);
+        at += length;
+    }
+    if !text[..at].contains(&b'\\') {
+        out.truncate(before);
+    }
+    at
+}
+
+pub(super) fn words(text: &[u8], width: usize, radix: u32, out: &mut Vec<u8>) -> usize {
+    let (mut at, mut end) = (0, 0);
+    loop {
+        at += text[at..].iter().take_while(|&&b| b == b' ').count();
+        let token = word(text, at);
+        let value = std::str::from_utf8(token).ok().filter(|token| token.len() == width);
+        let Some(value) = value.and_then(|token| u16::from_str_radix(token, radix).ok()) else { return end };
+        out.extend_from_slice(&value.to_le_bytes());
+        at += token.len();
+        end = at;
+    }
+}
+
+/// Eight characters at least; whether they mean anything is the checksum's to say.
+pub(super) fn base64(text: &[u8], out: &mut Vec<u8>) -> usize {
+    let length = text.iter().take_while(|&&b| SIXTY_FOUR[b as usize] != BAD).count();
+    let padding = text[length..].iter().take_while(|&&b| b == b'=').count();
+    if length < 6 || (length + padding) % 4 != 0 || padding > 2 {
+        return 0;
+    }
+    for four in text[..length].chunks(4) {
+        let bits = four.iter().fold(0u32, |bits, &b| bits << 6 | u32::from(SIXTY_FOUR[b as usize])) << (6 * (4 - four.len()));
+        out.extend_from_slice(&bits.to_be_bytes()[1..four.len()]);
+    }
+    length + padding
+}
+
+pub(super) fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
+    if let [b'\'', rest @ ..] = text {
+        let token = word(rest, 0);
+        if let (Some(value), Some(b'\'')) = (number(token), rest.get(token.len())) {
+            out.push(value);
+            return token.len() + 2;
+        }
+    }
+    if let [b'"', byte, b'"', ..] = *text {
+        out.push(byte);
+        return 3;
+    }
+    if text.starts_with(b"0x") || text.starts_with(b"0X") {
+        return byte(text, out);
+    }
+    let token = word(text, 0);
+    if token.len() >= 2 {
+        let value = if token == b"COMMA" { Some(b',') } else { number(token) };
+        out.extend(value);
+        return token.len();
+    }
+    match text.first() {
+        Some(&b) if b != b',' => {
+            out.push(b);
+            1
+        }
+        _ => 0,
+    }
+}
+
+pub(super) fn ascii(text: &[u8], out: &mut Vec<u8>) -> usize {
+    let Some(rest) = text.strip_prefix(b":") else { return 0 };
+    let length = rest.iter().take_while(|&&b| DIGITS[b as usize] != BAD).count();
+    if length < 6 || length % 2 != 0 {
+        return 0;
+    }
+    let start = out.len();
+    hex_token(&rest[..length], false, out);
+    // `:010300000002C40B` is RTU behind a colon, as some manuals print it.
+    if lrc(&out[start..]) == 0 || !crc_valid(&out[start..]) {
+        out.truncate(start);
+        out.extend_from_slice(&text[..=length]);
+        out.extend_from_slice(b"\r\n");
+    }
+    1 + length
+}

@@ -1,0 +1,155 @@
+//! Values as plain text: the spelling of CSV cells and of text comparisons.
+
+use crate::columns::{Cell, Items};
+use modlens_profiles::points::push_float;
+use modlens_protocol::decimal::{decimals, push_int, push_short};
+use modlens_protocol::hex::push_hex;
+use modlens_protocol::source::Place;
+use modlens_protocol::timestamp::push_time;
+use modlens_protocol::Ns;
+
+/// Appends the numbers of a list with one byte between them.
+///
+/// Most of a table is registers: each is one look-up and one copy of fixed size.
+pub fn push_items(items: &Items<'_>, between: u8, out: &mut Vec<u8>) {
+    let (start, count) = (out.len(), items.len());
+    match *items {
+        Items::Words(bytes) => {
+            let table = decimals();
+            // Copies of eight bytes go beyond the last number.
+            out.resize(start + 6 * count + 8, 0);
+            let mut at = start;
+            for word in bytes.chunks_exact(2) {
+                let entry = &table[usize::from(u16::from_be_bytes([word[0], word[1]]))];
+                out[at..at + 8].copy_from_slice(entry);
+                at += usize::from(entry[7]);
+                out[at] = between;
+                at += 1;
+            }
+            out.truncate(at);
+        }
+        Items::Bits(bytes, _) => {
+            out.resize(start + 2 * count, between);
+            for (i, digit) in out[start..].iter_mut().step_by(2).enumerate() {
+                *digit = b'0' + (bytes[i / 8] >> (i % 8) & 1);
+            }
+        }
+        Items::One(value) => {
+            push_int(i64::from(value), out);
+            return;
+        }
+    }
+    if count > 0 {
+        out.pop();
+    }
+}
+
+/// Appends nanoseconds as microseconds, with as many decimals as there are.
+#[inline]
+pub fn push_us(ns: Ns, out: &mut Vec<u8>) {
+    if ns < 0 {
+        out.push(b'-');
+    }
+    let ns = ns.unsigned_abs();
+    push_int((ns / 1000) as i64, out);
+    let rest = (ns % 1000) as u16;
+    if rest != 0 {
+        let digits = [b'0' + (rest / 100) as u8, b'0' + (rest / 10 % 10) as u8, b'0' + (rest % 10) as u8];
+        out.push(b'.');
+        out.extend_from_slice(digits.trim_ascii_end_zeros());
+    }
+}
+
+trait TrimZeros {
+    fn trim_ascii_end_zeros(&self) -> &[u8];
+}
+
+impl TrimZeros for [u8; 3] {
+    fn trim_ascii_end_zeros(&self) -> &[u8] {
+        let length = 3 - self.iter().rev().take_while(|&&digit| digit == b'0').count();
+        &self[..length]
+    }
+}
+
+/// Where a row stands, as `source` spells it.
+pub fn source_text(file: &str, place: Place, number: u64) -> String {
+    format!("{file}{}{number}", place_mark(place) as char)
+}
+
+/// Appends where a row stands.
+#[inline]
+pub fn push_source(file: &str, place: Place, number: u64, out: &mut Vec<u8>) {
+    push_short(file.as_bytes(), out);
+    out.push(place_mark(place));
+    push_int(number as i64, out);
+}
+
+fn place_mark(place: Place) -> u8 {
+    match place {
+        Place::Offset => b'@',
+        Place::Line => b':',
+        Place::Packet => b'#',
+    }
+}
+
+/// A value as plain text: the spelling of CSV cells and of text comparisons.
+pub fn cell_text(cell: &Cell<'_>) -> String {
+    let mut out = Vec::new();
+    push_plain(cell, &mut out);
+    String::from_utf8(out).unwrap_or_default()
+}
+
+/// How a boolean is spelled.
+pub fn truth(yes: bool) -> &'static [u8] {
+    if yes {
+        b"true"
+    } else {
+        b"false"
+    }
+}
+
+/// Appends a value as plain text, without any escaping.
+pub fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
+    match cell {
+        Cell::Null => {}
+        Cell::Int(n) => push_int(*n, out),
+        Cell::Float(value) => push_float(*value, value, out),
+        Cell::Value(value) => value.push(out),
+        Cell::Us(ns) => push_us(*ns, out),
+        Cell::Time(ns) => push_time(*ns, out),
+        Cell::Bool(yes) => out.extend_from_slice(truth(*yes)),
+        Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), out),
+        Cell::Hex(bytes) => push_hex(bytes, out),
+        Cell::Ints(items) => push_items(items, b' ', out),
+        Cell::Codes(codes) => {
+            for (i, code) in codes.iter().enumerate() {
+                if i > 0 {
+                    out.push(b' ');
+                }
+                push_short(code.doc().code.as_bytes(), out);
+            }
+        }
+        Cell::Fields(fields) => fields.push(out),
+        Cell::Map(map) => out.extend_from_slice(map.to_string().as_bytes()),
+        Cell::Source(file, place, number) => push_source(file, *place, *number, out),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn microseconds() {
+        let text = |ns| {
+            let mut out = Vec::new();
+            push_us(ns, &mut out);
+            String::from_utf8(out).unwrap()
+        };
+        assert_eq!(text(0), "0");
+        assert_eq!(text(1_234_567), "1234.567");
+        assert_eq!(text(1_500), "1.5");
+        assert_eq!(text(-20), "-0.02");
+        assert_eq!(text(7_000), "7");
+    }
+}

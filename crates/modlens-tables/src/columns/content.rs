@@ -1,0 +1,259 @@
+//! What the rows of a transaction say: addresses, values, fields, read off the PDUs.
+
+use std::ops::Deref;
+use std::sync::OnceLock;
+
+use serde_json::Value as Json;
+
+use crate::columns::{functions, Cell, Items};
+use modlens_engine::records::{Batch, Transaction};
+use modlens_profiles::points::Value;
+use modlens_protocol::functions::{Layout, Operation, Row};
+use modlens_protocol::hex::push_hex;
+use modlens_protocol::pdu::{self, u16_at, Node};
+use modlens_protocol::register_type::Space;
+use modlens_protocol::status::Status;
+
+/// A transaction with its row of the table of functions, which most columns ask for.
+#[derive(Clone, Copy)]
+pub(super) struct Exchange<'a> {
+    pub(super) t: &'a Transaction,
+    row: Option<&'a Row>,
+}
+
+impl Deref for Exchange<'_> {
+    type Target = Transaction;
+
+    fn deref(&self) -> &Transaction {
+        self.t
+    }
+}
+
+/// The table's row for a transaction; the request tells the variant, or else the response.
+#[inline]
+pub fn row_of<'a>(batch: &'a Batch, t: &Transaction) -> Option<&'a Row> {
+    let pdu = if t.request.pdu.length > 0 { t.request.pdu } else { t.response.pdu };
+    functions(batch).row(t.function, pdu.of(&batch.arena).get(1..).unwrap_or(&[]))
+}
+
+/// Address and quantity of what was read.
+pub fn read_range(batch: &Batch, t: &Transaction) -> Option<(u16, u16)> {
+    Exchange::new(batch, t).read_range(batch)
+}
+
+/// Address and quantity of what was written.
+pub fn write_range(batch: &Batch, t: &Transaction) -> Option<(u16, u16)> {
+    Exchange::new(batch, t).write_range(batch)
+}
+
+/// What was read.
+pub fn read_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
+    Exchange::new(batch, t).read_data(batch)
+}
+
+/// What was written.
+pub fn write_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
+    Exchange::new(batch, t).write_data(batch)
+}
+
+impl<'a> Exchange<'a> {
+    #[inline]
+    pub(super) fn new(batch: &'a Batch, t: &'a Transaction) -> Self {
+        Self { t, row: row_of(batch, t) }
+    }
+
+    #[inline]
+    pub(super) fn operation(self) -> Operation {
+        self.row.map_or(Operation::Other, |row| row.operation)
+    }
+
+    #[inline]
+    pub(super) fn register_type(self) -> Option<&'a str> {
+        self.row?.register_type.as_deref()
+    }
+
+    #[inline]
+    pub(super) fn space(self) -> Option<Space> {
+        self.row?.space
+    }
+
+    /// First register or bit of what was read, and its content.
+    #[inline]
+    pub(super) fn read(self, batch: &Batch) -> Option<(u16, Items<'_>)> {
+        Some((self.read_range(batch)?.0, self.read_data(batch)?))
+    }
+
+    /// The same of what was written.
+    #[inline]
+    pub(super) fn written(self, batch: &Batch) -> Option<(u16, Items<'_>)> {
+        Some((self.write_range(batch)?.0, self.write_data(batch)?))
+    }
+
+    fn response(self, batch: &Batch) -> &[u8] {
+        self.t.response.pdu.of(&batch.arena)
+    }
+
+    /// The body of a request that can be believed.
+    fn asked(self, batch: &Batch) -> Option<&[u8]> {
+        let pdu = self.t.request.pdu.of(&batch.arena);
+        (!pdu.is_empty() && self.status != Status::BadRequest).then(|| &pdu[1..])
+    }
+
+    #[inline]
+    pub(super) fn read_range(self, batch: &Batch) -> Option<(u16, u16)> {
+        let row = self.row?;
+        if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
+            return None;
+        }
+        let body = self.asked(batch)?;
+        Some((u16_at(body, row.roles.address?)?, u16_at(body, row.roles.quantity?)?))
+    }
+
+    #[inline]
+    pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {
+        let row = self.row?;
+        let (roles, body) = (&row.roles, self.asked(batch)?);
+        let (address, quantity) = match row.operation {
+            Operation::Write => (roles.address, roles.quantity),
+            Operation::ReadWrite => (roles.write_address, roles.write_quantity),
+            _ => return None,
+        };
+        // Single writes have no quantity: it is one.
+        Some((u16_at(body, address?)?, quantity.map_or(Some(1), |at| u16_at(body, at))?))
+    }
+
+    #[inline]
+    pub(super) fn read_data(self, batch: &Batch) -> Option<Items<'_>> {
+        let row = self.row?;
+        if !matches!(self.status, Status::Ok | Status::Unrequested) || self.exception.is_some() {
+            return None;
+        }
+        let (at, bits) = row.roles.response_block?;
+        let block = self.response(batch).get(1 + at..)?;
+        Some(if bits {
+            let quantity = self.read_range(batch).map_or(block.len() * 8, |range| usize::from(range.1));
+            Items::Bits(block, quantity)
+        } else {
+            Items::Words(block)
+        })
+    }
+
+    #[inline]
+    pub(super) fn write_data(self, batch: &Batch) -> Option<Items<'_>> {
+        let row = self.row?;
+        if !matches!(row.operation, Operation::Write | Operation::ReadWrite) {
+            return None;
+        }
+        let body = self.asked(batch)?;
+        if let Some(value) = row.roles.value.and_then(|at| u16_at(body, at)) {
+            // A single coil is FF00 for on, 0000 for off (6.5); anything else is shown as it is.
+            let coil = row.register_type.as_deref() == Some("coil");
+            return Some(Items::One(if coil && value == 0xFF00 { 1 } else { i32::from(value) }));
+        }
+        let (at, bits) = row.roles.request_block?;
+        let block = body.get(at..)?;
+        Some(if bits { Items::Bits(block, usize::from(self.write_range(batch)?.1)) } else { Items::Words(block) })
+    }
+
+    /// Decoded fields where the content is not one block: both sides, those of the response last.
+    #[inline]
+    pub(super) fn fields(self, batch: &'a Batch) -> Option<Cell<'a>> {
+        let Some(row) = self.row else { return Some(self.undecoded(batch)) };
+        let blocks = row.roles.request_block.is_some() || row.roles.response_block.is_some();
+        let told = row.operation != Operation::Other && (blocks || row.roles.value.is_some());
+        (!told).then(|| self.decoded(batch, row))
+    }
+
+    fn decoded(self, batch: &'a Batch, row: &'a Row) -> Cell<'a> {
+        if row.request == Layout::Unknown {
+            return self.undecoded(batch);
+        }
+        let answer = self.response(batch).get(1..).filter(|body| !body.is_empty());
+        let answered = self.exception.is_none() && !matches!(self.status, Status::BadResponse | Status::BadRequest);
+        let mut fields = Fields::default();
+        for (body, layout) in [(self.asked(batch), &row.request), (answer.filter(|_| answered), &row.response)] {
+            let (Some(body), Some(shape)) = (body, layout.shape()) else { continue };
+            pdu::decode(shape, body).nodes.into_iter().for_each(|node| fields.put(node));
+        }
+        if row.operation != Operation::Other {
+            fields.remove("address");
+        }
+        fields.cell()
+    }
+
+    /// The bodies of a function whose layout nobody knows.
+    fn undecoded(self, batch: &'a Batch) -> Cell<'a> {
+        let mut fields = Fields::default();
+        for (key, pdu) in [("request", self.t.request.pdu), ("response", self.t.response.pdu)] {
+            fields.bodies.extend(pdu.of(&batch.arena).get(1..).map(|body| (key, body)));
+        }
+        fields.cell()
+    }
+}
+
+/// What a message says, field by field; text is made of it where it is needed.
+#[derive(Clone, Debug, Default)]
+pub struct Fields<'a> {
+    nodes: Vec<Node<'a>>,
+    bodies: Vec<(&'static str, &'a [u8])>,
+}
+
+impl<'a> Fields<'a> {
+    /// What the response says again takes the place of what the request said.
+    fn put(&mut self, node: Node<'a>) {
+        match self.nodes.iter_mut().find(|known| known.field.name == node.field.name) {
+            Some(known) => *known = node,
+            None => self.nodes.push(node),
+        }
+    }
+
+    fn remove(&mut self, name: &str) {
+        if let Some(at) = self.nodes.iter().position(|node| node.field.name == name) {
+            self.nodes.swap_remove(at);
+        }
+    }
+
+    fn cell(self) -> Cell<'a> {
+        if self.nodes.is_empty() && self.bodies.is_empty() {
+            Cell::Null
+        } else {
+            Cell::Fields(self)
+        }
+    }
+
+    /// Appends a JSON object.
+    pub fn push(&self, out: &mut Vec<u8>) {
+        if self.bodies.is_empty() {
+            return pdu::push_object(&self.nodes, out);
+        }
+        for (at, (key, body)) in self.bodies.iter().enumerate() {
+            out.extend_from_slice(if at == 0 { b"{\"" } else { b",\"" });
+            out.extend_from_slice(key.as_bytes());
+            out.extend_from_slice(b"\":\"");
+            push_hex(body, out);
+            out.push(b'"');
+        }
+        out.push(b'}');
+    }
+}
+
+/// The name of an exception, with the device's own words where its profile has some.
+pub(super) fn refusal(t: &Transaction) -> Cell<'_> {
+    let Some(code) = t.exception else { return Cell::Null };
+    match (exception_name(code), t.points.as_ref().and_then(|bound| bound.exception(code))) {
+        (Some(name), Some(words)) => Cell::Value(Value::Text(format!("{name} ({words})"))),
+        (None, Some(words)) => Cell::Text(words),
+        (name, None) => name.map_or(Cell::Null, Cell::Word),
+    }
+}
+
+/// Names of exception codes (application protocol, 7), from the embedded vocabulary.
+pub fn exception_name(code: u8) -> Option<&'static str> {
+    static NAMES: OnceLock<Vec<(u8, String)>> = OnceLock::new();
+    let names = NAMES.get_or_init(|| {
+        let file: Json = toml::from_str(modlens_protocol::functions::VOCABULARY).expect("the embedded vocabulary is tested");
+        let rows = file["exception"].as_array().cloned().unwrap_or_default();
+        rows.iter().filter_map(|row| Some((row["code"].as_u64()? as u8, row["name"].as_str()?.to_owned()))).collect()
+    });
+    names.iter().find(|(known, _)| *known == code).map(|(_, name)| name.as_str())
+}

@@ -1,0 +1,179 @@
+//! The readings table: a row a register or bit, and where a profile applies a row a value.
+
+use serde_json::{Map, Value as Json};
+
+use crate::columns::blocks::{parts, Item};
+use crate::columns::content::row_of;
+use crate::columns::tables::{bus, network, time, us};
+use crate::columns::{Cell, Items};
+use modlens_engine::records::{Batch, Half, Transaction};
+use modlens_profiles::points::{Bound, Compiled, Value};
+use modlens_protocol::register_type::Space;
+
+pub(super) type ReadItem = for<'a> fn(&'a Batch, Item<'a>) -> Cell<'a>;
+
+pub(super) const READINGS: &[(&str, ReadItem)] = &[
+    ("txn", |b, r| Cell::Int(txn(b, r).number as i64)),
+    ("frame", |b, r| Cell::Int(half(b, r).frame as i64)),
+    ("time", |b, r| time(b, txn(b, r).bus, half(b, r).start)),
+    ("elapsed_us", |b, r| {
+        let shift = txn(b, r).start.zip(txn(b, r).elapsed).map(|(start, elapsed)| start - elapsed);
+        us(half(b, r).start.zip(shift).map(|(start, shift)| start - shift))
+    }),
+    ("bus", |b, r| Cell::Text(&bus(b, txn(b, r).bus).name)),
+    ("client", |b, r| network(b, txn(b, r).bus, |net| Cell::Text(&net.client))),
+    ("unit", |b, r| Cell::Int(i64::from(txn(b, r).unit))),
+    ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
+    ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
+    ("address", |_, r| Cell::Int(i64::from(r.step.address))),
+    ("operation", |_, r| Cell::Word(if r.block.write { "write" } else { "read" })),
+    ("status", |b, r| Cell::Word(txn(b, r).status.text())),
+    ("raw", |b, r| raw(b, r).map_or(Cell::Null, Cell::Ints)),
+    ("name", |b, r| compiled(b, r).map_or(Cell::Null, |compiled| Cell::Text(&compiled.name))),
+    ("value", |b, r| match value(b, r) {
+        Some(Value::Decimal(digits, 0)) if digits.unsigned_abs() < 1 << 53 => Cell::Int(digits as i64),
+        other => other.and_then(|value| value.number()).map_or(Cell::Null, Cell::Float),
+    }),
+    ("value_text", |b, r| match value(b, r) {
+        None | Some(Value::Missing) => Cell::Null,
+        Some(value) => Cell::Value(value),
+    }),
+    ("unit_of_measure", |b, r| {
+        let unit = point_of(b, r).and_then(|(bound, compiled)| bound.plan.point(compiled).unit.as_deref());
+        unit.map_or(Cell::Null, Cell::Text)
+    }),
+];
+
+/// The named values of a transaction, as a map; those written first.
+pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
+    let Some(bound) = &t.points else { return Cell::Null };
+    let mut map = Map::new();
+    for write in [true, false] {
+        parts(batch, t, write, |items, item, step| {
+            let Some(compiled) = step.compiled().map(|at| bound.plan.compiled(at)) else { return };
+            let value = value_of(items, item, bound, compiled);
+            map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
+        });
+    }
+    if map.is_empty() {
+        Cell::Null
+    } else {
+        Cell::Map(Json::Object(map))
+    }
+}
+
+/// A number where a number says it, else the letters.
+fn json(value: &Value<'_>) -> Json {
+    match value {
+        Value::Decimal(digits, 0) => i64::try_from(*digits).map_or_else(|_| value.text().into(), Json::from),
+        Value::Decimal(..) | Value::Single(_) | Value::Double(_) => {
+            // The shortest number that reads back the same; NaN and the like are letters.
+            let text = value.text().unwrap_or_default();
+            serde_json::from_str(&text).unwrap_or(Json::String(text))
+        }
+        other => other.text().map_or(Json::Null, Json::String),
+    }
+}
+
+fn txn<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Transaction {
+    &batch.transactions[at.block.txn as usize]
+}
+
+fn half<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Half {
+    let t = txn(batch, at);
+    if at.block.write {
+        &t.request
+    } else {
+        &t.response
+    }
+}
+
+fn point_of<'a>(batch: &'a Batch, at: Item<'_>) -> Option<(&'a Bound, &'a Compiled)> {
+    let (index, bound) = (at.step.compiled()?, txn(batch, at).points.as_deref()?);
+    Some((bound, bound.plan.compiled(index)))
+}
+
+fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
+    point_of(batch, at).map(|(_, compiled)| compiled)
+}
+
+/// The registers or the bit of a row.
+fn raw<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Items<'a>> {
+    part(&at.block.items(batch), at.place() as u16, compiled(batch, at).map_or(1, |point| point.width))
+}
+
+#[inline]
+fn part<'a>(items: &Items<'a>, item: u16, width: u16) -> Option<Items<'a>> {
+    let (first, last) = (usize::from(item), usize::from(item) + usize::from(width));
+    if last > items.len() {
+        return None;
+    }
+    Some(match items {
+        Items::Words(bytes) => Items::Words(&bytes[2 * first..2 * last]),
+        other => Items::One(other.get(first)),
+    })
+}
+
+fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compiled) -> Option<Value<'p>> {
+    Some(match part(items, item, point.width)? {
+        Items::Words(bytes) => bound.value(point, bytes),
+        // A single write carries its register as a number.
+        Items::One(number) if !bound.plan.point(point).space.bits() => bound.value(point, &(number as u16).to_be_bytes()),
+        bit => bound.bit(point, bit.get(0)),
+    })
+}
+
+fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
+    match point_of(batch, at) {
+        Some((bound, compiled)) => value_of(&at.block.items(batch), at.place() as u16, bound, compiled),
+        None => raw(batch, at).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
+    }
+}
+
+/// A value or a bare register or bit of a transaction, for those who go through all of them.
+pub struct Part<'a> {
+    /// The transaction.
+    pub transaction: &'a Transaction,
+    /// Which table.
+    pub space: Space,
+    /// Its first register or bit.
+    pub address: u16,
+    /// Whether it was written.
+    pub write: bool,
+    /// The value of the plan and its index, where it is one.
+    pub compiled: Option<(u32, &'a Compiled)>,
+    /// Its registers; one byte for a bit.
+    pub raw: Vec<u8>,
+}
+
+impl Part<'_> {
+    /// Converts it.
+    pub fn value(&self) -> Value<'_> {
+        let bound = self.transaction.points.as_deref();
+        match (self.compiled, bound, &self.raw[..]) {
+            (Some((_, compiled)), Some(bound), [bit]) => bound.bit(compiled, i32::from(*bit)),
+            (Some((_, compiled)), Some(bound), bytes) => bound.value(compiled, bytes),
+            (_, _, bytes) => Value::Decimal(bytes.iter().fold(0, |number, &byte| number << 8 | i128::from(byte)), 0),
+        }
+    }
+}
+
+/// Every value of a batch, by transaction; those written first.
+pub fn each_value(batch: &Batch, mut part: impl FnMut(Part<'_>)) {
+    for t in &batch.transactions {
+        let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
+        for write in [true, false] {
+            parts(batch, t, write, |items, item, step| {
+                let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
+                let width = compiled.map_or(1, |(_, compiled)| compiled.width);
+                let Some(items) = self::part(items, item, width) else { return };
+                let raw = match items {
+                    Items::Words(bytes) => bytes.to_vec(),
+                    Items::One(number) if !space.bits() => (number as u16).to_be_bytes().to_vec(),
+                    bit => vec![bit.get(0) as u8],
+                };
+                part(Part { transaction: t, space, address: step.address, write, compiled, raw });
+            });
+        }
+    }
+}

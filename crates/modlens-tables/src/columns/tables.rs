@@ -1,0 +1,180 @@
+//! How each column is read: one line a column.
+//!
+//! Everything here is compiled into its callers: a `Cell` that a writer takes apart at once then costs nothing.
+#![allow(clippy::inline_always)]
+
+use crate::columns::content::{refusal, Exchange};
+use crate::columns::readings::named;
+use crate::columns::shown::{Codes, Hex, Ints, Name, Shown, Source, Text, Time, Us, Word};
+use crate::columns::{functions, Cell, Put};
+use modlens_engine::records::{Batch, Bus, FindingRow, Frame, Half, Network};
+use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::source::Clock;
+use modlens_protocol::Ns;
+
+/// Columns of which every row of a bus has the same value.
+pub(super) const OF_THE_BUS: [&str; 4] = ["bus", "client", "server", "connection"];
+
+/// Reads a value of a row.
+pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
+
+/// The same of a transaction.
+pub(super) type ReadExchange = for<'a> fn(&'a Batch, Exchange<'a>) -> Cell<'a>;
+
+/// Reads a value of a row and passes it on.
+pub(super) type Pass<R, S> = for<'a> fn(&'a Batch, &'a R, &mut S);
+
+/// The same of a transaction.
+pub(super) type PassExchange<S> = for<'a> fn(&'a Batch, Exchange<'a>, &mut S);
+
+/// The columns of a table: `read` gives a value; `pass` is compiled for each writer, so that what it does with other kinds
+/// of values than the column's falls away.
+macro_rules! columns {
+    ($table:ident: $read:ident, $pass:ident<$($row:ident)?>; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
+        pub(super) struct $table;
+
+        impl $table {
+            pub(super) const KEYS: &[&str] = &[$($key),*];
+            pub(super) const READ: &[$read$(<$row>)?] = &[$(|$batch, $of| $value.cell()),*];
+
+            pub(super) fn pass<S: Put>(column: usize) -> $pass<$($row,)? S> {
+                const COUNT: usize = $table::KEYS.len();
+                let all: [$pass<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.pass(to)),*];
+                all[column]
+            }
+        }
+    };
+}
+
+pub(super) fn bus(batch: &Batch, index: u32) -> &Bus {
+    &batch.buses[index as usize]
+}
+
+pub(super) fn network(batch: &Batch, index: u32, read: fn(&Network) -> Cell<'_>) -> Cell<'_> {
+    bus(batch, index).network.as_ref().map_or(Cell::Null, read)
+}
+
+pub(super) fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
+    moment(batch, index, start).cell()
+}
+
+pub(super) fn us<'a>(ns: Option<Ns>) -> Cell<'a> {
+    ns.map(Us).cell()
+}
+
+#[inline(always)]
+fn moment(batch: &Batch, index: u32, start: Option<Ns>) -> Option<Time> {
+    start.filter(|_| bus(batch, index).clock == Clock::Utc).map(Time)
+}
+
+#[inline(always)]
+fn name(batch: &Batch, code: Option<u8>) -> Option<Name<'_>> {
+    functions(batch).any(code? & !EXCEPTION_BIT).map(Name)
+}
+
+#[inline(always)]
+fn source(batch: &Batch, index: u32, origin: u64) -> Source<'_> {
+    let bus = bus(batch, index);
+    Source(&bus.source, bus.place, origin)
+}
+
+fn line(batch: &Batch, frame: &Frame) -> Option<Word<'static>> {
+    match frame.line {
+        0 => None,
+        _ if bus(batch, frame.bus).network.is_some() => None,
+        1 => Some(Word("A")),
+        _ => Some(Word("B")),
+    }
+}
+
+columns! {
+    Frames: Read, Pass<Frame>;
+    ("frame", |_, f| f.number),
+    ("time", |b, f| moment(b, f.bus, f.start)),
+    ("elapsed_us", |_, f| f.elapsed.map(Us)),
+    ("bus", |b, f| Text(&bus(b, f.bus).name)),
+    ("line", |b, f| line(b, f)),
+    ("client", |b, f| network(b, f.bus, |net| Cell::Text(&net.client))),
+    ("server", |b, f| network(b, f.bus, |net| Cell::Text(&net.server))),
+    ("connection", |b, f| network(b, f.bus, |net| Cell::Int(net.connection as i64))),
+    ("byte_offset", |_, f| f.offset),
+    ("byte_length", |_, f| f.wire.length),
+    ("mode", |_, f| Word(f.mode.text())),
+    ("direction", |_, f| Word(f.direction.text())),
+    ("unit", |_, f| f.unit),
+    ("function", |_, f| f.code.map(|code| code & !EXCEPTION_BIT)),
+    ("function_name", |b, f| name(b, f.code)),
+    ("exception", |_, f| f.exception),
+    ("verdict", |_, f| Word(f.verdict.text())),
+    ("tentative", |_, f| f.tentative),
+    ("confidence", |_, f| f.confidence),
+    ("gap_us", |_, f| f.gap.map(Us)),
+    ("cut_by", |_, f| Word(f.cut_by.text())),
+    ("txn", |_, f| f.txn),
+    ("mbap_id", |_, f| f.mbap_id),
+    ("findings", |b, f| Codes(f.findings.of(&b.codes))),
+    ("source", |b, f| source(b, f.bus, f.origin)),
+    ("hex", |b, f| Hex(f.wire.of(&b.arena))),
+}
+
+columns! {
+    Transactions: ReadExchange, PassExchange<>;
+    ("txn", |_, t| t.number),
+    ("time", |b, t| moment(b, t.bus, t.start)),
+    ("elapsed_us", |_, t| t.elapsed.map(Us)),
+    ("bus", |b, t| Text(&bus(b, t.bus).name)),
+    ("client", |b, t| network(b, t.bus, |net| Cell::Text(&net.client))),
+    ("server", |b, t| network(b, t.bus, |net| Cell::Text(&net.server))),
+    ("connection", |b, t| network(b, t.bus, |net| Cell::Int(net.connection as i64))),
+    ("mode", |_, t| Word(t.mode.text())),
+    ("unit", |_, t| t.unit),
+    ("function", |_, t| t.function),
+    ("function_name", |b, t| name(b, Some(t.function))),
+    ("operation", |_, t| Word(t.operation().text())),
+    ("register_type", |_, t| t.register_type().map(Word)),
+    ("address", |b, t| t.read_range(b).map(|range| range.0)),
+    ("quantity", |b, t| t.read_range(b).map(|range| range.1)),
+    ("data", |b, t| t.read_data(b).map(Ints)),
+    ("write_address", |b, t| t.write_range(b).map(|range| range.0)),
+    ("write_quantity", |b, t| t.write_range(b).map(|range| range.1)),
+    ("write_data", |b, t| t.write_data(b).map(Ints)),
+    ("fields", |b, t| t.fields(b)),
+    ("readings", |b, t| t.points.is_some().then(|| named(b, t.t))),
+    ("status", |_, t| Word(t.status.text())),
+    ("exception", |_, t| t.exception),
+    ("exception_name", |_, t| t.exception.is_some().then(|| refusal(t.t))),
+    ("response_time_us", |_, t| t.response_time.map(Us)),
+    ("waited_us", |_, t| t.waited.map(Us)),
+    ("late_response_us", |_, t| t.late_response.map(Us)),
+    ("retry_of", |_, t| t.retry_of),
+    ("late_for", |_, t| t.late_for),
+    ("gap_us", |_, t| t.gap.map(Us)),
+    ("mbap_id", |_, t| t.mbap_id),
+    ("request_hex", |b, t| half_hex(b, &t.request)),
+    ("response_hex", |b, t| half_hex(b, &t.response)),
+    ("request_frame", |_, t| Some(t.request.frame).filter(|&n| n > 0)),
+    ("response_frame", |_, t| Some(t.response.frame).filter(|&n| n > 0)),
+    ("findings", |b, t| Codes(t.findings.of(&b.codes))),
+    ("source", |b, t| source(b, t.bus, t.origin)),
+}
+
+columns! {
+    Findings: Read, Pass<FindingRow>;
+    ("frame", |_, f| f.frame),
+    ("txn", |_, f| f.txn),
+    ("time", |b, f| moment(b, f.bus, f.start)),
+    ("elapsed_us", |_, f| f.elapsed.map(Us)),
+    ("bus", |b, f| Text(&bus(b, f.bus).name)),
+    ("unit", |_, f| f.unit),
+    ("code", |_, f| Word(f.finding.doc().code)),
+    ("severity", |_, f| Word(f.finding.doc().severity.text())),
+    ("detail", |_, f| Text(&f.detail)),
+    ("evidence", |_, f| Text(f.finding.doc().why)),
+    ("advice", |_, f| Text(f.finding.doc().advice)),
+    ("source", |b, f| source(b, f.bus, f.origin)),
+}
+
+#[inline(always)]
+fn half_hex<'a>(batch: &'a Batch, half: &Half) -> Option<Hex<'a>> {
+    (half.frame > 0).then(|| Hex(half.wire.of(&batch.arena)))
+}

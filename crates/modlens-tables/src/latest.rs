@@ -1,0 +1,91 @@
+//! The register map as last seen: for every register, bit or point its last value, how often it came, how it moved.
+
+use std::collections::BTreeMap;
+
+use serde_json::{json, Value as Json};
+
+use crate::columns::{each_value, Part};
+use modlens_engine::records::Batch;
+use modlens_protocol::register_type::Space;
+use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
+
+/// Bus, unit, table, address, and the value of the plan (`u32::MAX` for a bare register).
+type Key = (String, u8, Space, u16, u32);
+
+/// Collects values over a whole recording.
+#[derive(Debug, Default)]
+pub struct Latest {
+    entries: BTreeMap<Key, Entry>,
+    newest: Option<Ns>,
+}
+
+#[derive(Debug, Default)]
+struct Entry {
+    name: Option<String>,
+    unit_of_measure: Option<String>,
+    text: Option<String>,
+    number: Option<f64>,
+    low: Option<f64>,
+    high: Option<f64>,
+    reads: u64,
+    writes: u64,
+    changes: u64,
+    elapsed: Option<Ns>,
+    raw: Vec<u8>,
+}
+
+impl Latest {
+    /// The values of a batch: what was read, and what was written and not refused.
+    pub fn add(&mut self, batch: &Batch) {
+        each_value(batch, |part| {
+            if matches!(part.transaction.status, Status::Ok | Status::Broadcast) {
+                self.put(batch, &part);
+            }
+        });
+    }
+
+    fn put(&mut self, batch: &Batch, part: &Part<'_>) {
+        let t = part.transaction;
+        let bus = &batch.buses[t.bus as usize].name;
+        let index = part.compiled.map_or(u32::MAX, |(index, _)| index);
+        let key = (bus.clone(), t.unit, part.space, part.address, index);
+        let entry = self.entries.entry(key).or_default();
+        *(if part.write { &mut entry.writes } else { &mut entry.reads }) += 1;
+        self.newest = self.newest.max(t.elapsed);
+        entry.elapsed = t.elapsed.or(entry.elapsed);
+        // The bytes say whether anything changed; a value is put in words only then.
+        if entry.reads + entry.writes > 1 && entry.raw == part.raw {
+            return;
+        }
+        entry.changes += u64::from(entry.reads + entry.writes > 1);
+        entry.raw.clone_from(&part.raw);
+        if let Some((_, compiled)) = part.compiled {
+            entry.name = Some(compiled.name.clone());
+            let bound = t.points.as_ref().expect("a value has a plan");
+            entry.unit_of_measure.clone_from(&bound.plan.point(compiled).unit);
+        }
+        let value = part.value();
+        (entry.text, entry.number) = (value.text(), value.number());
+        if let Some(number) = entry.number {
+            entry.low = Some(entry.low.map_or(number, |low| low.min(number)));
+            entry.high = Some(entry.high.map_or(number, |high| high.max(number)));
+        }
+    }
+
+    /// The map as JSON, by bus, unit, table and address.
+    pub fn json(&self) -> Json {
+        self.entries
+            .iter()
+            .map(|((bus, unit, space, address, _), entry)| {
+                let age = self.newest.zip(entry.elapsed).map(|(newest, then)| (newest - then) as f64 / 1000.0);
+                json!({
+                    "bus": bus, "unit": unit, "register_type": space.long(), "address": address, "name": entry.name,
+                    "value": entry.number, "value_text": entry.text, "unit_of_measure": entry.unit_of_measure,
+                    "age_us": age, "reads": entry.reads, "writes": entry.writes, "count": entry.reads + entry.writes,
+                    "min": entry.low, "max": entry.high, "changes": entry.changes,
+                })
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,113 @@
+//! Rows as Arrow columns.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use arrow_array::{
+    ArrayRef, BooleanArray, Float64Array, Int32Array, Int64Array, ListArray, RecordBatch, StringArray, TimestampNanosecondArray,
+};
+use arrow_buffer::{Buffer, OffsetBuffer};
+use arrow_schema::{DataType, Field, Schema, TimeUnit};
+
+use crate::values::Values;
+use modlens_tables::columns::{Kind, Put, RowRef, Table, TableKind};
+
+/// The schema of a table.
+pub fn schema(kind: TableKind) -> Schema {
+    schema_of(kind, &all(kind))
+}
+
+/// The schema of some of its columns.
+pub fn schema_of(kind: TableKind, columns: &[usize]) -> Schema {
+    let columns = columns.iter().map(|&column| &kind.columns()[column]);
+    Schema::new(columns.map(|column| Field::new(&column.key, data_type(column.kind), true)).collect::<Vec<_>>())
+}
+
+fn all(kind: TableKind) -> Vec<usize> {
+    (0..kind.columns().len()).collect()
+}
+
+fn data_type(kind: Kind) -> DataType {
+    let list = |item| DataType::List(Arc::new(Field::new("item", item, true)));
+    match kind {
+        Kind::Int => DataType::Int64,
+        Kind::Us | Kind::Float => DataType::Float64,
+        Kind::Time => DataType::Timestamp(TimeUnit::Nanosecond, Some("UTC".into())),
+        Kind::Bool => DataType::Boolean,
+        Kind::Text | Kind::Map => DataType::Utf8,
+        Kind::Ints => list(DataType::Int32),
+        Kind::Texts => list(DataType::Utf8),
+    }
+}
+
+/// The rows of a table as one record batch.
+pub fn batch(table: &Table) -> RecordBatch {
+    batch_of(table, 0..table.len(), &all(table.kind))
+}
+
+/// Some columns of some rows as one record batch.
+pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordBatch {
+    let rows: Vec<RowRef<'_>> = rows.map(|row| table.row(row)).collect();
+    let arrays = columns.iter().map(|&column| array(&rows, table.kind, column)).collect();
+    RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
+}
+
+fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
+    match table.columns()[column].kind {
+        kind @ (Kind::Int | Kind::Time) => wholes(filled(rows, table, column), kind),
+        Kind::Us | Kind::Float => numbers(filled(rows, table, column)),
+        Kind::Bool => truths(filled(rows, table, column)),
+        Kind::Text | Kind::Map => texts(filled(rows, table, column)),
+        Kind::Ints => lists(filled(rows, table, column)),
+        Kind::Texts => codes(filled(rows, table, column)),
+    }
+}
+
+/// A column of this kind with the values of all rows.
+fn filled<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> Values<T>
+where
+    Values<T>: Put + 'static,
+{
+    let mut values = Values::with_capacity(rows.len());
+    values.take(rows, &table.reader(column));
+    values
+}
+
+fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
+    let Values { items: values, mut nulls, .. } = column;
+    if kind == Kind::Time {
+        Arc::new(TimestampNanosecondArray::new(values.into(), nulls.finish()).with_timezone("UTC"))
+    } else {
+        Arc::new(Int64Array::new(values.into(), nulls.finish()))
+    }
+}
+
+fn numbers(column: Values<f64>) -> ArrayRef {
+    let Values { items: values, mut nulls, .. } = column;
+    Arc::new(Float64Array::new(values.into(), nulls.finish()))
+}
+
+fn truths(column: Values<bool>) -> ArrayRef {
+    let Values { items: values, mut nulls, .. } = column;
+    Arc::new(BooleanArray::new(values.into(), nulls.finish()))
+}
+
+/// Texts are written one behind the other, where they stay.
+fn texts(column: Values<u8>) -> ArrayRef {
+    let Values { items: values, mut nulls, offsets } = column;
+    Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
+}
+
+fn lists(column: Values<i32>) -> ArrayRef {
+    let Values { items: values, mut nulls, offsets } = column;
+    let item = Arc::new(Field::new("item", DataType::Int32, true));
+    let values = Arc::new(Int32Array::from(values));
+    Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
+}
+
+fn codes(column: Values<&'static str>) -> ArrayRef {
+    let Values { items: values, mut nulls, offsets } = column;
+    let item = Arc::new(Field::new("item", DataType::Utf8, true));
+    let values = Arc::new(StringArray::from(values));
+    Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
+}

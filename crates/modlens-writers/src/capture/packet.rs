@@ -1,0 +1,49 @@
+//! One packet: the bytes of a frame as a dissector takes them, and what is said beside them.
+
+use super::payload::{self, Route};
+use super::words::{self, Note};
+use super::{blocks, Style};
+use modlens_engine::records::{Batch, Frame};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::Ns;
+use modlens_readers::pcap::adu::unwrap;
+
+/// The bytes of a packet of link type 252.
+pub(super) fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, notes: &[Note], out: &mut Vec<u8>) {
+    let wire = frame.wire.of(&batch.arena);
+    if !frame.verdict.good() {
+        let (protocol, info) = words::columns(batch, frame, notes);
+        payload::data(&protocol, &info, wire, out);
+        return;
+    }
+    let mut scratch = Vec::new();
+    let (adu, behind) = unwrap(frame.mode, frame.verdict, wire, &mut scratch);
+    match (style, frame.mode) {
+        // ASCII and TCP have no CRC; one is made, or `mbrtu` would not take them.
+        (Style::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { behind } else { &[] }, out),
+        (_, Mode::Tcp) => payload::tcp(route, wire, out),
+        _ => payload::udp(route, adu, behind, out),
+    }
+}
+
+/// Comments, flags and our own option of a packet.
+pub(super) fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
+    if frame.mode == Mode::Ascii && frame.verdict.good() {
+        let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
+        blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
+    }
+    if frame.verdict == Verdict::NoChecksum {
+        blocks::comment("the recording has no checksums", out);
+    }
+    if let Some(text) = words::exception(frame) {
+        blocks::comment(&text, out);
+    }
+    for note in notes.iter().filter(|(finding, _)| *finding != Finding::Exception) {
+        blocks::comment(&words::comment(note), out);
+    }
+    blocks::flags(words::flags(batch, frame), out);
+    // The dissector `mbrtu` gets an RTU frame, whatever was on the line.
+    let same = style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
+    blocks::custom(out, |out| words::custom(batch, frame, same, origin, out));
+}

@@ -1,0 +1,256 @@
+//! What is said of a frame in words: comments, flags, the columns of bytes that are no frame, and our custom option.
+
+use std::fmt::Write as _;
+
+use modlens_engine::records::{Batch, Bus, Frame, Half, Transaction};
+use modlens_protocol::decimal::{push_int, push_short};
+use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::{Finding, Severity};
+use modlens_protocol::framing::{Mode, Verdict};
+use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::hex::hex;
+use modlens_protocol::line::Line;
+use modlens_protocol::source::Clock;
+use modlens_protocol::Ns;
+use modlens_readers::pcap::own::USUAL;
+use modlens_tables::cell_text::push_us;
+use modlens_tables::columns::exception_name;
+
+/// Bits of the flags option (draft-ietf-opsawg-pcapng, 4.3).
+const BROADCAST: u32 = 3 << 2;
+const CHECKSUM_ERROR: u32 = 1 << 24;
+const TOO_SHORT: u32 = 1 << 26;
+const WRONG_GAP: u32 = 1 << 27;
+const SYMBOL_ERROR: u32 = 1 << 31;
+
+/// A finding with what was seen.
+pub type Note = (Finding, String);
+
+/// A finding as a comment: how bad, which, in words, what was seen.
+pub fn comment((finding, detail): &Note) -> String {
+    let doc = finding.doc();
+    let between = if detail.is_empty() { "" } else { ": " };
+    format!("{} {}: {}{between}{detail}", doc.severity.text(), doc.code, doc.title)
+}
+
+/// The error flags of a frame.
+pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
+    let mut flags = 0;
+    if frame.verdict.good() && frame.unit == Some(0) && frame.mode != Mode::Tcp && frame.direction == Direction::Request {
+        flags |= BROADCAST;
+    }
+    flags |= match frame.verdict {
+        Verdict::BadChecksum => CHECKSUM_ERROR,
+        Verdict::Incomplete => TOO_SHORT,
+        _ => 0,
+    };
+    for code in frame.findings.of(&batch.codes) {
+        flags |= match code {
+            Finding::ShortSilence | Finding::GapInside => WRONG_GAP,
+            Finding::LineError => SYMBOL_ERROR,
+            _ => 0,
+        };
+    }
+    flags
+}
+
+/// Texts of the columns Protocol and Info for bytes that are no good frame.
+pub fn columns(batch: &Batch, frame: &Frame, notes: &[Note]) -> (String, String) {
+    let mode = frame.mode.text().to_uppercase();
+    let checksum = if frame.mode == Mode::Ascii { "LRC" } else { "CRC" };
+    let (kind, mut info) = match frame.verdict {
+        Verdict::BadChecksum => (format!("{mode} bad {checksum}"), format!("{} bytes, checksum wrong", frame.wire.length)),
+        Verdict::Incomplete => (format!("{mode} incomplete"), format!("{} bytes, the frame ends too early", frame.wire.length)),
+        _ => (format!("{mode} noise"), format!("{} bytes, no valid frame", frame.wire.length)),
+    };
+    if let (Some(unit), Some(code)) = (frame.unit, frame.code) {
+        let name = modlens_tables::columns::functions(batch).name(code & !EXCEPTION_BIT).unwrap_or("unknown");
+        let _ = write!(info, ", unit {unit}, function {} {name}?", code & !EXCEPTION_BIT);
+    }
+    let told = |finding: &Finding| !matches!(finding, Finding::BadChecksum | Finding::Incomplete | Finding::BitFlip);
+    for (finding, detail) in notes.iter().filter(|(finding, _)| told(finding) && finding.doc().severity != Severity::Info) {
+        let _ = write!(info, ", {}: {detail}", finding.doc().title);
+    }
+    (kind, info)
+}
+
+/// A sentence for exception responses, which Wireshark names by number only.
+pub fn exception(frame: &Frame) -> Option<String> {
+    let code = frame.exception?;
+    Some(format!("exception {code}: {}", exception_name(code).unwrap_or("not in the specification")))
+}
+
+/// What Wireshark has no place for, as `key=value` separated by spaces; columns at their usual value are left out.
+///
+/// `pcap::told` reads it back: from these words, the bytes and the comments the rows are made again. `verbatim` says that
+/// the packet holds the bytes of the line as they were; `origin` is there if no interface block has it.
+pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, out: &mut Vec<u8>) {
+    number("frame=", frame.number, out);
+    if let Some(txn) = frame.txn {
+        number(" txn=", txn, out);
+    }
+    number(" offset=", frame.offset, out);
+    word(" direction=", frame.direction.text(), out);
+    if frame.mode != USUAL.mode {
+        word(" mode=", frame.mode.text(), out);
+    }
+    if frame.verdict != USUAL.verdict {
+        word(" verdict=", frame.verdict.text(), out);
+    }
+    if frame.cut_by != USUAL.cut_by {
+        word(" cut_by=", frame.cut_by.text(), out);
+    }
+    if frame.confidence != USUAL.confidence {
+        number(" confidence=", u64::from(frame.confidence), out);
+    }
+    if frame.tentative {
+        out.extend_from_slice(b" tentative");
+    }
+    if let Some(gap) = frame.gap {
+        us(" gap_us=", gap, out);
+    }
+    if frame.start.is_none() {
+        out.extend_from_slice(b" no_time");
+    }
+    if !frame.verdict.good() {
+        for (key, value) in [(" unit=", frame.unit), (" code=", frame.code)] {
+            if let Some(value) = value {
+                number(key, u64::from(value), out);
+            }
+        }
+    }
+    if let Some(id) = frame.mbap_id {
+        number(" mbap_id=", u64::from(id), out);
+    }
+    if let Some(network) = &batch.buses[frame.bus as usize].network {
+        number(" connection=", network.connection, out);
+        word(" client=", &network.client, out);
+    }
+    if let Some(origin) = origin {
+        out.extend_from_slice(b" origin_ns=");
+        push_int(origin, out);
+    }
+    codes(frame.findings.of(&batch.codes), out);
+    if !verbatim {
+        word(" wire=", &hex(frame.wire.of(&batch.arena)), out);
+    }
+}
+
+/// The same of a transaction, for the packet of its last frame.
+pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
+    number("transaction=", row.number, out);
+    if row.status != USUAL.status {
+        word(" status=", row.status.text(), out);
+    }
+    let halves = [(" request=", " request_pdu=", &row.request), (" response=", " response_pdu=", &row.response)];
+    for (key, bytes, half) in halves {
+        if half.frame > 0 {
+            number(key, half.frame, out);
+            let pdu = half.pdu.of(&batch.arena);
+            let usual = usual_pdu(batch, row.mode, half);
+            if !std::ptr::eq(pdu, usual) && pdu != usual {
+                word(bytes, &hex(pdu), out);
+            }
+        }
+    }
+    let times = [(" response_us=", row.response_time), (" waited_us=", row.waited), (" late_us=", row.late_response)];
+    for (key, ns) in times.into_iter().chain([(" gap_us=", row.gap)]) {
+        if let Some(ns) = ns {
+            us(key, ns, out);
+        }
+    }
+    for (key, value) in [(" retry_of=", row.retry_of), (" late_for=", row.late_for)] {
+        if let Some(value) = value {
+            number(key, value, out);
+        }
+    }
+    if let Some(code) = row.exception {
+        number(" exception=", u64::from(code), out);
+    }
+    if let Some(id) = row.mbap_id {
+        number(" mbap_id=", u64::from(id), out);
+    }
+    codes(row.findings.of(&batch.codes), out);
+}
+
+/// The PDU that stands in the bytes of a whole frame.
+fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &Half) -> &'a [u8] {
+    let wire = half.wire.of(&batch.arena);
+    match mode {
+        Mode::Rtu => wire.get(1..wire.len().saturating_sub(2)).unwrap_or(&[]),
+        Mode::Tcp => wire.get(7..).unwrap_or(&[]),
+        Mode::Ascii => &[],
+    }
+}
+
+fn codes(codes: &[Finding], out: &mut Vec<u8>) {
+    for (at, code) in codes.iter().enumerate() {
+        word(if at == 0 { " findings=" } else { "," }, code.doc().code, out);
+    }
+}
+
+/// The keys are known where this is called: inlined, each is one store.
+#[inline(always)]
+#[allow(clippy::inline_always)]
+fn number(key: &str, value: u64, out: &mut Vec<u8>) {
+    out.extend_from_slice(key.as_bytes());
+    push_int(value as i64, out);
+}
+
+#[inline(always)]
+#[allow(clippy::inline_always)]
+fn us(key: &str, ns: Ns, out: &mut Vec<u8>) {
+    out.extend_from_slice(key.as_bytes());
+    push_us(ns, out);
+}
+
+#[inline(always)]
+#[allow(clippy::inline_always)]
+fn word(key: &str, value: &str, out: &mut Vec<u8>) {
+    out.extend_from_slice(key.as_bytes());
+    push_short(value.as_bytes(), out);
+}
+
+/// Name, description and our own words for the interface of a bus, or of one line of it.
+///
+/// `origin` is the first moment of the recording, from which `elapsed_us` counts.
+pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, how: &str) -> (String, String, String) {
+    let letter = match line {
+        0 => "",
+        1 => "A",
+        _ => "B",
+    };
+    let name = if line == 0 { bus.name.clone() } else { format!("{} [{letter}]", bus.name) };
+    let settings = bus.line.map(|line| settings(&line));
+    let described = settings.as_ref().map_or(String::new(), |settings| format!(", {settings}"));
+    let description = format!("Modbus{described}; {how}");
+    let clock = match bus.clock {
+        Clock::Utc => "utc",
+        Clock::Relative => "relative",
+        Clock::None => "none",
+    };
+    let mut custom = format!("export clock={clock}");
+    if let Some(origin) = origin {
+        let _ = write!(custom, " origin_ns={origin}");
+    }
+    if let Some(settings) = settings {
+        let _ = write!(custom, " settings={settings}");
+    }
+    if line > 0 {
+        let _ = write!(custom, " line={letter}");
+    }
+    // Last: a name may hold spaces.
+    let _ = write!(custom, " name={}", bus.name);
+    (name, description, custom)
+}
+
+/// Line settings as options spell them.
+pub fn settings(line: &Line) -> String {
+    let stop = match line.stop_halves {
+        3 => "1.5",
+        4 => "2",
+        _ => "1",
+    };
+    let parity = format!("{:?}", line.parity);
+    format!("{}-{}{}{stop}", line.baud, line.data_bits, &parity[..1])
+}

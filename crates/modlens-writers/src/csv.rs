@@ -1,0 +1,148 @@
+//! CSV (RFC 4180): lists joined by single spaces, null empty.
+
+use std::mem::ManuallyDrop;
+
+use memchr::memchr3;
+
+use crate::lines::{Line, Source};
+use crate::Lines;
+use modlens_protocol::decimal::{push_int, push_short};
+use modlens_protocol::hex::push_hex;
+use modlens_protocol::timestamp::Stamp;
+use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, truth};
+use modlens_tables::columns::{Cell, Put, Table};
+
+/// Appends the names of the columns as a row.
+pub fn header(keys: &[&str], out: &mut Vec<u8>) {
+    for (i, key) in keys.iter().enumerate() {
+        if i > 0 {
+            out.push(b',');
+        }
+        out.extend_from_slice(key.as_bytes());
+    }
+    out.extend_from_slice(b"\r\n");
+}
+
+/// Appends the rows of a table.
+pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
+    Lines::<Csv>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+}
+
+/// A line of CSV.
+#[derive(Default)]
+pub struct Csv {
+    out: Vec<u8>,
+    stamp: Stamp,
+    source: Source,
+}
+
+impl Line for Csv {
+    fn columns(&mut self, _: &[&str]) {}
+
+    #[inline]
+    fn out(&mut self) -> &mut Vec<u8> {
+        &mut self.out
+    }
+
+    #[inline]
+    fn column(&mut self, _: usize) {}
+
+    #[inline]
+    fn end_value(&mut self) {
+        self.out.push(b',');
+    }
+
+    #[inline]
+    fn begin(&mut self) {}
+
+    #[inline]
+    fn end(&mut self) {
+        self.out.pop(); // the comma behind the last one
+        self.out.extend_from_slice(b"\r\n");
+    }
+}
+
+impl Put for Csv {
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `Put`.
+    fn put(&mut self, cell: Cell<'_>) {
+        let out = &mut self.out;
+        let cell = ManuallyDrop::new(cell);
+        match *cell {
+            Cell::Null | Cell::Codes([]) => {}
+            Cell::Int(n) => push_int(n, out),
+            Cell::Us(ns) => push_us(ns, out),
+            Cell::Time(ns) => self.stamp.push(ns, out),
+            Cell::Bool(yes) => push_short(truth(yes), out),
+            Cell::Word(text) => push_short(text.as_bytes(), out),
+            Cell::Hex(bytes) => push_hex(bytes, out),
+            Cell::Ints(ref items) => push_items(items, b' ', out),
+            Cell::Source(file, place, number) if self.source.plain(file, special) => push_source(file, place, number, out),
+            _ => foreign(&ManuallyDrop::into_inner(cell), out),
+        }
+    }
+}
+
+/// All other values: what comes from outside may need quotes.
+#[inline(never)]
+fn foreign(cell: &Cell<'_>, out: &mut Vec<u8>) {
+    let start = out.len();
+    push_plain(cell, out);
+    let ours = match cell {
+        Cell::Value(value) => value.is_number(),
+        cell => !matches!(cell, Cell::Text(_) | Cell::Fields(_) | Cell::Map(_) | Cell::Source(..)),
+    };
+    if !ours {
+        quote(start, out);
+    }
+}
+
+/// Whether a text has to be quoted.
+fn special(text: &[u8]) -> bool {
+    formula(text) || memchr3(b',', b'"', b'\n', text).is_some() || text.contains(&b'\r')
+}
+
+/// Whether a spreadsheet would take it for a formula.
+fn formula(text: &[u8]) -> bool {
+    matches!(text.first(), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r'))
+}
+
+/// Text from outside: quoted where it must be, and never the start of a spreadsheet's formula.
+fn quote(start: usize, out: &mut Vec<u8>) {
+    if !special(&out[start..]) {
+        return;
+    }
+    let formula = formula(&out[start..]);
+    let text = out.split_off(start);
+    out.push(b'"');
+    if formula {
+        out.push(b'\'');
+    }
+    for byte in text {
+        if byte == b'"' {
+            out.push(b'"');
+        }
+        out.push(byte);
+    }
+    out.push(b'"');
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quoted(text: &str) -> String {
+        let mut line = Csv::default();
+        line.put(Cell::Text(text));
+        String::from_utf8(line.out).unwrap()
+    }
+
+    #[test]
+    fn cells_are_quoted_where_they_must_be() {
+        assert_eq!(quoted("plain.hex"), "plain.hex");
+        assert_eq!(quoted("a,b"), "\"a,b\"");
+        assert_eq!(quoted("say \"hi\""), "\"say \"\"hi\"\"\"");
+        assert_eq!(quoted("=1+1"), "\"'=1+1\"");
+        assert_eq!(quoted("a\nb"), "\"a\nb\"");
+    }
+}

@@ -1,0 +1,166 @@
+//! JSON lines: one object a row, null omitted.
+
+use std::mem::ManuallyDrop;
+
+use crate::lines::{Line, Source};
+use crate::Lines;
+use modlens_protocol::decimal::{push_int, push_short};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::hex::push_hex;
+use modlens_protocol::timestamp::Stamp;
+use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, truth};
+use modlens_tables::columns::{Cell, Put, Table};
+
+/// Appends the rows of a table.
+pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
+    Lines::<Jsonl>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+}
+
+/// A line of JSON.
+#[derive(Default)]
+pub struct Jsonl {
+    out: Vec<u8>,
+    stamp: Stamp,
+    source: Source,
+    keys: Vec<Key>,
+    at: usize,
+    start: usize,
+}
+
+/// Names of columns are no longer than this, with a comma, quotes and a colon around them.
+const ROOM: usize = 24;
+
+/// A comma, the name of a column, a colon.
+#[derive(Clone, Copy)]
+struct Key {
+    bytes: [u8; ROOM],
+    length: usize,
+}
+
+impl Key {
+    fn new(name: &str) -> Self {
+        let text = format!(",\"{name}\":");
+        let mut bytes = [0; ROOM];
+        bytes[..text.len()].copy_from_slice(text.as_bytes());
+        Self { bytes, length: text.len() }
+    }
+}
+
+impl Line for Jsonl {
+    fn columns(&mut self, keys: &[&str]) {
+        self.keys = keys.iter().map(|key| Key::new(key)).collect();
+    }
+
+    #[inline]
+    fn out(&mut self) -> &mut Vec<u8> {
+        &mut self.out
+    }
+
+    #[inline]
+    fn column(&mut self, at: usize) {
+        self.at = at;
+    }
+
+    #[inline]
+    fn end_value(&mut self) {}
+
+    #[inline]
+    fn begin(&mut self) {
+        self.start = self.out.len();
+    }
+
+    /// The comma before the first value becomes the bracket.
+    #[inline]
+    fn end(&mut self) {
+        match self.out.get_mut(self.start) {
+            Some(comma) => *comma = b'{',
+            None => self.out.push(b'{'),
+        }
+        self.out.extend_from_slice(b"}\n");
+    }
+}
+
+impl Put for Jsonl {
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // See `Put`.
+    fn put(&mut self, cell: Cell<'_>) {
+        let cell = ManuallyDrop::new(cell);
+        if matches!(*cell, Cell::Null) {
+            return;
+        }
+        let out = &mut self.out;
+        let Key { bytes, length } = self.keys[self.at];
+        let end = out.len() + length;
+        out.extend_from_slice(&bytes);
+        out.truncate(end);
+        match *cell {
+            Cell::Int(n) => push_int(n, out),
+            Cell::Us(ns) => push_us(ns, out),
+            Cell::Bool(yes) => push_short(truth(yes), out),
+            Cell::Word(text) => quoted(out, |out| push_short(text.as_bytes(), out)),
+            Cell::Hex(bytes) => quoted(out, |out| push_hex(bytes, out)),
+            Cell::Time(ns) => quoted(out, |out| self.stamp.push(ns, out)),
+            Cell::Ints(ref items) => {
+                out.push(b'[');
+                push_items(items, b',', out);
+                out.push(b']');
+            }
+            Cell::Codes(codes) => push_codes(codes, out),
+            Cell::Source(file, place, number) if self.source.plain(file, special) => {
+                quoted(out, |out| push_source(file, place, number, out));
+            }
+            _ => foreign(&ManuallyDrop::into_inner(cell), out),
+        }
+    }
+}
+
+#[inline]
+fn push_codes(codes: &[Finding], out: &mut Vec<u8>) {
+    out.push(b'[');
+    for (i, code) in codes.iter().enumerate() {
+        out.extend_from_slice(if i > 0 { b",\"" } else { b"\"" });
+        push_short(code.doc().code.as_bytes(), out);
+        out.push(b'"');
+    }
+    out.push(b']');
+}
+
+#[inline]
+fn quoted(out: &mut Vec<u8>, push: impl FnOnce(&mut Vec<u8>)) {
+    out.push(b'"');
+    push(out);
+    out.push(b'"');
+}
+
+/// All other values: what comes from outside may need escapes.
+#[inline(never)]
+fn foreign(cell: &Cell<'_>, out: &mut Vec<u8>) {
+    if matches!(cell, Cell::Float(_) | Cell::Fields(_) | Cell::Map(_)) {
+        return push_plain(cell, out);
+    }
+    quoted(out, |out| {
+        let start = out.len();
+        push_plain(cell, out);
+        if special(&out[start..]) {
+            let text = out.split_off(start);
+            push_escaped(&text, out);
+        }
+    });
+}
+
+/// Whether JSON forbids a byte of the text.
+fn special(text: &[u8]) -> bool {
+    text.iter().any(|byte| matches!(byte, b'"' | b'\\' | 0..0x20 | 0x7F))
+}
+
+/// Text is valid UTF-8 already; what JSON forbids raw is escaped.
+fn push_escaped(text: &[u8], out: &mut Vec<u8>) {
+    for &byte in text {
+        match byte {
+            b'"' | b'\\' => out.extend_from_slice(&[b'\\', byte]),
+            b'\n' => out.extend_from_slice(b"\\n"),
+            0..0x20 | 0x7F => out.extend_from_slice(format!("\\u{byte:04x}").as_bytes()),
+            _ => out.push(byte),
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The values of a column one behind the other, as Arrow and Parquet have them.
+#![allow(clippy::inline_always)] // See `Put`.
+
+use std::mem::ManuallyDrop;
+
+use arrow_buffer::NullBufferBuilder;
+
+use modlens_protocol::decimal::push_short;
+use modlens_protocol::hex::push_hex;
+use modlens_tables::cell_text::{push_plain, push_source};
+use modlens_tables::columns::{Cell, Items, Put, Reader, RowRef};
+
+/// One value after the other: how many, where each ends, which are null.
+pub(super) struct Values<T> {
+    /// Those of rows without one are there, too; of lists and texts the items.
+    pub(super) items: Vec<T>,
+    pub(super) nulls: NullBufferBuilder,
+    /// Of lists and texts: the end of each row's items, behind a zero.
+    pub(super) offsets: Vec<i32>,
+}
+
+impl<T> Values<T> {
+    pub(super) fn with_capacity(rows: usize) -> Self {
+        let mut offsets = Vec::with_capacity(rows + 1);
+        offsets.push(0);
+        Self { items: Vec::with_capacity(rows), nulls: NullBufferBuilder::new(rows), offsets }
+    }
+
+    /// Takes the values of some more rows.
+    pub(super) fn take(&mut self, rows: &[RowRef<'_>], reader: &Reader<Self>)
+    where
+        Self: Put,
+    {
+        for row in rows {
+            row.pass(reader, self);
+        }
+    }
+
+    /// How many rows.
+    #[cfg(feature = "files")]
+    pub(super) fn rows(&self) -> usize {
+        self.nulls.len()
+    }
+}
+
+impl<T: Clone + Default> Values<T> {
+    #[inline(always)]
+    fn one(&mut self, value: Option<T>) {
+        self.nulls.append(value.is_some());
+        self.items.push(value.unwrap_or_default());
+    }
+
+    #[inline(always)]
+    fn end(&mut self, there: bool) {
+        self.offsets.push(self.items.len() as i32);
+        self.nulls.append(there);
+    }
+}
+
+impl Put for Values<i64> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        self.one(match *ManuallyDrop::new(cell) {
+            Cell::Int(n) | Cell::Time(n) => Some(n),
+            _ => None,
+        });
+    }
+}
+
+impl Put for Values<f64> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        self.one(match *ManuallyDrop::new(cell) {
+            Cell::Us(ns) => Some(ns as f64 / 1000.0),
+            Cell::Float(value) => Some(value),
+            Cell::Int(n) | Cell::Time(n) => Some(n as f64),
+            _ => None,
+        });
+    }
+}
+
+impl Put for Values<bool> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        self.one(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
+    }
+}
+
+impl Put for Values<u8> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        let cell = ManuallyDrop::new(cell);
+        match *cell {
+            Cell::Null => return self.end(false),
+            Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.items),
+            Cell::Hex(bytes) => push_hex(bytes, &mut self.items),
+            Cell::Source(file, place, number) => push_source(file, place, number, &mut self.items),
+            _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.items),
+        }
+        self.end(true);
+    }
+}
+
+/// Lists of numbers, with one look at the list for all of its numbers.
+impl Put for Values<i32> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end(false) };
+        match items {
+            Items::Words(bytes) => {
+                self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
+            }
+            items => self.items.extend((0..items.len()).map(|i| items.get(i))),
+        }
+        self.end(true);
+    }
+}
+
+impl Put for Values<&'static str> {
+    #[inline(always)]
+    fn put(&mut self, cell: Cell<'_>) {
+        if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
+            self.items.extend(codes.iter().map(|code| code.doc().code));
+        }
+        self.end(true);
+    }
+}

@@ -1,0 +1,356 @@
+//! A table that is printed line by line while it is still growing.
+//!
+//! The widths are decided from the first rows and never changed again; a number that is wider than its column pushes
+//! its line, a text is cut. So memory stays flat, and a live table does not jump.
+
+use crate::view::text::{push_fitted, width};
+use crate::view::{Part, Style};
+use modlens_tables::columns::{Items, RowRef};
+
+/// A text of fewer columns than this tells nothing.
+const STUB: usize = 4;
+
+/// Values one behind the other, shown as far as they fit: `555 0 100 … +12`.
+pub enum Values<'a> {
+    /// Registers or bits that still stand on the wire.
+    Numbers(Items<'a>),
+    /// Bytes, as pairs of hex digits.
+    Bytes(&'a [u8]),
+    /// Texts, each with the number of values that it stands for.
+    Texts(Vec<(String, usize)>),
+}
+
+impl Values<'_> {
+    /// How many texts.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Numbers(items) => items.len(),
+            Self::Bytes(bytes) => bytes.len(),
+            Self::Texts(texts) => texts.len(),
+        }
+    }
+
+    /// Whether there is nothing.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn push(&self, index: usize, out: &mut String) {
+        match self {
+            Self::Numbers(items) => out.push_str(itoa::Buffer::new().format(items.get(index))),
+            Self::Bytes(bytes) => {
+                for digit in [bytes[index] >> 4, bytes[index] & 15] {
+                    out.push(char::from_digit(digit.into(), 16).unwrap_or('?'));
+                }
+            }
+            Self::Texts(texts) => out.push_str(&texts[index].0),
+        }
+    }
+
+    fn stands_for(&self, index: usize) -> usize {
+        match self {
+            Self::Texts(texts) => texts[index].1,
+            _ => 1,
+        }
+    }
+
+    /// All of them.
+    pub fn whole(&self) -> String {
+        let mut out = String::new();
+        for index in 0..self.len() {
+            if index > 0 {
+                out.push(' ');
+            }
+            self.push(index, &mut out);
+        }
+        out
+    }
+
+    /// As many values as fit, and how many more there are.
+    pub fn within(&self, room: usize) -> String {
+        let first = self.len().min(room / 2 + 1); // each takes two columns at least
+        let mut ends = Vec::with_capacity(first);
+        let mut out = String::new();
+        for index in 0..first {
+            self.push(index, &mut out);
+            ends.push(out.len());
+            out.push(' ');
+        }
+        if first == self.len() && width(&out[..out.len().saturating_sub(1)]) <= room {
+            out.pop();
+            return out;
+        }
+        let mut rest: usize = (0..self.len()).map(|index| self.stands_for(index)).sum();
+        let widest = more(rest); // fewer are left each time, so that it never gets wider
+        let (mut used, mut left, mut kept, mut from) = (0, rest, 0, 0);
+        for (index, &end) in ends.iter().enumerate() {
+            used += width(&out[from..end]) + 1;
+            left -= self.stands_for(index);
+            if used + widest > room && used + more(left) > room {
+                break;
+            }
+            (rest, kept, from) = (left, end + 1, end + 1);
+        }
+        out.truncate(kept);
+        out.push_str("… +");
+        out.push_str(itoa::Buffer::new().format(rest));
+        out
+    }
+}
+
+/// Columns of `… +12`.
+fn more(count: usize) -> usize {
+    3 + itoa::Buffer::new().format(count).len()
+}
+
+/// What a cell shows.
+pub enum Shown<'a> {
+    /// A text.
+    Text(String),
+    /// Values.
+    Values(Values<'a>),
+    /// Texts and values one behind the other, each in its own style; what does not fit is cut.
+    Run(Vec<(Shown<'a>, Style)>),
+}
+
+impl Shown<'_> {
+    fn whole(&self) -> String {
+        match self {
+            Self::Text(text) => text.clone(),
+            Self::Values(values) => values.whole(),
+            Self::Run(_) => String::new(),
+        }
+    }
+}
+
+/// A column: its title, its least and greatest width, its side, and its share of free room.
+///
+/// Without `most` and `share` (both 0) nothing in the column is cut.
+#[derive(Clone, Debug)]
+pub struct Head {
+    pub title: String,
+    pub least: usize,
+    pub most: usize,
+    pub share: usize,
+    pub right: bool,
+}
+
+impl Head {
+    /// A column of texts, as wide as the first rows.
+    pub fn left(title: &str, least: usize) -> Self {
+        Self { title: title.to_owned(), least, most: 0, share: 0, right: false }
+    }
+
+    /// A column of numbers.
+    pub fn right(title: &str, least: usize) -> Self {
+        Self { right: true, ..Self::left(title, least) }
+    }
+
+    /// It never gets wider than this.
+    pub fn at_most(self, most: usize) -> Self {
+        Self { most, ..self }
+    }
+
+    /// It gets a share of the room that is left.
+    pub fn sharing(self) -> Self {
+        Self { share: 1, ..self }
+    }
+
+    fn width(&self, cells: impl Iterator<Item = String>) -> usize {
+        let least = self.least.max(width(&self.title));
+        if self.share > 0 {
+            return least;
+        }
+        let widest = cells.map(|cell| width(&cell)).max().unwrap_or(0);
+        least.max(if self.most > 0 { widest.min(self.most) } else { widest })
+    }
+}
+
+/// How a cell is made of a row.
+type Read = Box<dyn for<'a> Fn(&RowRef<'a>) -> (Shown<'a>, Style) + Send + Sync>;
+
+/// A column of a grid: its head, and its cell for a row.
+pub struct Column {
+    head: Head,
+    read: Read,
+}
+
+impl Column {
+    /// A column that reads its cells like this.
+    pub fn new(head: Head, read: impl for<'a> Fn(&RowRef<'a>) -> (Shown<'a>, Style) + Send + Sync + 'static) -> Self {
+        Self { head, read: Box::new(read) }
+    }
+}
+
+/// The columns with their widths.
+pub struct Grid {
+    columns: Vec<Column>,
+    widths: Vec<usize>,
+    gap: &'static str,
+}
+
+impl Grid {
+    /// For these first rows, in so much room.
+    pub fn new(columns: Vec<Column>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
+        let mut widths: Vec<usize> =
+            columns.iter().map(|column| column.head.width(rows.iter().map(|row| (column.read)(row).0.whole()))).collect();
+        let taken = widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
+        let mut rest = room.saturating_sub(taken);
+        let mut shares: usize = columns.iter().map(|column| column.head.share).sum();
+        for (column, width) in columns.iter().zip(&mut widths) {
+            if column.head.share > 0 {
+                let more = rest * column.head.share / shares;
+                *width += more;
+                rest -= more;
+                shares -= column.head.share;
+            }
+        }
+        Self { columns, widths, gap }
+    }
+
+    /// The line of titles.
+    pub fn head(&self) -> Vec<Part> {
+        let titles = self.columns.iter().map(|column| (Shown::Text(column.head.title.clone()), Style::Head));
+        self.line(titles)
+    }
+
+    /// The line of a row; the cell of one column is given.
+    pub fn row(&self, row: &RowRef<'_>, given: usize, cell: String) -> Vec<Part> {
+        let mut cell = Some(cell);
+        self.line(self.columns.iter().enumerate().map(|(index, column)| {
+            let (shown, style) = (column.read)(row);
+            match cell.take_if(|_| index == given) {
+                Some(text) => (Shown::Text(text), style),
+                None => (shown, style),
+            }
+        }))
+    }
+
+    fn line<'a>(&self, cells: impl Iterator<Item = (Shown<'a>, Style)>) -> Vec<Part> {
+        let mut parts = Vec::with_capacity(2 * self.columns.len() + 4);
+        for ((column, &room), (cell, style)) in self.columns.iter().zip(&self.widths).zip(cells) {
+            if !parts.is_empty() {
+                parts.push((self.gap.to_owned(), Style::Plain));
+            }
+            match cell {
+                Shown::Run(pieces) => push_run(&pieces, room, &mut parts),
+                Shown::Values(values) => parts.push((fitted(values.within(room), &column.head, room), style)),
+                Shown::Text(text) => parts.push((fitted(text, &column.head, room), style)),
+            }
+        }
+        parts
+    }
+}
+
+fn fitted(text: String, head: &Head, room: usize) -> String {
+    if width(&text) > room && head.share == 0 && head.most == 0 {
+        return text;
+    }
+    let mut out = String::with_capacity(room.max(text.len()));
+    push_fitted(&text, room, head.right, &mut out);
+    out
+}
+
+/// The pieces with a space between them, at most `room` columns together.
+fn push_run(pieces: &[(Shown<'_>, Style)], room: usize, parts: &mut Vec<Part>) {
+    let mut end = None; // columns that are taken, once there is a piece
+    for (piece, style) in pieces {
+        let from = end.map_or(0, |end| end + 1);
+        let Some(left) = room.checked_sub(from) else { break };
+        let text = match piece {
+            Shown::Values(values) => values.within(left),
+            Shown::Text(text) => text.clone(),
+            Shown::Run(_) => continue,
+        };
+        let taken = width(&text);
+        let text = match piece {
+            _ if taken <= left => text,
+            Shown::Text(_) if left >= STUB => {
+                let mut cut = String::new();
+                push_fitted(&text, left, false, &mut cut);
+                cut
+            }
+            _ => continue,
+        };
+        if text.is_empty() {
+            continue;
+        }
+        if end.is_some() {
+            if let Some(before) = parts.last_mut() {
+                before.0.push(' ');
+            }
+        }
+        end = Some(from + width(&text));
+        parts.push((text, *style));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn texts(values: &[(&str, usize)]) -> Values<'static> {
+        Values::Texts(values.iter().map(|(text, count)| ((*text).to_owned(), *count)).collect())
+    }
+
+    fn run(pieces: Vec<(Shown<'_>, Style)>, room: usize) -> Vec<Part> {
+        let mut parts = Vec::new();
+        push_run(&pieces, room, &mut parts);
+        parts
+    }
+
+    #[test]
+    fn values_are_shown_as_far_as_they_fit() {
+        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1), ("7", 1)]).within(10), "555 0 … +2");
+        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1)]).within(9), "555 0 100");
+        assert_eq!(Values::Numbers(Items::Words(&[0, 1, 255, 255])).within(7), "1 65535");
+        assert_eq!(Values::Bytes(&[1, 0xAB]).within(80), "01 ab");
+        assert_eq!(Values::Bytes(&[]).within(0), "");
+    }
+
+    #[test]
+    fn groups_of_bits_count_as_bits() {
+        assert_eq!(texts(&[("10110011", 8), ("10110011", 8), ("1", 1)]).within(14), "10110011 … +9");
+    }
+
+    #[test]
+    fn a_run_keeps_its_styles_and_its_room() {
+        let pieces = vec![
+            (Shown::Text("ok".into()), Style::Good),
+            (Shown::Text("retry".into()), Style::Odd),
+            (Shown::Text(String::new()), Style::Bad),
+            (Shown::Values(texts(&[("555", 1), ("0", 1), ("100", 1)])), Style::Plain),
+        ];
+        let found = run(pieces, 17);
+        assert_eq!(found, [("ok ".into(), Style::Good), ("retry ".into(), Style::Odd), ("555 … +2".into(), Style::Plain)]);
+    }
+
+    proptest! {
+        #[test]
+        fn all_values_or_some_and_the_number_of_the_others(numbers: Vec<u16>, room in 1usize..60) {
+            let spelled: Vec<String> = numbers.iter().map(u16::to_string).collect();
+            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_be_bytes()).collect();
+            let shown = Values::Numbers(Items::Words(&bytes)).within(room);
+            match shown.split_once('…') {
+                None => prop_assert_eq!(&shown, &spelled.join(" ")),
+                Some((begun, more)) => {
+                    let begun: Vec<&str> = begun.split_whitespace().collect();
+                    prop_assert_eq!(&begun[..], &spelled[..begun.len()]);
+                    let more: usize = more.trim_start_matches(" +").parse().unwrap();
+                    prop_assert_eq!(begun.len() + more, spelled.len());
+                    prop_assert!(width(&shown) <= room || begun.is_empty());
+                }
+            }
+        }
+
+        #[test]
+        fn a_run_never_takes_more_than_its_room(words in proptest::collection::vec("[abc温]{0,9}", 0..5), room in 0usize..40) {
+            let mut pieces: Vec<(Shown<'_>, Style)> = words.into_iter().map(|word| (Shown::Text(word), Style::Plain)).collect();
+            pieces.push((Shown::Values(texts(&[("1", 1), ("2", 1), ("3", 1)])), Style::Plain));
+            let taken: usize = run(pieces, room).iter().map(|part| width(&part.0)).sum();
+            prop_assert!(taken <= room);
+        }
+    }
+}

@@ -1,0 +1,370 @@
+//! Logs as Zeek writes them: its `modbus.log`, and the `modbus_detailed.log` of the icsnpp-modbus package.
+//!
+//! Programs that read Zeek's logs find the fields by the header, in this order. A serial line has no addresses and no
+//! transaction identifiers: unit n of bus b is 10.b.0.n, its master 10.b.255.254, the identifier is the transaction's
+//! number modulo 65536, and a connection is a bus.
+
+use std::sync::OnceLock;
+
+use modlens_engine::records::{Batch, Transaction};
+use modlens_protocol::decimal::push_int;
+use modlens_protocol::functions::{EXCEPTION_BIT, VOCABULARY};
+use modlens_protocol::source::Clock;
+use modlens_protocol::status::Status;
+use modlens_protocol::Ns;
+use modlens_tables::columns::{read_data, read_range, write_data, write_range, Items, Table};
+
+/// Which log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Log {
+    /// A line a PDU.
+    Modbus,
+    /// A line a transaction.
+    Detailed,
+}
+
+const MODBUS: [(&str, &str); 11] = [
+    ("ts", "time"),
+    ("uid", "string"),
+    ("id.orig_h", "addr"),
+    ("id.orig_p", "port"),
+    ("id.resp_h", "addr"),
+    ("id.resp_p", "port"),
+    ("tid", "count"),
+    ("unit", "count"),
+    ("func", "string"),
+    ("pdu_type", "string"),
+    ("exception", "string"),
+];
+
+const DETAILED: [(&str, &str); 21] = [
+    ("ts", "time"),
+    ("uid", "string"),
+    ("id.orig_h", "addr"),
+    ("id.orig_p", "port"),
+    ("id.resp_h", "addr"),
+    ("id.resp_p", "port"),
+    ("tid", "count"),
+    ("unit", "count"),
+    ("func", "string"),
+    ("address", "count"),
+    ("quantity", "count"),
+    ("request_values", "vector[count]"),
+    ("response_values", "vector[count]"),
+    ("modbus_detailed_link_id", "string"),
+    ("matched", "bool"),
+    ("request_subfunction_code", "string"),
+    ("response_subfunction_code", "string"),
+    ("request_data", "string"),
+    ("response_data", "string"),
+    ("exception_code", "string"),
+    ("mei_type", "string"),
+];
+
+/// Zeek's names of functions (base/protocols/modbus/consts.zeek).
+const FUNCTIONS: [(u8, &str); 30] = [
+    (0x01, "READ_COILS"),
+    (0x02, "READ_DISCRETE_INPUTS"),
+    (0x03, "READ_HOLDING_REGISTERS"),
+    (0x04, "READ_INPUT_REGISTERS"),
+    (0x05, "WRITE_SINGLE_COIL"),
+    (0x06, "WRITE_SINGLE_REGISTER"),
+    (0x07, "READ_EXCEPTION_STATUS"),
+    (0x08, "DIAGNOSTICS"),
+    (0x09, "PROGRAM_484"),
+    (0x0A, "POLL_484"),
+    (0x0B, "GET_COMM_EVENT_COUNTER"),
+    (0x0C, "GET_COMM_EVENT_LOG"),
+    (0x0D, "PROGRAM_584_984"),
+    (0x0E, "POLL_584_984"),
+    (0x0F, "WRITE_MULTIPLE_COILS"),
+    (0x10, "WRITE_MULTIPLE_REGISTERS"),
+    (0x11, "REPORT_SLAVE_ID"),
+    (0x12, "PROGRAM_884_U84"),
+    (0x13, "RESET_COMM_LINK_884_U84"),
+    (0x14, "READ_FILE_RECORD"),
+    (0x15, "WRITE_FILE_RECORD"),
+    (0x16, "MASK_WRITE_REGISTER"),
+    (0x17, "READ_WRITE_MULTIPLE_REGISTERS"),
+    (0x18, "READ_FIFO_QUEUE"),
+    (0x28, "PROGRAM_CONCEPT"),
+    (0x2B, "ENCAP_INTERFACE_TRANSPORT"),
+    (0x5A, "PROGRAM_UNITY"),
+    (0x7D, "FIRMWARE_REPLACEMENT"),
+    (0x7E, "PROGRAM_584_984_2"),
+    (0x7F, "REPORT_LOCAL_ADDRESS"),
+];
+
+/// Zeek's names of exceptions (the same file).
+const EXCEPTIONS: [(u8, &str); 9] = [
+    (0x01, "ILLEGAL_FUNCTION"),
+    (0x02, "ILLEGAL_DATA_ADDRESS"),
+    (0x03, "ILLEGAL_DATA_VALUE"),
+    (0x04, "SLAVE_DEVICE_FAILURE"),
+    (0x05, "ACKNOWLEDGE"),
+    (0x06, "SLAVE_DEVICE_BUSY"),
+    (0x08, "MEMORY_PARITY_ERROR"),
+    (0x0A, "GATEWAY_PATH_UNAVAILABLE"),
+    (0x0B, "GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND"),
+];
+
+const DIAGNOSTICS: u8 = 0x08;
+const ENCAPSULATED: u8 = 0x2B;
+const READ_DEVICE_IDENTIFICATION: u8 = 14;
+
+/// One value of a log.
+enum Value {
+    Unset,
+    Count(i64),
+    Time(Ns),
+    Text(String),
+    Yes(bool),
+    Counts(Vec<i32>),
+}
+
+impl Log {
+    fn fields(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::Modbus => &MODBUS,
+            Self::Detailed => &DETAILED,
+        }
+    }
+
+    fn path(self) -> &'static str {
+        match self {
+            Self::Modbus => "modbus",
+            Self::Detailed => "modbus_detailed",
+        }
+    }
+
+    /// The header of a log of tab-separated values.
+    pub fn head(self, out: &mut Vec<u8>) {
+        let names =
+            |at: fn(&(&'static str, &'static str)) -> &'static str| self.fields().iter().map(at).collect::<Vec<_>>().join("\t");
+        let head = format!(
+            "#separator \\x09\n#set_separator\t,\n#empty_field\t(empty)\n#unset_field\t-\n#path\t{}\n#fields\t{}\n#types\t{}\n",
+            self.path(),
+            names(|field| field.0),
+            names(|field| field.1)
+        );
+        out.extend_from_slice(head.as_bytes());
+    }
+
+    /// Appends the rows of the table of transactions; `json` writes an object a line instead of tab-separated values.
+    pub fn rows(self, table: &Table, json: bool, out: &mut Vec<u8>) {
+        for row in 0..table.len() {
+            let Some(transaction) = table.transaction(row) else { continue };
+            match self {
+                Self::Modbus => self.pdus(&table.batch, transaction, json, out),
+                Self::Detailed => self.line(&detailed(&table.batch, transaction), json, out),
+            }
+        }
+    }
+
+    /// A line for the request and one for the response, as far as they were seen undamaged.
+    fn pdus(self, batch: &Batch, t: &Transaction, json: bool, out: &mut Vec<u8>) {
+        let request = t.request.frame > 0 && t.status != Status::BadRequest;
+        let response = t.response.frame > 0 && t.status != Status::BadResponse;
+        for (there, half, kind) in [(request, &t.request, "REQ"), (response, &t.response, "RESP")] {
+            if !there {
+                continue;
+            }
+            let answered = kind == "RESP";
+            let code = half.pdu.of(&batch.arena).first().copied().unwrap_or(t.function);
+            let mut values = identity(batch, t, half.start);
+            values.push(Value::Text(function_name(code)));
+            values.push(Value::Text(kind.to_owned()));
+            values.push(t.exception.filter(|_| answered).map_or(Value::Unset, |code| Value::Text(exception_name(code))));
+            self.line(&values, json, out);
+        }
+    }
+
+    fn line(self, values: &[Value], json: bool, out: &mut Vec<u8>) {
+        if json {
+            let mut first = true;
+            out.push(b'{');
+            for ((key, _), value) in self.fields().iter().zip(values).filter(|(_, value)| !matches!(value, Value::Unset)) {
+                if !std::mem::take(&mut first) {
+                    out.push(b',');
+                }
+                out.extend_from_slice(format!("\"{key}\":").as_bytes());
+                push_json(value, out);
+            }
+            out.push(b'}');
+        } else {
+            for (i, value) in values.iter().enumerate() {
+                if i > 0 {
+                    out.push(b'\t');
+                }
+                push_text(value, out);
+            }
+        }
+        out.push(b'\n');
+    }
+}
+
+/// The first eight fields, which all logs have.
+fn identity(batch: &Batch, t: &Transaction, start: Option<Ns>) -> Vec<Value> {
+    let clock = batch.buses[t.bus as usize].clock;
+    let tid = t.mbap_id.map_or(t.number as i64 & 0xFFFF, i64::from);
+    vec![
+        start.filter(|_| clock != Clock::None).map_or(Value::Unset, Value::Time),
+        Value::Text(format!("CMBUS{}", t.bus)),
+        Value::Text(format!("10.{}.255.254", t.bus as u8)),
+        Value::Count(50_000),
+        Value::Text(format!("10.{}.0.{}", t.bus as u8, t.unit)),
+        Value::Count(502),
+        Value::Count(tid),
+        Value::Count(i64::from(t.unit)),
+    ]
+}
+
+fn detailed(batch: &Batch, t: &Transaction) -> Vec<Value> {
+    let range = read_range(batch, t).or_else(|| write_range(batch, t));
+    let counts = |items: Option<Items<'_>>| {
+        items.map_or(Value::Unset, |items| Value::Counts((0..items.len()).map(|i| items.get(i)).collect()))
+    };
+    let matched = t.request.frame > 0 && t.response.frame > 0 && matches!(t.status, Status::Ok | Status::Exception);
+    let code = if t.exception.is_some() && t.request.frame == 0 { t.function | EXCEPTION_BIT } else { t.function };
+    let body = |pdu: modlens_engine::records::Span| pdu.of(&batch.arena).get(1..).unwrap_or(&[]);
+    let (request, response) = (body(t.request.pdu), body(t.response.pdu));
+    let sub = |body: &[u8]| {
+        let code = modlens_protocol::pdu::u16_at(body, 0).filter(|_| t.function == DIAGNOSTICS);
+        code.map_or(Value::Unset, |code| Value::Text(diagnostic_name(code)))
+    };
+    let rest = |body: &[u8]| match t.function {
+        DIAGNOSTICS if body.len() > 2 => Value::Text(escaped_bytes(&body[2..])),
+        _ => Value::Unset,
+    };
+    let answer = if t.exception.is_some() { &[] } else { response };
+    let mut values = identity(batch, t, t.start);
+    values.extend([
+        Value::Text(function_name(code)),
+        range.map_or(Value::Unset, |range| Value::Count(i64::from(range.0))),
+        range.map_or(Value::Unset, |range| Value::Count(i64::from(range.1))),
+        counts(write_data(batch, t)),
+        counts(read_data(batch, t)),
+        Value::Unset,
+        Value::Yes(matched),
+        sub(request),
+        sub(answer),
+        rest(request),
+        padding(batch, t).map_or_else(|| rest(answer), Value::Text),
+        t.exception.map_or(Value::Unset, |code| Value::Text(exception_name(code))),
+        request.first().filter(|_| t.function == ENCAPSULATED).map_or(Value::Unset, |&mei| Value::Text(mei_name(mei))),
+    ]);
+    values
+}
+
+/// The bits of the last byte of a coil answer behind the quantity, which icsnpp keeps apart.
+fn padding(batch: &Batch, t: &Transaction) -> Option<String> {
+    let Items::Bits(bytes, quantity) = read_data(batch, t)? else { return None };
+    let bits: Vec<&str> =
+        (quantity..bytes.len() * 8).map(|bit| if bytes[bit / 8] >> (bit % 8) & 1 == 1 { "1" } else { "0" }).collect();
+    (!bits.is_empty()).then(|| bits.join(","))
+}
+
+fn function_name(code: u8) -> String {
+    let name = |code: u8| FUNCTIONS.iter().find(|(known, _)| *known == code).map(|(_, name)| *name);
+    match (name(code), name(code & !EXCEPTION_BIT)) {
+        (Some(name), _) => name.to_owned(),
+        (None, Some(name)) => format!("{name}_EXCEPTION"),
+        _ => format!("unknown-{code}"),
+    }
+}
+
+fn exception_name(code: u8) -> String {
+    let name = EXCEPTIONS.iter().find(|(known, _)| *known == code).map(|(_, name)| (*name).to_owned());
+    name.unwrap_or_else(|| format!("unknown-{code}"))
+}
+
+/// The specification's name of a sub-function of diagnostics.
+fn diagnostic_name(code: u16) -> String {
+    static NAMES: OnceLock<Vec<(u64, String)>> = OnceLock::new();
+    let names = NAMES.get_or_init(|| {
+        let file: serde_json::Value = toml::from_str(VOCABULARY).expect("the embedded vocabulary is tested");
+        let rows = file["diagnostic"].as_array().cloned().unwrap_or_default();
+        rows.iter().filter_map(|row| Some((row["code"].as_u64()?, row["name"].as_str()?.to_owned()))).collect()
+    });
+    let found = names.iter().find(|(known, _)| *known == u64::from(code));
+    found.map_or_else(|| format!("unknown-{code}"), |(_, name)| name.clone())
+}
+
+fn mei_name(code: u8) -> String {
+    if code == READ_DEVICE_IDENTIFICATION {
+        String::from("READ-DEVICE-IDENTIFICATION")
+    } else {
+        format!("unknown-{code}")
+    }
+}
+
+/// Bytes as Zeek prints them: what is no plain letter as `\xNN`.
+fn escaped_bytes(bytes: &[u8]) -> String {
+    let letter = |&byte: &u8| match byte {
+        b'\\' => String::from("\\\\"),
+        b' '..=b'~' => (byte as char).to_string(),
+        _ => format!("\\x{byte:02x}"),
+    };
+    bytes.iter().map(letter).collect()
+}
+
+fn push_epoch(ns: Ns, out: &mut Vec<u8>) {
+    push_int(ns.div_euclid(1_000_000_000), out);
+    out.extend_from_slice(format!(".{:06}", ns.rem_euclid(1_000_000_000) / 1000).as_bytes());
+}
+
+fn push_counts(values: &[i32], out: &mut Vec<u8>) {
+    for (i, value) in values.iter().enumerate() {
+        if i > 0 {
+            out.push(b',');
+        }
+        push_int(i64::from(*value), out);
+    }
+}
+
+fn push_text(value: &Value, out: &mut Vec<u8>) {
+    match value {
+        Value::Unset => out.push(b'-'),
+        Value::Count(count) => push_int(*count, out),
+        Value::Time(ns) => push_epoch(*ns, out),
+        Value::Text(text) => out.extend_from_slice(text.as_bytes()),
+        Value::Yes(yes) => out.push(if *yes { b'T' } else { b'F' }),
+        Value::Counts(values) if values.is_empty() => out.extend_from_slice(b"(empty)"),
+        Value::Counts(values) => push_counts(values, out),
+    }
+}
+
+fn push_json(value: &Value, out: &mut Vec<u8>) {
+    match value {
+        Value::Text(text) => out.extend_from_slice(serde_json::Value::from(text.as_str()).to_string().as_bytes()),
+        Value::Yes(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),
+        Value::Counts(values) => {
+            out.push(b'[');
+            push_counts(values, out);
+            out.push(b']');
+        }
+        other => push_text(other, out),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_zeek() {
+        assert_eq!(function_name(3), "READ_HOLDING_REGISTERS");
+        assert_eq!(function_name(0x83), "READ_HOLDING_REGISTERS_EXCEPTION");
+        assert_eq!(function_name(0x41), "unknown-65");
+        assert_eq!(exception_name(2), "ILLEGAL_DATA_ADDRESS");
+        // Every public function of the table has Zeek's name.
+        for code in modlens_protocol::functions::Functions::embedded().rows().map(|row| row.code) {
+            assert!(!function_name(code).starts_with("unknown"), "{code}");
+        }
+    }
+
+    #[test]
+    fn bytes_are_spelled_as_zeek_does() {
+        assert_eq!(escaped_bytes(b"\x00A\\"), "\\x00A\\\\");
+    }
+}
