@@ -1,4 +1,4 @@
-//! The chunk log of records.md: one JSON object a read.
+//! Parses modlens' own chunk log: one JSON object per read, such as `{"t": 12.5, "hex": "0503", "line": "A"}`.
 
 use memchr::memchr;
 use serde_json::Value as Json;
@@ -7,12 +7,15 @@ use crate::text::stamp::Stamps;
 use modlens_protocol::hex::solid;
 use modlens_protocol::Ns;
 
-/// Parses an object; its bytes go to `out`. Gives the time and the line of a two-line tap.
+/// Parses one line of a chunk log and appends its bytes to `out`.
+///
+/// Returns the time (`None` for a read without one) and the line of a two-line tap (0 for the only line, 1 for A, 2 for B).
+/// Returns `None` for a line that is no such object; `out` is then unchanged.
 pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Option<(Option<Ns>, u8)> {
     if line.first() != Some(&b'{') {
         return None;
     }
-    if let Some((time, hex, line)) = written(line) {
+    if let Some((time, hex, line)) = split_own_form(line) {
         let before = out.len();
         let time = if time == b"null" { Some(None) } else { stamps.seconds(time).map(Some) };
         if let Some(time) = time.filter(|_| solid(hex, out)) {
@@ -23,7 +26,7 @@ pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Opti
     let Ok(Json::Object(object)) = serde_json::from_slice::<Json>(line) else { return None };
     let bytes = object.get("hex").and_then(Json::as_str).and_then(modlens_protocol::hex::parse_hex)?;
     let time = match object.get("t") {
-        Some(Json::Number(_)) => Some(number_text(line).and_then(|text| stamps.seconds(text))?),
+        Some(Json::Number(_)) => Some(time_digits(line).and_then(|text| stamps.seconds(text))?),
         None | Some(Json::Null) => None,
         Some(_) => return None,
     };
@@ -37,8 +40,9 @@ pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Opti
     Some((time, line))
 }
 
-/// Time, hex and line of an object in the form that `modlens` writes; any other is the JSON parser's.
-fn written(line: &[u8]) -> Option<(&[u8], &[u8], u8)> {
+/// Splits an object that has exactly the form which modlens writes into the texts of its time, its hex digits and the
+/// number of its line. This avoids the JSON parser for nearly all lines; `None` means that the parser has to read it.
+fn split_own_form(line: &[u8]) -> Option<(&[u8], &[u8], u8)> {
     let rest = line.strip_prefix(b"{\"t\":")?.trim_ascii_start();
     let (time, rest) = rest.split_at(memchr(b',', rest)?);
     let rest = rest[1..].trim_ascii_start().strip_prefix(b"\"hex\":")?.trim_ascii_start().strip_prefix(b"\"")?;
@@ -53,8 +57,8 @@ fn written(line: &[u8]) -> Option<(&[u8], &[u8], u8)> {
     (plain && hex.len() % 2 == 0).then_some((time, hex, line))
 }
 
-/// The digits of `t` as they stand: a float would lose nanoseconds.
-fn number_text(line: &[u8]) -> Option<&[u8]> {
+/// The digits of `t` as they stand in the text, because a float would lose nanoseconds.
+fn time_digits(line: &[u8]) -> Option<&[u8]> {
     let at = line.windows(3).position(|key| key == b"\"t\"")? + 3;
     let rest = line[at..].trim_ascii_start().strip_prefix(b":")?.trim_ascii_start();
     let length = rest.iter().take_while(|b| !matches!(b, b',' | b'}' | b' ')).count();

@@ -1,13 +1,15 @@
-//! What stands in lines and means nothing: colours of a terminal, quote marks of mail, typographers' blanks and dashes.
+//! Removes decoration from lines: terminal colours, the quote marks of mail, typographic spaces and dashes.
 
 use memchr::memchr;
 
-/// The line without them; `scratch` holds it where something had to go.
-pub(super) fn clean<'a>(line: &'a [u8], first: bool, quoted: bool, scratch: &'a mut Vec<u8>) -> &'a [u8] {
-    let line = if first { line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line) } else { line };
+/// Returns `line` without decoration. `is_first` is set for the first line of the file, which may begin with a byte order
+/// mark; `strip_quotes` says that leading `>` are mail quotes. The result borrows from `scratch` if something had to be
+/// replaced, otherwise from `line`.
+pub(super) fn clean<'a>(line: &'a [u8], is_first: bool, strip_quotes: bool, scratch: &'a mut Vec<u8>) -> &'a [u8] {
+    let line = if is_first { line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line) } else { line };
     let line = line.strip_suffix(b"\r").unwrap_or(line);
     let mut line = line.strip_prefix(b"\r").unwrap_or(line);
-    if quoted {
+    if strip_quotes {
         while let Some(rest) = line.strip_prefix(b">") {
             line = rest.strip_prefix(b" ").unwrap_or(rest);
         }
@@ -18,8 +20,8 @@ pub(super) fn clean<'a>(line: &'a [u8], first: bool, quoted: bool, scratch: &'a 
     scratch.clear();
     let mut rest = line;
     while let Some(&b) = rest.first() {
-        let (length, instead): (usize, &[u8]) = match rest {
-            [0x1B, b'[', ..] => (escape(rest), b""),
+        let (length, replacement): (usize, &[u8]) = match rest {
+            [0x1B, b'[', ..] => (escape_length(rest), b""),
             [0xC2, 0xA0, ..] => (2, b" "),
             [0xE2, 0x80, 0x90..=0x95, ..] => (3, b"-"),
             [0xE2, 0x80, 0x80..=0x8A | 0xAF, ..] | [0xE3, 0x80, 0x80, ..] => (3, b" "),
@@ -28,28 +30,28 @@ pub(super) fn clean<'a>(line: &'a [u8], first: bool, quoted: bool, scratch: &'a 
             _ => (1, &rest[..1]),
         };
         if length == 3 && b == 0xEF {
-            // Full-width forms: U+FF01 is `!`.
+            // Full-width forms become ASCII: U+FF01 is `!`.
             scratch.push(if rest[1] == 0xBC { rest[2] - 0x60 } else { rest[2] - 0x20 });
         } else {
-            scratch.extend_from_slice(instead);
+            scratch.extend_from_slice(replacement);
         }
         rest = &rest[length..];
     }
     scratch
 }
 
-/// The length of a control sequence: parameters, then a letter.
-fn escape(text: &[u8]) -> usize {
+/// The length of an ANSI control sequence, which ends with the first byte in 40 to 7E hex (ECMA-48, 5.4).
+fn escape_length(text: &[u8]) -> usize {
     text.iter().skip(2).position(|b| (0x40..=0x7E).contains(b)).map_or(text.len(), |at| at + 3)
 }
 
-/// Whether most lines are quoted, as in an answer to a mail.
+/// Whether most lines begin with `>` as mail quotes, rather than as a log's mark for transmitted bytes.
 pub(super) fn is_quoted(text: &[u8]) -> bool {
     let lines = || text.split(|&b| b == b'\n').filter(|line| !line.trim_ascii().is_empty());
-    let quoted = lines().filter(|line| line.starts_with(b">")).count();
-    // interceptty's mark of what a device sent has a tab behind it.
+    let strip_quotes = lines().filter(|line| line.starts_with(b">")).count();
+    // interceptty marks bytes that the device sent with `>` and a tab.
     let arrows = lines().any(|line| line.starts_with(b"<") || line.starts_with(b">>") || line.starts_with(b"> \t"));
-    quoted >= 3 && !arrows && quoted * 2 > lines().count()
+    strip_quotes >= 3 && !arrows && strip_quotes * 2 > lines().count()
 }
 
 #[cfg(test)]
@@ -57,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_means_nothing_goes() {
+    fn decoration_is_removed() {
         for (line, cleaned) in [
             ("\u{feff}01 03\r", "01 03"),
             ("\x1B[0;36m[D] 01 03\x1B[0m", "[D] 01 03"),
@@ -72,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn quotes_are_seen_in_most_lines_only() {
+    fn text_is_quoted_only_if_most_lines_are() {
         assert!(is_quoted(b"Hello,\n> 01 03\n> 02 03\n> 03 03\n"));
         assert!(!is_quoted(b"> 0x01\n> 0x02\n> 0x03\n< 0x01\n"));
         assert!(!is_quoted(b"> \t0x01\n> \t0x02\n> \t0x03\n"));

@@ -1,23 +1,23 @@
-//! Dates and times of day as loggers write them.
+//! Parses dates, times of day and zone offsets in the forms that loggers write.
 
 use modlens_protocol::timestamp::day_number;
 use modlens_protocol::Ns;
 
 const SECOND: Ns = 1_000_000_000;
-const TENS: [i64; 10] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
+const POWERS_OF_TEN: [i64; 10] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
 const MONTHS: [&[u8]; 12] = [b"jan", b"feb", b"mar", b"apr", b"may", b"jun", b"jul", b"aug", b"sep", b"oct", b"nov", b"dec"];
 
-/// Which of day and month comes first where both stand with slashes.
+/// Whether the day or the month comes first in dates like `01/02/2019`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Order {
-    /// Not known: the day.
+    /// No date has shown it yet; the day is assumed to come first.
     #[default]
-    Open,
+    Undecided,
     DayFirst,
     MonthFirst,
 }
 
-/// Digits as a number.
+/// Parses 1 to 18 decimal digits as a number.
 pub(super) fn number(text: &[u8]) -> Option<i64> {
     if text.is_empty() || text.len() > 18 {
         return None;
@@ -25,52 +25,55 @@ pub(super) fn number(text: &[u8]) -> Option<i64> {
     text.iter().try_fold(0i64, |value, b| b.is_ascii_digit().then(|| value * 10 + i64::from(b - b'0')))
 }
 
-/// Two digits as a number.
-pub(super) fn two(line: &[u8], at: usize) -> Option<i64> {
+/// Parses the two decimal digits at `at`.
+pub(super) fn two_digits(line: &[u8], at: usize) -> Option<i64> {
     let (&tens, &ones) = (line.get(at)?, line.get(at + 1)?);
     (tens.is_ascii_digit() && ones.is_ascii_digit()).then(|| i64::from(tens - b'0') * 10 + i64::from(ones - b'0'))
 }
 
-/// A date and what parts it from the time: days since 1970.
+/// Parses a date and the separator behind it: days since 1970-01-01, and the rest of the line. A date that has a number
+/// above 12 settles `order` for those that do not.
 pub(super) fn date<'a>(line: &'a [u8], order: &mut Order) -> Option<(i64, &'a [u8])> {
-    let (days, length) = year_first(line).or_else(|| year_last(line, order))?;
+    let (days, length) = parse_year_first(line).or_else(|| parse_year_last(line, order))?;
     let ([b' ' | b'T' | b'@' | b'_', rest @ ..] | [b',', b' ', rest @ ..]) = &line[length..] else { return None };
     Some((days, rest))
 }
 
-/// `2026-11-21` or `2026/11/21`.
-fn year_first(line: &[u8]) -> Option<(i64, usize)> {
-    let mark = *line.get(4).filter(|b| matches!(b, b'-' | b'/' | b'.'))?;
+/// Parses `2026-11-21` or `2026/11/21`: days since 1970-01-01 and the length of the text.
+fn parse_year_first(line: &[u8]) -> Option<(i64, usize)> {
+    let separator = *line.get(4).filter(|b| matches!(b, b'-' | b'/' | b'.'))?;
     let year = number(&line[..4])?;
-    if line.get(7) != Some(&mark) {
+    if line.get(7) != Some(&separator) {
         return None;
     }
-    Some((days(year, two(line, 5)?, two(line, 8)?)?, 10))
+    Some((days(year, two_digits(line, 5)?, two_digits(line, 8)?)?, 10))
 }
 
-/// `21.11.2026`, `21/11/2026`, `11/21/2026`.
-fn year_last(line: &[u8], order: &mut Order) -> Option<(i64, usize)> {
-    let mark = *line.get(2).filter(|b| matches!(b, b'.' | b'/' | b'-'))?;
-    if line.get(5) != Some(&mark) {
+/// Parses `21.11.2026`, `21/11/2026` or `11/21/2026`: days since 1970-01-01 and the length of the text.
+fn parse_year_last(line: &[u8], order: &mut Order) -> Option<(i64, usize)> {
+    let separator = *line.get(2).filter(|b| matches!(b, b'.' | b'/' | b'-'))?;
+    if line.get(5) != Some(&separator) {
         return None;
     }
-    let (first, second, year) = (two(line, 0)?, two(line, 3)?, number(line.get(6..10)?)?);
+    let (first, second, year) = (two_digits(line, 0)?, two_digits(line, 3)?, number(line.get(6..10)?)?);
     match (first, second) {
         (13.., _) => *order = Order::DayFirst,
         (_, 13..) => *order = Order::MonthFirst,
         _ => {}
     }
-    let month_first = *order == Order::MonthFirst && mark != b'.';
+    let month_first = *order == Order::MonthFirst && separator != b'.';
     let (day, month) = if month_first { (second, first) } else { (first, second) };
     Some((days(year, month, day)?, 10))
 }
 
+/// Days since 1970-01-01; `None` for numbers that are no date of the years 1970 to 2200.
 fn days(year: i64, month: i64, day: i64) -> Option<i64> {
     ((1970..=2200).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day)).then(|| day_number(year, month, day))
 }
 
-/// `05 Mar 2021 ` or `Mar  5 2021 ` in front of a time of day.
-pub(super) fn words_before(text: &[u8]) -> Option<i64> {
+/// Parses a date with a month name that `text` ends with, as it stands before a time of day: `05 Mar 2021 ` or
+/// `Mar  5 2021 `. Returns days since 1970-01-01.
+pub(super) fn date_in_words(text: &[u8]) -> Option<i64> {
     if !text.ends_with(b" ") || text.len() < 11 {
         return None;
     }
@@ -85,49 +88,52 @@ pub(super) fn words_before(text: &[u8]) -> Option<i64> {
     days(year, month, day)
 }
 
+/// The number of a month (1 to 12) from the first three letters of its English name.
 fn month(word: &[u8]) -> Option<i64> {
     let start = word.get(..3).filter(|_| word.len() == 3)?;
     MONTHS.iter().position(|month| start.eq_ignore_ascii_case(month)).map(|at| at as i64 + 1)
 }
 
-/// `16:20:34`: ns, the rest.
+/// Parses a time of day such as `16:20:34`: nanoseconds since midnight, and the rest of the line.
 pub(super) fn time_of_day(line: &[u8]) -> Option<(Ns, &[u8])> {
     if line.get(2) != Some(&b':') || line.get(5) != Some(&b':') {
         return None;
     }
-    let (hour, minute, second) = (two(line, 0)?, two(line, 3)?, two(line, 6)?);
+    let (hour, minute, second) = (two_digits(line, 0)?, two_digits(line, 3)?, two_digits(line, 6)?);
     if hour > 23 || minute > 59 || second > 60 {
         return None;
     }
     Some(((hour * 3600 + minute * 60 + second) * SECOND, &line[8..]))
 }
 
-/// `.123`, `,123` or `:123` behind a time of day, if anything: ns, decimals, the rest.
+/// Parses the fraction of a second that may follow a time of day (`.123`, `,123` or `:123`): nanoseconds, the number of
+/// decimals, and the rest of the line. Without a fraction both numbers are 0.
 ///
-/// `short` says that nine decimals may be microseconds; the first that are not end it.
-pub(super) fn fraction<'a>(rest: &'a [u8], short: &mut bool) -> Option<(Ns, u32, &'a [u8])> {
-    let Some(mark @ (b'.' | b',' | b':')) = rest.first() else { return Some((0, 0, rest)) };
+/// `may_be_micros` says that nine decimals may be microseconds printed with leading zeros, as socat 1.7 does. It is
+/// cleared by the first fraction that cannot be.
+pub(super) fn fraction<'a>(rest: &'a [u8], may_be_micros: &mut bool) -> Option<(Ns, u32, &'a [u8])> {
+    let Some(separator @ (b'.' | b',' | b':')) = rest.first() else { return Some((0, 0, rest)) };
     let length = rest[1..].iter().take_while(|b| b.is_ascii_digit()).count();
     // Three digits behind a colon are milliseconds; two would be a byte.
-    if length == 0 || (*mark == b':' && length < 3) {
-        return (length != 2 || *mark != b':').then_some((0, 0, rest));
+    if length == 0 || (*separator == b':' && length < 3) {
+        return (length != 2 || *separator != b':').then_some((0, 0, rest));
     }
     let digits = &rest[1..=length.min(9)];
     let rest = &rest[1 + length..];
-    *short &= length != 9 || digits.starts_with(b"000");
-    if *short && length == 9 {
+    *may_be_micros &= length != 9 || digits.starts_with(b"000");
+    if *may_be_micros && length == 9 {
         return Some((number(digits)? * 1000, 6, rest));
     }
-    Some((number(digits)? * TENS[9 - digits.len()], digits.len() as u32, rest))
+    Some((number(digits)? * POWERS_OF_TEN[9 - digits.len()], digits.len() as u32, rest))
 }
 
-/// `Z`, `+01:00`, `+0100`, ` UTC`.
+/// Parses `Z`, ` UTC`, `+01:00` or `+0100`: the offset to UTC in ns (`None` if there is none), and the rest of the line.
 pub(super) fn zone(line: &[u8]) -> (Option<Ns>, &[u8]) {
     match line {
         [b'Z', rest @ ..] | [b' ', b'U', b'T', b'C', rest @ ..] => (Some(0), rest),
         [sign @ (b'+' | b'-'), ..] => {
             let colon = usize::from(line.get(3) == Some(&b':'));
-            match (two(line, 1), two(line, 3 + colon)) {
+            match (two_digits(line, 1), two_digits(line, 3 + colon)) {
                 (Some(hours), Some(minutes)) => {
                     let offset = (hours * 3600 + minutes * 60) * SECOND;
                     (Some(if *sign == b'+' { offset } else { -offset }), &line[5 + colon..])

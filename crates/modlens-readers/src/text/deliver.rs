@@ -1,11 +1,12 @@
-//! From matches to records: where one begins, which pieces belong together, what was printed before.
+//! Assembles the matches of lines into entries: decides where a frame may begin, joins bytes that a program prints over
+//! several lines, fills gaps in dumps, and skips bytes that the log shows twice.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::chunk::Side;
 use crate::text::dialect::{Dialect, Role, Wrap};
-use crate::text::evidence::closed;
+use crate::text::evidence::check_frame;
 use crate::text::reader::LeftOut;
 use crate::text::stamp::Stamps;
 use crate::text::template::Match;
@@ -13,48 +14,74 @@ use crate::text::{unwrap, Record};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::Ns;
 
-/// A star in a dump stands for as many lines as the offsets say; more than this is a hole.
-const REPEAT_LIMIT: u64 = 1 << 24;
+/// The most bytes that a `*` in a dump may stand for; a larger gap between the offsets counts as lost bytes.
+const MAX_REPEATED_BYTES: u64 = 1 << 24;
 
-/// Byte strings left out that are kept to be listed.
-const LISTED: usize = 1000;
+/// How many skipped byte strings are kept so that they can be listed.
+const MAX_LISTED: usize = 1000;
 
-/// Bytes of a frame in pieces that are kept to see its checksum close.
-const GROUP_LIMIT: usize = 1024;
+/// The most bytes of a frame in pieces that are collected to see whether the checksum at their end is valid.
+const MAX_GROUP_BYTES: usize = 1024;
 
-const COPY: &str = "bytes that the program printed before";
+/// The most bytes of a frame that is printed over several lines.
+const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 
-/// One stream of pieces: that of a device whose lines carry its name, or of all.
+/// The reason reported for skipped duplicates.
+const DUPLICATE: &str = "bytes that the program printed before";
+
+/// The bytes of one device whose lines carry its name, or of all lines without a name.
 #[derive(Debug, Default)]
-struct Join {
+struct DeviceStream {
     side: Option<Side>,
-    /// The record before ended with what closes a frame, or there was none.
-    open: bool,
-    /// The pieces since the last place where a frame could begin.
+    /// The last bytes did not end with a valid checksum or at an announced length, so the next ones may continue a frame.
+    is_mid_frame: bool,
+    /// All bytes since the last place where a frame could begin.
     group: Vec<u8>,
 }
 
-/// What a line announced about the bytes behind it.
+/// What a header line says about the bytes in the lines that follow it.
 #[derive(Clone, Copy, Debug)]
-struct Head {
+struct Header {
     side: Option<Side>,
     time: Option<Ns>,
     key: usize,
-    copies: bool,
+    announces_duplicates: bool,
 }
 
-/// Where a dump goes on.
+/// The state of a hex dump between two of its lines.
 #[derive(Debug, Default)]
-struct Dump {
-    expected: Option<u64>,
-    last: Vec<u8>,
-    /// Scratch: the lines that a star stands for, and the one behind it.
-    all: Vec<u8>,
-    repeat: bool,
+struct DumpState {
+    /// The offset that the next line should have.
+    expected_offset: Option<u64>,
+    /// The bytes of the last line, which a `*` repeats.
+    last_line: Vec<u8>,
+    /// Reused memory for the lines that a `*` stands for and the line behind it.
+    scratch: Vec<u8>,
+    /// The last line was a `*`.
+    has_repeat_mark: bool,
 }
 
-/// What a record is made of, before it is one.
-struct Piece<'a> {
+/// A frame that a program prints over several lines, as far as it was read.
+#[derive(Debug)]
+struct MultiLineFrame {
+    dialect: Arc<Dialect>,
+    header: Header,
+    bytes: Vec<u8>,
+    /// Number of its first line.
+    number: u64,
+}
+
+/// A line of a dump in 16-bit words. It may end with half a word, which only the next offset shows.
+#[derive(Debug)]
+struct PendingDumpLine {
+    record: Record,
+    bytes: Vec<u8>,
+    /// The next offset if all of the last word are data.
+    end_offset: u64,
+}
+
+/// Bytes of one or several lines with what is known of them, before their place in the frame is decided.
+struct EntryBytes<'a> {
     bytes: &'a [u8],
     side: Option<Side>,
     time: Option<Ns>,
@@ -64,24 +91,24 @@ struct Piece<'a> {
     no_checksum: bool,
 }
 
-/// The records that are ready, and what the next ones depend on.
+/// The entries that are ready to be fetched, and the state on which the next ones depend.
 #[derive(Debug, Default)]
 pub(super) struct Deliver {
     ready: VecDeque<(Record, usize, usize)>,
-    arena: Vec<u8>,
-    joins: Vec<Join>,
-    head: Option<Head>,
-    /// Lines of a frame that is printed over several, up to the next head.
-    gathered: Option<(Arc<Dialect>, Head, Vec<u8>, u64)>,
-    dump: Dump,
-    /// The last line of a dump in words, until the next offset says how long it was.
-    held: Option<(Record, Vec<u8>, u64)>,
-    generic: bool,
+    ready_bytes: Vec<u8>,
+    streams: Vec<DeviceStream>,
+    /// The last header line, as long as lines of its bytes may follow.
+    header: Option<Header>,
+    multi_line_frame: Option<MultiLineFrame>,
+    dump_state: DumpState,
+    pending_dump_line: Option<PendingDumpLine>,
+    /// The last bytes were read by a generic dialect.
+    is_generic: bool,
     pub keys: Vec<Vec<u8>>,
     pub left_out: Vec<LeftOut>,
     pub counts: BTreeMap<&'static str, u64>,
     pub records: u64,
-    /// Lines that announced bytes: heads, and offsets of dumps.
+    /// Lines that announced bytes: header lines, and dump lines with an offset.
     pub announced: u64,
     pub number: u64,
 }
@@ -93,15 +120,15 @@ impl Deliver {
 
     pub fn pop(&mut self) -> Option<(Record, &[u8])> {
         let (record, start, end) = self.ready.pop_front()?;
-        Some((record, &self.arena[start..end]))
+        Some((record, &self.ready_bytes[start..end]))
     }
 
-    /// Whether a head waits for its bytes.
-    pub fn expects_more(&self) -> bool {
-        self.head.is_some()
+    /// Whether a header line has announced bytes that may still follow.
+    pub fn expects_continuation(&self) -> bool {
+        self.header.is_some()
     }
 
-    /// The number of a device's name.
+    /// The number of a device's name, from 1; a new name gets the next number.
     pub fn key(&mut self, name: &[u8]) -> usize {
         let at = self.keys.iter().position(|known| known == name);
         at.unwrap_or_else(|| {
@@ -110,50 +137,56 @@ impl Deliver {
         }) + 1
     }
 
+    /// Takes one match of a line. `bytes` are those that the template found, `role` says what they are.
     pub fn take(&mut self, dialect: &Arc<Dialect>, role: Role, found: &Match, bytes: &[u8], stamps: &Stamps) {
-        self.end_held(found.offset, stamps);
+        self.end_dump_line(found.offset, stamps);
         let key = found.key.map_or(0, |(key, _)| key);
         match role {
             Role::Skip => {}
-            Role::Repeat => self.dump.repeat = true,
-            Role::Copy => self.leave_out(self.number, bytes, COPY),
+            Role::Repeat => self.dump_state.has_repeat_mark = true,
+            Role::Copy => self.skip(self.number, bytes, DUPLICATE),
             Role::Head(_) | Role::HeadOfCopies => {
-                self.end_gathered(stamps);
+                self.end_multi_line_frame(stamps);
                 self.announced += 1;
                 let side = if let Role::Head(side) = role { side } else { None };
-                self.head = Some(Head { side, time: found.time, key, copies: role == Role::HeadOfCopies });
+                let announces_duplicates = role == Role::HeadOfCopies;
+                self.header = Some(Header { side, time: found.time, key, announces_duplicates });
             }
-            Role::More => self.more(dialect, found, bytes, stamps),
-            Role::Again if self.joins.get(key).is_some_and(|join| join.group.ends_with(bytes)) => {
-                self.leave_out(self.number, bytes, COPY);
+            Role::More => self.continuation(dialect, found, bytes, stamps),
+            Role::Again if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
+                self.skip(self.number, bytes, DUPLICATE);
             }
-            Role::Again => self.piece(dialect, found, bytes, Some(Side::Received), found.time, key, stamps),
-            Role::Bytes(side) => self.piece(dialect, found, bytes, found.side.or(side), found.time, key, stamps),
+            Role::Again => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, stamps),
+            Role::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, stamps),
         }
     }
 
-    fn more(&mut self, dialect: &Arc<Dialect>, found: &Match, bytes: &[u8], stamps: &Stamps) {
+    /// Takes bytes that a header line announced: duplicates are skipped, parts of a multi-line frame are collected.
+    fn continuation(&mut self, dialect: &Arc<Dialect>, found: &Match, bytes: &[u8], stamps: &Stamps) {
         self.announced += u64::from(found.offset.is_some());
-        let head = self.head.unwrap_or(Head { side: None, time: found.time, key: 0, copies: false });
-        if head.copies {
-            self.leave_out(self.number, bytes, COPY);
+        let without_header = Header { side: None, time: found.time, key: 0, announces_duplicates: false };
+        let header = self.header.unwrap_or(without_header);
+        if header.announces_duplicates {
+            self.skip(self.number, bytes, DUPLICATE);
         } else if dialect.joined {
             if found.offset == Some(0) {
-                self.end_gathered(stamps);
+                self.end_multi_line_frame(stamps);
             }
             let number = self.number;
-            let gathered = self.gathered.get_or_insert_with(|| (Arc::clone(dialect), head, Vec::new(), number));
-            if gathered.2.len() + bytes.len() <= 1 << 16 {
-                gathered.2.extend_from_slice(bytes);
+            let begin = || MultiLineFrame { dialect: Arc::clone(dialect), header, bytes: Vec::new(), number };
+            let frame = self.multi_line_frame.get_or_insert_with(begin);
+            if frame.bytes.len() + bytes.len() <= MAX_MULTI_LINE_BYTES {
+                frame.bytes.extend_from_slice(bytes);
             }
         } else {
-            let time = found.time.or(head.time);
-            self.piece(dialect, found, bytes, head.side, time, head.key, stamps);
+            let time = found.time.or(header.time);
+            self.entry(dialect, found, bytes, header.side, time, header.key, stamps);
         }
     }
 
-    #[allow(clippy::too_many_arguments)] // What a head and a line say together.
-    fn piece(
+    /// Removes what a dialect wraps around frames, and turns the bytes into an entry of a dump or of a log.
+    #[allow(clippy::too_many_arguments)] // What a header line and the line itself say together.
+    fn entry(
         &mut self,
         dialect: &Dialect,
         found: &Match,
@@ -163,151 +196,169 @@ impl Deliver {
         key: usize,
         stamps: &Stamps,
     ) {
-        self.generic = dialect.generic;
+        self.is_generic = dialect.generic;
         let no_checksum = dialect.no_checksum || found.marks.no_checksum;
-        let piece = Piece { bytes, side, time, key, line: found.line, number: self.number, no_checksum };
+        let entry_bytes = EntryBytes { bytes, side, time, key, line: found.line, number: self.number, no_checksum };
         if dialect.stream {
-            self.dump_line(&piece, found, stamps);
+            self.dump_line(&entry_bytes, found, stamps);
         } else if dialect.wrap == Some(Wrap::Solarman) {
             match unwrap::solarman(bytes) {
                 Ok(inner) => {
-                    self.leave_out(self.number, bytes, "Solarman V5 wrapper of a frame");
-                    self.record(&Piece { bytes: &bytes[inner], ..piece }, stamps);
+                    self.skip(self.number, bytes, "Solarman V5 wrapper of a frame");
+                    self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, stamps);
                 }
-                Err(reason) => self.leave_out(self.number, bytes, reason),
+                Err(reason) => self.skip(self.number, bytes, reason),
             }
         } else {
-            self.record(&piece, stamps);
+            self.log_entry(&entry_bytes, stamps);
         }
     }
 
-    fn record(&mut self, piece: &Piece<'_>, stamps: &Stamps) {
-        if piece.bytes.is_empty() {
+    /// Makes an entry of the bytes and decides whether a frame may begin with it.
+    ///
+    /// A frame may not begin where the bytes before, from the same sender, do not end with a valid checksum yet: programs
+    /// print what one read returned, which may be a part of a frame.
+    fn log_entry(&mut self, entry_bytes: &EntryBytes<'_>, stamps: &Stamps) {
+        if entry_bytes.bytes.is_empty() {
             return;
         }
-        while self.joins.len() <= piece.key {
-            self.joins.push(Join::default());
+        while self.streams.len() <= entry_bytes.key {
+            self.streams.push(DeviceStream::default());
         }
-        let join = &mut self.joins[piece.key];
-        let (closed, framing) = closed(piece.bytes);
-        let no_checksum = piece.no_checksum && !closed;
-        let edge = closed || no_checksum || !join.open || join.side != piece.side;
-        if edge || join.group.len() + piece.bytes.len() > GROUP_LIMIT {
-            join.group.clear();
+        let stream = &mut self.streams[entry_bytes.key];
+        let (is_whole_frame, framing) = check_frame(entry_bytes.bytes);
+        let no_checksum = entry_bytes.no_checksum && !is_whole_frame;
+        let starts_record = is_whole_frame || no_checksum || !stream.is_mid_frame || stream.side != entry_bytes.side;
+        if starts_record || stream.group.len() + entry_bytes.bytes.len() > MAX_GROUP_BYTES {
+            stream.group.clear();
         }
-        join.group.extend_from_slice(piece.bytes);
-        join.open = !(closed || no_checksum || (!edge && crc_valid(&join.group)));
-        join.side = piece.side;
+        stream.group.extend_from_slice(entry_bytes.bytes);
+        stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && crc_valid(&stream.group)));
+        stream.side = entry_bytes.side;
         let record = Record {
-            time: piece.time,
-            side: piece.side,
-            line: piece.line,
-            record: edge,
+            time: entry_bytes.time,
+            side: entry_bytes.side,
+            line: entry_bytes.line,
+            record: starts_record,
             no_checksum,
             framing,
-            key: piece.key,
-            number: piece.number,
+            key: entry_bytes.key,
+            number: entry_bytes.number,
             ..Record::default()
         };
-        self.push(record, piece.bytes, stamps);
+        self.push(record, entry_bytes.bytes, stamps);
     }
 
-    /// A line of an endless stream: only offsets say what belongs together.
-    fn dump_line(&mut self, piece: &Piece<'_>, found: &Match, stamps: &Stamps) {
-        let plain = Record { side: piece.side, line: piece.line, time: piece.time, number: piece.number, ..Record::default() };
-        let Some(offset) = found.offset else { return self.push(plain, piece.bytes, stamps) };
-        let mut hole = false;
-        let mut all = std::mem::take(&mut self.dump.all);
-        all.clear();
-        if let Some(expected) = self.dump.expected.filter(|_| offset != 0) {
+    /// Makes an entry of a line of a dump. A dump prints an endless stream, so line ends mean nothing: only offset 0 starts
+    /// a new stream, and only a jump of the offsets shows that bytes were lost.
+    fn dump_line(&mut self, entry_bytes: &EntryBytes<'_>, found: &Match, stamps: &Stamps) {
+        let plain = Record {
+            side: entry_bytes.side,
+            line: entry_bytes.line,
+            time: entry_bytes.time,
+            number: entry_bytes.number,
+            ..Record::default()
+        };
+        let Some(offset) = found.offset else { return self.push(plain, entry_bytes.bytes, stamps) };
+        let state = &mut self.dump_state;
+        let mut has_lost_bytes = false;
+        let mut bytes = std::mem::take(&mut state.scratch);
+        bytes.clear();
+        if let Some(expected) = state.expected_offset.filter(|_| offset != 0) {
             let missing = offset.saturating_sub(expected);
-            let filled = self.dump.repeat && missing <= REPEAT_LIMIT && !self.dump.last.is_empty();
-            if filled {
-                all.extend(self.dump.last.iter().copied().cycle().take(missing as usize));
+            let is_filled = state.has_repeat_mark && missing <= MAX_REPEATED_BYTES && !state.last_line.is_empty();
+            if is_filled {
+                bytes.extend(state.last_line.iter().copied().cycle().take(missing as usize));
             }
-            hole = expected != offset && !filled;
+            has_lost_bytes = expected != offset && !is_filled;
         }
-        self.dump.repeat = false;
-        self.dump.last.clear();
-        self.dump.last.extend_from_slice(piece.bytes);
-        self.dump.expected = Some(offset + piece.bytes.len() as u64);
-        all.extend_from_slice(piece.bytes);
-        let record = Record { record: offset == 0, hole, ..plain };
-        if found.pads {
-            self.held = Some((record, all, offset + piece.bytes.len() as u64));
+        state.has_repeat_mark = false;
+        state.last_line.clear();
+        state.last_line.extend_from_slice(entry_bytes.bytes);
+        let end_offset = offset + entry_bytes.bytes.len() as u64;
+        state.expected_offset = Some(end_offset);
+        bytes.extend_from_slice(entry_bytes.bytes);
+        let record = Record { record: offset == 0, hole: has_lost_bytes, ..plain };
+        if found.may_end_with_half_word {
+            self.pending_dump_line = Some(PendingDumpLine { record, bytes, end_offset });
         } else {
-            self.push(record, &all, stamps);
-            self.dump.all = all;
+            self.push(record, &bytes, stamps);
+            self.dump_state.scratch = bytes;
         }
     }
 
-    fn end_held(&mut self, offset: Option<u64>, stamps: &Stamps) {
-        let Some((record, mut bytes, end)) = self.held.take() else { return };
-        if offset.is_some_and(|offset| offset + 1 == end) {
+    /// Makes an entry of the pending dump line. `offset` is that of the line behind it: one less than expected says that
+    /// the last word holds one byte only.
+    fn end_dump_line(&mut self, offset: Option<u64>, stamps: &Stamps) {
+        let Some(PendingDumpLine { record, mut bytes, end_offset }) = self.pending_dump_line.take() else { return };
+        if offset.is_some_and(|offset| offset + 1 == end_offset) {
             bytes.pop();
         }
         self.push(record, &bytes, stamps);
-        self.dump.all = bytes;
+        self.dump_state.scratch = bytes;
     }
 
-    /// The record that is gathered is whole, and came then.
-    pub fn stamp(&mut self, time: Ns, stamps: &Stamps) {
-        if let Some((_, head, _, _)) = &mut self.gathered {
-            head.time = head.time.or(Some(time));
+    /// Ends the multi-line frame with the time that its last line states.
+    pub fn end_frame_at(&mut self, time: Ns, stamps: &Stamps) {
+        if let Some(frame) = &mut self.multi_line_frame {
+            frame.header.time = frame.header.time.or(Some(time));
         }
-        self.end_gathered(stamps);
+        self.end_multi_line_frame(stamps);
     }
 
-    fn end_gathered(&mut self, stamps: &Stamps) {
-        let Some((dialect, head, bytes, number)) = self.gathered.take() else { return };
+    /// Makes an entry of the multi-line frame, if there is one.
+    fn end_multi_line_frame(&mut self, stamps: &Stamps) {
+        let Some(MultiLineFrame { dialect, header, bytes, number }) = self.multi_line_frame.take() else { return };
         let inner = match dialect.wrap {
             Some(Wrap::Network) => match unwrap::network(&bytes) {
                 Ok(inner) => inner,
-                Err(reason) => return self.leave_out(number, &bytes, reason),
+                Err(reason) => return self.skip(number, &bytes, reason),
             },
             _ => 0..bytes.len(),
         };
         let no_checksum = dialect.no_checksum;
-        let piece = Piece { bytes: &bytes[inner], side: head.side, time: head.time, key: head.key, line: 0, number, no_checksum };
-        self.record(&piece, stamps);
+        let Header { side, time, key, .. } = header;
+        self.log_entry(&EntryBytes { bytes: &bytes[inner], side, time, key, line: 0, number, no_checksum }, stamps);
     }
 
-    /// A line that is no record: what a head announced is over.
-    pub fn end_of_head(&mut self, stamps: &Stamps) {
-        self.end_held(None, stamps);
-        self.end_gathered(stamps);
-        self.head = None;
+    /// Ends what the last header line announced, because a line that no template reads follows.
+    pub fn end_announcement(&mut self, stamps: &Stamps) {
+        self.end_dump_line(None, stamps);
+        self.end_multi_line_frame(stamps);
+        self.header = None;
     }
 
-    /// In text that people set, a blank line parts frames.
+    /// Handles a blank line. In text that people typed (read by a generic dialect) it separates frames.
     pub fn blank_line(&mut self, stamps: &Stamps) {
-        self.end_gathered(stamps);
-        if self.generic {
-            for join in &mut self.joins {
-                join.open = false;
+        self.end_multi_line_frame(stamps);
+        if self.is_generic {
+            for stream in &mut self.streams {
+                stream.is_mid_frame = false;
             }
         }
     }
 
+    /// Makes entries of everything that waits for a further line.
     pub fn finish(&mut self, stamps: &Stamps) {
-        self.end_held(None, stamps);
-        self.end_gathered(stamps);
+        self.end_dump_line(None, stamps);
+        self.end_multi_line_frame(stamps);
     }
 
-    fn leave_out(&mut self, number: u64, bytes: &[u8], reason: &'static str) {
+    /// Counts bytes that are not delivered and keeps the first of them for the list shown to users.
+    fn skip(&mut self, number: u64, bytes: &[u8], reason: &'static str) {
         *self.counts.entry(reason).or_default() += 1;
-        if self.left_out.len() < LISTED {
+        if self.left_out.len() < MAX_LISTED {
             self.left_out.push((number, bytes.to_vec(), reason));
         }
     }
 
     fn push(&mut self, record: Record, bytes: &[u8], stamps: &Stamps) {
         if self.ready.is_empty() {
-            self.arena.clear();
+            self.ready_bytes.clear();
         }
-        let start = self.arena.len();
-        self.arena.extend_from_slice(bytes);
+        let start = self.ready_bytes.len();
+        self.ready_bytes.extend_from_slice(bytes);
         self.records += 1;
-        self.ready.push_back((Record { clock: stamps.clock(), ..record }, start, self.arena.len()));
+        self.ready.push_back((Record { clock: stamps.clock(), ..record }, start, self.ready_bytes.len()));
     }
 }

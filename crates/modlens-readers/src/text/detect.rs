@@ -150,17 +150,17 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> Score {
     let mut burst: Vec<u8> = Vec::new();
     while let Some((record, bytes)) = reader.next(true) {
         if record.record || record.hole || burst.len() > 1 << 14 {
-            score.good += evidence::good(&burst);
+            score.good += evidence::proven_bytes(&burst);
             burst.clear();
         }
         score.bytes += bytes.len();
         if record.no_checksum {
-            score.good += if evidence::fits_without_checksum(bytes) { bytes.len() } else { 0 };
+            score.good += if evidence::has_frame_layout(bytes) { bytes.len() } else { 0 };
         } else {
             burst.extend_from_slice(bytes);
         }
     }
-    score.good += evidence::good(&burst);
+    score.good += evidence::proven_bytes(&burst);
     if !reader.announced() {
         return Score::default();
     }

@@ -125,7 +125,7 @@ pub struct Dialect {
 impl Dialect {
     /// Whether any line with bytes can be in this text.
     pub(super) fn possible(&self, text: &[u8]) -> bool {
-        self.rules.iter().any(|(_, template)| template.takes_bytes() && template.possible(text))
+        self.rules.iter().any(|(_, template)| template.takes_bytes() && template.may_match(text))
     }
 
     /// Whether a record of it may take several lines.
@@ -135,7 +135,7 @@ impl Dialect {
 
     /// How much fixed text its templates have: what fits more of it says more.
     pub(super) fn fixed(&self) -> usize {
-        self.rules.iter().filter(|(role, _)| *role != Role::Skip).map(|(_, template)| template.fixed()).max().unwrap_or(0)
+        self.rules.iter().filter(|(role, _)| *role != Role::Skip).map(|(_, template)| template.fixed_chars()).max().unwrap_or(0)
     }
 }
 

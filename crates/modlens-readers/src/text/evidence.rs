@@ -1,4 +1,4 @@
-//! What speaks for bytes being Modbus: checksums that close, headers whose length is right, layouts that fit.
+//! Evidence that a run of bytes is Modbus: valid checksums, MBAP headers with the right length, PDUs with a known layout.
 
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::readings;
@@ -8,37 +8,39 @@ use modlens_protocol::hex::pair;
 use modlens_protocol::mbap::announced;
 use modlens_protocol::recognize::rtu_bytes;
 
-/// Unit, function code and checksum.
-const SHORTEST: usize = 4;
+/// The shortest RTU frame: unit, function code and CRC.
+const MIN_RTU_BYTES: usize = 4;
 
-/// Whether the bytes end with what closes a frame: a checksum, or the length that their header announces.
-pub(super) fn closes(bytes: &[u8]) -> bool {
-    closed(bytes).0
+/// Whether the bytes are a whole frame in any framing: they end with a valid checksum, or have the length that their MBAP
+/// header announces.
+pub(super) fn is_whole_frame(bytes: &[u8]) -> bool {
+    check_frame(bytes).0
 }
 
-/// The framing that the whole of the bytes proves; `None` if none or more than one does.
-pub(super) fn framing(bytes: &[u8]) -> Option<Mode> {
-    closed(bytes).1
+/// The framing in which the bytes are exactly one valid frame; `None` if there is none or more than one.
+pub(super) fn proven_framing(bytes: &[u8]) -> Option<Mode> {
+    check_frame(bytes).1
 }
 
-/// Both at once: the checksum is gone through once.
-pub(super) fn closed(bytes: &[u8]) -> (bool, Option<Mode>) {
-    let crc = bytes.len() >= SHORTEST && crc_valid(bytes);
-    let mbap = announced(bytes) == Some(bytes.len()) && bytes.len() > 8;
-    match (crc, mbap) {
+/// Whether the bytes are a whole frame, and the framing that this proves (`None` if RTU and TCP both fit). One function
+/// answers both, so that the CRC is computed once.
+pub(super) fn check_frame(bytes: &[u8]) -> (bool, Option<Mode>) {
+    let is_rtu = bytes.len() >= MIN_RTU_BYTES && crc_valid(bytes);
+    let is_tcp = announced(bytes) == Some(bytes.len()) && bytes.len() > 8;
+    match (is_rtu, is_tcp) {
         (true, false) => (true, Some(Mode::Rtu)),
         (false, true) => (true, Some(Mode::Tcp)),
         (true, true) => (true, None),
         (false, false) => {
-            let ascii = ascii(bytes);
-            (ascii, ascii.then_some(Mode::Ascii))
+            let is_ascii = is_ascii_frame(bytes);
+            (is_ascii, is_ascii.then_some(Mode::Ascii))
         }
     }
 }
 
-/// 1 for what can only be a request, -1 for what can only be a response, else 0.
-pub(super) fn direction(bytes: &[u8], framing: Option<Mode>) -> i32 {
-    let pdu = match framing {
+/// 1 for a frame that can only be a request, -1 for one that can only be a response, 0 for one that may be either.
+pub(super) fn direction_evidence(bytes: &[u8], proven_framing: Option<Mode>) -> i32 {
+    let pdu = match proven_framing {
         Some(Mode::Rtu) => &bytes[1..bytes.len() - 2],
         Some(Mode::Tcp) => &bytes[7..],
         _ => return 0,
@@ -47,29 +49,31 @@ pub(super) fn direction(bytes: &[u8], framing: Option<Mode>) -> i32 {
     i32::from(request) - i32::from(response)
 }
 
-fn ascii(bytes: &[u8]) -> bool {
+/// Whether the bytes are a colon and hex digits with a valid LRC.
+fn is_ascii_frame(bytes: &[u8]) -> bool {
     let Some(text) = bytes.strip_prefix(b":") else { return false };
     let text = text.trim_ascii_end();
     let sum = text.chunks(2).try_fold(0u8, |sum, two| pair(two, 0).map(|byte| sum.wrapping_add(byte)));
     text.len() >= 6 && sum == Some(0)
 }
 
-/// Bytes of a burst that are in frames with a right checksum.
-pub(super) fn good(bytes: &[u8]) -> usize {
-    match framing(bytes) {
-        Some(Mode::Rtu) if plausible(bytes) => return bytes.len(),
+/// How many bytes of a burst belong to frames with a valid checksum or length.
+pub(super) fn proven_bytes(bytes: &[u8]) -> usize {
+    match proven_framing(bytes) {
+        Some(Mode::Rtu) if has_function_code(bytes) => return bytes.len(),
         Some(Mode::Tcp | Mode::Ascii) => return bytes.len(),
         _ => {}
     }
     rtu_bytes(Functions::embedded(), bytes)
 }
 
-/// Whether a burst without checksum has the layout of a request or a response.
-pub(super) fn fits_without_checksum(bytes: &[u8]) -> bool {
+/// Whether bytes that were printed without a checksum have the layout of a request or a response.
+pub(super) fn has_frame_layout(bytes: &[u8]) -> bool {
     bytes.len() >= 3 && bytes[1] & !EXCEPTION_BIT != 0 && readings(Functions::embedded(), &bytes[1..]) != (false, false)
 }
 
-/// No unit above 247 has function 0: a run of zeros has a right checksum, too.
-fn plausible(bytes: &[u8]) -> bool {
+/// Whether the function code is not 0, which the specification reserves. A run of zeros has a valid CRC, too, and must not
+/// count as a frame.
+fn has_function_code(bytes: &[u8]) -> bool {
     bytes[1] & !EXCEPTION_BIT != 0
 }

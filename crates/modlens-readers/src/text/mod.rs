@@ -1,10 +1,12 @@
-//! Recordings in text: lines in, bytes with times out. Knows nothing of Modbus but its checksums.
+//! Reads recordings in text form: lines go in, bytes with timestamps come out.
 //!
-//! A dialect is a row of analyzer/sources/dialects.toml (`dialect`), whose templates (`template`) find bytes in lines by a
-//! notation (`notation`) and times (`stamp`, `date`). The `reader` goes through lines, `deliver` decides where records
-//! begin and what is a printed copy, `detect` which rows a text needs, `suspicion` what it is instead.
+//! A dialect is a row of analyzer/sources/dialects.toml (`dialect`). Its templates (`template`) find bytes written in a
+//! certain notation (`notation`) and timestamps (`stamp`, `date`) in a line. `reader` applies the templates line by line,
+//! `deliver` assembles the bytes of one or several lines into entries and drops printed duplicates, `detect` chooses the
+//! rows that a text needs, and `suspicion` names the protocol of a text that is not Modbus. All that this module knows
+//! about Modbus is how to verify that a run of bytes is a whole frame (`evidence`).
 //!
-//! A line that is no record is counted, and the first three are kept; nothing is dropped in silence.
+//! Lines that no row can read are counted and the first three are kept, so that nothing is dropped silently.
 
 mod chunks;
 mod clean;
@@ -32,27 +34,28 @@ pub use clock::{day_of, ClockSettings, Kind};
 pub use dialect::{Dialect, Dialects, TABLE};
 pub use reader::{LeftOut, Reader};
 
-/// What one record of a recording is.
+/// What a text log says about one run of bytes. The bytes themselves are returned beside it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Record {
-    /// When.
+    /// When the bytes were logged; `None` where the log has no timestamp.
     pub time: Option<Ns>,
-    /// Who.
+    /// Who sent the bytes; `None` where the log does not say.
     pub side: Option<Side>,
-    /// Which line of a two-line tap.
+    /// Which line of a two-line tap they came from: 1 is A, 2 is B, 0 is the only line.
     pub line: u8,
-    /// A frame is not expected to reach across its start.
+    /// A frame may start here, and none is expected to continue across this place. False for bytes that continue the
+    /// entry before.
     pub record: bool,
-    /// Bytes are missing before it.
+    /// Bytes are missing from the log before these.
     pub hole: bool,
-    /// It is one frame, printed without checksum.
+    /// The bytes are one frame that was printed without its checksum.
     pub no_checksum: bool,
-    /// The framing that its bytes prove.
+    /// The framing that a valid checksum or length proves for these bytes; `None` where none or several do.
     pub framing: Option<Mode>,
-    /// Which of several devices it belongs to: an index of `Reader::keys`, 0 for none.
+    /// Which of several devices the line names: 1 is the first of `Reader::keys`, 0 means that it names none.
     pub key: usize,
-    /// Line number in the file, from 1.
+    /// Number of the line in the file, from 1.
     pub number: u64,
-    /// The clock, as far as the lines up to this one have shown it.
+    /// What the timestamps up to this line show the log's clock to be.
     pub clock: Clock,
 }

@@ -1,132 +1,144 @@
-//! Times in lines: what they say, and what kind of clock they show.
+//! Finds and parses the timestamps of log lines, and learns from them what kind of clock the log has.
 
 use std::sync::Arc;
 
 use crate::text::clock::{ClockSettings, Kind};
-use crate::text::date::{date, fraction, number, time_of_day, words_before, zone, Order};
+use crate::text::date::{date, fraction, number, time_of_day, date_in_words, zone, Order};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
-const SECOND: Ns = 1_000_000_000;
-const DAY: Ns = 86_400 * SECOND;
+const SECOND_NS: Ns = 1_000_000_000;
+const DAY_NS: Ns = 86_400 * SECOND_NS;
 
-/// Numbers of seconds below this count from the start of the recording (records.md, chunk log).
-const EPOCH_FROM: Ns = 100_000_000 * SECOND;
+/// A number of seconds from this on (March 1973) counts since 1970, a smaller one since the start of the recording, as
+/// the chunk log defines it.
+const LEAST_EPOCH_NS: Ns = 100_000_000 * SECOND_NS;
 
-/// Characters in front of the bytes in which a time is looked for.
-const FRONT_LIMIT: usize = 200;
+/// A timestamp is searched for in so many characters in front of the bytes.
+const MAX_PREFIX_CHARS: usize = 200;
 
-/// What the stamps of a recording have shown so far.
+/// Parses the timestamps of one recording. What one of them shows (the clock, the order of day and month) holds for the
+/// next ones.
 #[derive(Clone, Debug, Default)]
 pub struct Stamps {
     settings: Arc<ClockSettings>,
-    pub(super) seen: Seen,
-    last: LastSecond,
+    pub(super) state: StampState,
+    cached_second: CachedSecond,
 }
 
-/// A stamp up to its seconds, as it stood: most lines have the same as the line before.
+/// The text of the last timestamp up to its seconds, with its value. Most lines are logged within the same second as the
+/// line before, so comparing texts replaces parsing.
 #[derive(Clone, Copy, Debug, Default)]
-struct LastSecond {
-    text: [u8; LAST_SECOND],
+struct CachedSecond {
+    text: [u8; MAX_SECOND_CHARS],
     length: usize,
+    /// Days since 1970-01-01, where the timestamp has a date.
     days: Option<i64>,
-    of_day: Ns,
+    /// Nanoseconds since midnight.
+    ns_of_day: Ns,
 }
 
-/// The longest of them: a date, a time of day, what stands between.
-const LAST_SECOND: usize = 24;
+/// The longest cached text: a date, a separator and a time of day, with room for long separators.
+const MAX_SECOND_CHARS: usize = 24;
 
-impl LastSecond {
-    fn of<'a>(&self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
+impl CachedSecond {
+    /// The cached date and second, and the rest of the line, if the line begins with the cached text.
+    fn lookup<'a>(&self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
         let rest = line.strip_prefix(&self.text[..self.length])?;
-        (self.length > 0).then_some((self.days, self.of_day, rest))
+        (self.length > 0).then_some((self.days, self.ns_of_day, rest))
     }
 
-    fn keep(&mut self, text: &[u8], days: Option<i64>, of_day: Ns) {
+    /// Caches the value of a text; a text that is too long clears the cache.
+    fn store(&mut self, text: &[u8], days: Option<i64>, ns_of_day: Ns) {
         self.length = 0;
         if let Some(place) = self.text.get_mut(..text.len()) {
             place.copy_from_slice(text);
-            (self.length, self.days, self.of_day) = (text.len(), days, of_day);
+            (self.length, self.days, self.ns_of_day) = (text.len(), days, ns_of_day);
         }
     }
 }
 
-/// The part that changes: a line that turns out to be something else must not change it.
+/// What timestamps have shown so far. It is copied before a template is tried and restored if the template does not fit,
+/// so that a line which turns out to be something else teaches nothing.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct StampState {
     kind: Kind,
     order: Order,
-    /// Days to add to times of day, and the last one.
-    days: Ns,
-    last_of_day: Option<Ns>,
-    digits: u32,
+    /// Nanoseconds to add to times of day, a whole day for each midnight that has passed.
+    midnights_ns: Ns,
+    /// The last time of day, to notice midnight.
+    last_ns_of_day: Option<Ns>,
+    /// The most decimals of a second.
+    decimals: u32,
     /// Fractions of nine digits may be microseconds (socat 1.7).
     pub(super) short_fractions: bool,
-    /// Where the last stamp stood in its line.
-    hint: usize,
-    /// Of the times between records, where only these are printed.
-    sum: Ns,
+    /// Position of the last timestamp in its line, where the next one is tried first.
+    last_position: usize,
+    /// The sum of the printed differences, in a log that prints only the time since the line before.
+    delta_sum_ns: Ns,
 }
 
 impl Stamps {
-    /// Stamps of a recording of which this is known.
+    /// A parser for one recording; `settings` is what the operator knows of its clock.
     pub fn new(settings: Arc<ClockSettings>) -> Self {
         Self { settings, ..Self::default() }
     }
 
-    /// The clock.
+    /// The clock as the engine needs to know it: absolute, relative or none.
     pub fn clock(&self) -> Clock {
-        match self.seen.kind {
+        match self.state.kind {
             Kind::None => Clock::None,
             Kind::Utc => Clock::Utc,
             _ => Clock::Relative,
         }
     }
 
-    /// What kind of clock it is.
+    /// What the timestamps so far refer to, as users are told.
     pub fn kind(&self) -> Kind {
-        self.seen.kind
+        self.state.kind
     }
 
-    /// What the digits can express.
+    /// The smallest time difference in ns that the decimals of the timestamps can express; `None` without timestamps.
     pub fn resolution(&self) -> Option<Ns> {
-        (self.seen.kind != Kind::None).then(|| 10i64.pow(9 - self.seen.digits.min(9)))
+        (self.state.kind != Kind::None).then(|| 10i64.pow(9 - self.state.decimals.min(9)))
     }
 
-    /// Learns from text ahead which of day and month comes first.
+    /// Reads the timestamps of text that comes later, to learn whether the day or the month comes first and whether nine
+    /// decimals are microseconds. Without this the first lines of a file would be read differently from the later ones.
     pub fn look_ahead(&mut self, lines: &[u8]) {
         for line in lines.split(|&b| b == b'\n').take(2000) {
-            let start = Seen { order: self.seen.order, short_fractions: self.seen.short_fractions, ..Seen::default() };
-            let mut ahead = Self { settings: Arc::clone(&self.settings), seen: start, ..Self::default() };
+            let start =
+                StampState { order: self.state.order, short_fractions: self.state.short_fractions, ..StampState::default() };
+            let mut ahead = Self { settings: Arc::clone(&self.settings), state: start, ..Self::default() };
             ahead.find(line);
-            self.seen.order = ahead.seen.order;
-            self.seen.short_fractions = ahead.seen.short_fractions;
+            self.state.order = ahead.state.order;
+            self.state.short_fractions = ahead.state.short_fractions;
         }
-        self.last = LastSecond::default();
+        self.cached_second = CachedSecond::default();
     }
 
-    /// A number of seconds, since 1970 or since any start.
+    /// Parses a number of seconds, since 1970 or since any start.
     pub fn seconds(&mut self, text: &[u8]) -> Option<Ns> {
-        let (ns, digits) = decimal(text)?;
-        self.shown(if ns >= EPOCH_FROM { Kind::Utc } else { Kind::Relative }, digits);
+        let (ns, decimals) = decimal(text)?;
+        self.note_clock(if ns >= LEAST_EPOCH_NS { Kind::Utc } else { Kind::Relative }, decimals);
         Some(ns)
     }
 
-    /// A number of milliseconds since any start.
+    /// Parses a number of milliseconds since any start.
     pub fn milliseconds(&mut self, text: &[u8]) -> Option<Ns> {
         let value = number(text)?.checked_mul(1_000_000)?;
-        self.shown(Kind::Relative, 3);
+        self.note_clock(Kind::Relative, 3);
         Some(value)
     }
 
-    /// Time has gone on by so much since this was last said.
-    pub fn after(&mut self, delta: Ns) -> Ns {
-        self.shown(Kind::Relative, 3);
-        self.seen.sum = self.seen.sum.saturating_add(delta);
-        self.seen.sum
+    /// Adds a difference that the log prints instead of a time, and returns the sum of all of them.
+    pub fn add_delta(&mut self, delta: Ns) -> Ns {
+        self.note_clock(Kind::Relative, 3);
+        self.state.delta_sum_ns = self.state.delta_sum_ns.saturating_add(delta);
+        self.state.delta_sum_ns
     }
 
-    /// A stamp at the start of the line, and what follows it.
+    /// Parses a timestamp at the start of the line, in brackets or not; returns it and the rest of the line.
     pub fn take<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
         if !line.first().is_some_and(|b| b.is_ascii_digit() || *b == b'[') {
             return (None, line);
@@ -141,7 +153,8 @@ impl Stamps {
         }
     }
 
-    /// `-0.00125`: seconds before what a recorder calls its start.
+    /// Parses a negative number of seconds at the start of the line, such as `-0.00125`, which a recorder writes for what
+    /// came before its trigger; returns the time and the rest of the line.
     pub fn before_start<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
         match self.seconds_stamp(&line[1..]) {
             Some((time, rest)) => (Some(-time), rest),
@@ -149,19 +162,19 @@ impl Stamps {
         }
     }
 
-    /// A stamp anywhere in the text in front of the bytes.
+    /// Finds a timestamp anywhere in the text that stands in front of the bytes.
     pub fn find(&mut self, front: &[u8]) -> Option<Ns> {
         if front.len() < 8 {
             return None;
         }
-        let front = &front[..front.len().min(FRONT_LIMIT)];
-        // Nearly always where it stood in the line before.
-        if let Some((time, _)) = self.stamp_at(front, self.seen.hint) {
+        let front = &front[..front.len().min(MAX_PREFIX_CHARS)];
+        // It nearly always stands where it stood in the line before.
+        if let Some((time, _)) = self.stamp_at(front, self.state.last_position) {
             return Some(time);
         }
         for at in 0..front.len() {
             if let Some((time, _)) = self.stamp_at(front, at) {
-                self.seen.hint = at;
+                self.state.last_position = at;
                 return Some(time);
             }
         }
@@ -170,15 +183,17 @@ impl Stamps {
         self.seconds_stamp(text).map(|(time, _)| time)
     }
 
+    /// Parses the date and time at position `at`, which has to be the start of a word.
     fn stamp_at<'a>(&mut self, front: &'a [u8], at: usize) -> Option<(Ns, &'a [u8])> {
-        let starts = front.get(at).is_some_and(u8::is_ascii_digit) && (at == 0 || !front[at - 1].is_ascii_alphanumeric());
-        if starts {
+        let is_start = front.get(at).is_some_and(u8::is_ascii_digit) && (at == 0 || !front[at - 1].is_ascii_alphanumeric());
+        if is_start {
             self.date_time(&front[at..], &front[..at])
         } else {
             None
         }
     }
 
+    /// Parses a timestamp in seconds with a fraction at the start of the line.
     fn seconds_stamp<'a>(&mut self, line: &'a [u8]) -> Option<(Ns, &'a [u8])> {
         let length = line.iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
         let (text, rest) = line.split_at(length);
@@ -189,92 +204,99 @@ impl Stamps {
         Some((self.seconds(text)?, rest))
     }
 
+    /// Parses a time of day with an optional date in front and an optional zone behind it. `before` is the text before
+    /// `line`, where a date with a month name may stand. Returns the time in ns and the rest of the line.
     fn date_time<'a>(&mut self, line: &'a [u8], before: &[u8]) -> Option<(Ns, &'a [u8])> {
-        let (days, of_day, rest) = match self.last.of(line) {
+        let (days, ns_of_day, rest) = match self.cached_second.lookup(line) {
             Some(known) => known,
-            None => self.second(line)?,
+            None => self.date_and_second(line)?,
         };
-        let (part, digits, rest) = fraction(rest, &mut self.seen.short_fractions)?;
-        let of_day = of_day + part;
+        let (fraction_ns, decimals, rest) = fraction(rest, &mut self.state.short_fractions)?;
+        let ns_of_day = ns_of_day + fraction_ns;
         let (zone, rest) = zone(rest);
-        // A colon with a digit behind it goes on: `11:03:00:6b` are bytes.
-        let ends = match rest {
-            [b':', after, ..] => matches!(after, b' ' | b'\t' | b':'),
+        // A colon with a digit behind it continues a list of bytes, as in `11:03:00:6b`.
+        let is_end = match rest {
+            [b':', next, ..] => matches!(next, b' ' | b'\t' | b':'),
             [first, ..] => matches!(first, b' ' | b'\t' | b']' | b')' | b';' | b',' | b'|'),
             [] => true,
         };
-        if !ends {
+        if !is_end {
             return None;
         }
-        let days = days.or_else(|| words_before(before));
+        let days = days.or_else(|| date_in_words(before));
         let time = match (days, zone) {
             (Some(days), Some(offset)) => {
-                self.shown(Kind::Utc, digits);
-                days * DAY + of_day - offset
+                self.note_clock(Kind::Utc, decimals);
+                days * DAY_NS + ns_of_day - offset
             }
-            (Some(days), None) => self.local(days * DAY + of_day, digits),
-            (None, _) => self.of_day(of_day, digits),
+            (Some(days), None) => self.local(days * DAY_NS + ns_of_day, decimals),
+            (None, _) => self.time_without_date(ns_of_day, decimals),
         };
         Some((time, rest))
     }
 
-    /// A date, where there is one, and a time of day in seconds.
-    fn second<'a>(&mut self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
-        let order = self.seen.order;
-        let (days, rest) = match date(line, &mut self.seen.order) {
+    /// Parses an optional date and a time of day down to seconds: days since 1970-01-01, nanoseconds since midnight, and the
+    /// rest of the line.
+    fn date_and_second<'a>(&mut self, line: &'a [u8]) -> Option<(Option<i64>, Ns, &'a [u8])> {
+        let order = self.state.order;
+        let (days, rest) = match date(line, &mut self.state.order) {
             Some((days, rest)) => (Some(days), rest),
             None => (None, line),
         };
-        let (of_day, rest) = time_of_day(rest)?;
-        // A date that tells which of day and month comes first is read anew, until that is known.
-        if self.seen.order == order {
-            self.last.keep(&line[..line.len() - rest.len()], days, of_day);
+        let (ns_of_day, rest) = time_of_day(rest)?;
+        // A date that has just settled the order of day and month is not cached: it was parsed with the old order.
+        if self.state.order == order {
+            self.cached_second.store(&line[..line.len() - rest.len()], days, ns_of_day);
         }
-        Some((days, of_day, rest))
+        Some((days, ns_of_day, rest))
     }
 
-    /// A time of day: past midnight it begins again.
-    fn of_day(&mut self, of_day: Ns, digits: u32) -> Ns {
-        if self.seen.last_of_day.is_some_and(|last| last - of_day > DAY / 2) {
-            self.seen.days += DAY;
+    /// Converts a time of day without date to ns since the first midnight, or to UTC if the operator named the day. A step
+    /// back by more than half a day means that midnight has passed.
+    fn time_without_date(&mut self, ns_of_day: Ns, decimals: u32) -> Ns {
+        if self.state.last_ns_of_day.is_some_and(|last| last - ns_of_day > DAY_NS / 2) {
+            self.state.midnights_ns += DAY_NS;
         }
-        self.seen.last_of_day = Some(of_day);
+        self.state.last_ns_of_day = Some(ns_of_day);
         if let Some(day) = self.settings.day {
-            return self.local(day * DAY + self.seen.days + of_day, digits);
+            return self.local(day * DAY_NS + self.state.midnights_ns + ns_of_day, decimals);
         }
-        self.shown(Kind::TimeOfDay, digits);
-        self.seen.days + of_day
+        self.note_clock(Kind::TimeOfDay, decimals);
+        self.state.midnights_ns + ns_of_day
     }
 
-    fn local(&mut self, local: Ns, digits: u32) -> Ns {
+    /// Converts a local time to UTC with the operator's zone, if there is one.
+    fn local(&mut self, local: Ns, decimals: u32) -> Ns {
         let (utc, kind) = self.settings.utc(local);
-        self.shown(kind, digits);
+        self.note_clock(kind, decimals);
         utc
     }
 
-    fn shown(&mut self, kind: Kind, digits: u32) {
-        self.seen.kind = self.seen.kind.max(kind);
-        self.seen.digits = self.seen.digits.max(digits);
+    /// Records what a timestamp has shown; the best kind of clock and the most decimals count.
+    fn note_clock(&mut self, kind: Kind, decimals: u32) {
+        self.state.kind = self.state.kind.max(kind);
+        self.state.decimals = self.state.decimals.max(decimals);
     }
 }
 
-/// `+4ms` at the end of a line, as node's `debug` writes it: the time since its line before, rounded from seconds on.
+/// Parses `+4ms` at the end of a line, the time since the line before as Node's `debug` module prints it (rounded to whole
+/// seconds, minutes, hours or days where it is longer).
 pub(super) fn delta(line: &[u8]) -> Option<Ns> {
     let at = line.iter().rposition(|&b| b == b' ')?;
     let text = line[at + 1..].strip_prefix(b"+")?;
-    let digits = text.iter().take_while(|b| b.is_ascii_digit()).count();
-    let unit = match &text[digits..] {
-        b"ms" => SECOND / 1000,
-        b"s" => SECOND,
-        b"m" => 60 * SECOND,
-        b"h" => 3600 * SECOND,
-        b"d" => DAY,
+    let decimals = text.iter().take_while(|b| b.is_ascii_digit()).count();
+    let unit = match &text[decimals..] {
+        b"ms" => SECOND_NS / 1000,
+        b"s" => SECOND_NS,
+        b"m" => 60 * SECOND_NS,
+        b"h" => 3600 * SECOND_NS,
+        b"d" => DAY_NS,
         _ => return None,
     };
-    number(&text[..digits])?.checked_mul(unit)
+    number(&text[..decimals])?.checked_mul(unit)
 }
 
-/// Seconds as ns, exactly, and the number of decimals.
+/// Converts decimal seconds to ns exactly; returns also the number of decimals, at most 9.
 fn decimal(text: &[u8]) -> Option<(Ns, u32)> {
     let (sign, text) = text.strip_prefix(b"-").map_or((1, text), |rest| (-1, rest));
     let point = text.iter().position(|&b| b == b'.').unwrap_or(text.len());
@@ -284,8 +306,8 @@ fn decimal(text: &[u8]) -> Option<(Ns, u32)> {
     if !fraction[kept.len()..].iter().all(u8::is_ascii_digit) {
         return None;
     }
-    let part = if kept.is_empty() { 0 } else { number(kept)? * 10i64.pow(9 - kept.len() as u32) };
-    Some((sign * number(whole)?.checked_mul(SECOND)?.checked_add(part)?, kept.len() as u32))
+    let fraction_ns = if kept.is_empty() { 0 } else { number(kept)? * 10i64.pow(9 - kept.len() as u32) };
+    Some((sign * number(whole)?.checked_mul(SECOND_NS)?.checked_add(fraction_ns)?, kept.len() as u32))
 }
 
 #[cfg(test)]
@@ -298,10 +320,10 @@ mod tests {
         (stamps.find(line.as_bytes()), stamps.kind())
     }
 
-    const NOON: Ns = 1_551_441_600 * SECOND; // 2019-03-01 12:00 UTC, `date -ud 2019-03-01T12:00 +%s`
+    const NOON: Ns = 1_551_441_600 * SECOND_NS; // 2019-03-01 12:00 UTC, `date -ud 2019-03-01T12:00 +%s`
 
     #[test]
-    fn stamps_of_many_loggers() {
+    fn timestamps_of_many_loggers_are_parsed() {
         for (line, ns, kind) in [
             ("2019-03-01 12:00:00.250 DEBUG", NOON + 250_000_000, Kind::Local),
             ("[bus] TRACE 2019/03/01 12:00:00 ", NOON, Kind::Local),
@@ -310,13 +332,13 @@ mod tests {
             ("01 Mar 2019 12:00:00 tty: ", NOON, Kind::Local),
             ("Mar  1 2019 12:00:00 tty: ", NOON, Kind::Local),
             ("01.03.2019 12:00:00.5 ", NOON + 500_000_000, Kind::Local),
-            ("[28/02/2019 12:00:00] ", NOON - DAY, Kind::Local),
-            ("02/28/2019 12:00:00 ", NOON - DAY, Kind::Local),
-            ("28/02/2019@12:00:00.829::Packet", NOON - DAY + 829_000_000, Kind::Local),
-            ("Mar  1 12:00:00 host ", DAY / 2, Kind::TimeOfDay),
-            ("[12:00:00.25][D][uart:114]: ", DAY / 2 + 250_000_000, Kind::TimeOfDay),
-            ("16 12:00:00.25 G ", DAY / 2 + 250_000_000, Kind::TimeOfDay),
-            ("[RTU]>Tx > 12:00:00:250 - ", DAY / 2 + 250_000_000, Kind::TimeOfDay),
+            ("[28/02/2019 12:00:00] ", NOON - DAY_NS, Kind::Local),
+            ("02/28/2019 12:00:00 ", NOON - DAY_NS, Kind::Local),
+            ("28/02/2019@12:00:00.829::Packet", NOON - DAY_NS + 829_000_000, Kind::Local),
+            ("Mar  1 12:00:00 host ", DAY_NS / 2, Kind::TimeOfDay),
+            ("[12:00:00.25][D][uart:114]: ", DAY_NS / 2 + 250_000_000, Kind::TimeOfDay),
+            ("16 12:00:00.25 G ", DAY_NS / 2 + 250_000_000, Kind::TimeOfDay),
+            ("[RTU]>Tx > 12:00:00:250 - ", DAY_NS / 2 + 250_000_000, Kind::TimeOfDay),
             ("1551441600.5: ", NOON + 500_000_000, Kind::Utc),
             ("000001.500 RX ", 1_500_000_000, Kind::Relative),
         ] {
@@ -328,41 +350,41 @@ mod tests {
     }
 
     #[test]
-    fn a_date_above_twelve_tells_the_order() {
+    fn a_day_above_twelve_settles_the_order_of_day_and_month() {
         let mut stamps = Stamps::default();
         stamps.look_ahead(b"01/02/2019 00:00:00 x\n01/31/2019 00:00:00 x\n");
         let first = stamps.find(b"01/02/2019 00:00:00 x").unwrap();
-        assert_eq!(first, 1_546_387_200 * SECOND); // 2019-01-02
+        assert_eq!(first, 1_546_387_200 * SECOND_NS); // 2019-01-02
         let mut stamps = Stamps::default();
-        assert_eq!(stamps.find(b"01/02/2019 00:00:00 x").unwrap(), 1_548_979_200 * SECOND);
+        assert_eq!(stamps.find(b"01/02/2019 00:00:00 x").unwrap(), 1_548_979_200 * SECOND_NS);
         // 2019-02-01
     }
 
     #[test]
     fn a_zone_and_a_date_make_utc() {
         // Berlin: +1, from 2019-03-31 01:00 UTC on +2, from 2019-10-27 01:00 UTC on +1.
-        let hour = 3600 * SECOND;
-        let zone = vec![(Ns::MIN / 2, hour), (1_553_994_000 * SECOND, 2 * hour), (1_572_138_000 * SECOND, hour)];
+        let hour = 3600 * SECOND_NS;
+        let zone = vec![(Ns::MIN / 2, hour), (1_553_994_000 * SECOND_NS, 2 * hour), (1_572_138_000 * SECOND_NS, hour)];
         let mut stamps = Stamps::new(Arc::new(ClockSettings { zone, day: day_of("2019-03-01") }));
         assert_eq!(stamps.find(b"13:00:00.000 x"), Some(NOON));
-        assert_eq!(stamps.find(b"2019-07-01 14:00:00 x"), Some(1_561_982_400 * SECOND)); // 2019-07-01 12:00 UTC
-        assert_eq!(stamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND)); // the first of the two
-        assert_eq!(stamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND));
+        assert_eq!(stamps.find(b"2019-07-01 14:00:00 x"), Some(1_561_982_400 * SECOND_NS)); // 2019-07-01 12:00 UTC
+        assert_eq!(stamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND_NS)); // the first of the two
+        assert_eq!(stamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND_NS));
         assert_eq!(stamps.kind(), Kind::Utc);
     }
 
     #[test]
-    fn times_between_lines() {
+    fn differences_to_the_line_before_are_parsed() {
         assert_eq!(delta(b"buffer: <Buffer 05> } +14ms"), Some(14_000_000));
-        assert_eq!(delta(b"x +2s"), Some(2 * SECOND));
+        assert_eq!(delta(b"x +2s"), Some(2 * SECOND_NS));
         assert_eq!((delta(b"x + 2s"), delta(b"x +2"), delta(b"+2s")), (None, None, None));
     }
 
     #[test]
     fn socat_prints_microseconds_as_nanoseconds() {
-        let mut stamps = Stamps { seen: Seen { short_fractions: true, ..Seen::default() }, ..Stamps::default() };
-        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY / 2 + 393_542_000));
-        assert_eq!(stamps.find(b"12:00:00.393542123 x"), Some(DAY / 2 + 393_542_123));
-        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY / 2 + 393_542));
+        let mut stamps = Stamps { state: StampState { short_fractions: true, ..StampState::default() }, ..Stamps::default() };
+        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY_NS / 2 + 393_542_000));
+        assert_eq!(stamps.find(b"12:00:00.393542123 x"), Some(DAY_NS / 2 + 393_542_123));
+        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY_NS / 2 + 393_542));
     }
 }

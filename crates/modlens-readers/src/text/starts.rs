@@ -31,7 +31,7 @@ impl Starts {
         let mut starts = Self { first, tied: Vec::new(), masks: none.clone(), second: none, few: Vec::new() };
         for (i, (_, template)) in rules.iter().enumerate().skip(first) {
             let bit = 1 << (i - first).min(BITS - 1);
-            match *template.begins() {
+            match *template.anchor_text() {
                 [] => starts.tied.push(i),
                 [one] => {
                     starts.masks[one as usize] |= bit;

@@ -1,7 +1,8 @@
-//! A line of a log with places for what varies: `Tx:{n}-{hex}`. The words are explained in analyzer/sources/dialects.toml.
+//! Patterns for log lines with placeholders for what varies, such as `Tx:{n}-{hex}`. The placeholders are explained in
+//! analyzer/sources/dialects.toml.
 //!
-//! A template is found anywhere in a line, so that whatever a logger puts in front (times, hosts, levels, quote marks)
-//! does not matter. The fixed text that it begins with is searched first; lines without it cost next to nothing.
+//! A template may match anywhere in a line, so that whatever a logger puts in front (times, hosts, levels, quote marks)
+//! does not matter. The fixed text at its beginning is searched first, so lines without it cost next to nothing.
 
 use memchr::memchr;
 use memchr::memmem::Finder;
@@ -12,20 +13,21 @@ use crate::text::notation::{Marks, Notation};
 use crate::text::stamp::Stamps;
 use modlens_protocol::Ns;
 
-/// The most characters that `{any}` stands for.
-const ANY_LIMIT: usize = 400;
+/// The most characters that `{any}` may stand for.
+const MAX_ANY_CHARS: usize = 400;
 
-/// The longest name of a device.
-const KEY_LIMIT: usize = 64;
+/// The most characters of a device's name (`{key}`).
+const MAX_KEY_CHARS: usize = 64;
 
-/// Steps after which a line is given up: templates are short, and bytes must not make them slow.
-const STEPS: u32 = 4000;
+/// A match is given up after so many elements were tried, because several `{any}` in one template could otherwise try a
+/// long line in a quadratic number of ways.
+const MAX_STEPS: u32 = 4000;
 
-/// A piece of a template.
+/// One element of a template: fixed text or a placeholder.
 #[derive(Clone, Debug)]
 enum Element {
     Text(Vec<u8>),
-    /// At least so many blanks or tabs.
+    /// Spaces and tabs, at least so many of them.
     Blank(usize),
     Any,
     Digits,
@@ -33,51 +35,57 @@ enum Element {
     Word,
     Time,
     Milliseconds,
-    /// The offset of a line of a dump, in this radix.
+    /// The offset at the start of a dump line, in this radix.
     Offset(u32),
+    /// The name of a device, up to this character or else to the next space.
     Key(Option<u8>),
-    /// An optional time, words, a time: in front of plain bytes.
+    /// An optional timestamp and an optional word that says who sent the bytes, in either order.
     Front,
+    /// Bytes in one of these notations; strings end at this character.
     Bytes(Vec<Notation>, Option<u8>),
+    /// A whole line of modlens' own chunk log.
     Chunk,
 }
 
-/// What a line said, beside its bytes.
+/// What a template found in a line, except for the bytes, which go to `Scratch::out`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Match {
-    /// Where it began and ended in the line.
+    /// Position of the match in the line.
     pub start: usize,
     pub end: usize,
     pub time: Option<Ns>,
     pub side: Option<Side>,
+    /// Position of the device's name in the line; once the name is known, its number takes the place of the first.
     pub key: Option<(usize, usize)>,
     pub offset: Option<u64>,
-    /// Line of a two-line tap.
+    /// Which line of a two-line tap: 0 for the only one, 1 for A, 2 for B.
     pub line: u8,
     pub marks: Marks,
-    /// The last word of the line may hold one byte only.
-    pub pads: bool,
+    /// The bytes are 16-bit words, of which the last may hold one byte only.
+    pub may_end_with_half_word: bool,
 }
 
 /// A compiled template.
 #[derive(Clone, Debug)]
 pub(super) struct Template {
+    /// Searches for the fixed text that a match begins with; `None` if a match begins at the start of the text.
     anchor: Option<Finder<'static>>,
     elements: Vec<Element>,
-    /// The line has to be read to its end.
-    pub whole: bool,
-    /// It begins the line.
-    first: bool,
-    /// It ends the line.
-    last: bool,
+    /// Nothing but punctuation may stand behind the match.
+    pub must_reach_line_end: bool,
+    /// A match has to begin at the start of the line (`^`).
+    is_at_line_start: bool,
+    /// A match has to end at the end of the line (`$`).
+    is_at_line_end: bool,
 }
 
-/// What a match writes to, and learns from.
+/// What a match writes its results to, and what it learns from the line.
 pub(super) struct Scratch<'a> {
     pub stamps: &'a mut Stamps,
     pub out: &'a mut Vec<u8>,
-    /// The notation that closed the last checksum where a template has several.
+    /// Of a template with several notations, the one that gave the last valid checksum; it is tried first.
     pub preferred: &'a mut Option<Notation>,
+    /// Elements tried so far for this match.
     steps: u32,
 }
 
@@ -88,10 +96,10 @@ impl<'a> Scratch<'a> {
 }
 
 impl Template {
-    /// Compiles the text; the message says which word is not known.
+    /// Compiles a template; the error message names an unknown placeholder.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let (anchored, body) = text.strip_prefix('^').map_or((false, text), |rest| (true, rest));
-        let (last, body) = body.strip_suffix('$').map_or((false, body), |rest| (true, rest));
+        let (is_at_line_start, body) = text.strip_prefix('^').map_or((false, text), |rest| (true, rest));
+        let (is_at_line_end, body) = body.strip_suffix('$').map_or((false, body), |rest| (true, rest));
         let mut elements = Vec::new();
         let mut rest = body;
         while !rest.is_empty() {
@@ -102,68 +110,73 @@ impl Template {
                 }
                 Some(inner) => {
                     let (word, behind) = inner.split_once('}').ok_or_else(|| format!("{text:?}: a {{ without }}"))?;
-                    elements.push(element(word).ok_or_else(|| format!("{text:?}: unknown {{{word}}}; known are {}", known()))?);
+                    elements.push(
+                        parse_element(word)
+                            .ok_or_else(|| format!("{text:?}: unknown {{{word}}}; known are {}", placeholders()))?,
+                    );
                     behind
                 }
-                None => literal(rest, &mut elements),
+                None => parse_fixed_text(rest, &mut elements),
             };
         }
         if elements.is_empty() {
             return Err(String::from("an empty template"));
         }
-        finish(&mut elements);
-        let whole = matches!(elements.first(), Some(Element::Front));
+        link_elements(&mut elements);
+        let must_reach_line_end = matches!(elements.first(), Some(Element::Front));
         let anchor = match elements.first() {
-            Some(Element::Text(text)) if !anchored => Some(Finder::new(text).into_owned()),
-            Some(Element::Bytes(notations, _)) if !anchored => notations[0].opening().map(|b| Finder::new(&[b]).into_owned()),
+            Some(Element::Text(text)) if !is_at_line_start => Some(Finder::new(text).into_owned()),
+            Some(Element::Bytes(notations, _)) if !is_at_line_start => {
+                notations[0].opening().map(|b| Finder::new(&[b]).into_owned())
+            }
             _ => None,
         };
-        if anchor.is_none() && !anchored && !matches!(elements.first(), Some(Element::Front | Element::Chunk)) {
+        if anchor.is_none() && !is_at_line_start && !matches!(elements.first(), Some(Element::Front | Element::Chunk)) {
             return Err(format!("{text:?}: begins with no fixed text; put ^ in front if it begins the line"));
         }
-        Ok(Self { anchor, elements, whole, first: anchored, last })
+        Ok(Self { anchor, elements, must_reach_line_end, is_at_line_start, is_at_line_end })
     }
 
-    /// How many characters of fixed text it has.
-    pub fn fixed(&self) -> usize {
+    /// The number of characters of fixed text, a measure of how specific the template is.
+    pub fn fixed_chars(&self) -> usize {
         self.elements.iter().map(|element| if let Element::Text(text) = element { text.len() } else { 0 }).sum()
     }
 
-    /// The characters that a match begins with, where it may begin anywhere.
-    pub fn begins(&self) -> &[u8] {
+    /// The fixed text that a match begins with; empty for a template that is tried at the start of the text only.
+    pub fn anchor_text(&self) -> &[u8] {
         self.anchor.as_ref().map_or(&[], |anchor| anchor.needle())
     }
 
-    /// Whether `text` can hold a match.
-    pub fn possible(&self, text: &[u8]) -> bool {
+    /// Whether `text` contains the fixed text that a match begins with, so that a match is possible.
+    pub fn may_match(&self, text: &[u8]) -> bool {
         self.anchor.as_ref().is_none_or(|anchor| anchor.find(text).is_some())
     }
 
-    /// Whether it takes bytes from the line.
+    /// Whether a match yields bytes.
     pub fn takes_bytes(&self) -> bool {
         self.elements.iter().any(|element| matches!(element, Element::Bytes(..) | Element::Chunk))
     }
 
-    /// Whether the fixed text that it begins with stands here, and not inside of a word.
+    /// Whether a match may begin at `start`: its fixed text stands there, and not inside a word.
     pub fn may_begin(&self, line: &[u8], start: usize) -> bool {
-        let begins = |anchor: &Finder<'static>| line[start..].starts_with(anchor.needle());
-        self.anchor.as_ref().is_some_and(begins) && !inside_word(line, start)
+        let stands_here = |anchor: &Finder<'static>| line[start..].starts_with(anchor.needle());
+        self.anchor.as_ref().is_some_and(stands_here) && !inside_word(line, start)
     }
 
-    /// The first match from `from` on; its bytes go to the scratch.
+    /// The first match that begins at or behind `from`; its bytes go to `scratch.out`.
     pub fn find(&self, line: &[u8], from: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
-        if self.first && from > 0 {
+        if self.is_at_line_start && from > 0 {
             return None;
         }
         let Some(anchor) = &self.anchor else {
             let start = from + line[from..].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
-            return self.at(line, start, scratch);
+            return self.match_at(line, start, scratch);
         };
         let mut at = from;
         while let Some(hit) = anchor.find(&line[at..]) {
             let start = at + hit;
             if !inside_word(line, start) {
-                if let Some(found) = self.at(line, start, scratch) {
+                if let Some(found) = self.match_at(line, start, scratch) {
                     return Some(found);
                 }
             }
@@ -172,26 +185,28 @@ impl Template {
         None
     }
 
-    /// The match that begins here; its bytes go to the scratch.
-    pub fn at(&self, line: &[u8], start: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
+    /// The match that begins at `start`, if there is one; its bytes go to `scratch.out`.
+    pub fn match_at(&self, line: &[u8], start: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
         scratch.out.clear();
         let mut found = Match { start, ..Match::default() };
-        found.end = walk(&self.elements, line, start, &mut found, scratch)?;
-        (!self.last || line[found.end..].trim_ascii().is_empty()).then_some(found)
+        found.end = match_elements(&self.elements, line, start, &mut found, scratch)?;
+        (!self.is_at_line_end || line[found.end..].trim_ascii().is_empty()).then_some(found)
     }
 }
 
-/// Whether a word goes on here: nothing begins inside of one.
+/// Whether `start` is inside a word, where no match may begin.
 fn inside_word(line: &[u8], start: usize) -> bool {
     start > 0 && line[start].is_ascii_alphanumeric() && line[start - 1].is_ascii_alphanumeric()
 }
 
-fn known() -> String {
+/// All placeholders, for the error message about an unknown one.
+fn placeholders() -> String {
     let plain = ["any", "n", "x", "word", "time", "ms", "offset", "octal offset", "key", "front", "chunk"].iter().copied();
     plain.chain(Notation::WORDS.iter().map(|(word, _)| *word)).collect::<Vec<_>>().join(" ")
 }
 
-fn element(word: &str) -> Option<Element> {
+/// The element for the text between two braces; `None` for an unknown placeholder.
+fn parse_element(word: &str) -> Option<Element> {
     Some(match word {
         "any" => Element::Any,
         "n" => Element::Digits,
@@ -214,8 +229,8 @@ fn element(word: &str) -> Option<Element> {
     })
 }
 
-/// Fixed text up to the next brace; runs of blanks stand for any number of them.
-fn literal<'a>(text: &'a str, elements: &mut Vec<Element>) -> &'a str {
+/// Parses fixed text up to the next brace into elements and returns the rest. A run of spaces matches any number of them.
+fn parse_fixed_text<'a>(text: &'a str, elements: &mut Vec<Element>) -> &'a str {
     let end = text.find('{').unwrap_or(text.len());
     let mut rest = &text[..end];
     while !rest.is_empty() {
@@ -233,8 +248,9 @@ fn literal<'a>(text: &'a str, elements: &mut Vec<Element>) -> &'a str {
     &text[end..]
 }
 
-/// Blanks around bytes may be missing; a string of escapes ends where the text behind it begins.
-fn finish(elements: &mut [Element]) {
+/// Completes each element with what its successor demands: spaces in front of bytes or at the end may be missing, and an
+/// escaped string or a device's name ends where the fixed text behind it begins.
+fn link_elements(elements: &mut [Element]) {
     for i in 0..elements.len() {
         let bytes_behind = matches!(elements.get(i + 1), Some(Element::Bytes(..)) | None);
         let stop = match elements.get(i + 1) {
@@ -249,24 +265,33 @@ fn finish(elements: &mut [Element]) {
     }
 }
 
-fn walk(elements: &[Element], line: &[u8], start: usize, found: &mut Match, scratch: &mut Scratch<'_>) -> Option<usize> {
+/// Matches the elements one after the other from `start` on. Returns the end of the match; what it finds goes to `found`
+/// and `scratch`.
+fn match_elements(
+    elements: &[Element],
+    line: &[u8],
+    start: usize,
+    found: &mut Match,
+    scratch: &mut Scratch<'_>,
+) -> Option<usize> {
     let mut at = start;
     for (i, element) in elements.iter().enumerate() {
         scratch.steps += 1;
-        if scratch.steps > STEPS {
+        if scratch.steps > MAX_STEPS {
             return None;
         }
         let rest = line.get(at..)?;
         at += match element {
             Element::Text(text) => rest.starts_with(text).then_some(text.len())?,
-            Element::Blank(least) => Some(count(rest, |b| matches!(b, b' ' | b'\t'))).filter(|blanks| blanks >= least)?,
-            Element::Any => return any(&elements[i + 1..], line, at, found, scratch),
-            Element::Digits => some(rest, |b| b.is_ascii_digit())?,
-            Element::HexDigits => some(rest, |b| b.is_ascii_hexdigit())?,
-            Element::Word => some(rest, |b| !b.is_ascii_whitespace() && b != b',')?,
+            Element::Blank(least) => Some(count_prefix(rest, |b| matches!(b, b' ' | b'\t'))).filter(|blanks| blanks >= least)?,
+            Element::Any => return match_any(&elements[i + 1..], line, at, found, scratch),
+            Element::Digits => count_some(rest, |b| b.is_ascii_digit())?,
+            Element::HexDigits => count_some(rest, |b| b.is_ascii_hexdigit())?,
+            Element::Word => count_some(rest, |b| !b.is_ascii_whitespace() && b != b',')?,
             Element::Key(stop) => {
-                let length =
-                    some(&rest[..rest.len().min(KEY_LIMIT)], |b| stop.map_or(!b.is_ascii_whitespace(), |stop| b != stop))?;
+                let length = count_some(&rest[..rest.len().min(MAX_KEY_CHARS)], |b| {
+                    stop.map_or(!b.is_ascii_whitespace(), |stop| b != stop)
+                })?;
                 found.key = Some((at, at + length));
                 length
             }
@@ -277,17 +302,17 @@ fn walk(elements: &[Element], line: &[u8], start: usize, found: &mut Match, scra
                 rest.len() - behind.len()
             }
             Element::Milliseconds => {
-                let length = some(rest, |b| b.is_ascii_digit())?;
+                let length = count_some(rest, |b| b.is_ascii_digit())?;
                 found.time = Some(scratch.stamps.milliseconds(&rest[..length])?);
                 length
             }
-            Element::Offset(radix) => offset(rest, *radix, found)?,
+            Element::Offset(radix) => parse_offset(rest, *radix, found)?,
             Element::Front => {
                 let (time, side, behind) = front::take(rest, scratch.stamps);
                 (found.time, found.side) = (time, side);
                 rest.len() - behind.len()
             }
-            Element::Bytes(notations, stop) => bytes(notations, *stop, rest, found, scratch)?,
+            Element::Bytes(notations, stop) => match_bytes(notations, *stop, rest, found, scratch)?,
             Element::Chunk => {
                 let read = super::chunks::parse(rest, scratch.stamps, scratch.out)?;
                 (found.time, found.line) = (read.0, read.1);
@@ -298,10 +323,11 @@ fn walk(elements: &[Element], line: &[u8], start: usize, found: &mut Match, scra
     Some(at)
 }
 
-fn any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch: &mut Scratch<'_>) -> Option<usize> {
+/// Matches `{any}`: tries the elements behind it at each place from `from` on, nearest first.
+fn match_any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch: &mut Scratch<'_>) -> Option<usize> {
     let Some(next) = behind.first() else { return Some(line.len()) };
     let before = (*found, scratch.out.len());
-    let limit = line.len().min(from + ANY_LIMIT);
+    let limit = line.len().min(from + MAX_ANY_CHARS);
     let first = if let Element::Text(text) = next { text.first() } else { None };
     let mut at = from;
     while at <= limit {
@@ -311,10 +337,10 @@ fn any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch:
                 None => break,
             }
         }
-        if let Some(end) = walk(behind, line, at, found, scratch) {
+        if let Some(end) = match_elements(behind, line, at, found, scratch) {
             return Some(end);
         }
-        if scratch.steps > STEPS {
+        if scratch.steps > MAX_STEPS {
             return None;
         }
         *found = before.0;
@@ -324,10 +350,18 @@ fn any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch:
     None
 }
 
-fn bytes(notations: &[Notation], stop: Option<u8>, text: &[u8], found: &mut Match, scratch: &mut Scratch<'_>) -> Option<usize> {
+/// Reads bytes in the notation of the template. Of several notations the first counts whose bytes are a whole frame, or
+/// else the first that reads anything. Returns the length of the text.
+fn match_bytes(
+    notations: &[Notation],
+    stop: Option<u8>,
+    text: &[u8],
+    found: &mut Match,
+    scratch: &mut Scratch<'_>,
+) -> Option<usize> {
     let start = scratch.out.len();
     if let [only] = notations {
-        found.pads = only.pads();
+        found.may_end_with_half_word = only.has_words();
         return only.read(text, stop, scratch.out, &mut found.marks);
     }
     let preferred = scratch.preferred.filter(|one| notations.contains(one));
@@ -336,7 +370,7 @@ fn bytes(notations: &[Notation], stop: Option<u8>, text: &[u8], found: &mut Matc
         scratch.out.truncate(start);
         let mut marks = Marks::default();
         let Some(length) = notation.read(text, stop, scratch.out, &mut marks) else { continue };
-        if crate::text::evidence::closes(&scratch.out[start..]) {
+        if crate::text::evidence::is_whole_frame(&scratch.out[start..]) {
             *scratch.preferred = Some(notation);
             found.marks = marks;
             return Some(length);
@@ -347,17 +381,20 @@ fn bytes(notations: &[Notation], stop: Option<u8>, text: &[u8], found: &mut Matc
     first?.read(text, stop, scratch.out, &mut found.marks)
 }
 
-fn offset(text: &[u8], radix: u32, found: &mut Match) -> Option<usize> {
-    let length = count(text, |b| (b as char).is_digit(radix));
+/// Parses the 4 to 16 digits of a dump's offset; returns the length of the text.
+fn parse_offset(text: &[u8], radix: u32, found: &mut Match) -> Option<usize> {
+    let length = count_prefix(text, |b| (b as char).is_digit(radix));
     let digits = std::str::from_utf8(&text[..length]).ok().filter(|digits| (4..=16).contains(&digits.len()))?;
     found.offset = Some(u64::from_str_radix(digits, radix).ok()?);
     Some(length)
 }
 
-fn count(text: &[u8], takes: impl Fn(u8) -> bool) -> usize {
+/// The number of leading characters that `takes` accepts.
+fn count_prefix(text: &[u8], takes: impl Fn(u8) -> bool) -> usize {
     text.iter().take_while(|b| takes(**b)).count()
 }
 
-fn some(text: &[u8], takes: impl Fn(u8) -> bool) -> Option<usize> {
-    Some(count(text, takes)).filter(|&length| length > 0)
+/// The number of leading characters that `takes` accepts; `None` if there is none.
+fn count_some(text: &[u8], takes: impl Fn(u8) -> bool) -> Option<usize> {
+    Some(count_prefix(text, takes)).filter(|&length| length > 0)
 }

@@ -118,7 +118,7 @@ impl Notation {
     }
 
     /// Whether the last word of a short line may hold one byte only.
-    pub fn pads(self) -> bool {
+    pub fn has_words(self) -> bool {
         matches!(self, Self::Words | Self::Octal)
     }
 }

@@ -66,7 +66,7 @@ impl Reader {
     /// A reader for these rows: the first that fits a line reads it. With `others`, these are tried where none fits.
     pub fn new(dialects: Vec<Arc<Dialect>>, others: Option<Arc<Dialects>>, clock: Arc<ClockSettings>) -> Self {
         let mut stamps = Stamps::new(clock);
-        stamps.seen.short_fractions = dialects.iter().any(|dialect| dialect.short_fractions);
+        stamps.state.short_fractions = dialects.iter().any(|dialect| dialect.short_fractions);
         Self {
             dialects,
             others,
@@ -102,7 +102,7 @@ impl Reader {
         while let Some((record, bytes)) = ahead.next(false) {
             let Some(side) = record.side else { continue };
             let slot = &mut sides[usize::from(side == Side::Received)];
-            *slot = (*slot + evidence::direction(bytes, record.framing)).clamp(-100, 100);
+            *slot = (*slot + evidence::direction_evidence(bytes, record.framing)).clamp(-100, 100);
         }
         sides
     }
@@ -159,7 +159,7 @@ impl Reader {
         }
         let dialects = std::mem::take(&mut self.dialects);
         // Bytes that a line before announced are those of its row.
-        let announced = self.deliver.expects_more();
+        let announced = self.deliver.expects_continuation();
         let first = dialects.iter().filter(|row| announced && row.has_heads);
         let row = first.chain(dialects.iter()).find(|dialect| self.matches_of(dialect, line)).cloned();
         let deltas = dialects.iter().any(|dialect| dialect.deltas);
@@ -173,13 +173,13 @@ impl Reader {
             self.unread.clear();
         } else if !self.another_row(line) && !comment(text) && !self.rows_behind(line) {
             if !deltas {
-                self.deliver.end_of_head(&self.stamps);
+                self.deliver.end_announcement(&self.stamps);
             }
             self.note_unparsed(text);
         }
         if let Some(delta) = delta(text).filter(|_| deltas) {
-            let time = self.stamps.after(delta);
-            self.deliver.stamp(time, &self.stamps);
+            let time = self.stamps.add_delta(delta);
+            self.deliver.end_frame_at(time, &self.stamps);
         }
     }
 
@@ -198,16 +198,16 @@ impl Reader {
         self.matches.clear();
         self.found.clear();
         let (mut from, mut whole) = (0, false);
-        let seen = self.stamps.seen;
+        let seen = self.stamps.state;
         while from < line.len() && self.matches.len() < PER_LINE {
             let Some((role, mut found, last)) = self.first_rule(dialect, line, from) else { break };
             if role == Role::More
                 && dialect.has_heads
                 && found.offset.is_none()
-                && !self.deliver.expects_more()
-                && !evidence::closes(&self.bytes)
+                && !self.deliver.expects_continuation()
+                && !evidence::is_whole_frame(&self.bytes)
             {
-                self.stamps.seen = seen;
+                self.stamps.state = seen;
                 return false;
             }
             self.found.extend_from_slice(&self.bytes);
@@ -224,7 +224,7 @@ impl Reader {
         let ends = if whole { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
         let read = ends && !self.matches.is_empty();
         if !read {
-            self.stamps.seen = seen;
+            self.stamps.state = seen;
         }
         read
     }
@@ -253,7 +253,7 @@ impl Reader {
                 if !dialect.rules[i].1.may_begin(line, start) {
                     continue;
                 }
-                let found = self.attempt(dialect, i, |template, scratch| template.at(line, start, scratch));
+                let found = self.attempt(dialect, i, |template, scratch| template.match_at(line, start, scratch));
                 if found.is_some() {
                     return found;
                 }
@@ -279,12 +279,12 @@ impl Reader {
         find: impl FnOnce(&Template, &mut Scratch<'_>) -> Option<Match>,
     ) -> Option<(Role, Match, bool)> {
         let (role, template) = &dialect.rules[index];
-        let seen = self.stamps.seen;
+        let seen = self.stamps.state;
         let found = find(template, &mut Scratch::new(&mut self.stamps, &mut self.bytes, &mut self.preferred));
         if found.is_none() {
-            self.stamps.seen = seen;
+            self.stamps.state = seen;
         }
-        found.map(|found| (*role, found, template.whole))
+        found.map(|found| (*role, found, template.must_reach_line_end))
     }
 
     fn note_unparsed(&mut self, line: &[u8]) {

@@ -37,9 +37,9 @@ impl Reader {
         let used = |row: &Arc<Dialect>| self.dialects.iter().any(|one| one.name == row.name);
         let Some(row) = others.rows().filter(|row| !used(row)).find(reads) else { return false };
         self.dialects.push(Arc::clone(row));
-        self.stamps.seen.short_fractions |= row.short_fractions;
+        self.stamps.state.short_fractions |= row.short_fractions;
         // They were counted, all but the last.
-        self.deliver.end_of_head(&self.stamps);
+        self.deliver.end_announcement(&self.stamps);
         let lines = std::mem::take(&mut self.unread);
         self.unparsed -= lines.len() as u64 - 1;
         self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
@@ -64,18 +64,18 @@ impl Reader {
         // Those whose bytes other lines announce are tried with these (`rows_behind`).
         for dialect in others.rows().filter(|row| !row.has_heads) {
             let used = self.dialects.iter().any(|one| one.name == dialect.name);
-            let seen = self.stamps.seen;
+            let seen = self.stamps.state;
             if !used
                 && self.matches_of(dialect, line)
-                && evidence::good(&self.found) == self.found.len()
+                && evidence::proven_bytes(&self.found) == self.found.len()
                 && !self.found.is_empty()
             {
                 self.dialects.push(Arc::clone(dialect));
-                self.stamps.seen.short_fractions |= dialect.short_fractions;
+                self.stamps.state.short_fractions |= dialect.short_fractions;
                 self.hand_over(dialect);
                 return true;
             }
-            self.stamps.seen = seen;
+            self.stamps.state = seen;
         }
         false
     }
@@ -88,13 +88,13 @@ fn reads_all(row: &Arc<Dialect>, text: &[u8]) -> bool {
     let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
     while let Some((record, piece)) = reader.next(true) {
         if record.record {
-            good += evidence::good(&burst);
+            good += evidence::proven_bytes(&burst);
             burst.clear();
         }
         bytes += piece.len();
         burst.extend_from_slice(piece);
     }
-    good += evidence::good(&burst);
+    good += evidence::proven_bytes(&burst);
     // Where a program prints no checksums, its words have to do.
     bytes > 0 && (good == bytes || row.no_checksum) && reader.announced()
 }
