@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::chunk::Side;
-use crate::text::dialect::{Dialect, Role, Wrap};
+use crate::text::dialect::{Dialect, Encapsulation, Role};
 use crate::text::evidence::check_frame;
 use crate::text::reader::LeftOut;
 use crate::text::stamp::Stamps;
@@ -142,21 +142,21 @@ impl Deliver {
         self.end_dump_line(found.offset, stamps);
         let key = found.key.map_or(0, |(key, _)| key);
         match role {
-            Role::Skip => {}
-            Role::Repeat => self.dump_state.has_repeat_mark = true,
-            Role::Copy => self.skip(self.number, bytes, DUPLICATE),
-            Role::Head(_) | Role::HeadOfCopies => {
+            Role::Ignored => {}
+            Role::RepeatedLines => self.dump_state.has_repeat_mark = true,
+            Role::Duplicate => self.skip(self.number, bytes, DUPLICATE),
+            Role::Header(_) | Role::DuplicateHeader => {
                 self.end_multi_line_frame(stamps);
                 self.announced += 1;
-                let side = if let Role::Head(side) = role { side } else { None };
-                let announces_duplicates = role == Role::HeadOfCopies;
+                let side = if let Role::Header(side) = role { side } else { None };
+                let announces_duplicates = role == Role::DuplicateHeader;
                 self.header = Some(Header { side, time: found.time, key, announces_duplicates });
             }
-            Role::More => self.continuation(dialect, found, bytes, stamps),
-            Role::Again if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
+            Role::Continuation => self.continuation(dialect, found, bytes, stamps),
+            Role::PossibleDuplicate if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
                 self.skip(self.number, bytes, DUPLICATE);
             }
-            Role::Again => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, stamps),
+            Role::PossibleDuplicate => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, stamps),
             Role::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, stamps),
         }
     }
@@ -168,7 +168,7 @@ impl Deliver {
         let header = self.header.unwrap_or(without_header);
         if header.announces_duplicates {
             self.skip(self.number, bytes, DUPLICATE);
-        } else if dialect.joined {
+        } else if dialect.is_joined {
             if found.offset == Some(0) {
                 self.end_multi_line_frame(stamps);
             }
@@ -199,10 +199,10 @@ impl Deliver {
         self.is_generic = dialect.generic;
         let no_checksum = dialect.no_checksum || found.marks.no_checksum;
         let entry_bytes = EntryBytes { bytes, side, time, key, line: found.line, number: self.number, no_checksum };
-        if dialect.stream {
+        if dialect.is_dump {
             self.dump_line(&entry_bytes, found, stamps);
-        } else if dialect.wrap == Some(Wrap::Solarman) {
-            match unwrap::solarman(bytes) {
+        } else if dialect.encapsulation == Some(Encapsulation::Solarman) {
+            match unwrap::solarman_rtu_frame(bytes) {
                 Ok(inner) => {
                     self.skip(self.number, bytes, "Solarman V5 wrapper of a frame");
                     self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, stamps);
@@ -309,8 +309,8 @@ impl Deliver {
     /// Makes an entry of the multi-line frame, if there is one.
     fn end_multi_line_frame(&mut self, stamps: &Stamps) {
         let Some(MultiLineFrame { dialect, header, bytes, number }) = self.multi_line_frame.take() else { return };
-        let inner = match dialect.wrap {
-            Some(Wrap::Network) => match unwrap::network(&bytes) {
+        let inner = match dialect.encapsulation {
+            Some(Encapsulation::Network) => match unwrap::network_payload(&bytes) {
                 Ok(inner) => inner,
                 Err(reason) => return self.skip(number, &bytes, reason),
             },

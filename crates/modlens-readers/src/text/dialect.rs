@@ -1,6 +1,6 @@
-//! The table of dialects: `analyzer/sources/dialects.toml` compiled to templates. Users add rows in the same words.
+//! Compiles the table of dialects, `analyzer/sources/dialects.toml`, to templates. Users may add rows in the same format.
 //!
-//! What is not here: any knowledge of a single program's log. It stands in the table.
+//! All knowledge about the log of a particular program stands in that table, none of it here.
 
 use std::sync::{Arc, OnceLock};
 
@@ -15,62 +15,64 @@ use modlens_protocol::functions::parse_toml;
 /// The embedded table.
 pub const TABLE: &str = include_str!("../../../../analyzer/sources/dialects.toml");
 
-/// Byte strings, and who sent them.
+/// Byte strings with their sender; `None` where the log does not say who sent them.
 pub type Strings = Vec<(Option<Side>, Vec<u8>)>;
 
-/// What a line that fits a template is.
+/// The meaning of a line that a template matches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Bytes that the side sent; `None` where the log does not say who.
+    /// It holds bytes; `None` where the log does not say who sent them.
     Bytes(Option<Side>),
-    /// Announces the bytes of the lines behind it.
-    Head(Option<Side>),
-    /// Announces bytes that were printed before.
-    HeadOfCopies,
-    /// Bytes that a head announced.
-    More,
-    /// Bytes that are new only if they were not just delivered.
-    Again,
-    /// Bytes that were printed before.
-    Copy,
-    /// Stands for lines like the one before, as many as the next offset says.
-    Repeat,
-    /// Belongs to the format, and says nothing.
-    Skip,
+    /// A header line, which announces the bytes in the lines behind it.
+    Header(Option<Side>),
+    /// A header line for bytes that the log has printed before.
+    DuplicateHeader,
+    /// It holds bytes that a header line announced.
+    Continuation,
+    /// It holds bytes that are duplicates if the same bytes were delivered last, and new otherwise.
+    PossibleDuplicate,
+    /// It holds bytes that the log has printed before.
+    Duplicate,
+    /// The `*` of a dump: it stands for lines like the one before, as many as the next offset says.
+    RepeatedLines,
+    /// It belongs to the format but holds neither bytes nor times.
+    Ignored,
 }
 
 impl Role {
-    /// Whether lines of this role are bytes of frames.
+    /// Whether lines with this meaning hold bytes that are delivered.
     pub fn holds_bytes(self) -> bool {
-        matches!(self, Self::Bytes(_) | Self::More | Self::Again)
+        matches!(self, Self::Bytes(_) | Self::Continuation | Self::PossibleDuplicate)
     }
 }
 
-/// What stands around the frames.
+/// The protocol that a program prints around the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wrap {
+pub(super) enum Encapsulation {
     /// Solarman V5 data loggers.
     Solarman,
-    /// Ethernet, IP and TCP headers.
+    /// Ethernet, IP and TCP or UDP headers.
     Network,
 }
 
-/// The keys of a row that hold templates. In this order they are tried.
+/// The keys of a row that hold templates, with their meaning. Templates are tried in this order, so those without bytes
+/// come first.
 const ROLES: &[(&str, Role)] = &[
-    ("skip", Role::Skip),
-    ("repeat", Role::Repeat),
-    ("copy", Role::Copy),
-    ("head_copy", Role::HeadOfCopies),
-    ("head_sent", Role::Head(Some(Side::Sent))),
-    ("head_received", Role::Head(Some(Side::Received))),
-    ("head", Role::Head(None)),
+    ("skip", Role::Ignored),
+    ("repeat", Role::RepeatedLines),
+    ("copy", Role::Duplicate),
+    ("head_copy", Role::DuplicateHeader),
+    ("head_sent", Role::Header(Some(Side::Sent))),
+    ("head_received", Role::Header(Some(Side::Received))),
+    ("head", Role::Header(None)),
     ("sent", Role::Bytes(Some(Side::Sent))),
     ("received", Role::Bytes(Some(Side::Received))),
-    ("again", Role::Again),
-    ("more", Role::More),
+    ("again", Role::PossibleDuplicate),
+    ("more", Role::Continuation),
     ("either", Role::Bytes(None)),
 ];
 
+/// All other keys that a row may have.
 const OTHER_KEYS: &[&str] = &[
     "name",
     "title",
@@ -91,55 +93,63 @@ const OTHER_KEYS: &[&str] = &[
 /// A row of the table.
 #[derive(Clone, Debug)]
 pub struct Dialect {
-    /// As `--from` and `modlens formats` name it.
+    /// The name by which `--from` and `modlens formats` know it.
     pub name: String,
-    /// What writes it.
+    /// The program that writes such logs.
     pub title: String,
-    /// The clock that its times show.
+    /// The kind of clock that its timestamps show.
     pub clock: String,
-    /// Some lines of it.
+    /// Sample lines.
     pub sample: String,
-    /// What the sample holds: who sent it, and the bytes.
+    /// The bytes that the sample holds, with their sender.
     pub bytes: Strings,
-    /// Those whose lines hold no bytes of frames come first.
+    /// The templates and their meaning; those whose lines hold no bytes of frames come first.
     pub(super) rules: Vec<(Role, Template)>,
+    /// The index of the rules by the characters that they begin with.
     pub(super) starts: Starts,
-    /// Any program may write it: rows that say more are preferred.
+    /// Any program may write it, so more specific rows are preferred.
     pub generic: bool,
-    /// Lines cut an endless stream; their ends mean nothing.
-    pub(super) stream: bool,
-    /// Its syntax is no other's: it needs no checksum to be detected.
-    pub(super) certain: bool,
+    /// It is a dump of an endless stream, so line ends mean nothing.
+    pub(super) is_dump: bool,
+    /// No other format has its syntax, so it is detected even where no checksum is valid.
+    pub(super) has_unique_syntax: bool,
     /// The program prints frames without their checksum.
     pub no_checksum: bool,
-    /// Lines up to the next head are one frame.
-    pub(super) joined: bool,
-    pub(super) wrap: Option<Wrap>,
-    pub(super) short_fractions: bool,
-    /// Lines that end a record say how long after the one before it came: `+4ms`.
-    pub(super) deltas: bool,
-    /// Bytes follow a line that announces them.
-    pub(super) has_heads: bool,
+    /// All lines up to the next header line are one frame.
+    pub(super) is_joined: bool,
+    /// The protocol around each frame.
+    pub(super) encapsulation: Option<Encapsulation>,
+    /// Nine decimals of a second may be microseconds (socat 1.7).
+    pub(super) may_have_short_fractions: bool,
+    /// The last line of a record says how long after the record before it came, as in `+4ms`.
+    pub(super) has_deltas: bool,
+    /// It has header lines, which announce the bytes of the lines behind them.
+    pub(super) has_headers: bool,
 }
 
 impl Dialect {
-    /// Whether any line with bytes can be in this text.
-    pub(super) fn possible(&self, text: &[u8]) -> bool {
+    /// Whether the text contains the fixed text of any template with bytes.
+    pub(super) fn may_match(&self, text: &[u8]) -> bool {
         self.rules.iter().any(|(_, template)| template.takes_bytes() && template.may_match(text))
     }
 
-    /// Whether a record of it may take several lines.
-    pub(super) fn several_lines(&self) -> bool {
-        self.has_heads || self.stream
+    /// Whether a frame may be printed over several lines.
+    pub(super) fn is_multi_line(&self) -> bool {
+        self.has_headers || self.is_dump
     }
 
-    /// How much fixed text its templates have: what fits more of it says more.
-    pub(super) fn fixed(&self) -> usize {
-        self.rules.iter().filter(|(role, _)| *role != Role::Skip).map(|(_, template)| template.fixed_chars()).max().unwrap_or(0)
+    /// The most characters of fixed text in one of its templates, a measure of how specific the row is.
+    pub(super) fn fixed_chars(&self) -> usize {
+        self.rules
+            .iter()
+            .filter(|(role, _)| *role != Role::Ignored)
+            .map(|(_, template)| template.fixed_chars())
+            .max()
+            .unwrap_or(0)
     }
 }
 
-/// The rows that are known, in the order in which ties are decided.
+/// All known rows. Of rows that read a line equally well the first is preferred.
 #[derive(Clone, Debug)]
 pub struct Dialects {
     rows: Vec<Arc<Dialect>>,
@@ -172,10 +182,10 @@ impl Dialects {
         self.rows.iter().find(|row| row.name == name)
     }
 
-    /// The rows of names joined by `+`.
+    /// The rows of several names joined by `+`.
     ///
     /// # Errors
-    /// The first name that is not known, and those that are.
+    /// Names the first unknown name and all known ones.
     pub fn named(&self, names: &str) -> Result<Vec<Arc<Dialect>>, String> {
         names
             .split('+')
@@ -186,10 +196,11 @@ impl Dialects {
             .collect()
     }
 
-    /// Adds the rows of a TOML text in front of the others; a row of the same name is replaced.
+    /// Adds the rows of a TOML text in front of the others; they replace rows of the same name. `origin` is the file's name
+    /// for messages. The sample of each row is read, to show that the row finds the bytes that it claims to find.
     ///
     /// # Errors
-    /// Which row and key is wrong, and the known words.
+    /// Names the wrong row and key, and the known words.
     pub fn load(&mut self, text: &str, origin: &str) -> Result<(), String> {
         let table = parse_toml(text).map_err(|message| format!("{origin}: {message}"))?;
         if table.get("format").and_then(Json::as_u64) != Some(1) {
@@ -204,7 +215,7 @@ impl Dialects {
         for (i, row) in table.get("dialect").and_then(Json::as_array).into_iter().flatten().enumerate() {
             let row = parse_row(row).map_err(|message| format!("{origin}: dialect row {}: {message}", i + 1))?;
             added.push(Arc::new(row));
-            // The embedded rows are read by a test.
+            // A test checks the samples of the embedded rows, so start-up need not.
             if text.len() != TABLE.len() {
                 check_sample(&added[i]).map_err(|message| format!("{origin}: dialect row {}: {message}", i + 1))?;
             }
@@ -216,6 +227,7 @@ impl Dialects {
     }
 }
 
+/// The text under a key, if there is one.
 fn text<'a>(row: &'a Json, key: &str) -> Result<Option<&'a str>, String> {
     match row.get(key) {
         None => Ok(None),
@@ -224,6 +236,7 @@ fn text<'a>(row: &'a Json, key: &str) -> Result<Option<&'a str>, String> {
     }
 }
 
+/// The boolean under a key; false where it is missing.
 fn flag(row: &Json, key: &str) -> Result<bool, String> {
     match row.get(key) {
         None => Ok(false),
@@ -232,6 +245,7 @@ fn flag(row: &Json, key: &str) -> Result<bool, String> {
     }
 }
 
+/// Compiles one row of the table; the error message names the wrong key.
 fn parse_row(row: &Json) -> Result<Dialect, String> {
     let known = |key: &str| OTHER_KEYS.contains(&key) || ROLES.iter().any(|(role, _)| *role == key);
     if let Some((key, _)) = row.as_object().into_iter().flatten().find(|(key, _)| !known(key)) {
@@ -258,33 +272,33 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         Some("none") => true,
         Some(other) => return Err(format!("checksum {other:?}; leave it out, or say \"none\"")),
     };
-    let wrap = match text(row, "wrap")? {
+    let encapsulation = match text(row, "wrap")? {
         None => None,
-        Some("solarman") => Some(Wrap::Solarman),
-        Some("network") => Some(Wrap::Network),
+        Some("solarman") => Some(Encapsulation::Solarman),
+        Some("network") => Some(Encapsulation::Network),
         Some(other) => return Err(format!("wrap {other:?}; it is solarman or network")),
     };
     Ok(Dialect {
         title: need("title")?,
         clock: text(row, "clock")?.unwrap_or("none").to_owned(),
         sample: need("sample")?,
-        bytes: expected(row)?,
+        bytes: claimed_bytes(row)?,
         name,
         generic: flag(row, "generic")?,
-        stream: flag(row, "stream")?,
-        certain: flag(row, "certain")?,
-        joined: flag(row, "joined")? || flag(row, "deltas")? || no_checksum || wrap == Some(Wrap::Network),
+        is_dump: flag(row, "stream")?,
+        has_unique_syntax: flag(row, "certain")?,
+        is_joined: flag(row, "joined")? || flag(row, "deltas")? || no_checksum || encapsulation == Some(Encapsulation::Network),
         no_checksum,
-        wrap,
-        short_fractions: flag(row, "short_fractions")?,
-        deltas: flag(row, "deltas")?,
+        encapsulation,
+        may_have_short_fractions: flag(row, "short_fractions")?,
+        has_deltas: flag(row, "deltas")?,
         starts: Starts::of(&rules),
-        has_heads: rules.iter().any(|(role, _)| matches!(role, Role::Head(_))),
+        has_headers: rules.iter().any(|(role, _)| matches!(role, Role::Header(_))),
         rules,
     })
 }
 
-/// The byte strings of a row's sample, pieces of one joined.
+/// The byte strings that a row finds in its own sample. Entries that continue a frame are joined to the one before.
 pub(super) fn strings_of_sample(row: &Arc<Dialect>) -> Strings {
     let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
     reader.push(row.sample.trim_matches('\n').as_bytes());
@@ -298,11 +312,13 @@ pub(super) fn strings_of_sample(row: &Arc<Dialect>) -> Strings {
     strings
 }
 
+/// Compares what the row finds in its sample with what it claims; the error message shows what was found. Senders are
+/// compared only if the sample is split in the same places, because a claim may join what the log prints in parts.
 fn check_sample(row: &Arc<Dialect>) -> Result<(), String> {
     let found = strings_of_sample(row);
-    let joined = |strings: &Strings| strings.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
+    let is_joined = |strings: &Strings| strings.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
     let sides = |strings: &Strings| strings.iter().map(|(side, _)| *side).collect::<Vec<_>>();
-    if joined(&found) == joined(&row.bytes) && (found.len() != row.bytes.len() || sides(&found) == sides(&row.bytes)) {
+    if is_joined(&found) == is_joined(&row.bytes) && (found.len() != row.bytes.len() || sides(&found) == sides(&row.bytes)) {
         return Ok(());
     }
     let mark = |side: &Option<Side>| match side {
@@ -317,8 +333,8 @@ fn check_sample(row: &Arc<Dialect>) -> Result<(), String> {
     Err(format!("the sample gives bytes = [{}], not what the row names", lines.join(", ")))
 }
 
-/// `> 05 03`, `< 05 03` or `= 05 03`: what the sample holds.
-fn expected(row: &Json) -> Result<Strings, String> {
+/// Parses the `bytes` of a row, such as `> 05 03` (sent), `< 05 03` (received) or `= 05 03` (the log does not say).
+fn claimed_bytes(row: &Json) -> Result<Strings, String> {
     let lines = row.get("bytes").and_then(Json::as_array).filter(|lines| !lines.is_empty());
     let lines = lines.ok_or("bytes is missing: what the sample holds, as [\"> 05 03 ..\", \"< 05 03 ..\", \"= 05 03 ..\"]")?;
     lines

@@ -1,11 +1,11 @@
-//! What stands in front of plain bytes: a time, a word that says who sent them, in either order.
+//! Parses what may stand in front of plain bytes: a timestamp and a word that says who sent them, in either order.
 
 use crate::chunk::Side;
 use crate::text::stamp::Stamps;
 use modlens_protocol::Ns;
 
-/// Words that say who sent a line, relative to the logging process; the longest first where one begins another.
-const WORDS: &[(&str, Side)] = &[
+/// Words that say who sent the bytes, seen from the logging program. A word stands before those that it begins with.
+const DIRECTION_WORDS: &[(&str, Side)] = &[
     ("transmitted", Side::Sent),
     ("received", Side::Received),
     ("response", Side::Received),
@@ -30,33 +30,34 @@ const WORDS: &[(&str, Side)] = &[
     ("<", Side::Received),
 ];
 
-/// Time, side, and the rest of the line.
-pub(super) fn take<'a>(line: &'a [u8], stamps: &mut Stamps) -> (Option<Ns>, Option<Side>, &'a [u8]) {
-    // Bytes begin most lines of plain hex: two digits and no colon behind them are no time.
+/// Parses the prefix of a line: the timestamp, the sender, and the rest of the line. Either may be missing.
+pub(super) fn parse_prefix<'a>(line: &'a [u8], stamps: &mut Stamps) -> (Option<Ns>, Option<Side>, &'a [u8]) {
+    // Most lines of plain hex begin with bytes: two digits and a space are no timestamp.
     if line.len() > 4 && line[0].is_ascii_hexdigit() && line[1].is_ascii_hexdigit() && line[2] == b' ' {
         return (None, None, line);
     }
-    let (time, rest) = stamps.take(line);
-    let rest = if rest.len() == line.len() && rest.starts_with(b":") { rest } else { separators(rest) };
-    let (side, rest) = word(rest);
-    // The stamp may stand behind the word, too.
+    let (time, rest) = stamps.take_leading(line);
+    let rest = if rest.len() == line.len() && rest.starts_with(b":") { rest } else { skip_separators(rest) };
+    let (side, rest) = direction_word(rest);
+    // The timestamp may also stand behind the word.
     let (time, rest) = if time.is_none() && side.is_some() {
-        match stamps.take(separators(rest)) {
+        match stamps.take_leading(skip_separators(rest)) {
             (Some(late), behind) => (Some(late), behind),
             _ => (time, rest),
         }
     } else {
         (time, rest)
     };
-    // `TX: .. << 01 03` and `Req >> : 01 03`: a word and an arrow say the same thing twice.
-    let rest = if side.is_some() { separators(rest) } else { rest };
-    (time, side, word(rest).1)
+    // A word and an arrow may both say who sent the bytes: `TX: .. << 01 03` and `Req >> : 01 03`.
+    let rest = if side.is_some() { skip_separators(rest) } else { rest };
+    (time, side, direction_word(rest).1)
 }
 
-fn separators(line: &[u8]) -> &[u8] {
+/// The line without leading separators. A colon that begins a frame of Modbus ASCII and the dashes of an arrow are kept.
+fn skip_separators(line: &[u8]) -> &[u8] {
     let separator = |b: &u8| matches!(b, b' ' | b'\t' | b':' | b',' | b';' | b'-' | b'|' | b']' | b'*' | b'`' | b'=');
     let length = line.iter().take_while(|b| separator(b)).count();
-    // `Tx :0503`: a colon behind a blank and in front of a digit begins a frame of Modbus ASCII.
+    // A colon behind a space and in front of a digit begins a frame of Modbus ASCII: `Tx :0503`.
     let colon = line[..length].ends_with(b" :") && line.get(length).is_some_and(u8::is_ascii_hexdigit);
     let length = length - usize::from(colon);
     // The dashes of an arrow are no separators.
@@ -65,22 +66,23 @@ fn separators(line: &[u8]) -> &[u8] {
     &line[length..]
 }
 
-fn word(line: &[u8]) -> (Option<Side>, &[u8]) {
+/// Parses a word or an arrow that says who sent the bytes; returns the sender and the rest of the line.
+fn direction_word(line: &[u8]) -> (Option<Side>, &[u8]) {
     let Some(&first) = line.first() else { return (None, line) };
-    // Most lines go on with bytes.
+    // In most lines bytes follow at once.
     if first.is_ascii_digit() {
         return (None, line);
     }
     let line = line.strip_prefix(b"[").unwrap_or(line);
-    let Some(begins) = line.first().map(u8::to_ascii_lowercase) else { return (None, line) };
-    for (word, side) in WORDS.iter().filter(|(word, _)| word.as_bytes()[0] == begins) {
+    let Some(first_letter) = line.first().map(u8::to_ascii_lowercase) else { return (None, line) };
+    for (word, side) in DIRECTION_WORDS.iter().filter(|(word, _)| word.as_bytes()[0] == first_letter) {
         let Some(start) = line.get(..word.len()) else { continue };
         let rest = &line[word.len()..];
-        let ends = !rest.first().is_some_and(u8::is_ascii_alphanumeric) || !word.as_bytes()[0].is_ascii_alphabetic();
-        if start.eq_ignore_ascii_case(word.as_bytes()) && ends {
-            // `<01><03>` are bytes.
-            let bytes = *word == "<" && rest.get(2) == Some(&b'>');
-            return if bytes { (None, line) } else { (Some(*side), rest) };
+        let is_whole_word = !rest.first().is_some_and(u8::is_ascii_alphanumeric) || !word.as_bytes()[0].is_ascii_alphabetic();
+        if start.eq_ignore_ascii_case(word.as_bytes()) && is_whole_word {
+            // The first character of `<01><03>` is no arrow: these are bytes.
+            let are_bytes = *word == "<" && rest.get(2) == Some(&b'>');
+            return if are_bytes { (None, line) } else { (Some(*side), rest) };
         }
     }
     (None, line)

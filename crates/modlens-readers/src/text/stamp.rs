@@ -139,7 +139,7 @@ impl Stamps {
     }
 
     /// Parses a timestamp at the start of the line, in brackets or not; returns it and the rest of the line.
-    pub fn take<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
+    pub fn take_leading<'a>(&mut self, line: &'a [u8]) -> (Option<Ns>, &'a [u8]) {
         if !line.first().is_some_and(|b| b.is_ascii_digit() || *b == b'[') {
             return (None, line);
         }

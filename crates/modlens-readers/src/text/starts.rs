@@ -1,56 +1,63 @@
-//! Where in a line the bytes of a dialect may begin: one pass over it for all rules, up to the first that fits.
+//! An index of the rules of a dialect by the first characters of their templates. With it one pass over a line finds the
+//! places where any of the rules may match, instead of one pass per rule.
 
 use memchr::{memchr, memchr2, memchr3};
 
 use crate::text::dialect::Role;
 use crate::text::template::Template;
 
-/// Rules that have a bit of their own; the last bit is that of all others.
+/// The number of bits in a mask of rules. Rules beyond this number share the last bit.
 const BITS: usize = 64;
 
-/// The rules of a dialect that hold bytes, by the character that they begin with.
+/// The rules of a dialect that yield bytes, by the two characters that their matches begin with.
 #[derive(Clone, Debug)]
 pub(super) struct Starts {
-    /// The first rule that holds bytes; those before it are looked for one by one.
-    pub first: usize,
-    /// Rules that begin at the start of what is left of a line.
-    pub tied: Vec<usize>,
-    /// A character, and the rules that may begin with it.
-    masks: Box<[u64; 256]>,
-    /// The same for the character behind it.
-    second: Box<[u64; 256]>,
-    /// The characters, where they are few.
-    few: Vec<u8>,
+    /// Index of the first rule that yields bytes; the rules before it are not indexed.
+    pub first_rule_with_bytes: usize,
+    /// Rules without fixed text at their beginning: they can match only at the start of the text that is left.
+    pub unanchored: Vec<usize>,
+    /// For each character, the mask of the rules that may begin with it.
+    first_char_masks: Box<[u64; 256]>,
+    /// For each character, the mask of the rules that may have it as their second character.
+    second_char_masks: Box<[u64; 256]>,
+    /// All characters that any rule begins with; up to three of them can be searched for at the speed of `memchr`.
+    first_chars: Vec<u8>,
 }
 
 impl Starts {
-    /// Sorts the rules; those without bytes stand first.
+    /// Builds the index; rules without bytes must stand before all others.
     pub fn of(rules: &[(Role, Template)]) -> Self {
         let first = rules.iter().position(|(role, _)| role.holds_bytes()).unwrap_or(rules.len());
         let none = Box::new([0; 256]);
-        let mut starts = Self { first, tied: Vec::new(), masks: none.clone(), second: none, few: Vec::new() };
+        let mut starts = Self {
+            first_rule_with_bytes: first,
+            unanchored: Vec::new(),
+            first_char_masks: none.clone(),
+            second_char_masks: none,
+            first_chars: Vec::new(),
+        };
         for (i, (_, template)) in rules.iter().enumerate().skip(first) {
             let bit = 1 << (i - first).min(BITS - 1);
             match *template.anchor_text() {
-                [] => starts.tied.push(i),
+                [] => starts.unanchored.push(i),
                 [one] => {
-                    starts.masks[one as usize] |= bit;
-                    starts.second.iter_mut().for_each(|mask| *mask |= bit);
+                    starts.first_char_masks[one as usize] |= bit;
+                    starts.second_char_masks.iter_mut().for_each(|mask| *mask |= bit);
                 }
                 [one, two, ..] => {
-                    starts.masks[one as usize] |= bit;
-                    starts.second[two as usize] |= bit;
+                    starts.first_char_masks[one as usize] |= bit;
+                    starts.second_char_masks[two as usize] |= bit;
                 }
             }
         }
-        starts.few = (0..=u8::MAX).filter(|&b| starts.masks[b as usize] != 0).collect();
+        starts.first_chars = (0..=u8::MAX).filter(|&b| starts.first_char_masks[b as usize] != 0).collect();
         starts
     }
 
-    /// The next place from `at` on where a rule may begin.
+    /// The next position from `at` on where a match of any indexed rule may begin.
     pub fn next(&self, line: &[u8], at: usize) -> Option<usize> {
         let rest = line.get(at..)?;
-        let hit = match self.few[..] {
+        let hit = match self.first_chars[..] {
             [] => None,
             [one] => memchr(one, rest),
             [one, two] => memchr2(one, two, rest),
@@ -60,9 +67,9 @@ impl Starts {
         hit.map(|hit| at + hit)
     }
 
-    /// The rules that may begin here, in their order; `count` is that of all rules.
+    /// The rules that may match at this position, in the order of the dialect; `count` is the number of all its rules.
     pub fn rules(&self, line: &[u8], at: usize, count: usize) -> impl Iterator<Item = usize> {
-        let (mut mask, first) = (self.mask(line, at), self.first);
+        let (mut mask, first) = (self.mask(line, at), self.first_rule_with_bytes);
         let others = if mask >> (BITS - 1) == 1 { first + BITS - 1..count } else { 0..0 };
         mask &= !(1 << (BITS - 1));
         std::iter::from_fn(move || {
@@ -73,8 +80,9 @@ impl Starts {
         .chain(others)
     }
 
+    /// The mask of the rules whose first two characters stand at this position.
     fn mask(&self, line: &[u8], at: usize) -> u64 {
-        let second = line.get(at + 1).map_or(u64::MAX, |&b| self.second[b as usize]);
-        self.masks[line[at] as usize] & second
+        let second = line.get(at + 1).map_or(u64::MAX, |&b| self.second_char_masks[b as usize]);
+        self.first_char_masks[line[at] as usize] & second
     }
 }

@@ -296,8 +296,11 @@ fn match_elements(
                 length
             }
             Element::Time => {
-                let (time, behind) =
-                    if rest.first() == Some(&b'-') { scratch.stamps.before_start(rest) } else { scratch.stamps.take(rest) };
+                let (time, behind) = if rest.first() == Some(&b'-') {
+                    scratch.stamps.before_start(rest)
+                } else {
+                    scratch.stamps.take_leading(rest)
+                };
                 found.time = Some(time?);
                 rest.len() - behind.len()
             }
@@ -308,7 +311,7 @@ fn match_elements(
             }
             Element::Offset(radix) => parse_offset(rest, *radix, found)?,
             Element::Front => {
-                let (time, side, behind) = front::take(rest, scratch.stamps);
+                let (time, side, behind) = front::parse_prefix(rest, scratch.stamps);
                 (found.time, found.side) = (time, side);
                 rest.len() - behind.len()
             }

@@ -1,15 +1,19 @@
-//! Frames inside other frames: Solarman V5, and packets with their network headers.
+//! Finds Modbus frames inside the protocols that some programs print around them: Solarman V5, and network headers.
 
 use std::ops::Range;
 
-/// Start byte, length, control code; see the protocol's description in pysolarmanv5.
+/// The first byte of a Solarman V5 frame; length and control code follow. The protocol is described in the documentation
+/// of pysolarmanv5.
 const V5_START: u8 = 0xA5;
+/// The last byte of a Solarman V5 frame.
 const V5_END: u8 = 0x15;
+/// Control code of a frame that carries a Modbus request.
 const V5_REQUEST: u16 = 0x4510;
+/// Control code of a frame that carries a Modbus response.
 const V5_RESPONSE: u16 = 0x1510;
 
-/// Where the RTU frame of a Solarman V5 frame stands; `Err` says why there is none.
-pub(super) fn solarman(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
+/// The position of the RTU frame inside a Solarman V5 frame; the error says why there is none.
+pub(super) fn solarman_rtu_frame(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
     let [V5_START, low, high, control_low, control_high, ..] = *bytes else { return Err("no Solarman V5 frame") };
     let length = usize::from(u16::from_le_bytes([low, high])) + 13;
     if bytes.len() != length || bytes.last() != Some(&V5_END) {
@@ -30,8 +34,9 @@ pub(super) fn solarman(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
     Ok(start..length - 2)
 }
 
-/// What a packet carries behind Ethernet, IPv4 or IPv6, and TCP or UDP; `Err` says why nothing.
-pub(super) fn network(packet: &[u8]) -> Result<Range<usize>, &'static str> {
+/// The position of the payload of TCP or UDP in a packet that begins with an Ethernet, IPv4 or IPv6 header; the error says
+/// why there is none.
+pub(super) fn network_payload(packet: &[u8]) -> Result<Range<usize>, &'static str> {
     let ip = match packet {
         [0x45..=0x4F | 0x60..=0x6F, ..] => 0,
         [_, _, _, _, _, _, _, _, _, _, _, _, 8, 0, ..] | [_, _, _, _, _, _, _, _, _, _, _, _, 0x86, 0xDD, ..] => 14,
@@ -70,10 +75,10 @@ mod tests {
         frame.extend(inner);
         let sum = frame[1..].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
         frame.extend([sum, 0x15]);
-        assert_eq!(solarman(&frame).map(|range| frame[range].to_vec()), Ok(inner.to_vec()));
+        assert_eq!(solarman_rtu_frame(&frame).map(|range| frame[range].to_vec()), Ok(inner.to_vec()));
         frame[30] ^= 1;
-        assert_eq!(solarman(&frame), Err("Solarman V5 frame with a wrong checksum"));
-        assert!(solarman(&frame[..20]).is_err());
+        assert_eq!(solarman_rtu_frame(&frame), Err("Solarman V5 frame with a wrong checksum"));
+        assert!(solarman_rtu_frame(&frame[..20]).is_err());
     }
 
     #[test]
@@ -81,9 +86,9 @@ mod tests {
         let mut packet = vec![0x45, 0, 0, 42, 0, 0, 0, 0, 64, 6, 0, 0, 10, 0, 0, 1, 10, 0, 0, 2];
         packet.extend([0xC3, 0x50, 1, 0xF6, 0, 0, 0, 1, 0, 0, 0, 1, 0x50, 0x18, 0, 0, 0, 0, 0, 0]);
         packet.extend([9, 9]);
-        assert_eq!(network(&packet), Ok(40..42));
-        assert_eq!(network(&[&[0u8; 12][..], &[8, 0], &packet[..]].concat()), Ok(54..56));
-        assert_eq!(network(&packet[..40]), Err("packet without data"));
-        assert!((0..40).all(|length| network(&packet[..length]).is_err()));
+        assert_eq!(network_payload(&packet), Ok(40..42));
+        assert_eq!(network_payload(&[&[0u8; 12][..], &[8, 0], &packet[..]].concat()), Ok(54..56));
+        assert_eq!(network_payload(&packet[..40]), Err("packet without data"));
+        assert!((0..40).all(|length| network_payload(&packet[..length]).is_err()));
     }
 }

@@ -1,4 +1,4 @@
-//! Goes through the lines of a text, with the rows that it needs.
+//! Reads a text line by line with the dialects that it needs.
 
 mod others;
 
@@ -20,63 +20,74 @@ use crate::text::Record;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
-/// Unparsed lines that are kept to be shown.
-const SHOWN: usize = 3;
+/// How many unparsed lines are kept so that users can see examples.
+const MAX_EXAMPLES: usize = 3;
 
-/// Characters of an unparsed line that are kept.
-const SHOWN_LENGTH: usize = 120;
+/// How many characters of such a line are kept.
+const MAX_EXAMPLE_CHARS: usize = 120;
 
-/// A line longer than this is given up: it is no text.
-const LONGEST_LINE: usize = 1 << 24;
+/// A file without line end in so many bytes is no text; what was read of the line counts as a line.
+const MAX_LINE_BYTES: usize = 1 << 24;
 
-/// Records that one line may hold.
-const PER_LINE: usize = 64;
+/// The most matches that are taken from one line.
+const MAX_MATCHES_PER_LINE: usize = 64;
 
-/// What was read and is not delivered: the line, the bytes, why.
+/// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
 pub type LeftOut = (u64, Vec<u8>, &'static str);
 
-/// Reads the text of one recording, in pieces of any size.
+/// Reads the text of one recording, which may arrive in blocks of any size.
 #[derive(Debug)]
 pub struct Reader {
     dialects: Vec<Arc<Dialect>>,
-    /// Rows to try where those in use do not fit.
+    /// Rows to try where those in `dialects` do not fit a line.
     others: Option<Arc<Dialects>>,
-    tries: u32,
-    tries_behind: u32,
-    /// The last lines, if nothing could read them.
+    /// How many single lines have been tried with other rows.
+    single_line_tries: u32,
+    /// How many lines have been tried with other rows together with the lines before them.
+    unread_line_tries: u32,
+    /// The last lines, with their numbers, if no row in use could read them.
     unread: VecDeque<(u64, Vec<u8>)>,
+    /// Text that has arrived; from `at` on it is still to be read.
     buffer: Vec<u8>,
     at: usize,
+    /// Number of the last line, from 1.
     number: u64,
-    quoted: bool,
+    /// Most lines begin with mail quotes.
+    is_quoted_mail: bool,
     stamps: Stamps,
+    /// The notation that gave the last valid checksum, of a template with several.
     preferred: Option<Notation>,
+    /// Bytes of the last match.
     bytes: Vec<u8>,
+    /// Reused memory for a line without its decoration.
     scratch: Vec<u8>,
+    /// All matches in the current line, each with the end of its bytes in `found`.
     matches: Vec<(Role, Match, usize)>,
+    /// Bytes of all matches in the current line.
     found: Vec<u8>,
     deliver: Deliver,
-    /// Lines not understood.
+    /// How many lines no row could read.
     pub unparsed: u64,
-    /// The first of them.
+    /// The first of these lines, with their numbers.
     pub first_unparsed: Vec<(u64, String)>,
 }
 
 impl Reader {
-    /// A reader for these rows: the first that fits a line reads it. With `others`, these are tried where none fits.
+    /// A reader with these rows, of which the first that fits a line reads it. Where none fits, the rows of `others` are
+    /// tried, and a row that fits is used from there on.
     pub fn new(dialects: Vec<Arc<Dialect>>, others: Option<Arc<Dialects>>, clock: Arc<ClockSettings>) -> Self {
         let mut stamps = Stamps::new(clock);
-        stamps.state.short_fractions = dialects.iter().any(|dialect| dialect.short_fractions);
+        stamps.state.short_fractions = dialects.iter().any(|dialect| dialect.may_have_short_fractions);
         Self {
             dialects,
             others,
-            tries: 0,
-            tries_behind: 0,
+            single_line_tries: 0,
+            unread_line_tries: 0,
             unread: VecDeque::new(),
             buffer: Vec::new(),
             at: 0,
             number: 0,
-            quoted: false,
+            is_quoted_mail: false,
             stamps,
             preferred: None,
             bytes: Vec::new(),
@@ -93,10 +104,10 @@ impl Reader {
     ///
     /// Gives, for what the log calls sent and received, requests less responses among the frames that can be one only.
     pub fn look_ahead(&mut self, sample: &[u8]) -> [i32; 2] {
-        self.quoted = is_quoted(sample);
+        self.is_quoted_mail = is_quoted(sample);
         self.stamps.look_ahead(sample);
         let mut ahead = Self::new(self.dialects.clone(), None, Arc::default());
-        ahead.quoted = self.quoted;
+        ahead.is_quoted_mail = self.is_quoted_mail;
         ahead.push(sample);
         let mut sides = [0i32; 2];
         while let Some((record, bytes)) = ahead.next(false) {
@@ -107,7 +118,7 @@ impl Reader {
         sides
     }
 
-    /// Takes more text.
+    /// Appends text.
     pub fn push(&mut self, data: &[u8]) {
         if self.at > 0 {
             self.buffer.drain(..self.at);
@@ -116,11 +127,12 @@ impl Reader {
         self.buffer.extend_from_slice(data);
     }
 
-    /// The next record and its bytes; with `last`, a line without line end is one, too.
-    pub fn next(&mut self, last: bool) -> Option<(Record, &[u8])> {
+    /// The next entry and its bytes; `None` if more text is needed. `is_last` says that the text has ended, so that a last
+    /// line without line end is read and nothing waits for a further line.
+    pub fn next(&mut self, is_last: bool) -> Option<(Record, &[u8])> {
         while self.deliver.is_empty() {
-            if !self.line(last) {
-                if last {
+            if !self.read_next_line(is_last) {
+                if is_last {
                     self.deliver.finish(&self.stamps);
                 }
                 break;
@@ -129,12 +141,12 @@ impl Reader {
         self.deliver.pop()
     }
 
-    /// Reads one line; false if there is none.
-    fn line(&mut self, last: bool) -> bool {
+    /// Reads the next line of the buffer; returns false if there is no whole line.
+    fn read_next_line(&mut self, is_last: bool) -> bool {
         let rest = &self.buffer[self.at..];
         let (length, skip) = match memchr(b'\n', rest) {
             Some(end) => (end, end + 1),
-            None if rest.is_empty() || !(last || rest.len() > LONGEST_LINE) => return false,
+            None if rest.is_empty() || !(is_last || rest.len() > MAX_LINE_BYTES) => return false,
             None => (rest.len(), rest.len()),
         };
         self.number += 1;
@@ -143,14 +155,16 @@ impl Reader {
         let buffer = std::mem::take(&mut self.buffer);
         let mut scratch = std::mem::take(&mut self.scratch);
         let raw = &buffer[start..start + length];
-        let line = clean(raw, self.number == 1, self.quoted, &mut scratch);
-        self.read(line);
+        let line = clean(raw, self.number == 1, self.is_quoted_mail, &mut scratch);
+        self.read_line(line);
         self.buffer = buffer;
         self.scratch = scratch;
         true
     }
 
-    fn read(&mut self, line: &[u8]) {
+    /// Hands a line to the first row that can read it: the rows in use, then other rows, then other rows together with
+    /// the lines before. A line that nothing reads is counted, unless it is a comment.
+    fn read_line(&mut self, line: &[u8]) {
         self.deliver.number = self.number;
         let text = line.trim_ascii();
         if text.is_empty() {
@@ -158,32 +172,33 @@ impl Reader {
             return;
         }
         let dialects = std::mem::take(&mut self.dialects);
-        // Bytes that a line before announced are those of its row.
-        let announced = self.deliver.expects_continuation();
-        let first = dialects.iter().filter(|row| announced && row.has_heads);
-        let row = first.chain(dialects.iter()).find(|dialect| self.matches_of(dialect, line)).cloned();
-        let deltas = dialects.iter().any(|dialect| dialect.deltas);
+        // Bytes that a header line announced belong to the dialect of that line, so dialects with headers come first.
+        let is_announced = self.deliver.expects_continuation();
+        let with_headers = dialects.iter().filter(|row| is_announced && row.has_headers);
+        let row = with_headers.chain(dialects.iter()).find(|dialect| self.collect_matches(dialect, line)).cloned();
+        let has_deltas = dialects.iter().any(|dialect| dialect.has_deltas);
         self.dialects = dialects;
         if let Some(row) = row {
-            // Plain bytes may be what the line before announced.
-            let behind = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
-            if !(behind && self.rows_behind(line)) {
-                self.hand_over(&row);
+            // Plain bytes right behind an unread line may be what that line announced in a dialect not in use yet.
+            let may_be_announced = row.generic && self.unread.back().is_some_and(|(number, _)| number + 2 >= self.number);
+            if !(may_be_announced && self.read_with_unread_lines(line)) {
+                self.deliver_matches(&row);
             }
             self.unread.clear();
-        } else if !self.another_row(line) && !comment(text) && !self.rows_behind(line) {
-            if !deltas {
+        } else if !self.read_with_another_dialect(line) && !is_comment(text) && !self.read_with_unread_lines(line) {
+            if !has_deltas {
                 self.deliver.end_announcement(&self.stamps);
             }
             self.note_unparsed(text);
         }
-        if let Some(delta) = delta(text).filter(|_| deltas) {
+        if let Some(delta) = delta(text).filter(|_| has_deltas) {
             let time = self.stamps.add_delta(delta);
             self.deliver.end_frame_at(time, &self.stamps);
         }
     }
 
-    fn hand_over(&mut self, dialect: &Arc<Dialect>) {
+    /// Passes the matches of the current line to `deliver`, which makes entries of them.
+    fn deliver_matches(&mut self, dialect: &Arc<Dialect>) {
         let matches = std::mem::take(&mut self.matches);
         let mut from = 0;
         for (role, found, end) in &matches {
@@ -193,21 +208,23 @@ impl Reader {
         self.matches = matches;
     }
 
-    /// All records that the row finds in the line; false if it cannot read the line to its end.
-    fn matches_of(&mut self, dialect: &Dialect, line: &[u8]) -> bool {
+    /// Collects all matches of a row in the line. Returns false, and forgets what the timestamps of the line have shown, if
+    /// there is none or if the row cannot read the line to its end.
+    fn collect_matches(&mut self, dialect: &Dialect, line: &[u8]) -> bool {
         self.matches.clear();
         self.found.clear();
-        let (mut from, mut whole) = (0, false);
-        let seen = self.stamps.state;
-        while from < line.len() && self.matches.len() < PER_LINE {
-            let Some((role, mut found, last)) = self.first_rule(dialect, line, from) else { break };
-            if role == Role::More
-                && dialect.has_heads
+        let (mut from, mut must_reach_line_end) = (0, false);
+        let saved_state = self.stamps.state;
+        while from < line.len() && self.matches.len() < MAX_MATCHES_PER_LINE {
+            let Some((role, mut found, is_last)) = self.next_match(dialect, line, from) else { break };
+            // Plain bytes count as announced only if a header line announced them or they prove themselves.
+            if role == Role::Continuation
+                && dialect.has_headers
                 && found.offset.is_none()
                 && !self.deliver.expects_continuation()
                 && !evidence::is_whole_frame(&self.bytes)
             {
-                self.stamps.state = seen;
+                self.stamps.state = saved_state;
                 return false;
             }
             self.found.extend_from_slice(&self.bytes);
@@ -217,43 +234,46 @@ impl Reader {
             if found.time.is_none() && found.start > from {
                 found.time = self.stamps.find(&line[from..found.start]);
             }
-            (from, whole) = (found.end.max(from + 1), last);
+            (from, must_reach_line_end) = (found.end.max(from + 1), is_last);
             self.matches.push((role, found, self.found.len()));
         }
         let tail = line.get(from..).unwrap_or(&[]);
-        let ends = if whole { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
-        let read = ends && !self.matches.is_empty();
-        if !read {
-            self.stamps.state = seen;
+        let is_read_to_end =
+            if must_reach_line_end { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
+        let is_read = is_read_to_end && !self.matches.is_empty();
+        if !is_read {
+            self.stamps.state = saved_state;
         }
-        read
+        is_read
     }
 
-    /// The match of the first rule without bytes that fits; or else that of bytes which begins first, and of equal ones that
-    /// of the first rule. Its bytes are in `self.bytes`.
-    fn first_rule(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, Match, bool)> {
+    /// The match to be taken next: that of the first rule without bytes that matches, or else the match with bytes that
+    /// begins first, where the earlier rule wins a tie. Its bytes are in `self.bytes`. The boolean says that the match has
+    /// to reach the end of the line.
+    fn next_match(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, Match, bool)> {
         let starts = &dialect.starts;
-        for i in 0..starts.first {
-            let found = self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch));
+        for i in 0..starts.first_rule_with_bytes {
+            let found = self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch));
             if found.is_some() {
                 return found;
             }
         }
-        let mut tied = None;
-        for &i in &starts.tied {
-            tied = self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch)).map(|found| (i, found));
-            if tied.is_some() {
+        let mut unanchored = None;
+        for &i in &starts.unanchored {
+            unanchored =
+                self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch)).map(|found| (i, found));
+            if unanchored.is_some() {
                 break;
             }
         }
         let mut at = from;
         while let Some(start) = starts.next(line, at) {
-            let before = |i: usize| tied.as_ref().is_none_or(|(rule, (_, found, _))| (start, i) < (found.start, *rule));
+            let before = |i: usize| unanchored.as_ref().is_none_or(|(rule, (_, found, _))| (start, i) < (found.start, *rule));
             for i in starts.rules(line, start, dialect.rules.len()).take_while(|&i| before(i)) {
                 if !dialect.rules[i].1.may_begin(line, start) {
                     continue;
                 }
-                let found = self.attempt(dialect, i, |template, scratch| template.match_at(line, start, scratch));
+                let found = self.try_rule(dialect, i, |template, scratch| template.match_at(line, start, scratch));
                 if found.is_some() {
                     return found;
                 }
@@ -263,106 +283,110 @@ impl Reader {
             }
             at = start + 1;
         }
-        let (i, found) = tied?;
-        // What was tried behind it may have left other bytes.
+        let (i, found) = unanchored?;
+        // The attempts at later positions have overwritten `self.bytes`, so the match is repeated.
         if at > from {
-            return self.attempt(dialect, i, |template, scratch| template.find(line, from, scratch));
+            return self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch));
         }
         Some(found)
     }
 
-    /// Tries a rule; what it learned of the clock is forgotten if it does not fit.
-    fn attempt(
+    /// Tries one rule. If it does not match, what its timestamps have shown is forgotten.
+    fn try_rule(
         &mut self,
         dialect: &Dialect,
         index: usize,
         find: impl FnOnce(&Template, &mut Scratch<'_>) -> Option<Match>,
     ) -> Option<(Role, Match, bool)> {
         let (role, template) = &dialect.rules[index];
-        let seen = self.stamps.state;
+        let saved_state = self.stamps.state;
         let found = find(template, &mut Scratch::new(&mut self.stamps, &mut self.bytes, &mut self.preferred));
         if found.is_none() {
-            self.stamps.state = seen;
+            self.stamps.state = saved_state;
         }
         found.map(|found| (*role, found, template.must_reach_line_end))
     }
 
+    /// Counts the current line as unparsed and keeps the first such lines as examples.
     fn note_unparsed(&mut self, line: &[u8]) {
         self.note_unparsed_at(self.number, line);
     }
 
+    /// Counts the line of this number as unparsed.
     fn note_unparsed_at(&mut self, number: u64, line: &[u8]) {
         self.unparsed += 1;
-        if self.first_unparsed.len() < SHOWN {
-            let text: String = String::from_utf8_lossy(line).chars().take(SHOWN_LENGTH).collect();
+        if self.first_unparsed.len() < MAX_EXAMPLES {
+            let text: String = String::from_utf8_lossy(line).chars().take(MAX_EXAMPLE_CHARS).collect();
             self.first_unparsed.push((number, text));
         }
     }
 
-    /// Nothing more comes for a while: what waits for a further line is delivered.
+    /// Delivers what waits for a further line, because none is expected for a while.
     pub fn settle(&mut self) {
         self.deliver.finish(&self.stamps);
     }
 
-    /// The rows in use.
+    /// The dialects in use.
     pub fn dialects(&self) -> &[Arc<Dialect>] {
         &self.dialects
     }
 
-    /// Lines so far.
+    /// The number of lines read so far.
     pub fn lines(&self) -> u64 {
         self.number
     }
 
-    /// Records so far.
+    /// The number of entries delivered so far.
     pub fn records(&self) -> u64 {
         self.deliver.records
     }
 
-    /// Whether lines that announce bytes have been seen, in case the row in use has such.
-    pub fn announced(&self) -> bool {
-        self.deliver.announced > 0 || !self.dialects.first().is_some_and(|row| row.has_heads)
+    /// False if the first dialect in use has header lines and the text has shown none of them, so that its bytes may be of
+    /// another dialect.
+    pub fn has_announced_bytes(&self) -> bool {
+        self.deliver.announced > 0 || !self.dialects.first().is_some_and(|row| row.has_headers)
     }
 
-    /// How many byte strings were left out, by reason.
+    /// How many byte strings were skipped, by reason.
     pub fn left_out_counts(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
         self.deliver.counts.iter().map(|(reason, count)| (*reason, *count))
     }
 
-    /// The first byte strings that were left out.
+    /// The first byte strings that were skipped.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.deliver.left_out
     }
 
-    /// The names of devices that the lines have shown; `Record::key` counts them from 1.
+    /// The names of devices found in the lines; `Record::key` counts them from 1.
     pub fn keys(&self) -> &[Vec<u8>] {
         &self.deliver.keys
     }
 
-    /// The clock, as far as the lines have shown it.
+    /// What the timestamps so far show the clock to be, as the engine needs to know it.
     pub fn clock(&self) -> Clock {
         self.stamps.clock()
     }
 
-    /// What kind of clock it is.
+    /// What the timestamps so far refer to, as users are told.
     pub fn clock_kind(&self) -> Kind {
         self.stamps.kind()
     }
 
-    /// The smallest difference that the stamps can express.
+    /// The smallest time difference in ns that the timestamps can express; `None` without timestamps.
     pub fn resolution(&self) -> Option<Ns> {
         self.stamps.resolution()
     }
 }
 
-/// Whether this may stand behind bytes: their characters, their number, a mark, nothing.
+/// Whether `tail` may stand behind the last bytes of a line: nothing, text in a column of its own, or text that begins with
+/// punctuation, such as the bytes as characters, their count, or a comment.
 fn may_follow(tail: &[u8]) -> bool {
     let text = tail.trim_ascii();
-    let set_off = tail.len() - tail.trim_ascii_start().len() >= 2 || tail.starts_with(b"\t");
-    set_off || text.first().is_none_or(|b| !b.is_ascii() || b"([{|<>\"',.;)]}*#".contains(b))
+    let is_own_column = tail.len() - tail.trim_ascii_start().len() >= 2 || tail.starts_with(b"\t");
+    is_own_column || text.first().is_none_or(|b| !b.is_ascii() || b"([{|<>\"',.;)]}*#".contains(b))
 }
 
-/// A line for people, in files that people made.
-fn comment(text: &[u8]) -> bool {
+/// Whether the line is a comment or a code fence, as people write them into files of their own.
+fn is_comment(text: &[u8]) -> bool {
     text.starts_with(b"#") || text.starts_with(b"//") || text.starts_with(b";") || text.starts_with(b"```")
 }

@@ -1,4 +1,4 @@
-//! Looks for another row, where those in use cannot read a line.
+//! Finds another dialect for lines that those in use cannot read.
 
 use std::sync::Arc;
 
@@ -6,47 +6,50 @@ use crate::text::dialect::Dialect;
 use crate::text::evidence;
 use crate::text::reader::Reader;
 
-/// Lines with bytes that no row in use can read, which are tried with all rows.
-const TRIES: u32 = 4000;
+/// How many single lines of a text are tried with all rows; a bound on the time that foreign text may cost.
+const MAX_SINGLE_LINE_TRIES: u32 = 4000;
 
-/// Lines that are tried together with those before them: this costs more.
-const TRIES_BEHIND: u32 = 1000;
+/// How many lines are tried together with those before them, which costs more.
+const MAX_UNREAD_LINE_TRIES: u32 = 1000;
 
-/// Lines without a reader that are kept for rows whose records have several, and as much of each.
-const LINES_BEHIND: usize = 12;
-const LONGEST_BEHIND: usize = 400;
+/// How many unread lines are kept for dialects that print a frame over several lines.
+const MAX_UNREAD_LINES: usize = 12;
+
+/// How many characters of each unread line are kept.
+const MAX_UNREAD_CHARS: usize = 400;
 
 impl Reader {
-    /// Looks for a row of several lines a record that reads this line together with those before it, which none could read.
-    pub(super) fn rows_behind(&mut self, line: &[u8]) -> bool {
+    /// Looks for a dialect with several lines per frame that reads this line together with the unread lines before it. If
+    /// there is one, it is used from here on and the lines are read with it. Returns whether there is one.
+    pub(super) fn read_with_unread_lines(&mut self, line: &[u8]) -> bool {
         let Some(others) = self.others.clone() else { return false };
-        if self.unread.len() >= LINES_BEHIND {
+        if self.unread.len() >= MAX_UNREAD_LINES {
             self.unread.pop_front();
         }
-        self.unread.push_back((self.number, line[..line.len().min(LONGEST_BEHIND)].to_vec()));
-        if self.tries_behind >= TRIES_BEHIND || !line.iter().any(u8::is_ascii_digit) {
+        self.unread.push_back((self.number, line[..line.len().min(MAX_UNREAD_CHARS)].to_vec()));
+        if self.unread_line_tries >= MAX_UNREAD_LINE_TRIES || !line.iter().any(u8::is_ascii_digit) {
             return false;
         }
-        self.tries_behind += 1;
+        self.unread_line_tries += 1;
         let mut text = Vec::new();
         for (_, line) in &self.unread {
             text.extend_from_slice(line);
             text.push(b'\n');
         }
-        let reads = |row: &&Arc<Dialect>| row.several_lines() && row.possible(&text) && reads_all(row, &text);
+        let reads = |row: &&Arc<Dialect>| row.is_multi_line() && row.may_match(&text) && proves_all_bytes(row, &text);
         let used = |row: &Arc<Dialect>| self.dialects.iter().any(|one| one.name == row.name);
         let Some(row) = others.rows().filter(|row| !used(row)).find(reads) else { return false };
         self.dialects.push(Arc::clone(row));
-        self.stamps.state.short_fractions |= row.short_fractions;
-        // They were counted, all but the last.
+        self.stamps.state.short_fractions |= row.may_have_short_fractions;
+        // All of these lines but the last one were counted as unparsed.
         self.deliver.end_announcement(&self.stamps);
         let lines = std::mem::take(&mut self.unread);
         self.unparsed -= lines.len() as u64 - 1;
         self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
         for (number, line) in lines {
             self.deliver.number = number;
-            if self.matches_of(row, &line) {
-                self.hand_over(row);
+            if self.collect_matches(row, &line) {
+                self.deliver_matches(row);
             } else if !line.trim_ascii().is_empty() {
                 self.note_unparsed_at(number, line.trim_ascii());
             }
@@ -54,35 +57,36 @@ impl Reader {
         true
     }
 
-    /// Looks for a row that reads a line of bytes which those in use cannot read; a checksum has to prove it.
-    pub(super) fn another_row(&mut self, line: &[u8]) -> bool {
-        if self.tries >= TRIES || !may_hold_bytes(line) {
+    /// Looks for a dialect that reads the line alone, and whose bytes are proven by checksums. If there is one, it is used
+    /// from here on and the line is read with it. Returns whether there is one.
+    pub(super) fn read_with_another_dialect(&mut self, line: &[u8]) -> bool {
+        if self.single_line_tries >= MAX_SINGLE_LINE_TRIES || !may_hold_bytes(line) {
             return false;
         }
         let Some(others) = self.others.clone() else { return false };
-        self.tries += 1;
-        // Those whose bytes other lines announce are tried with these (`rows_behind`).
-        for dialect in others.rows().filter(|row| !row.has_heads) {
+        self.single_line_tries += 1;
+        // Dialects with header lines need these lines, too: `read_with_unread_lines` tries them.
+        for dialect in others.rows().filter(|row| !row.has_headers) {
             let used = self.dialects.iter().any(|one| one.name == dialect.name);
-            let seen = self.stamps.state;
+            let saved_state = self.stamps.state;
             if !used
-                && self.matches_of(dialect, line)
+                && self.collect_matches(dialect, line)
                 && evidence::proven_bytes(&self.found) == self.found.len()
                 && !self.found.is_empty()
             {
                 self.dialects.push(Arc::clone(dialect));
-                self.stamps.state.short_fractions |= dialect.short_fractions;
-                self.hand_over(dialect);
+                self.stamps.state.short_fractions |= dialect.may_have_short_fractions;
+                self.deliver_matches(dialect);
                 return true;
             }
-            self.stamps.state = seen;
+            self.stamps.state = saved_state;
         }
         false
     }
 }
 
-/// Whether the row reads bytes in these lines, and only such that checksums prove.
-fn reads_all(row: &Arc<Dialect>, text: &[u8]) -> bool {
+/// Whether the row reads bytes in these lines and checksums prove all of them.
+fn proves_all_bytes(row: &Arc<Dialect>, text: &[u8]) -> bool {
     let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
     reader.push(text);
     let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
@@ -95,11 +99,11 @@ fn reads_all(row: &Arc<Dialect>, text: &[u8]) -> bool {
         burst.extend_from_slice(piece);
     }
     good += evidence::proven_bytes(&burst);
-    // Where a program prints no checksums, its words have to do.
-    bytes > 0 && (good == bytes || row.no_checksum) && reader.announced()
+    // Where a program prints no checksums, matching its fixed text has to be enough.
+    bytes > 0 && (good == bytes || row.no_checksum) && reader.has_announced_bytes()
 }
 
-/// Whether a line can hold bytes: some digits among some hex digits.
+/// Whether a line is worth trying: it has at least four digits and six hex digits, as a short frame in hex has.
 fn may_hold_bytes(line: &[u8]) -> bool {
     let digits = line.iter().filter(|b| b.is_ascii_digit()).count();
     digits >= 4 && line.iter().filter(|b| b.is_ascii_hexdigit()).count() >= 6
