@@ -197,7 +197,7 @@ impl Deliver {
         stamps: &Stamps,
     ) {
         self.is_generic = dialect.generic;
-        let no_checksum = dialect.no_checksum || found.marks.no_checksum;
+        let no_checksum = dialect.no_checksum || found.flags.no_checksum;
         let entry_bytes = EntryBytes { bytes, side, time, key, line: found.line, number: self.number, no_checksum };
         if dialect.is_dump {
             self.dump_line(&entry_bytes, found, stamps);

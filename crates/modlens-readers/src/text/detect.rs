@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::text::clock::ClockSettings;
 use crate::text::dialect::{Dialect, Dialects};
-use crate::text::notation::{Marks, Notation};
+use crate::text::notation::{Notation, NotationFlags};
 use crate::text::{evidence, suspicion, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
@@ -141,8 +141,8 @@ fn bursts(text: &[u8]) -> Vec<Vec<u8>> {
     let run = |line: &[u8]| {
         let starts = (0..line.len()).filter(|&at| at == 0 || matches!(line[at - 1], b' ' | b'\t' | b':' | b'|'));
         starts.take(100).find_map(|at| {
-            let (mut bytes, mut marks) = (Vec::new(), Marks::default());
-            Notation::Hex.read(&line[at..], None, &mut bytes, &mut marks);
+            let (mut bytes, mut flags) = (Vec::new(), NotationFlags::default());
+            Notation::Hex.read(&line[at..], None, &mut bytes, &mut flags);
             (bytes.len() >= 4).then_some(bytes)
         })
     };

@@ -9,7 +9,7 @@ use memchr::memmem::Finder;
 
 use crate::chunk::Side;
 use crate::text::front;
-use crate::text::notation::{Marks, Notation};
+use crate::text::notation::{Notation, NotationFlags};
 use crate::text::stamp::Stamps;
 use modlens_protocol::Ns;
 
@@ -60,7 +60,7 @@ pub(super) struct Match {
     pub offset: Option<u64>,
     /// Which line of a two-line tap: 0 for the only one, 1 for A, 2 for B.
     pub line: u8,
-    pub marks: Marks,
+    pub flags: NotationFlags,
     /// The bytes are 16-bit words, of which the last may hold one byte only.
     pub may_end_with_half_word: bool,
 }
@@ -202,7 +202,7 @@ fn inside_word(line: &[u8], start: usize) -> bool {
 /// All placeholders, for the error message about an unknown one.
 fn placeholders() -> String {
     let plain = ["any", "n", "x", "word", "time", "ms", "offset", "octal offset", "key", "front", "chunk"].iter().copied();
-    plain.chain(Notation::WORDS.iter().map(|(word, _)| *word)).collect::<Vec<_>>().join(" ")
+    plain.chain(Notation::PLACEHOLDERS.iter().map(|(word, _)| *word)).collect::<Vec<_>>().join(" ")
 }
 
 /// The element for the text between two braces; `None` for an unknown placeholder.
@@ -222,7 +222,7 @@ fn parse_element(word: &str) -> Option<Element> {
         notations => {
             let list: Option<Vec<Notation>> = notations
                 .split('|')
-                .map(|name| Notation::WORDS.iter().find(|(word, _)| *word == name).map(|(_, notation)| *notation))
+                .map(|name| Notation::PLACEHOLDERS.iter().find(|(word, _)| *word == name).map(|(_, notation)| *notation))
                 .collect();
             Element::Bytes(list?, None)
         }
@@ -365,23 +365,23 @@ fn match_bytes(
     let start = scratch.out.len();
     if let [only] = notations {
         found.may_end_with_half_word = only.has_words();
-        return only.read(text, stop, scratch.out, &mut found.marks);
+        return only.read(text, stop, scratch.out, &mut found.flags);
     }
     let preferred = scratch.preferred.filter(|one| notations.contains(one));
     let mut first = None;
     for &notation in preferred.iter().chain(notations) {
         scratch.out.truncate(start);
-        let mut marks = Marks::default();
-        let Some(length) = notation.read(text, stop, scratch.out, &mut marks) else { continue };
+        let mut flags = NotationFlags::default();
+        let Some(length) = notation.read(text, stop, scratch.out, &mut flags) else { continue };
         if crate::text::evidence::is_whole_frame(&scratch.out[start..]) {
             *scratch.preferred = Some(notation);
-            found.marks = marks;
+            found.flags = flags;
             return Some(length);
         }
         first = first.or(Some(notation));
     }
     scratch.out.truncate(start);
-    first?.read(text, stop, scratch.out, &mut found.marks)
+    first?.read(text, stop, scratch.out, &mut found.flags)
 }
 
 /// Parses the 4 to 16 digits of a dump's offset; returns the length of the text.

@@ -1,15 +1,16 @@
-//! Pairs of hex digits in the dresses of many programs.
+//! Bytes as pairs of hex digits, with the separators, prefixes and suffixes that programs print.
 
-use crate::text::notation::{word, Marks, BLOCK};
+use crate::text::notation::{word, NotationFlags, BLOCK};
 use modlens_protocol::hex::{digit, pair, solid, BAD, DIGITS, HIGH, LOW, NO};
 
+/// Whether a character may separate bytes.
 const SEPARATORS: [bool; 256] = separators();
 
-/// What a separator is worth: nothing.
-static BETWEEN: [u16; 256] = between();
+/// 0 for separators and `NO` for all other characters, to be combined with the values of digits.
+static SEPARATOR_VALUES: [u16; 256] = separator_values();
 
-/// Most bytes on a line of a dump.
-const DUMP_LINE: usize = 16;
+/// The most bytes in a line of a hex dump.
+const MAX_DUMP_LINE_BYTES: usize = 16;
 
 const fn separators() -> [bool; 256] {
     let mut table = [false; 256];
@@ -22,7 +23,7 @@ const fn separators() -> [bool; 256] {
     table
 }
 
-const fn between() -> [u16; 256] {
+const fn separator_values() -> [u16; 256] {
     let mut table = [NO; 256];
     let mut i = 0;
     while i < 256 {
@@ -34,22 +35,23 @@ const fn between() -> [u16; 256] {
     table
 }
 
-/// Words that stand where a program, or a manual, does not print the checksum.
+/// Words that programs and manuals print in place of the checksum.
 const PLACEHOLDERS: &[&[u8]] =
     &[b"xx", b"??", b"crc", b"crc16", b"lrc", b"crclo", b"crchi", b"crcl", b"crch", b"lo", b"hi", b"low", b"high", b"ll", b"hh"];
 
-/// Pairs with one separator behind each, as long as they go on so; gives the length of text.
-fn spaced(text: &[u8], out: &mut Vec<u8>) -> usize {
+/// Reads pairs of digits that are each followed by exactly one separator, up to the first irregularity. Returns the length
+/// of the text.
+fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
     let mut blocks = text.chunks_exact(3 * BLOCK);
     let (mut bytes, mut count) = ([0u8; BLOCK], 0);
     for block in &mut blocks {
-        let mut bad = 0;
+        let mut invalid = 0;
         for (byte, three) in bytes.iter_mut().zip(block.chunks_exact(3)) {
             let value = HIGH[three[0] as usize] | LOW[three[1] as usize];
-            bad |= value | BETWEEN[three[2] as usize];
+            invalid |= value | SEPARATOR_VALUES[three[2] as usize];
             *byte = value as u8;
         }
-        if bad & NO != 0 {
+        if invalid & NO != 0 {
             break;
         }
         out.extend_from_slice(&bytes);
@@ -57,13 +59,13 @@ fn spaced(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
     for three in text[3 * count..].chunks_exact(3) {
         let value = HIGH[three[0] as usize] | LOW[three[1] as usize];
-        if (value | BETWEEN[three[2] as usize]) & NO != 0 {
+        if (value | SEPARATOR_VALUES[three[2] as usize]) & NO != 0 {
             break;
         }
         out.push(value as u8);
         count += 1;
     }
-    // The last of a line has nothing behind it.
+    // The last pair of a line has no separator behind it.
     if let (2, Some(value)) = (text.len() - 3 * count, pair(text, 3 * count)) {
         out.push(value);
         return text.len();
@@ -71,11 +73,12 @@ fn spaced(text: &[u8], out: &mut Vec<u8>) -> usize {
     3 * count
 }
 
-/// A byte with blanks behind it, or nothing: where it ends, and where they do. Digits may stand alone if `loose`.
-fn spread(text: &[u8], loose: bool, out: &mut Vec<u8>) -> Option<(usize, usize)> {
+/// Reads one byte that is followed by spaces or by the end of the text. Returns the length of the byte, without and with
+/// the spaces. `allow_single_digits` also accepts a byte of one digit.
+fn read_spaced_byte(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>) -> Option<(usize, usize)> {
     let (value, length) = match pair(text, 0) {
         Some(value) => (value, 2),
-        None if loose => (Some(digit(text, 0)).filter(|&value| value != BAD)?, 1),
+        None if allow_single_digits => (Some(digit(text, 0)).filter(|&value| value != BAD)?, 1),
         None => return None,
     };
     let blanks = text[length..].iter().take_while(|&&b| b == b' ').count();
@@ -86,45 +89,48 @@ fn spread(text: &[u8], loose: bool, out: &mut Vec<u8>) -> Option<(usize, usize)>
     Some((length, length + blanks))
 }
 
-/// Digits of an offset of 64 bits.
-const LONGEST_OFFSET: usize = 16;
+/// The most digits of an offset: 64 bits.
+const MAX_OFFSET_DIGITS: usize = 16;
 
-/// Whether this is the line of a dump, offset first: `0010  05 03 ..`. No offset is read as bytes.
+/// Whether this is a line of a dump with its offset in front, as in `0010  05 03 ..`. An offset must not be read as bytes.
 fn begins_with_offset(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     let (prefixed, text) = text.strip_prefix(b"0x").map_or((false, text), |rest| (true, rest));
-    // Nearly all text has a pair first.
+    // Most text begins with a pair of digits, which settles the question at once.
     if text.get(2).is_none_or(|&b| DIGITS[b as usize] == BAD) {
         return false;
     }
-    let offset = word(&text[..text.len().min(LONGEST_OFFSET + 1)], 0);
-    if offset.len() > LONGEST_OFFSET {
+    let offset = word(&text[..text.len().min(MAX_OFFSET_DIGITS + 1)], 0);
+    if offset.len() > MAX_OFFSET_DIGITS {
         return false;
     }
     let behind = &text[offset.len()..];
     let bytes = behind.trim_ascii_start();
     let pairs = behind.starts_with(b" ") && pair(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
+    // Offsets count lines of 16 bytes, so their last digit is 0.
     (4..=8).contains(&offset.len())
         && offset.ends_with(b"0")
         && offset.iter().all(|&b| DIGITS[b as usize] != BAD)
         && ((pairs && !prefixed) || behind.starts_with(b": "))
 }
 
-pub(super) fn hex(text: &[u8], loose: bool, out: &mut Vec<u8>, marks: &mut Marks) -> usize {
+/// Reads bytes with any separators, and stops at the first word that is neither a byte nor a placeholder for the checksum.
+/// Returns the length of the text.
+pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
     if begins_with_offset(text) {
         return 0;
     }
     let (mut at, mut end) = (0, 0);
     loop {
-        // Most text is pairs with one separator behind each.
-        if !marks.no_checksum {
-            let length = spaced(&text[at..], out);
+        // Most text consists of pairs with one separator behind each.
+        if !flags.no_checksum {
+            let length = read_regular_pairs(&text[at..], out);
             if length > 0 {
                 at += length;
                 end = at - usize::from(length.is_multiple_of(3));
             }
             at += text[at..].iter().take_while(|&&b| b == b' ').count();
-            while let Some((length, behind)) = spread(&text[at..], loose, out) {
+            while let Some((length, behind)) = read_spaced_byte(&text[at..], allow_single_digits, out) {
                 end = at + length;
                 at += behind;
             }
@@ -134,44 +140,48 @@ pub(super) fn hex(text: &[u8], loose: bool, out: &mut Vec<u8>, marks: &mut Marks
             dashes += usize::from(text[at] == b'-');
             at += 1;
         }
-        // What is cut off is no byte: `05 03 ... 72 more bytes`.
+        // Dots mean that the program printed only a part: the numbers behind them are no bytes, as in
+        // `05 03 ... 72 more bytes`.
         if text[end..at].windows(3).any(|three| three == b"...") {
             return end;
         }
-        // `-- --` in place of a checksum; a dash between bytes is a separator.
+        // `-- --` is a placeholder for the checksum, while a single dash between bytes is a separator.
         if dashes >= 2 && !out.is_empty() && text[end..at].windows(2).any(|two| two == b"--") {
-            marks.no_checksum = true;
+            flags.no_checksum = true;
             end = at;
         }
         let token = word(text, at);
         if token.is_empty() {
             return end;
         }
-        let read = !marks.no_checksum && hex_token(token, loose, out);
-        let filler = !read && !out.is_empty() && text.get(at + token.len()) != Some(&b'=') && placeholder(token);
-        if !read && !filler {
+        let read = !flags.no_checksum && hex_token(token, allow_single_digits, out);
+        let is_placeholder =
+            !read && !out.is_empty() && text.get(at + token.len()) != Some(&b'=') && is_checksum_placeholder(token);
+        if !read && !is_placeholder {
             return end;
         }
-        marks.no_checksum |= filler;
+        flags.no_checksum |= is_placeholder;
         at += token.len();
         end = at;
-        // A bracket that belongs to the byte.
+        // A closing bracket belongs to the byte.
         if text.get(at).is_some_and(|b| matches!(b, b']' | b'}' | b'>')) {
             end += 1;
         }
     }
 }
 
-fn placeholder(token: &[u8]) -> bool {
+/// Whether the word stands in place of a checksum.
+fn is_checksum_placeholder(token: &[u8]) -> bool {
     PLACEHOLDERS.iter().any(|known| token.eq_ignore_ascii_case(known))
 }
 
-pub(super) fn hex_token(token: &[u8], loose: bool, out: &mut Vec<u8>) -> bool {
+/// Decodes a word of hex digits, with or without `0x` or `h`, and appends its bytes to `out`. Returns false if it is none.
+pub(super) fn hex_token(token: &[u8], allow_single_digits: bool, out: &mut Vec<u8>) -> bool {
     let with_prefix = token.strip_prefix(b"0x").or_else(|| token.strip_prefix(b"0X"));
     let with_suffix = if token.len() <= 3 { token.strip_suffix(b"h").or_else(|| token.strip_suffix(b"H")) } else { None };
     let digits = with_prefix.or(with_suffix).unwrap_or(token);
     match digits.len() {
-        1 if loose || with_prefix.is_some() || with_suffix.is_some() => {
+        1 if allow_single_digits || with_prefix.is_some() || with_suffix.is_some() => {
             let value = digit(digits, 0);
             if value != BAD {
                 out.push(value);
@@ -183,9 +193,11 @@ pub(super) fn hex_token(token: &[u8], loose: bool, out: &mut Vec<u8>) -> bool {
     }
 }
 
+/// Reads the pairs of one line of a hex dump. They end at a gap of more than two spaces, behind which the line is repeated
+/// as characters. Returns the length of the text.
 pub(super) fn pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
     let (mut at, mut end, first) = (0, 0, out.len());
-    while out.len() - first < DUMP_LINE {
+    while out.len() - first < MAX_DUMP_LINE_BYTES {
         let blanks = text[at..].iter().take_while(|&&b| b == b' ').count();
         let limit = if end == 0 { usize::MAX } else { 2 };
         let ends = text.get(at + blanks + 2).is_none_or(|b| !b.is_ascii_alphanumeric());
@@ -199,6 +211,7 @@ pub(super) fn pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
     end
 }
 
+/// Reads groups of pairs with single spaces between the groups. Returns the length of the text.
 pub(super) fn groups(text: &[u8], out: &mut Vec<u8>) -> usize {
     let start = text.iter().take_while(|&&b| b == b' ').count();
     let mut at = start;
@@ -212,13 +225,14 @@ pub(super) fn groups(text: &[u8], out: &mut Vec<u8>) -> usize {
     at
 }
 
-pub(super) fn prefixed(text: &[u8], out: &mut Vec<u8>, marks: &mut Marks) -> usize {
+/// Reads bytes that each have `0x` in front, and stops at the first word that has not. Returns the length of the text.
+pub(super) fn prefixed(text: &[u8], out: &mut Vec<u8>, flags: &mut NotationFlags) -> usize {
     let (mut at, mut end) = (0, 0);
     loop {
         while text.get(at).is_some_and(|&b| SEPARATORS[b as usize]) {
             at += 1;
         }
-        if let Some(length) = prefixed_one(&text[at..], out) {
+        if let Some(length) = read_prefixed_byte(&text[at..], out) {
             at += length;
             end = at;
             continue;
@@ -226,17 +240,17 @@ pub(super) fn prefixed(text: &[u8], out: &mut Vec<u8>, marks: &mut Marks) -> usi
         let token = word(text, at);
         let digits = token.strip_prefix(b"0x").or_else(|| token.strip_prefix(b"0X"));
         if digits.is_none_or(|digits| digits.len() > 2) || !hex_token(token, false, out) {
-            let filler = !out.is_empty() && placeholder(token);
-            marks.no_checksum |= filler;
-            return if filler { text.len() } else { end };
+            let is_placeholder = !out.is_empty() && is_checksum_placeholder(token);
+            flags.no_checksum |= is_placeholder;
+            return if is_placeholder { text.len() } else { end };
         }
         at += token.len();
         end = at;
     }
 }
 
-/// `0x5` or `0x05` that a separator or the line's end follows.
-fn prefixed_one(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
+/// Reads `0x5` or `0x05`, followed by a separator or the end of the text. Returns the length of the text.
+fn read_prefixed_byte(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
     let digits = text.strip_prefix(b"0x")?;
     let ends = |at: usize| digits.get(at).is_none_or(|&b| SEPARATORS[b as usize]);
     let (value, length) = match pair(digits, 0) {
@@ -249,6 +263,7 @@ fn prefixed_one(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
     })
 }
 
+/// Reads bytes that are each enclosed in the brackets `around`. Returns the length of the text.
 pub(super) fn bracketed(text: &[u8], around: [u8; 2], out: &mut Vec<u8>) -> usize {
     let mut at = 0;
     while let Some(&[open, high, low, close]) = text.get(at..at + 4) {
@@ -261,7 +276,7 @@ pub(super) fn bracketed(text: &[u8], around: [u8; 2], out: &mut Vec<u8>) -> usiz
             at += 1;
         }
     }
-    // A single one may be a number in a text.
+    // A single byte in brackets may be a number in prose.
     if at < 8 {
         out.truncate(out.len() - at / 4);
         return 0;
@@ -269,12 +284,13 @@ pub(super) fn bracketed(text: &[u8], around: [u8; 2], out: &mut Vec<u8>) -> usiz
     at
 }
 
+/// Reads one byte of one or two hex digits, with or without `0x`. Returns the length of the text.
 pub(super) fn byte(text: &[u8], out: &mut Vec<u8>) -> usize {
     let blanks = text.iter().take_while(|&&b| b == b' ' || b == b'\t').count();
     let token = word(text, blanks);
     let digits = token.strip_prefix(b"0x").or_else(|| token.strip_prefix(b"0X")).unwrap_or(token);
-    let good = matches!(digits.len(), 1 | 2) && hex_token(digits, true, out);
-    if good {
+    let is_byte = matches!(digits.len(), 1 | 2) && hex_token(digits, true, out);
+    if is_byte {
         blanks + token.len()
     } else {
         0

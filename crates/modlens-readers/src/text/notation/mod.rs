@@ -1,4 +1,5 @@
-//! How programs write bytes: hex in many dresses, decimal, escapes, words. A notation takes as much text as it can.
+//! The notations in which programs print bytes: hex with many kinds of separators, decimal, escaped strings, 16-bit words
+//! and others. A notation reads as much of the text as it can.
 
 mod hex;
 mod other;
@@ -6,60 +7,60 @@ mod other;
 use hex::{bracketed, byte, groups, hex, pairs, prefixed};
 use other::{ascii, base64, cell, decimal, decimal_one, escaped, named, words};
 
-/// A way of writing bytes; the word is how templates name it.
+/// A way of printing bytes. `PLACEHOLDERS` has the placeholder that names it in templates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Notation {
     /// Pairs of hex digits, with or without `0x` or `h`, with any separators.
     Hex,
-    /// The same, where digits may stand alone: `1 3 0 6B`.
+    /// Hex numbers of one or two digits with any separators: `1 3 0 6B`.
     Loose,
-    /// Sixteen pairs at most, blanks between: a line of a dump.
+    /// At most sixteen pairs of hex digits separated by spaces, as in a line of a hex dump.
     Pairs,
-    /// Groups of pairs up to two blanks: a line of xxd.
+    /// Groups of hex digits separated by single spaces, as in a line of xxd, up to two spaces.
     Groups,
-    /// `0x` in front of each byte.
+    /// Hex numbers of one or two digits, each with `0x` in front.
     Prefixed,
-    /// `[01][03]`.
+    /// Pairs of hex digits in square brackets: `[01][03]`.
     Square,
-    /// `<01><03>`.
+    /// Pairs of hex digits in angle brackets: `<01><03>`.
     Angle,
-    /// `{01}{03}`.
+    /// Pairs of hex digits in braces: `{01}{03}`.
     Curly,
     /// Decimal numbers.
     Decimal,
-    /// A string with escapes, up to its quote.
+    /// A string with escape sequences such as `\x01`, up to its closing quote.
     Escaped,
-    /// Words of hex digits, low byte first: hexdump, od -x.
+    /// 16-bit words in hex, low byte first, as hexdump and od -x print them.
     Words,
-    /// Words of octal digits, low byte first: od.
+    /// 16-bit words in octal, low byte first, as od prints them.
     Octal,
     /// Base64.
     Base64,
-    /// Characters with their bytes in parentheses: two digits are hex, three decimal.
+    /// Names of characters with their value in parentheses, such as `ETX (03)`: two digits are hex, three are decimal.
     Named,
-    /// One byte: `0x41`, `41`, `0X4`.
+    /// One byte in hex: `0x41`, `41`, `0X4`.
     Byte,
     /// One byte in decimal.
     Number,
-    /// A cell of a logic analyser's table: a character, a number in quotes, `0x41`.
+    /// One byte in a cell of a logic analyser's table: a character, a number in quotes, `0x41`.
     Cell,
-    /// Modbus ASCII: colon and hex digits, delivered as the characters on the line.
+    /// A frame of Modbus ASCII, colon and hex digits, which yields the characters that were on the line.
     Ascii,
 }
 
-/// What a notation saw beside bytes.
+/// What a notation has found beside the bytes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Marks {
-    /// Where the checksum should be stands a placeholder.
+pub(super) struct NotationFlags {
+    /// A placeholder stands where the checksum should be.
     pub no_checksum: bool,
 }
 
-/// Bytes that are read at once where text is plain.
+/// How many characters or bytes are processed at once, without a branch for each, where the text is regular.
 const BLOCK: usize = 8;
 
 impl Notation {
-    /// The words of templates.
-    pub const WORDS: &'static [(&'static str, Self)] = &[
+    /// The placeholders of templates, without braces.
+    pub const PLACEHOLDERS: &'static [(&'static str, Self)] = &[
         ("hex", Self::Hex),
         ("loose", Self::Loose),
         ("pairs", Self::Pairs),
@@ -80,15 +81,16 @@ impl Notation {
         ("ascii", Self::Ascii),
     ];
 
-    /// Reads bytes from the start of `text` into `out`; gives the length of text that they took. `stop` ends a string.
-    pub fn read(self, text: &[u8], stop: Option<u8>, out: &mut Vec<u8>, marks: &mut Marks) -> Option<usize> {
+    /// Appends the bytes at the start of `text` to `out` and returns the length of the text that they took; `None` if there
+    /// are no bytes. `stop` is the character that ends a string.
+    pub fn read(self, text: &[u8], stop: Option<u8>, out: &mut Vec<u8>, flags: &mut NotationFlags) -> Option<usize> {
         let before = out.len();
         let taken = match self {
-            Self::Hex => hex(text, false, out, marks),
-            Self::Loose => hex(text, true, out, marks),
+            Self::Hex => hex(text, false, out, flags),
+            Self::Loose => hex(text, true, out, flags),
             Self::Pairs => pairs(text, out),
             Self::Groups => groups(text, out),
-            Self::Prefixed => prefixed(text, out, marks),
+            Self::Prefixed => prefixed(text, out, flags),
             Self::Square => bracketed(text, *b"[]", out),
             Self::Angle => bracketed(text, *b"<>", out),
             Self::Curly => bracketed(text, *b"{}", out),
@@ -106,7 +108,7 @@ impl Notation {
         (out.len() > before).then_some(taken)
     }
 
-    /// The character that it begins with, where that is always the same.
+    /// The character that bytes in this notation always begin with, if there is one.
     pub fn opening(self) -> Option<u8> {
         match self {
             Self::Square => Some(b'['),
@@ -117,15 +119,15 @@ impl Notation {
         }
     }
 
-    /// Whether the last word of a short line may hold one byte only.
+    /// Whether it prints 16-bit words, so that the last word of a dump may hold one byte only.
     pub fn has_words(self) -> bool {
         matches!(self, Self::Words | Self::Octal)
     }
 }
 
-/// The letters, digits and question marks from a place on.
+/// The word at position `from`: letters, digits and question marks, possibly none.
 fn word(text: &[u8], from: usize) -> &[u8] {
-    // Without branches: many bytes without a separator are looked through several at once.
+    // The test has no branches, so that the compiler checks several characters of a long word at once.
     let within = |b: u8| (b | 0x20).wrapping_sub(b'a') < 26 || b.wrapping_sub(b'0') < 10 || b == b'?';
     let rest = &text[from..];
     let blocks = rest.chunks_exact(BLOCK).take_while(|block| block.iter().fold(true, |all, &b| all & within(b)));
@@ -139,9 +141,9 @@ mod tests {
     use super::*;
 
     fn read(notation: Notation, text: &str) -> (Vec<u8>, &str, bool) {
-        let (mut out, mut marks) = (Vec::new(), Marks::default());
-        let end = notation.read(text.as_bytes(), Some(b'"'), &mut out, &mut marks).unwrap_or(0);
-        (out, &text[end..], marks.no_checksum)
+        let (mut out, mut flags) = (Vec::new(), NotationFlags::default());
+        let end = notation.read(text.as_bytes(), Some(b'"'), &mut out, &mut flags).unwrap_or(0);
+        (out, &text[end..], flags.no_checksum)
     }
 
     const FRAME: [u8; 8] = [5, 3, 0, 0x10, 0, 2, 0xC4, 0x4A];

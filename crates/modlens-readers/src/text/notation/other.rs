@@ -1,12 +1,14 @@
-//! Bytes in decimal, in words, as characters with escapes, in base64, and as the characters of Modbus ASCII.
+//! Bytes in notations other than hex: decimal, 16-bit words, escaped strings, base64, and frames of Modbus ASCII.
+//!
+//! Each function appends the bytes at the start of the text to `out` and returns the length of the text that they took.
 
 use crate::text::notation::hex::{byte, hex_token};
 use crate::text::notation::word;
 use modlens_protocol::checksum::{crc_valid, lrc};
 use modlens_protocol::hex::{digit, pair, BAD, DIGITS};
 
-/// Base64 in both of its alphabets (RFC 4648).
-static SIXTY_FOUR: [u8; 256] = {
+/// The value of each character in base64, in both of its alphabets (RFC 4648, 4 and 5).
+static BASE64_VALUES: [u8; 256] = {
     let mut table = [BAD; 256];
     let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut i = 0;
@@ -18,6 +20,7 @@ static SIXTY_FOUR: [u8; 256] = {
     table
 };
 
+/// Reads names of characters with their value in parentheses, such as `ETX (03) k (6b)`.
 pub(super) fn named(text: &[u8], out: &mut Vec<u8>) -> usize {
     let mut end = 0;
     loop {
@@ -26,13 +29,14 @@ pub(super) fn named(text: &[u8], out: &mut Vec<u8>) -> usize {
         let name = rest[blanks..].iter().take_while(|&&b| b != b' ').count();
         let Some(inner) = rest[blanks + name..].strip_prefix(b" (") else { return end };
         let token = word(inner, 0);
-        let value = if token.len() == 3 { number(token) } else { pair(token, 0).filter(|_| token.len() == 2) };
+        let value = if token.len() == 3 { decimal_byte(token) } else { pair(token, 0).filter(|_| token.len() == 2) };
         let Some(value) = value.filter(|_| name > 0 && inner.get(token.len()) == Some(&b')')) else { return end };
         out.push(value);
         end += blanks + name + 2 + token.len() + 1;
     }
 }
 
+/// Reads decimal numbers up to 255, with separators or as a list in brackets.
 pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
     let (mut at, mut end) = (0, 0);
     loop {
@@ -40,7 +44,7 @@ pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
             at += 1;
         }
         let token = word(text, at);
-        let Some(value) = number(token) else { return end };
+        let Some(value) = decimal_byte(token) else { return end };
         out.push(value);
         at += token.len();
         end = at;
@@ -50,21 +54,24 @@ pub(super) fn decimal(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
 }
 
-fn number(token: &[u8]) -> Option<u8> {
+/// Parses a decimal number of one to three digits, up to 255.
+fn decimal_byte(token: &[u8]) -> Option<u8> {
     if !(1..=3).contains(&token.len()) {
         return None;
     }
     token.iter().try_fold(0u16, |value, &b| b.is_ascii_digit().then(|| value * 10 + u16::from(b - b'0')))?.try_into().ok()
 }
 
+/// Reads one decimal number up to 255.
 pub(super) fn decimal_one(text: &[u8], out: &mut Vec<u8>) -> usize {
     let blanks = text.iter().take_while(|&&b| b == b' ').count();
     let token = word(text, blanks);
-    out.extend(number(token));
+    out.extend(decimal_byte(token));
     blanks + token.len()
 }
 
-/// A string without any escape is text for people.
+/// Reads a string with C escape sequences up to the character `stop`. A string without any escape sequence is prose and
+/// yields no bytes.
 pub(super) fn escaped(text: &[u8], stop: Option<u8>, out: &mut Vec<u8>) -> usize {
     let (mut at, before) = (0, out.len());
     while let Some(&b) = text.get(at) {
@@ -106,6 +113,7 @@ pub(super) fn escaped(text: &[u8], stop: Option<u8>, out: &mut Vec<u8>) -> usize
     at
 }
 
+/// Reads 16-bit words of exactly `width` digits in this radix, low byte first.
 pub(super) fn words(text: &[u8], width: usize, radix: u32, out: &mut Vec<u8>) -> usize {
     let (mut at, mut end) = (0, 0);
     loop {
@@ -119,24 +127,26 @@ pub(super) fn words(text: &[u8], width: usize, radix: u32, out: &mut Vec<u8>) ->
     }
 }
 
-/// Eight characters at least; whether they mean anything is the checksum's to say.
+/// Reads base64 of at least eight characters with padding. Any word may be base64, so only a checksum shows whether it is.
 pub(super) fn base64(text: &[u8], out: &mut Vec<u8>) -> usize {
-    let length = text.iter().take_while(|&&b| SIXTY_FOUR[b as usize] != BAD).count();
+    let length = text.iter().take_while(|&&b| BASE64_VALUES[b as usize] != BAD).count();
     let padding = text[length..].iter().take_while(|&&b| b == b'=').count();
     if length < 6 || (length + padding) % 4 != 0 || padding > 2 {
         return 0;
     }
     for four in text[..length].chunks(4) {
-        let bits = four.iter().fold(0u32, |bits, &b| bits << 6 | u32::from(SIXTY_FOUR[b as usize])) << (6 * (4 - four.len()));
+        let bits = four.iter().fold(0u32, |bits, &b| bits << 6 | u32::from(BASE64_VALUES[b as usize])) << (6 * (4 - four.len()));
         out.extend_from_slice(&bits.to_be_bytes()[1..four.len()]);
     }
     length + padding
 }
 
+/// Reads one byte from a cell: a decimal number in single quotes, a character in double quotes, `0x41`, the word `COMMA`,
+/// a decimal number of two or three digits, or the character itself.
 pub(super) fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
     if let [b'\'', rest @ ..] = text {
         let token = word(rest, 0);
-        if let (Some(value), Some(b'\'')) = (number(token), rest.get(token.len())) {
+        if let (Some(value), Some(b'\'')) = (decimal_byte(token), rest.get(token.len())) {
             out.push(value);
             return token.len() + 2;
         }
@@ -150,7 +160,7 @@ pub(super) fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
     let token = word(text, 0);
     if token.len() >= 2 {
-        let value = if token == b"COMMA" { Some(b',') } else { number(token) };
+        let value = if token == b"COMMA" { Some(b',') } else { decimal_byte(token) };
         out.extend(value);
         return token.len();
     }
@@ -163,6 +173,7 @@ pub(super) fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
 }
 
+/// Reads a frame of Modbus ASCII, and completes it with the CR and LF that logs do not print.
 pub(super) fn ascii(text: &[u8], out: &mut Vec<u8>) -> usize {
     let Some(rest) = text.strip_prefix(b":") else { return 0 };
     let length = rest.iter().take_while(|&&b| DIGITS[b as usize] != BAD).count();
@@ -171,7 +182,7 @@ pub(super) fn ascii(text: &[u8], out: &mut Vec<u8>) -> usize {
     }
     let start = out.len();
     hex_token(&rest[..length], false, out);
-    // `:010300000002C40B` is RTU behind a colon, as some manuals print it.
+    // Some manuals print an RTU frame behind a colon, as in `:010300000002C40B`: its bytes are delivered, not its digits.
     if lrc(&out[start..]) == 0 || !crc_valid(&out[start..]) {
         out.truncate(start);
         out.extend_from_slice(&text[..=length]);

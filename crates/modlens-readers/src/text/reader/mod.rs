@@ -216,7 +216,7 @@ impl Reader {
         let (mut from, mut must_reach_line_end) = (0, false);
         let saved_state = self.stamps.state;
         while from < line.len() && self.matches.len() < MAX_MATCHES_PER_LINE {
-            let Some((role, mut found, is_last)) = self.next_match(dialect, line, from) else { break };
+            let Some((role, mut found, to_line_end)) = self.next_match(dialect, line, from) else { break };
             // Plain bytes count as announced only if a header line announced them or they prove themselves.
             if role == Role::Continuation
                 && dialect.has_headers
@@ -234,7 +234,7 @@ impl Reader {
             if found.time.is_none() && found.start > from {
                 found.time = self.stamps.find(&line[from..found.start]);
             }
-            (from, must_reach_line_end) = (found.end.max(from + 1), is_last);
+            (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
             self.matches.push((role, found, self.found.len()));
         }
         let tail = line.get(from..).unwrap_or(&[]);
