@@ -1,7 +1,7 @@
-//! Is it Modbus, in what framing, and who asks? Decided once for a connection, on its first bytes.
+//! Decides from the first bytes of a connection whether it carries Modbus, in which framing, and which side is the client.
 //!
-//! On a port that is named for Modbus one whole frame is enough. Anywhere else a question and its answer are asked for,
-//! or a chain of frames: the headers of other protocols are full of zeros, too.
+//! On a port that is known for Modbus one whole frame is enough. On any other port a request with its response or several
+//! frames in a row are needed, because the headers of other protocols are full of zeros, too.
 
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::{answers, readings, Asked, Match};
@@ -11,106 +11,111 @@ use modlens_protocol::mbap::{announced, layout_fits};
 use modlens_protocol::recognize::evidence;
 use modlens_protocol::Ns;
 
-/// Without a frame in so many bytes it is something else.
-const ENOUGH: usize = 4096;
+/// A connection on a known port without a frame in so many bytes is not Modbus.
+const MAX_UNDECIDED_BYTES: usize = 4096;
 
-/// Or in so many pieces.
-const PIECES: usize = 32;
+/// A connection without a frame in so many segments is not Modbus.
+const MAX_UNDECIDED_SEGMENTS: usize = 32;
 
-/// On any port, other protocols are given up sooner.
-const ENOUGH_ANYWHERE: usize = 1024;
+/// On other ports a connection is given up after fewer bytes.
+const MAX_UNDECIDED_BYTES_ON_ANY_PORT: usize = 1024;
 
-/// Frames of one side that are a chain.
-const CHAIN: usize = 3;
+/// So many frames of one side in a row prove Modbus without a response.
+const MIN_FRAMES_IN_A_ROW: usize = 3;
 
-/// Bytes of the MBAP header with the unit.
-const HEADER: usize = 7;
+/// Bytes of the MBAP header, unit identifier included (MODBUS Messaging on TCP/IP, 3.1.3).
+const MBAP_BYTES: usize = 7;
 
-/// A piece of a stream that waits for the decision.
+/// Bytes of a stream that are kept until the decision is taken.
 #[derive(Clone, Debug)]
 pub struct Held {
     /// Who sent it: 0 or 1.
     pub side: usize,
-    /// Its bytes.
+    /// The bytes.
     pub bytes: Vec<u8>,
-    /// The packet it came in.
+    /// Number of the packet that they came in.
     pub packet: u64,
-    /// When.
+    /// When the packet was captured.
     pub time: Option<Ns>,
-    /// Bytes missing before it.
+    /// How many bytes are missing from the capture before them.
     pub missing: u32,
-    /// The capture cut its packet.
+    /// The capture kept only a part of the packet.
     pub cut: bool,
 }
 
 /// What a connection turned out to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
-    /// Modbus in this framing; the side that asks, where its frames say so.
+    /// Modbus in this framing, and the side (0 or 1) of the client, where the frames show it.
     Modbus(Mode, Option<usize>),
     /// Something else.
     Other,
 }
 
-/// One frame that may be Modbus.
-struct Candidate<'a> {
+/// A whole frame that has the layout of Modbus.
+struct FrameCandidate<'a> {
     mode: Mode,
     side: usize,
-    id: u16,
+    /// Transaction identifier; 0 in frames without MBAP header.
+    transaction_id: u16,
     unit: u8,
     pdu: &'a [u8],
 }
 
-/// Decides, as soon as that can be done; at the end for good.
-pub fn judge(functions: &Functions, held: &[Held], known_port: bool, ended: bool) -> Option<Found> {
-    let found = if known_port { on_known_port(functions, held) } else { anywhere(functions, held) };
+/// Classifies a connection by its bytes so far; `None` means that more bytes are needed. If it has ended, the decision is
+/// taken with what there is.
+pub fn classify(functions: &Functions, held: &[Held], is_known_port: bool, has_ended: bool) -> Option<Found> {
+    let found = if is_known_port { on_known_port(functions, held) } else { anywhere(functions, held) };
     if found.is_some() {
         return found;
     }
-    let bytes: usize = held.iter().map(|piece| piece.bytes.len()).sum();
-    let enough = if known_port { ENOUGH } else { ENOUGH_ANYWHERE };
-    (ended || held.len() >= PIECES || bytes >= enough).then_some(Found::Other)
+    let bytes: usize = held.iter().map(|segment| segment.bytes.len()).sum();
+    let limit = if is_known_port { MAX_UNDECIDED_BYTES } else { MAX_UNDECIDED_BYTES_ON_ANY_PORT };
+    (has_ended || held.len() >= MAX_UNDECIDED_SEGMENTS || bytes >= limit).then_some(Found::Other)
 }
 
+/// Looks for one whole frame, where the port number already speaks for Modbus.
 fn on_known_port(functions: &Functions, held: &[Held]) -> Option<Found> {
     for side in 0..2 {
-        let mine = || held.iter().filter(move |piece| piece.side == side);
-        let all: Vec<u8> = mine().flat_map(|piece| piece.bytes.iter().copied()).collect();
+        let mine = || held.iter().filter(move |segment| segment.side == side);
+        let all: Vec<u8> = mine().flat_map(|segment| segment.bytes.iter().copied()).collect();
         let mut start = 0;
-        for piece in mine() {
+        for segment in mine() {
             let bytes = &all[start..];
             let whole = announced(bytes).filter(|&length| length <= bytes.len());
-            // A layout that does not fit is forgiven where the packet ends with the frame.
-            if whole.is_some_and(|length| length == piece.bytes.len() || layout_fits(functions, &bytes[HEADER..length])) {
-                return Some(Found::Modbus(Mode::Tcp, asking(functions, held)));
+            // If the packet ends exactly where the header says, an unknown layout does not speak against Modbus.
+            if whole.is_some_and(|length| length == segment.bytes.len() || layout_fits(functions, &bytes[MBAP_BYTES..length])) {
+                return Some(Found::Modbus(Mode::Tcp, client_side(functions, held)));
             }
-            if rtu(functions, &piece.bytes).is_some() {
-                return Some(Found::Modbus(Mode::Rtu, asking(functions, held)));
+            if parse_rtu(functions, &segment.bytes).is_some() {
+                return Some(Found::Modbus(Mode::Rtu, client_side(functions, held)));
             }
-            start += piece.bytes.len();
+            start += segment.bytes.len();
         }
-        // RTU or ASCII, byte by byte or joined; what looks like the beginning of an MBAP frame may still become one.
-        let begun = announced(&all).is_some();
-        if let Some(mode) = evidence(functions, &all).filter(|mode| *mode == Mode::Ascii || (*mode == Mode::Rtu && !begun)) {
+        // Frames of RTU or ASCII may be split or joined arbitrarily. What looks like the beginning of an MBAP frame may
+        // still become one, so it is not taken for RTU.
+        let may_be_mbap = announced(&all).is_some();
+        if let Some(mode) = evidence(functions, &all).filter(|mode| *mode == Mode::Ascii || (*mode == Mode::Rtu && !may_be_mbap))
+        {
             return Some(Found::Modbus(mode, None));
         }
     }
     None
 }
 
-/// A question and its answer, or a chain of frames of one side.
+/// Looks for a request with its response, or for several frames of one side in a row.
 fn anywhere(functions: &Functions, held: &[Held]) -> Option<Found> {
-    let candidates: Vec<Candidate<'_>> = held.iter().flat_map(|piece| candidates(functions, piece)).collect();
-    for (at, asked) in candidates.iter().enumerate() {
-        let answered = candidates[at + 1..].iter().any(|other| answers_it(functions, asked, other));
-        if answered && readings(functions, asked.pdu).0 {
-            return Some(Found::Modbus(asked.mode, Some(asked.side)));
+    let frames: Vec<FrameCandidate<'_>> = held.iter().flat_map(|segment| whole_frames(functions, segment)).collect();
+    for (at, request) in frames.iter().enumerate() {
+        let has_response = frames[at + 1..].iter().any(|other| is_response_to(functions, request, other));
+        if has_response && readings(functions, request.pdu).0 {
+            return Some(Found::Modbus(request.mode, Some(request.side)));
         }
     }
     for side in 0..2 {
-        let mine = || candidates.iter().filter(|it| it.side == side);
-        let pieces = held.iter().filter(|piece| piece.side == side).count();
-        if mine().count() >= CHAIN.max(pieces) {
+        let mine = || frames.iter().filter(|it| it.side == side);
+        let count = held.iter().filter(|segment| segment.side == side).count();
+        if mine().count() >= MIN_FRAMES_IN_A_ROW.max(count) {
             let asks = mine().all(|it| readings(functions, it.pdu).0);
             let mode = mine().next()?.mode;
             return Some(Found::Modbus(mode, Some(if asks { side } else { 1 - side })));
@@ -119,47 +124,50 @@ fn anywhere(functions: &Functions, held: &[Held]) -> Option<Found> {
     None
 }
 
-fn answers_it(functions: &Functions, asked: &Candidate<'_>, other: &Candidate<'_>) -> bool {
-    other.side != asked.side
-        && (other.mode, other.id) == (asked.mode, asked.id)
-        && answers(functions, Asked { unit: asked.unit, pdu: asked.pdu }, other.unit, other.pdu) == Match::Fully
+/// Whether `other` is the response to the request `request` in every field that a response repeats.
+fn is_response_to(functions: &Functions, request: &FrameCandidate<'_>, other: &FrameCandidate<'_>) -> bool {
+    other.side != request.side
+        && (other.mode, other.transaction_id) == (request.mode, request.transaction_id)
+        && answers(functions, Asked { unit: request.unit, pdu: request.pdu }, other.unit, other.pdu) == Match::Fully
 }
 
-/// The side whose frames can be questions only, or answers only the other way round.
-fn asking(functions: &Functions, held: &[Held]) -> Option<usize> {
-    held.iter().flat_map(|piece| candidates(functions, piece)).find_map(|it| match readings(functions, it.pdu) {
+/// The side of the client: that of the first frame that can only be a request, or the opposite of that of the first one
+/// that can only be a response.
+fn client_side(functions: &Functions, held: &[Held]) -> Option<usize> {
+    held.iter().flat_map(|segment| whole_frames(functions, segment)).find_map(|it| match readings(functions, it.pdu) {
         (true, false) => Some(it.side),
         (false, true) => Some(1 - it.side),
         _ => None,
     })
 }
 
-/// The whole frames of known functions at the start of a piece.
-fn candidates<'a>(functions: &'a Functions, piece: &'a Held) -> Vec<Candidate<'a>> {
+/// The whole frames with a known function at the start of the bytes of one segment.
+fn whole_frames<'a>(functions: &'a Functions, segment: &'a Held) -> Vec<FrameCandidate<'a>> {
     let mut found = Vec::new();
-    if let Some((unit, pdu)) = rtu(functions, &piece.bytes) {
-        found.push(Candidate { mode: Mode::Rtu, side: piece.side, id: 0, unit, pdu });
+    if let Some((unit, pdu)) = parse_rtu(functions, &segment.bytes) {
+        found.push(FrameCandidate { mode: Mode::Rtu, side: segment.side, transaction_id: 0, unit, pdu });
         return found;
     }
-    let mut rest = &piece.bytes[..];
+    let mut rest = &segment.bytes[..];
     while let Some(length) = announced(rest).filter(|&length| length <= rest.len()) {
-        let pdu = &rest[HEADER..length];
-        if !known(functions, pdu) || !layout_fits(functions, pdu) {
+        let pdu = &rest[MBAP_BYTES..length];
+        if !has_known_function(functions, pdu) || !layout_fits(functions, pdu) {
             break;
         }
-        let id = u16::from_be_bytes([rest[0], rest[1]]);
-        found.push(Candidate { mode: Mode::Tcp, side: piece.side, id, unit: rest[HEADER - 1], pdu });
+        let transaction_id = u16::from_be_bytes([rest[0], rest[1]]);
+        found.push(FrameCandidate { mode: Mode::Tcp, side: segment.side, transaction_id, unit: rest[MBAP_BYTES - 1], pdu });
         rest = &rest[length..];
     }
     found
 }
 
-/// Unit and PDU, if these bytes are one RTU frame.
-fn rtu<'a>(functions: &Functions, bytes: &'a [u8]) -> Option<(u8, &'a [u8])> {
+/// Unit and PDU if the bytes are exactly one RTU frame with a known function.
+fn parse_rtu<'a>(functions: &Functions, bytes: &'a [u8]) -> Option<(u8, &'a [u8])> {
     let pdu = bytes.get(1..bytes.len().checked_sub(2)?)?;
-    (crc_valid(bytes) && known(functions, pdu) && layout_fits(functions, pdu)).then(|| (bytes[0], pdu))
+    (crc_valid(bytes) && has_known_function(functions, pdu) && layout_fits(functions, pdu)).then(|| (bytes[0], pdu))
 }
 
-fn known(functions: &Functions, pdu: &[u8]) -> bool {
+/// Whether the function code of the PDU, without the exception bit, is in the table of functions.
+fn has_known_function(functions: &Functions, pdu: &[u8]) -> bool {
     pdu.first().is_some_and(|code| functions.name(code & !EXCEPTION_BIT).is_some())
 }

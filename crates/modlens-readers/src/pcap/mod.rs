@@ -21,7 +21,7 @@ pub use serial::Content;
 pub use stream::Piece;
 pub use table::Ports;
 
-use file::{File, Packet};
+use file::{CaptureFile, CapturedPacket};
 use fragments::Fragments;
 use serial::Serial;
 use table::Table;
@@ -140,7 +140,7 @@ pub struct LeftOut {
 /// Reads a capture.
 #[derive(Debug, Default)]
 pub struct Capture {
-    file: File,
+    file: CaptureFile,
     fragments: Fragments,
     table: Table,
     left: LeftOut,
@@ -210,13 +210,19 @@ impl Capture {
         if let Some((at, what)) = self.file.damage {
             all.push((format!("the rest of the file: at byte {at} stands {what}"), 1));
         }
-        all.push((String::from("bytes of a last packet that is not whole"), self.file.cut() as u64));
+        all.push((String::from("bytes of a last packet that is not whole"), self.file.incomplete_bytes() as u64));
         all.retain(|(_, count)| *count > 0);
         all
     }
 }
 
-fn line(functions: &Functions, table: &mut Table, packet: &Packet<'_>, left: &mut LeftOut, each: &mut dyn FnMut(Event<'_>)) {
+fn line(
+    functions: &Functions,
+    table: &mut Table,
+    packet: &CapturedPacket<'_>,
+    left: &mut LeftOut,
+    each: &mut dyn FnMut(Event<'_>),
+) {
     let decoded = packet.by.own.as_ref().is_some_and(|port| port.recording.is_none());
     if let Some(told) = decoded.then(|| serial::told(packet)).flatten() {
         let (interface, by) = (packet.interface, packet.by);

@@ -3,7 +3,7 @@
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use crate::chunk::Side;
-use crate::pcap::file::Packet;
+use crate::pcap::file::CapturedPacket;
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::own::{self, Told};
 use modlens_protocol::checksum::crc_valid;
@@ -58,7 +58,7 @@ pub fn knows(link: u16) -> bool {
 }
 
 /// Reads a packet.
-pub fn read<'a>(packet: &Packet<'a>) -> Serial<'a> {
+pub fn read<'a>(packet: &CapturedPacket<'a>) -> Serial<'a> {
     let found = match packet.by.link {
         USER0 => Serial::Line(bare(packet.data)),
         RTAC => rtac(packet.data),
@@ -81,14 +81,14 @@ pub fn read<'a>(packet: &Packet<'a>) -> Serial<'a> {
 }
 
 /// The frame of an exported PDU as modlens has told it; `None` where it has not.
-pub fn told<'a>(packet: &Packet<'a>) -> Option<Told<'a>> {
+pub fn told<'a>(packet: &CapturedPacket<'a>) -> Option<Told<'a>> {
     let (tags, pdu) = tags(packet.data).filter(|_| packet.by.link == UPPER_PDU)?;
     let bytes = if tags.dissector == b"mbudp" { wrapped(pdu)?.0 } else { pdu };
     own::told(packet.options, bytes)
 }
 
 /// What pcapng says of a packet, in the order of the machine that wrote it (option `epb_flags`).
-fn flags(packet: &Packet<'_>) -> u32 {
+fn flags(packet: &CapturedPacket<'_>) -> u32 {
     let option = packet.options.iter().find(|option| option.code.0 == 2);
     let bytes = option.and_then(|option| option.as_bytes().ok()?.first_chunk().copied());
     bytes.map_or(0, if packet.big_endian { u32::from_be_bytes } else { u32::from_le_bytes })

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::RandomState;
 
-use crate::pcap::evidence::{judge, Found, Held};
+use crate::pcap::evidence::{classify, Found, Held};
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::stream::{Arrival, Outcome, Piece, Stream};
 use crate::pcap::{Event, LeftOut};
@@ -77,7 +77,7 @@ struct Talk {
     slot: usize,
     key: Key,
     client: usize,
-    known_port: bool,
+    is_known_port: bool,
     /// The opening was captured: it says who asks.
     seen_opening: bool,
     state: State,
@@ -222,7 +222,7 @@ impl Connection {
         }
         self.opened = Some((side, sequence));
         self.talk.seen_opening = true;
-        if !self.talk.known_port || listed == [true; 2] {
+        if !self.talk.is_known_port || listed == [true; 2] {
             self.talk.client = side;
         }
     }
@@ -262,7 +262,7 @@ impl Connection {
     fn restart(&mut self, around: &mut Around<'_, '_>) {
         self.end(around);
         let old = &self.talk;
-        let talk = Talk::new(old.slot, old.key, old.client, old.known_port);
+        let talk = Talk::new(old.slot, old.key, old.client, old.is_known_port);
         *self = Self { packets: self.packets, last: self.last, ..Self::new(talk) };
     }
 
@@ -275,12 +275,12 @@ impl Connection {
 }
 
 impl Talk {
-    fn new(slot: usize, key: Key, client: usize, known_port: bool) -> Self {
+    fn new(slot: usize, key: Key, client: usize, is_known_port: bool) -> Self {
         Self {
             slot,
             key,
             client,
-            known_port,
+            is_known_port,
             seen_opening: false,
             state: State::Undecided(Vec::new()),
             told_twice: false,
@@ -334,7 +334,7 @@ impl Talk {
 
     fn decide(&mut self, ended: bool, around: &mut Around<'_, '_>) {
         let State::Undecided(held) = &mut self.state else { return };
-        let Some(found) = judge(around.functions, held, self.known_port, ended) else { return };
+        let Some(found) = classify(around.functions, held, self.is_known_port, ended) else { return };
         let held = std::mem::take(held);
         let Found::Modbus(mode, asking) = found else {
             around.left.not_modbus += held.len() as u64;
@@ -343,7 +343,7 @@ impl Talk {
             return;
         };
         // Serial devices behind TCP may dial in to their master: there the frames say who asks.
-        let doubtful = mode != Mode::Tcp || !(self.seen_opening || self.known_port);
+        let doubtful = mode != Mode::Tcp || !(self.seen_opening || self.is_known_port);
         if let Some(asking) = asking.filter(|_| doubtful) {
             self.client = asking;
         }
