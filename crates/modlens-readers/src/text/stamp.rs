@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::text::clock::{ClockSettings, Kind};
-use crate::text::date::{date, fraction, number, time_of_day, date_in_words, zone, Order};
+use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, Order};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 

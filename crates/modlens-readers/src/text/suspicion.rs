@@ -101,7 +101,7 @@ fn is_dlt645(bytes: &[u8]) -> bool {
     bytes.get(end) == Some(&sum(&bytes[..end.min(bytes.len())])) && bytes.get(end + 1) == Some(&0x16)
 }
 
-/// BACnet MS/TP (ASHRAE 135, clause 9): preamble `55 FF`, type, destination, source, length, header CRC.
+/// `BACnet` MS/TP (ASHRAE 135, clause 9): preamble `55 FF`, type, destination, source, length, header CRC.
 fn is_mstp(bytes: &[u8]) -> bool {
     let [0x55, 0xFF, header @ ..] = bytes else { return false };
     let Some((header, check)) = header.split_at_checked(5).and_then(|(header, rest)| Some((header, *rest.first()?))) else {
@@ -115,7 +115,7 @@ fn is_mstp(bytes: &[u8]) -> bool {
     check == !crc
 }
 
-/// SolarEdge inverters: a fixed start sequence, and the length followed by its complement.
+/// `SolarEdge` inverters: a fixed start sequence, and the length followed by its complement.
 fn is_solaredge(bytes: &[u8]) -> bool {
     let &[0x12, 0x34, 0x56, 0x79, low, high, low_again, high_again, ..] = bytes else { return false };
     low == !low_again && high == !high_again
