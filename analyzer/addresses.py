@@ -21,7 +21,7 @@ from dissectors.address import LEADING_DIGIT, five_digit, six_digit
 
 __all__ = [
     "BASES",
-    "LAST",
+    "LAST_ADDRESS",
     "REGISTER_TYPES",
     "SHORT",
     "Address",
@@ -43,11 +43,11 @@ SHORT = {
 BASES = ("wire", "5digit", "6digit", "hex")
 """How `--address` can show an address."""
 
-LAST = 0xFFFF
+LAST_ADDRESS = 0xFFFF
 """The highest wire address."""
 
 _TYPE = {str(digit): name for name, digit in LEADING_DIGIT.items()}
-_COUNTED = re.compile(r"([0134])(\d{4}|\d{5})")
+_NUMBERED_FROM_1 = re.compile(r"([0134])(\d{4}|\d{5})")
 _HEX = re.compile(r"([0134])x([0-9A-Fa-f]{1,4})")
 
 
@@ -64,11 +64,11 @@ def parse(text: str) -> Address | None:
     match = _HEX.fullmatch(text)
     if match:
         return Address(_TYPE[match[1]], int(match[2], 16))
-    match = _COUNTED.fullmatch(text)
+    match = _NUMBERED_FROM_1.fullmatch(text)
     if not match:
         return None
     wire = int(match[2]) - 1  # handbooks count from 1
-    return Address(_TYPE[match[1]], wire) if 0 <= wire <= LAST else None
+    return Address(_TYPE[match[1]], wire) if 0 <= wire <= LAST_ADDRESS else None
 
 
 def register_type(name: str) -> str | None:

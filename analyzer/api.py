@@ -13,10 +13,10 @@ from analyzer.columns import columns
 from analyzer.filters import Filter, parse
 from analyzer.line import Line, parse_line
 from analyzer.live_run import LiveRun
-from analyzer.profiles import Binding, binding, with_vendors
+from analyzer.profiles import Binding, parse_binding, with_vendor_functions
 from analyzer.session import FileRun, Settings
-from analyzer.silence_limits import silences
-from analyzer.times import transitions
+from analyzer.silence_limits import silence_limits
+from analyzer.times import utc_offset_changes
 from dissectors.errors import UsageError
 
 __all__ = ["Decoding", "Rows", "Tap", "decode", "tap"]
@@ -159,7 +159,8 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     - `segmentation`: `joint` goes by all evidence; `silence` by silences of `t35` only, with those
       above `t15` inside a frame as findings, both as `1750us` or `3.5chars`; the specification's
       for `line` by default
-    - `timezone`, `date`: of times in text that come without (see `analyzer.times.transitions`)
+    - `timezone`, `date`: of times in text that come without (see
+      `analyzer.times.utc_offset_changes`)
     - `ports`: TCP and UDP ports of Modbus in captures, 502 by default; `any` looks everywhere
     - `channels`: those of a logic analyser, as `["RX", "TX"]`, found by default; `!RX` idles low
 
@@ -172,9 +173,9 @@ def decode(  # noqa: PLR0913 - that many things can be said of a recording
     settings = _settings(line, mode, timeout, functions, profiles)
     settings = replace(
         settings,
-        silence_ns=silences(segmentation, t35, t15, settings.line),
+        silence_ns=silence_limits(segmentation, t35, t15, settings.line),
         dialects=dialects,
-        zone=transitions(timezone),
+        zone=utc_offset_changes(timezone),
         date=date,
         ports=_ports(ports),
         channels=None if channels is None else tuple(channels),
@@ -263,11 +264,11 @@ def _settings(
     functions: _modlens.Functions | None,
     profiles: Iterable[str | Binding],
 ) -> Settings:
-    bound = tuple(one if isinstance(one, Binding) else binding(one) for one in profiles)
+    bound = tuple(one if isinstance(one, Binding) else parse_binding(one) for one in profiles)
     return Settings(
         line=parse_line(line) if isinstance(line, str) else line,
         mode=mode,
         timeout_ns=None if timeout is None else round(timeout * 1e9),
-        functions=with_vendors(functions or _modlens.Functions(), bound),
+        functions=with_vendor_functions(functions or _modlens.Functions(), bound),
         profiles=bound,
     )

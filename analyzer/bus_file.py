@@ -29,10 +29,10 @@ from analyzer.profiles import Binding, load, parse_units, read
 from dissectors.errors import ModlensError, ProfileError, UsageError
 from dissectors.function_lookup import near
 
-__all__ = ["Bus", "choose_bus", "choose_buses", "load_plant"]
+__all__ = ["Bus", "choose_bus", "choose_buses", "load_bus_file"]
 
-_FILE = ("plant", "bus")
-_BUS = ("name", "port", "line", "mode", "units", "note")
+_FILE_KEYS = ("plant", "bus")
+_BUS_KEYS = ("name", "port", "line", "mode", "units", "note")
 _MODES = ("auto", "rtu", "ascii", "tcp")
 
 
@@ -64,7 +64,7 @@ def choose_buses(text: str) -> list[Bus]:
     path, colon, name = text.rpartition(":")
     if not colon or Path(text).exists():
         path, name = text, ""
-    buses = load_plant(path)
+    buses = load_bus_file(path)
     if not name:
         return buses
     names = [bus.name for bus in buses]
@@ -76,14 +76,14 @@ def choose_buses(text: str) -> list[Bus]:
     raise UsageError(f"--bus {path}: no bus {name!r}; {question}")
 
 
-def load_plant(path: str) -> list[Bus]:
+def load_bus_file(path: str) -> list[Bus]:
     """The buses of a file; `ProfileError` with every mistake that can be told at once."""
     try:
         data = tomllib.loads(read(path))
     except tomllib.TOMLDecodeError as error:
         raise ProfileError(f"no TOML: {error}", path=path) from None
     mistakes: list[ProfileError] = []
-    _unknown(data, _FILE, "", path, mistakes)
+    _check_keys(data, _FILE_KEYS, "", path, mistakes)
     if data.get("plant") != 1:
         message = "is 1, the version of this format; the file begins with plant = 1"
         mistakes.append(ProfileError(message, path=path, key="plant"))
@@ -98,7 +98,7 @@ def load_plant(path: str) -> list[Bus]:
 
 
 def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError]) -> Bus:
-    _unknown(row, _BUS, f"{key}.", path, mistakes)
+    _check_keys(row, _BUS_KEYS, f"{key}.", path, mistakes)
 
     def wrong(name: str, message: str) -> None:
         mistakes.append(ProfileError(message, path=path, key=f"{key}.{name}"))
@@ -123,19 +123,21 @@ def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError])
     bindings: list[Binding] = []
     for text, word in units.items():
         try:
-            bindings.append(Binding(load(_beside(path, str(word))), parse_units(text)))
+            bindings.append(
+                Binding(load(_resolve_profile_path(path, str(word))), parse_units(text))
+            )
         except ModlensError as error:
             wrong(f"units.{text}", error.message)
     name = str(row.get("name", port or key))
     return Bus(name, port, line, str(mode), tuple(bindings))
 
 
-def _beside(path: str, word: str) -> str:
+def _resolve_profile_path(path: str, word: str) -> str:
     near_by = Path(path).parent / word
     return str(near_by) if near_by.is_file() else word
 
 
-def _unknown(
+def _check_keys(
     table: dict[str, Any],
     known: Iterable[str],
     prefix: str,

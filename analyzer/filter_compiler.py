@@ -22,10 +22,10 @@ __all__ = ["Compiler", "Tree"]
 Tree = list[Any]
 """A node of the filter tree: nested JSON lists."""
 
-PAIR = 2  # arguments of touches(), writes() and range()
-DEPTH = 60  # levels that a filter may have
+ARGUMENTS = 2  # arguments of touches(), writes() and range()
+MAX_DEPTH = 60  # levels that a filter may have
 
-_KINDS = {
+_KIND_OF_TYPE = {
     "int": "number",
     "us": "number",
     "float": "number",
@@ -37,7 +37,7 @@ _KINDS = {
     "texts": "texts",
     "map": "map",
 }
-_SAY = {
+_KIND_NAMES = {
     "number": "a number",
     "flag": "true or false",
     "time": "a time",
@@ -48,7 +48,7 @@ _SAY = {
     "list": "a list",
     "none": "None",
 }
-_COMPARE: dict[type[ast.cmpop], str] = {
+_COMPARISON_OPERATORS: dict[type[ast.cmpop], str] = {
     ast.Eq: "==",
     ast.NotEq: "!=",
     ast.Lt: "<",
@@ -56,7 +56,7 @@ _COMPARE: dict[type[ast.cmpop], str] = {
     ast.Gt: ">",
     ast.GtE: ">=",
 }
-_ARITHMETIC: dict[type[ast.operator], str] = {
+_ARITHMETIC_OPERATORS: dict[type[ast.operator], str] = {
     ast.Add: "+",
     ast.Sub: "-",
     ast.Mult: "*",
@@ -67,12 +67,12 @@ _ARITHMETIC: dict[type[ast.operator], str] = {
 }
 
 
-_ADDRESSED: list[Tree] = [["col", "address"], ["col", "write_address"]]
+_ADDRESS_COLUMNS: list[Tree] = [["col", "address"], ["col", "write_address"]]
 
 
 @dataclass(frozen=True, slots=True)
 class _Term:
-    """A value: its kind (a key of `_SAY`), its tree, and the node it stands at."""
+    """A value: its kind (a key of `_KIND_NAMES`), its tree, and the node it stands at."""
 
     kind: str
     tree: Tree
@@ -82,13 +82,13 @@ class _Term:
 class Compiler:
     """Compiles the conditions of one filter text.
 
-    `known` maps the table's columns to their types.
+    `column_types` maps the table's columns to their types.
     """
 
-    def __init__(self, text: str, table: str, known: Mapping[str, str]) -> None:
+    def __init__(self, text: str, table: str, column_types: Mapping[str, str]) -> None:
         self._text = text
         self._table = table
-        self._known = known
+        self._column_types = column_types
         self._depth = 0
 
     def condition(self, node: ast.expr) -> Tree:
@@ -107,11 +107,13 @@ class Compiler:
         if isinstance(node, ast.Compare):
             return self._comparisons(node)
         if isinstance(node, ast.Call):
-            return self._question(node)
+            return self._function_call(node)
         term = self._term(node)
         if term.kind == "flag":
             return ["cmp", "==", term.tree, ["num", 1]]
-        self._refuse(node, f"{_SAY[term.kind]} is no condition; compare it, as in `unit == 1`")
+        self._refuse(
+            node, f"{_KIND_NAMES[term.kind]} is no condition; compare it, as in `unit == 1`"
+        )
 
     def _comparisons(self, node: ast.Compare) -> Tree:
         parts = []
@@ -134,7 +136,7 @@ class Compiler:
                 return found
             null = b if b.tree[0] == "col" else a  # a comparison with null is false, this one too
             return ["and", ["not", ["is_none", null.tree]], ["not", found]]
-        return self._compare(_COMPARE[type(operator)], a, b)
+        return self._compare(_COMPARISON_OPERATORS[type(operator)], a, b)
 
     def _is_none(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> Tree:
         if self._term(right).kind != "none":
@@ -150,10 +152,15 @@ class Compiler:
         a, b = self._as_time(a, b), self._as_time(b, a)
         for term in (a, b):
             if term.kind not in ("number", "flag", "text", "time"):
-                self._refuse(term.node, f"{self._say(term)} cannot be compared; use `in`")
+                self._refuse(term.node, f"{self._describe(term)} cannot be compared; use `in`")
         if a.kind.replace("flag", "number") != b.kind.replace("flag", "number"):
-            self._refuse(b.node, f"{self._say(a)} cannot be compared with {self._say(b)}")
-        return ["cmp", operator, _hex_text(a, b, self._known), _hex_text(b, a, self._known)]
+            self._refuse(b.node, f"{self._describe(a)} cannot be compared with {self._describe(b)}")
+        return [
+            "cmp",
+            operator,
+            _hex_text(a, b, self._column_types),
+            _hex_text(b, a, self._column_types),
+        ]
 
     def _membership(self, item: _Term, where: _Term) -> Tree:
         if where.kind == "list":
@@ -161,24 +168,24 @@ class Compiler:
             if not choices:
                 self._refuse(where.node, "an empty list")
             if {choice.kind for choice in choices} == {item.kind}:
-                same = [_hex_text(choice, item, self._known) for choice in choices]
+                same = [_hex_text(choice, item, self._column_types) for choice in choices]
                 return ["in", item.tree, ["list", same]]
             return _join("or", [self._compare("==", item, choice) for choice in choices])
         wanted = {"numbers": "number", "texts": "text", "text": "text"}.get(where.kind)
         if wanted is None:
-            self._refuse(where.node, f"{self._say(where)} has no items for `in`")
+            self._refuse(where.node, f"{self._describe(where)} has no items for `in`")
         if item.kind != wanted:
-            holds = f"{self._say(where)} holds {_SAY[wanted][2:]}s"
-            self._refuse(item.node, f"{holds}, not {self._say(item)}")
-        return ["in", _hex_text(item, where, self._known), where.tree]
+            holds = f"{self._describe(where)} holds {_KIND_NAMES[wanted][2:]}s"
+            self._refuse(item.node, f"{holds}, not {self._describe(item)}")
+        return ["in", _hex_text(item, where, self._column_types), where.tree]
 
-    def _question(self, node: ast.Call) -> Tree:
+    def _function_call(self, node: ast.Call) -> Tree:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in ("touches", "writes"):
             self._refuse(node, "the only questions are touches(hr, 107) and writes(hr, 107)")
-        if "address" not in self._known:
+        if "address" not in self._column_types:
             self._refuse(node, f"{name}() looks into registers, which {self._table} do not have")
-        if len(node.args) != PAIR or node.keywords:
+        if len(node.args) != ARGUMENTS or node.keywords:
             self._refuse(node, f"{name}() takes a register type and an address: {name}(hr, 107)")
         kind = self._register_type(node.args[0])
         first, last = self._span(node.args[1], kind)
@@ -194,7 +201,7 @@ class Compiler:
     def _span(self, node: ast.expr, kind: str) -> tuple[int, int]:
         if isinstance(node, ast.Call):
             named_range = isinstance(node.func, ast.Name) and node.func.id == "range"
-            if not named_range or len(node.args) != PAIR or node.keywords:
+            if not named_range or len(node.args) != ARGUMENTS or node.keywords:
                 self._refuse(node, "a range is range(first, behind the last)")
             first = self._wire(node.args[0], kind)
             behind = self._wire(node.args[1], kind, top=0x10000)
@@ -236,26 +243,28 @@ class Compiler:
             if operand.tree[0] == "num":
                 return _Term("number", ["num", -operand.tree[1]], node)
             return _Term("number", ["neg", operand.tree], node)
-        if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
+        if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC_OPERATORS:
             a, b = self._number(node.left), self._number(node.right)
-            return _Term("number", ["arith", _ARITHMETIC[type(node.op)], a.tree, b.tree], node)
+            return _Term(
+                "number", ["arith", _ARITHMETIC_OPERATORS[type(node.op)], a.tree, b.tree], node
+            )
         self._refuse(node, "not part of the filter language")
 
     def _number(self, node: ast.expr) -> _Term:
         term = self._term(node)
         if term.kind in ("number", "flag"):
             return term
-        self._refuse(node, f"{self._say(term)} is no number to calculate with")
+        self._refuse(node, f"{self._describe(term)} is no number to calculate with")
 
     def _column(self, node: ast.Name) -> _Term:
-        if node.id not in self._known:
+        if node.id not in self._column_types:
             raise FilterError(
                 f"{self._table} have no column {node.id!r}",
                 text=self._text,
-                column=self._place(node),
-                hint=near(node.id, list(self._known)),
+                column=self._offset_of(node),
+                hint=near(node.id, list(self._column_types)),
             )
-        return _Term(_KINDS[self._known[node.id]], ["col", node.id], node)
+        return _Term(_KIND_OF_TYPE[self._column_types[node.id]], ["col", node.id], node)
 
     def _literal(self, node: ast.Constant) -> _Term:
         value = node.value
@@ -280,7 +289,7 @@ class Compiler:
         return term.kind, term.tree
 
     def _address(self, column: _Term, literal: _Term) -> addresses.Address | None:
-        if column.tree not in _ADDRESSED or literal.kind != "text":
+        if column.tree not in _ADDRESS_COLUMNS or literal.kind != "text":
             return None
         address = addresses.parse(literal.tree[1]) if literal.tree[0] == "text" else None
         if address is None:
@@ -297,20 +306,20 @@ class Compiler:
 
     def _descend(self, node: ast.expr) -> None:
         self._depth += 1
-        if self._depth > DEPTH:
-            self._refuse(node, f"more than {DEPTH} levels")
+        if self._depth > MAX_DEPTH:
+            self._refuse(node, f"more than {MAX_DEPTH} levels")
 
-    def _say(self, term: _Term) -> str:
+    def _describe(self, term: _Term) -> str:
         if term.tree[0] == "col":
-            return f"{term.tree[1]} ({_SAY[term.kind]})"
-        return _SAY[term.kind]
+            return f"{term.tree[1]} ({_KIND_NAMES[term.kind]})"
+        return _KIND_NAMES[term.kind]
 
-    def _place(self, node: ast.expr) -> int:
+    def _offset_of(self, node: ast.expr) -> int:
         line = self._text.encode().split(b"\n")[node.lineno - 1]
         return len(line[: node.col_offset].decode(errors="replace"))
 
     def _refuse(self, node: ast.expr, message: str) -> NoReturn:
-        raise FilterError(message, text=self._text, column=self._place(node))
+        raise FilterError(message, text=self._text, column=self._offset_of(node))
 
 
 def _join(word: str, parts: list[Tree]) -> Tree:
@@ -342,9 +351,9 @@ def _at_address(operator: str, column: Tree, address: addresses.Address, *, turn
     return ["and", where, ["cmp", "==", ["col", "register_type"], kind]]
 
 
-def _hex_text(term: _Term, other: _Term, known: Mapping[str, str]) -> Tree:
+def _hex_text(term: _Term, other: _Term, column_types: Mapping[str, str]) -> Tree:
     """A text beside a hex column, in the column's spelling."""
-    beside_hex = other.tree[0] == "col" and known[other.tree[1]] == "hex"
+    beside_hex = other.tree[0] == "col" and column_types[other.tree[1]] == "hex"
     if term.tree[0] == "text" and beside_hex:
         return ["text", "".join(term.tree[1].split()).lower()]
     return term.tree

@@ -59,9 +59,9 @@ from analyzer.columns import columns
 from analyzer.filter_compiler import Compiler, Tree
 from dissectors.errors import FilterError
 
-__all__ = ["LONGEST", "Filter", "parse"]
+__all__ = ["MAX_CHARACTERS", "Filter", "parse"]
 
-LONGEST = 4096
+MAX_CHARACTERS = 4096
 """Characters that a filter may have."""
 
 
@@ -88,8 +88,10 @@ def parse(text: str, table: str = "transactions") -> Filter:
     `UsageError` if there is no such table.
     """
     known = {column.key: column.type for column in columns(table)}
-    if len(text) > LONGEST:
-        raise FilterError(f"a filter has at most {LONGEST} characters", text=text[:20] + "...")
+    if len(text) > MAX_CHARACTERS:
+        raise FilterError(
+            f"a filter has at most {MAX_CHARACTERS} characters", text=text[:20] + "..."
+        )
     if not text.strip():
         raise FilterError("an empty filter; try `status != 'ok'`", text=text)
     try:

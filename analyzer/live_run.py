@@ -18,22 +18,22 @@ from typing import Any
 import _modlens
 from analyzer.line import Line, parse_line
 from analyzer.session import Settings
-from analyzer.sources.port_listener import PAUSE_NS, Listening, Tapped
+from analyzer.sources.port_listener import IDLE_NS, PortListener, TappedPort
 from analyzer.sources.serial import Chunk
-from analyzer.sources.settings_search import Tuner
+from analyzer.sources.settings_search import SettingsSearch
 from dissectors.errors import UsageError
 
 __all__ = ["LINES", "LiveRun", "Tap", "parse_tap"]
 
-PATIENCE = 0.05
+WAIT_S = 0.05
 """Seconds without bytes, or without rows, after which everybody is told that time goes on."""
 
-PATIENCE_NS = 50_000_000
+WAIT_NS = 50_000_000
 
-EVERY = 0.006
+BUSY_POLL_S = 0.006
 """Seconds between two looks at a busy line: each costs the waking of a thread."""
 
-LAG_NS = 30_000_000
+READ_LAG_NS = 30_000_000
 """So far behind the clock the core is told the time, because reads may still be on their way."""
 
 LINES = ("A", "B")
@@ -72,24 +72,24 @@ def parse_tap(text: str) -> Tap:
 
 @dataclass(slots=True)
 class _Bus:
-    """A bus and its ports' numbers; `number` is the core's, None while `tuner` listens."""
+    """A bus and its ports' numbers; `number` is the core's, None while `search` listens."""
 
     tap: Tap
     ports: tuple[int, ...]
     number: int | None = None
-    tuner: Tuner | None = None
+    search: SettingsSearch | None = None
 
 
 class LiveRun:
     """Ports that are listened to until somebody stops.
 
-    The ports are open from the beginning; use it in `closing`. `told` hears in words what happens
-    to them, `heard` gets every read before anything else is done with it: bus, line of a two-line
-    tap, chunk; while settings are searched nothing but what was read with the right ones. `known`
-    hears of each bus before its first read, with its settings. Settings that are not given are
-    found by listening, or with `detect` in any case. A port that goes away is waited for, unless
-    `reconnect` is False. `PortError` if one cannot be opened, `UsageError` for names that mean
-    nothing.
+    The ports are open from the beginning; use it in `closing`. `notify` hears in words what happens
+    to them, `on_read` gets every read before anything else is done with it: bus, line of a two-line
+    tap, chunk; while settings are searched nothing but what was read with the right ones.
+    `on_settings` hears of each bus before its first read, with its settings. Settings that are not
+    given are found by listening, or with `detect` in any case. A port that goes away is waited for,
+    unless `reconnect` is False. `PortError` if one cannot be opened, `UsageError` for names that
+    mean nothing.
     """
 
     def __init__(  # noqa: PLR0913 - most by keyword
@@ -97,43 +97,43 @@ class LiveRun:
         names: Sequence[str | Tap],
         settings: Settings,
         *,
-        told: Callable[[str], None] = lambda _: None,
-        heard: Callable[[str, str | None, Chunk], None] | None = None,
-        known: Callable[[Tap, Line | None], None] = lambda _, __: None,
+        notify: Callable[[str], None] = lambda _: None,
+        on_read: Callable[[str, str | None, Chunk], None] | None = None,
+        on_settings: Callable[[Tap, Line | None], None] = lambda _, __: None,
         reconnect: bool = True,
         detect: bool = False,
     ) -> None:
         taps = [parse_tap(name) if isinstance(name, str) else name for name in names]
         self._settings = settings
         self._core = settings.core(live=True)
-        self._told = told
-        self._heard = heard
-        self._known = known
+        self._notify = notify
+        self._on_read = on_read
+        self._on_settings = on_settings
         self._buses: list[_Bus] = []
-        self._searched: list[_Bus] = []
-        self._searching = False
-        self._places: list[tuple[_Bus, str | None]] = []
-        tapped: list[Tapped] = []
+        self._awaiting_search: list[_Bus] = []
+        self._is_searching = False
+        self._lines: list[tuple[_Bus, str | None]] = []
+        tapped: list[TappedPort] = []
         for tap in taps:
             numbers = tuple(range(len(tapped), len(tapped) + len(tap.ports)))
             bus = _Bus(tap, numbers)
             self._buses.append(bus)
             for port, line in zip(tap.ports, LINES, strict=False):
-                tapped.append(Tapped(port, tap.line or settings.line))
-                self._places.append((bus, line if len(tap.ports) > 1 else None))
-        self._listening = Listening(
+                tapped.append(TappedPort(port, tap.line or settings.line))
+                self._lines.append((bus, line if len(tap.ports) > 1 else None))
+        self._listener = PortListener(
             tapped,
-            told,
+            notify,
             reconnect=reconnect,
-            every=EVERY,
-            pause_ns=(settings.timeout_ns or 0) + PAUSE_NS,
+            poll_s=BUSY_POLL_S,
+            idle_ns=(settings.timeout_ns or 0) + IDLE_NS,
         )
         for bus in self._buses:
             given = bus.tap.line or settings.line
-            if (detect or given is None) and self._listening.tunable(bus.ports[0]):
-                self._searched.append(bus)
+            if (detect or given is None) and self._listener.takes_line_settings(bus.ports[0]):
+                self._awaiting_search.append(bus)
             else:
-                self._add(bus, given)
+                self._add_to_core(bus, given)
 
     @property
     def buses(self) -> tuple[str, ...]:
@@ -142,26 +142,26 @@ class LiveRun:
 
     def batches(self) -> Iterator[_modlens.Batch]:
         """What each read decided, or the passing of time; without end."""
-        self._searching = bool(self._searched)
-        while self._searched:
-            self._search(self._searched.pop(0))
-        told = 0
+        self._is_searching = bool(self._awaiting_search)
+        while self._awaiting_search:
+            self._begin_search(self._awaiting_search.pop(0))
+        notify = 0
         while True:
-            arrivals = self._listening.feed(self._core, PATIENCE, LAG_NS)
+            arrivals = self._listener.feed(self._core, WAIT_S, READ_LAG_NS)
             for number, chunk in arrivals:
-                self._take(number, chunk)
-            if arrivals or self._searching:
-                now = self._listening.clock.now_ns()
-                self._advance(now - LAG_NS)
-                if not self._core.pending_rows() and now - told < PATIENCE_NS:
+                self._process_read(number, chunk)
+            if arrivals or self._is_searching:
+                now = self._listener.clock.now_ns()
+                self._advance(now - READ_LAG_NS)
+                if not self._core.pending_rows() and now - notify < WAIT_NS:
                     continue
-                told = now
+                notify = now
             yield self._core.take()
 
     def finish(self) -> _modlens.Batch:
         """What was still open; recordings hear of the end, or their replay would know less."""
-        now = self._listening.clock.now_ns()
-        for number, (bus, _) in enumerate(self._places):
+        now = self._listener.clock.now_ns()
+        for number, (bus, _) in enumerate(self._lines):
             if bus.number is not None:
                 self._feed(number, Chunk(b"", now, hole=True))
         self._core.flush()
@@ -174,78 +174,80 @@ class LiveRun:
             if bus.number is not None:
                 driver: dict[str, int] = {}
                 for port in bus.ports:
-                    for name, count in self._listening.damage(port).items():
+                    for name, count in self._listener.error_counts(port).items():
                         driver[name] = driver.get(name, 0) + count
                 found["buses"][bus.number]["driver"] = driver
         return found
 
     def close(self) -> None:
         """Close the ports."""
-        self._listening.close()
+        self._listener.close()
 
     def _advance(self, now: int) -> None:
         """Time goes on for those who wait for it."""
         for bus in self._buses:
-            if bus.tuner is not None:
-                bus.tuner.advance(now)
-                self._follow(bus, bus.tuner)
-        self._searching = any(bus.tuner is not None for bus in self._buses)
+            if bus.search is not None:
+                bus.search.advance(now)
+                self._follow_search(bus, bus.search)
+        self._is_searching = any(bus.search is not None for bus in self._buses)
         self._core.poll(now)
 
-    def _search(self, bus: _Bus) -> None:
+    def _begin_search(self, bus: _Bus) -> None:
         """Begin to look for the settings of a bus."""
         labels = {} if len(bus.ports) == 1 else dict(zip(bus.ports, LINES, strict=True))
-        marks = all(self._listening.marks(port) for port in bus.ports)
-        bus.tuner = Tuner(
-            lambda text: self._told(f"{bus.tap.bus}: {text}"), marks=marks, labels=labels
+        marks_errors = all(self._listener.marks_errors(port) for port in bus.ports)
+        bus.search = SettingsSearch(
+            lambda text: self._notify(f"{bus.tap.bus}: {text}"),
+            marks_errors=marks_errors,
+            labels=labels,
         )
-        self._told(f"{bus.tap.bus}: looking for the line settings; waiting for traffic")
-        self._tune(bus, bus.tuner.line)
+        self._notify(f"{bus.tap.bus}: looking for the line settings; waiting for traffic")
+        self._set_line(bus, bus.search.line)
 
-    def _tune(self, bus: _Bus, line: Line) -> None:
+    def _set_line(self, bus: _Bus, line: Line) -> None:
         for port in bus.ports:
-            self._listening.tune(port, line)
+            self._listener.set_line(port, line)
 
-    def _take(self, number: int, chunk: Chunk) -> None:
-        bus, _ = self._places[number]
-        if bus.tuner is None:
+    def _process_read(self, number: int, chunk: Chunk) -> None:
+        bus, _ = self._lines[number]
+        if bus.search is None:
             if chunk.hole and chunk.data:
                 # The core has been told the time up to now; a replay has to know that, too.
                 self._feed(number, Chunk(b"", chunk.time_ns, hole=True))
             self._feed(number, chunk)
         else:
-            bus.tuner.feed(number, chunk)
-            self._follow(bus, bus.tuner)
+            bus.search.feed(number, chunk)
+            self._follow_search(bus, bus.search)
 
-    def _follow(self, bus: _Bus, tuner: Tuner) -> None:
+    def _follow_search(self, bus: _Bus, search: SettingsSearch) -> None:
         """Set the ports to what is to be tried; or, when it is found, go on with it."""
-        found = tuner.found
-        line = tuner.line if found is None else found.line
-        if line != self._listening.line(bus.ports[0]):
-            self._tune(bus, line)
+        found = search.found
+        line = search.line if found is None else found.line
+        if line != self._listener.line(bus.ports[0]):
+            self._set_line(bus, line)
         if found is not None:
-            bus.tuner = None
+            bus.search = None
             for port in bus.ports:
-                self._listening.begin_damage(port)
-            self._told(f"{bus.tap.bus}: found {found.evidence}")
-            self._add(bus, found.line, mode=found.mode)
+                self._listener.reset_error_counts(port)
+            self._notify(f"{bus.tap.bus}: found {found.evidence}")
+            self._add_to_core(bus, found.line, mode=found.mode)
             for number, chunk in found.chunks:
                 self._feed(number, chunk)
 
-    def _add(self, bus: _Bus, line: Line | None, mode: str | None = None) -> None:
+    def _add_to_core(self, bus: _Bus, line: Line | None, mode: str | None = None) -> None:
         mode = mode or bus.tap.mode or self._settings.mode
         settings = replace(self._settings, line=line, mode=mode)
         bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
-        self._known(bus.tap, line)
-        if self._heard is None:  # nobody here looks at its reads any more
+        self._on_settings(bus.tap, line)
+        if self._on_read is None:  # nobody here looks at its reads any more
             char_ns = 0 if line is None else line.character_ns
             for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
-                self._listening.route(port, bus.number, side, char_ns)
+                self._listener.route(port, bus.number, side, char_ns)
 
     def _feed(self, number: int, chunk: Chunk) -> None:
-        bus, line = self._places[number]
-        if self._heard is not None:
-            self._heard(bus.tap.bus, line, chunk)
+        bus, line = self._lines[number]
+        if self._on_read is not None:
+            self._on_read(bus.tap.bus, line, chunk)
         assert bus.number is not None
         self._core.feed(
             bus.number,

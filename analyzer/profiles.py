@@ -5,7 +5,7 @@ of `MODLENS_PROFILES`, in the user's folder (`~/.config/modlens/profiles`), amon
 and in the entry points `modlens.profiles` of installed packages (each a text, or a function without
 arguments that gives one: the TOML).
 
->>> bound = binding("1,4-6=mightyzap")
+>>> bound = parse_binding("1,4-6=mightyzap")
 >>> bound.units, bound.profile.title
 ((1, 4, 5, 6), 'IR Robot mightyZAP 12Lf')
 """
@@ -27,7 +27,15 @@ from dissectors.profile import FORMS, Profile, parse, shipped, shipped_names
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint as _EntryPoint
 
-__all__ = ["Binding", "Known", "binding", "known", "load", "parse_units", "with_vendors"]
+__all__ = [
+    "AvailableProfile",
+    "Binding",
+    "available_profiles",
+    "load",
+    "parse_binding",
+    "parse_units",
+    "with_vendor_functions",
+]
 
 ENTRY_POINTS = "modlens.profiles"
 
@@ -46,14 +54,14 @@ class Binding:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class AvailableProfile:
     """A profile that can be named: its name, and where it comes from."""
 
     name: str
     origin: str
 
 
-def binding(text: str) -> Binding:
+def parse_binding(text: str) -> Binding:
     """What `--profile` says: `UNITS=WORD`, or a bare word for all units.
 
     `UsageError` or `ProfileError` if that cannot be.
@@ -103,24 +111,24 @@ def load(word: str) -> Profile:
     for point in _entry_points():
         if point.name == word:
             return _from_entry_point(point)
-    names = [one.name for one in known()]
+    names = [one.name for one in available_profiles()]
     hint = near(word, names)
     question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(names)}"
     raise UsageError(f"no profile {word!r}; {question}")
 
 
-def known() -> tuple[Known, ...]:
+def available_profiles() -> tuple[AvailableProfile, ...]:
     """All profiles that have a name, the ones that are found first in front."""
-    found: dict[str, Known] = {}
+    found: dict[str, AvailableProfile] = {}
     for folder in _folders():
         if folder.is_dir():
             for path in sorted(folder.iterdir()):
                 if path.suffix.lower() in FORMS and path.is_file():
-                    found.setdefault(path.stem, Known(path.stem, str(path)))
+                    found.setdefault(path.stem, AvailableProfile(path.stem, str(path)))
     for name in shipped_names():
-        found.setdefault(name, Known(name, "shipped"))
+        found.setdefault(name, AvailableProfile(name, "shipped"))
     for point in _entry_points():
-        found.setdefault(point.name, Known(point.name, f"entry point {point.value}"))
+        found.setdefault(point.name, AvailableProfile(point.name, f"entry point {point.value}"))
     return tuple(found.values())
 
 
@@ -135,7 +143,9 @@ def read(path: str) -> str:
         raise SourceError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def with_vendors(functions: _modlens.Functions, bindings: Iterable[Binding]) -> _modlens.Functions:
+def with_vendor_functions(
+    functions: _modlens.Functions, bindings: Iterable[Binding]
+) -> _modlens.Functions:
     """The table of functions with the rows of the vendors that the profiles name."""
     for one in bindings:
         for vendor in one.profile.device.get("vendor_functions", ()):

@@ -23,20 +23,20 @@ import _modlens
 from analyzer.line import Line
 from analyzer.profiles import Binding
 from analyzer.sources import FORMATS, is_binary
-from analyzer.sources.files import STDIN, Recording, check
+from analyzer.sources.files import STDIN, Recording, check_readable
 from analyzer.sources.saleae import Levels
 from analyzer.sources.sigrok import Samples
-from analyzer.sources.unpack import Name, expand
+from analyzer.sources.unpack import RecordingName, expand
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["MODES", "FileRun", "Intake", "Run", "Settings", "Sink", "pump"]
+__all__ = ["MODES", "FileRun", "RecordingStatus", "Run", "Settings", "Sink", "pump"]
 
 MODES = ("auto", "rtu", "ascii", "tcp")
 
-_QUIET = 5
+_IDLE_READS_TO_SETTLE = 5
 """Looks in vain at a file that grows, half a second, after which what came last is decided."""
 
-EVERYTHING = ("frames", "transactions", "findings")
+DEFAULT_TABLES = ("frames", "transactions", "findings")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Settings:
     mode: str = "auto"
     timeout_ns: int | None = None
     functions: _modlens.Functions = field(default_factory=_modlens.Functions)
-    tables: Sequence[str] = EVERYTHING
+    tables: Sequence[str] = DEFAULT_TABLES
     profiles: Sequence[Binding] = ()
     silence_ns: tuple[int, int] | None = None
     ports: Sequence[int] | None = None
@@ -123,21 +123,21 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True)
-class Intake:
+class RecordingStatus:
     """What is known of a recording that is being read.
 
     Its file, format, and what its reader has seen so far.
 
-    `seen` has the keys of `_modlens.Session.reading`; `ended` is True when the file has been read
-    to its end.
+    `details` has the keys of `_modlens.Session.reading`; `ended` is True when the file has been
+    read to its end.
     """
 
     name: str
     format: str
     confidence: float
     reason: str
-    ordered: bool
-    seen: dict[str, Any]
+    forced: bool
+    details: dict[str, Any]
     ended: bool
 
 
@@ -174,9 +174,9 @@ class FileRun:
     A directory, a pattern, an archive or a mail stands for the recordings in it; what is none is
     passed over, and told. With `follow` the last one may grow for ever.
 
-    `told`, if given, hears of every recording after its first block and at its end. `SourceError`
-    for the first name that cannot be read, before anything is decoded; later while the files are
-    read.
+    `on_status`, if given, hears of every recording after its first block and at its end.
+    `SourceError` for the first name that cannot be read, before anything is decoded; later while
+    the files are read.
     """
 
     def __init__(  # noqa: PLR0913 - how recordings are read
@@ -186,16 +186,16 @@ class FileRun:
         *,
         read_as: str | None = None,
         replay: bool = False,
-        told: Callable[[Intake], None] | None = None,
+        on_status: Callable[[RecordingStatus], None] | None = None,
         follow: bool = False,
     ) -> None:
         self._names = expand(list(names))
         for name in self._names:
             if not name.found:
-                check(name.text)
+                check_readable(name.text)
         self._settings = settings
         self._read_as = read_as
-        self._told = told
+        self._on_status = on_status
         self._follow = follow
         self._core = settings.core(live=replay or follow)
         self._decoded = 0
@@ -207,13 +207,13 @@ class FileRun:
             follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
             try:
                 with self._open(name, follow=follow) as recording:
-                    yield from self._read(recording)
+                    yield from self._read_recording(recording)
                 self._decoded += 1
             except SourceError as error:
                 if not name.found:
                     raise
                 troubles.append(error)
-                self._pass_over(name.text, error)
+                self._report_skipped(name.text, error)
         if troubles and not self._decoded:
             raise troubles[0]
         yield self.finish()
@@ -228,19 +228,19 @@ class FileRun:
         found: dict[str, Any] = json.loads(self._core.stats())
         return found
 
-    def _open(self, name: Name, *, follow: bool) -> Recording:
+    def _open(self, name: RecordingName, *, follow: bool) -> Recording:
         return Recording(
             name.text, read_as=self._read_as, dialects=self._settings.dialects, follow=follow
         )
 
-    def _read(self, recording: Recording) -> Iterator[_modlens.Batch]:
+    def _read_recording(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core, form = self._core, recording.detection.format
         kind = FORMATS.get(form)
         if kind is not None and kind.packets:
-            yield from self._packets(recording)
+            yield from self._read_packets(recording)
             return
         if kind is not None and kind.samples:
-            yield from self._samples(recording)
+            yield from self._read_samples(recording)
             return
         bus = self._settings.add_bus(core, recording.name, clock="none")
         binary = is_binary(form)
@@ -251,40 +251,40 @@ class FileRun:
             idle = 0 if block else idle + 1
             if binary:
                 core.feed(bus, block)
-            elif idle == _QUIET and self._follow:
+            elif idle == _IDLE_READS_TO_SETTLE and self._follow:
                 core.settle_text(bus)
             else:
                 core.feed_text(bus, block)
             if first:
-                self._tell(recording, core.reading(bus), ended=False)
+                self._report_status(recording, core.reading(bus), ended=False)
                 first = False
             yield core.take()
         if not binary:
             core.feed_text(bus, b"", final=True)
         core.flush()
-        self._tell(recording, core.reading(bus), ended=True)
+        self._report_status(recording, core.reading(bus), ended=True)
         if not binary and not json.loads(core.reading(bus))["records"]:
             raise SourceError(
                 f"{recording.name}: no line could be read as {form}; see `modlens formats`"
             )
         yield core.take()
 
-    def _packets(self, recording: Recording) -> Iterator[_modlens.Batch]:
+    def _read_packets(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core = self._core
         capture = self._settings.add_capture(core, recording.name)
         first = True
         for block in recording.blocks():
             core.feed_capture(capture, block)
             if first:
-                self._tell(recording, core.capture(capture), ended=False)
+                self._report_status(recording, core.capture(capture), ended=False)
                 first = False
             yield core.take()
         core.feed_capture(capture, b"", final=True)
         core.flush(file=True)
-        self._tell(recording, core.capture(capture), ended=True)
+        self._report_status(recording, core.capture(capture), ended=True)
         yield core.take()
 
-    def _samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
+    def _read_samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
         core = self._core
         with _samples_of(recording) as samples:
             logic = self._settings.add_logic(core, samples)
@@ -299,11 +299,17 @@ class FileRun:
                     f"{recording.name}: no Modbus on channels {', '.join(samples.names.values())};"
                     " name the line's channels by --channels and its settings by --line"
                 )
-            said = [_wire(samples.names, line) for line in found["lines"]]
-            said += [f"channel {samples.names[copy]} carries the same" for copy in found["copies"]]
-            seen = {"clock": "relative", "resolution_ns": round(1e9 / samples.rate), "said": said}
-            self._tell(recording, json.dumps(seen), ended=False)
-            self._tell(recording, json.dumps(seen), ended=True)
+            descriptions = [_describe_channel(samples.names, line) for line in found["lines"]]
+            descriptions += [
+                f"channel {samples.names[copy]} carries the same" for copy in found["copies"]
+            ]
+            details = {
+                "clock": "relative",
+                "resolution_ns": round(1e9 / samples.rate),
+                "said": descriptions,
+            }
+            self._report_status(recording, json.dumps(details), ended=False)
+            self._report_status(recording, json.dumps(details), ended=True)
         yield core.take()
 
     def _open_text(self, recording: Recording, bus: int) -> None:
@@ -312,35 +318,35 @@ class FileRun:
             bus,
             recording.detection.format,
             dialects=settings.dialects,
-            ordered=recording.detection.ordered,
+            ordered=recording.detection.forced,
             sample=recording.sample,
             zone=settings.zone,
             date=settings.date,
         )
 
-    def _tell(self, recording: Recording, reading: str, *, ended: bool) -> None:
-        if self._told is None:
+    def _report_status(self, recording: Recording, reading: str, *, ended: bool) -> None:
+        if self._on_status is None:
             return
         found = recording.detection
-        seen = json.loads(reading)
-        if ended and recording.trouble is not None:
-            seen["trouble"] = recording.trouble
-        self._told(
-            Intake(
+        details = json.loads(reading)
+        if ended and recording.damage is not None:
+            details["trouble"] = recording.damage
+        self._on_status(
+            RecordingStatus(
                 recording.name,
                 found.format,
                 found.confidence,
                 found.reason,
-                found.ordered,
-                seen,
+                found.forced,
+                details,
                 ended,
             )
         )
 
-    def _pass_over(self, name: str, error: SourceError) -> None:
-        if self._told is not None:
+    def _report_skipped(self, name: str, error: SourceError) -> None:
+        if self._on_status is not None:
             reason = error.message.removeprefix(f"{name}: ")
-            self._told(Intake(name, "", 0.0, reason, False, {}, ended=True))
+            self._on_status(RecordingStatus(name, "", 0.0, reason, False, {}, ended=True))
 
 
 def _samples_of(recording: Recording) -> Samples | Levels:
@@ -349,7 +355,7 @@ def _samples_of(recording: Recording) -> Samples | Levels:
     return Levels(recording.name, recording.blocks())
 
 
-def _wire(names: dict[int, str], line: dict[str, Any]) -> str:
+def _describe_channel(names: dict[int, str], line: dict[str, Any]) -> str:
     """A line of a logic analyser in words."""
     idle = ", idle low" if line["inverted"] else ""
     return f"channel {names[line['channel']]}: {line['line']}{idle}"
@@ -360,27 +366,27 @@ def pump(
     sinks: Sequence[Sink],
     *,
     stop: Callable[[], bool],
-    failed: Callable[[Sink, SourceError | BrokenPipeError], None],
+    on_failure: Callable[[Sink, SourceError | BrokenPipeError], None],
 ) -> None:
     """Passes the run's batches to the sinks until it ends, `stop()` says so, or no sink is left.
 
-    A sink that cannot write is told to `failed` and gets nothing more; the others go on. Errors of
-    the input are raised, after the sinks have got what was decided before.
+    A sink that cannot write is told to `on_failure` and gets nothing more; the others go on. Errors
+    of the input are raised, after the sinks have got what was decided before.
     """
-    left = list(sinks)
+    active = list(sinks)
 
     def put(batch: _modlens.Batch) -> None:
-        for sink in tuple(left):
+        for sink in tuple(active):
             try:
                 sink.put(batch)
             except (SourceError, BrokenPipeError) as error:
-                left.remove(sink)
-                failed(sink, error)
+                active.remove(sink)
+                on_failure(sink, error)
 
     try:
         for batch in run.batches():
             put(batch)
-            if stop() or not left:
+            if stop() or not active:
                 break
     finally:
         put(run.finish())

@@ -1,6 +1,6 @@
 """The textbook's silences: how long a pause ends a frame, and how long it may be inside one.
 
->>> duration("t35", "3.5chars", 572916), duration("t35", "1750us", None)
+>>> parse_silence("t35", "3.5chars", 572916), parse_silence("t35", "1750us", None)
 (2005206, 1750000)
 """
 
@@ -10,44 +10,49 @@ import _modlens
 from analyzer.line import EXAMPLE, Line
 from dissectors.errors import UsageError
 
-__all__ = ["WORDS", "duration", "silences"]
+__all__ = ["SEGMENTATIONS", "parse_silence", "silence_limits"]
 
-WORDS = ("joint", "silence")
-_MOST_NS = 10_000_000_000
+SEGMENTATIONS = ("joint", "silence")
+_MAX_NS = 10_000_000_000
 
 
-def silences(
-    segmentation: str, t35: str | None, t15: str | None, line: Line | None, *, dashes: str = ""
+def silence_limits(
+    segmentation: str,
+    t35: str | None,
+    t15: str | None,
+    line: Line | None,
+    *,
+    prefix: str = "",
 ) -> tuple[int, int] | None:
     """t3.5 and t1.5 in nanoseconds, the specification's where they are not given; None for joint.
 
-    `dashes` stand before the names of settings in messages. `UsageError` where they are not known.
+    `prefix` stand before the names of settings in messages. `UsageError` where they are not known.
     """
-    if segmentation not in WORDS:
-        raise UsageError(f"segmentation {segmentation!r}; it is one of {', '.join(WORDS)}")
-    if segmentation == WORDS[0]:
+    if segmentation not in SEGMENTATIONS:
+        raise UsageError(f"segmentation {segmentation!r}; it is one of {', '.join(SEGMENTATIONS)}")
+    if segmentation == SEGMENTATIONS[0]:
         if t35 is not None or t15 is not None:
-            raise UsageError(f"{dashes}t35 and {dashes}t15 go with {dashes}segmentation silence")
+            raise UsageError(f"{prefix}t35 and {prefix}t15 go with {prefix}segmentation silence")
         return None
     timing = (None, None, None) if line is None else _modlens.line_timing(*line.settings)
     char, inside, ends = timing
     if t35 is not None:
-        ends = duration(f"{dashes}t35", t35, char)
+        ends = parse_silence(f"{prefix}t35", t35, char)
     if ends is None:
         raise UsageError(
-            f"{dashes}segmentation silence: how long is t3.5?"
-            f" Add {dashes}line {EXAMPLE}, or {dashes}t35 1750us"
+            f"{prefix}segmentation silence: how long is t3.5?"
+            f" Add {prefix}line {EXAMPLE}, or {prefix}t35 1750us"
         )
     if t15 is not None:
-        inside = duration(f"{dashes}t15", t15, char)
+        inside = parse_silence(f"{prefix}t15", t15, char)
     if inside is not None and inside > ends:
         raise UsageError(
-            f"{dashes}t15 is longer than {dashes}t35; a pause would end a frame and be inside it"
+            f"{prefix}t15 is longer than {prefix}t35; a pause would end a frame and be inside it"
         )
     return ends, ends if inside is None else inside
 
 
-def duration(option: str, text: str, char_ns: int | None) -> int:
+def parse_silence(option: str, text: str, char_ns: int | None) -> int:
     """Nanoseconds of `1750us` or `3.5chars`; `UsageError` for anything else."""
     word = text.strip().lower()
     unit = next((unit for unit in ("us", "chars", "char") if word.endswith(unit)), "")
@@ -56,9 +61,9 @@ def duration(option: str, text: str, char_ns: int | None) -> int:
     except ValueError:
         value = -1.0
     if unit.startswith("char") and value > 0 and char_ns is None:
-        dashes = option[: len(option) - len(option.lstrip("-"))]
-        raise UsageError(f"{option} {text}: how long is a character? Add {dashes}line {EXAMPLE}")
+        prefix = option[: len(option) - len(option.lstrip("-"))]
+        raise UsageError(f"{option} {text}: how long is a character? Add {prefix}line {EXAMPLE}")
     time = value * (1000 if unit == "us" else char_ns or 0)
-    if not 0 < time <= _MOST_NS:
+    if not 0 < time <= _MAX_NS:
         raise UsageError(f"{option} {text}: write microseconds as 1750us, characters as 3.5chars")
     return round(time)

@@ -4,7 +4,7 @@
 1697032800000000001
 >>> parse_ns("2023-10-11")
 1696982400000000000
->>> seconds(1_500_250.0, 6)
+>>> format_seconds(1_500_250.0, 6)
 '1.500250'
 """
 
@@ -16,11 +16,11 @@ from datetime import UTC, datetime, timedelta
 
 from dissectors.errors import UsageError
 
-__all__ = ["parse_ns", "seconds", "transitions"]
+__all__ = ["format_seconds", "parse_ns", "utc_offset_changes"]
 
-_SECOND = 1_000_000_000
-_FIXED = re.compile(r"([+-])(\d\d):?(\d\d)")
-_FIRST_YEAR, _LAST_YEAR, _STEP = 1990, 2060, 7 * 86_400
+_NS_PER_S = 1_000_000_000
+_FIXED_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)")
+_FIRST_YEAR, _LAST_YEAR, _STEP_S = 1990, 2060, 7 * 86_400
 
 _ISO = re.compile(
     r"(?P<date>\d{4}-\d\d-\d\d)"
@@ -46,45 +46,45 @@ def parse_ns(text: str) -> int | None:
     return whole * 1_000_000_000 + int((match["fraction"] or "0").ljust(9, "0"))
 
 
-def seconds(elapsed_us: float, digits: int) -> str:
+def format_seconds(elapsed_us: float, digits: int) -> str:
     """Microseconds as seconds with a fixed number of digits."""
     return f"{elapsed_us / 1e6:.{digits}f}"
 
 
-def transitions(zone: str | None) -> list[tuple[int, int]]:
+def utc_offset_changes(zone: str | None) -> list[tuple[int, int]]:
     """From which moment on (ns since 1970) which offset from UTC (ns) holds in a zone, in order.
 
     `zone` is `utc`, `local`, a name such as `Europe/Berlin` or an offset such as `+01:00`; None
     gives nothing. `UsageError` if it is none of these.
 
-    >>> transitions("+01:00")
+    >>> utc_offset_changes("+01:00")
     [(-4611686018427387904, 3600000000000)]
-    >>> [offset // 3600 // 10**9 for _, offset in transitions("Europe/Berlin")[:3]]
+    >>> [offset // 3600 // 10**9 for _, offset in utc_offset_changes("Europe/Berlin")[:3]]
     [1, 2, 1]
     """
     if zone is None:
         return []
-    if fixed := _FIXED.fullmatch(zone):
-        offset = (int(fixed[2]) * 60 + int(fixed[3])) * 60 * _SECOND
+    if fixed := _FIXED_OFFSET.fullmatch(zone):
+        offset = (int(fixed[2]) * 60 + int(fixed[3])) * 60 * _NS_PER_S
         return [(-(1 << 62), offset if fixed[1] == "+" else -offset)]
-    offset_at = _offsets(zone)
+    offset_at = _utc_offset_function(zone)
     moment = int(datetime(_FIRST_YEAR, 1, 1, tzinfo=UTC).timestamp())
     end = int(datetime(_LAST_YEAR, 1, 1, tzinfo=UTC).timestamp())
-    found = [(-(1 << 62), offset_at(moment) * _SECOND)]
+    found = [(-(1 << 62), offset_at(moment) * _NS_PER_S)]
     while moment < end:
-        if offset_at(moment) != offset_at(moment + _STEP):
-            change = _change(offset_at, moment, moment + _STEP)
-            found.append((change * _SECOND, offset_at(change) * _SECOND))
-        moment += _STEP
+        if offset_at(moment) != offset_at(moment + _STEP_S):
+            change = _find_change(offset_at, moment, moment + _STEP_S)
+            found.append((change * _NS_PER_S, offset_at(change) * _NS_PER_S))
+        moment += _STEP_S
     return found
 
 
-def _offsets(zone: str) -> Callable[[int], int]:
+def _utc_offset_function(zone: str) -> Callable[[int], int]:
     """Seconds that a zone is ahead of UTC, by seconds since 1970."""
     if zone.lower() in ("utc", "z"):
         return lambda moment: 0
     if zone == "local":
-        return lambda moment: _seconds(datetime.fromtimestamp(moment).astimezone())
+        return lambda moment: _offset_seconds(datetime.fromtimestamp(moment).astimezone())
     import zoneinfo  # noqa: PLC0415 - hardly ever asked for
 
     try:
@@ -93,14 +93,14 @@ def _offsets(zone: str) -> Callable[[int], int]:
         raise UsageError(
             f"--timezone {zone}: no such zone; write utc, local, Europe/Berlin or +01:00"
         ) from error
-    return lambda moment: _seconds(datetime.fromtimestamp(moment, there))
+    return lambda moment: _offset_seconds(datetime.fromtimestamp(moment, there))
 
 
-def _seconds(moment: datetime) -> int:
+def _offset_seconds(moment: datetime) -> int:
     return (moment.utcoffset() or timedelta()) // timedelta(seconds=1)
 
 
-def _change(offset_at: Callable[[int], int], low: int, high: int) -> int:
+def _find_change(offset_at: Callable[[int], int], low: int, high: int) -> int:
     """The first second at which the offset is another one than at `low`."""
     before = offset_at(low)
     while high - low > 1:

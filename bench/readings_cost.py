@@ -15,7 +15,7 @@ import sys
 import time
 
 import _modlens
-from analyzer.sources.files import BLOCK
+from analyzer.sources.files import BLOCK_BYTES
 from bench.decode_speed import UNITS, traffic
 
 SIZE = 16 << 20
@@ -46,8 +46,8 @@ def run(data: bytes, points: _modlens.Profile | None, *, readings: bool) -> tupl
     bus = core.add_bus("bench", source="bench", mode="rtu")
     every = _modlens.Predicate("readings", '["cmp", ">", ["col", "value"], ["num", 1e300]]')
     count = 0
-    for start in range(0, len(data), BLOCK):
-        core.feed(bus, data[start : start + BLOCK])
+    for start in range(0, len(data), BLOCK_BYTES):
+        core.feed(bus, data[start : start + BLOCK_BYTES])
         batch = core.take()
         if readings:
             count += len(batch.readings)

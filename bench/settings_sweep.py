@@ -17,7 +17,7 @@ import sys
 import time
 
 from analyzer.line import parse_line
-from analyzer.sources.settings_search import BAUDS, Tuner
+from analyzer.sources.settings_search import BAUDS, SettingsSearch
 from tests.support.settings_search import ASCII, MOST_S, RTU, listen, traffic
 
 SHAPES = [(shape, "rtu") for shape in RTU] + [(shape, "ascii") for shape in ASCII]
@@ -30,7 +30,7 @@ def heard_as(shape: str) -> str:
 
 def case(baud: int, shape: str, mode: str, seed: int) -> tuple[bool, float]:
     """Whether the right settings were found, and after how many seconds of traffic."""
-    tuner = Tuner()
+    tuner = SettingsSearch()
     seconds = listen(tuner, traffic(parse_line(f"{baud}-{shape}"), mode, seed))
     found = tuner.found
     right = found is not None and (str(found.line), found.mode) == (

@@ -52,11 +52,12 @@ BARE = "import os, sys\nfd = os.open(sys.argv[1], os.O_RDONLY)\nwhile os.read(fd
 class Outcome:
     """What a run came to: bytes, the share of one core, milliseconds, kB of memory over time.
 
-    `heard` are the bytes of all frames; a machine that stalls may cut one in two, which loses none.
+    `received_bytes` are the bytes of all frames; a machine that stalls may cut one in two, which
+    loses none.
     """
 
     sent: int
-    heard: int
+    received_bytes: int
     good: int
     transactions: int
     cpu: float
@@ -244,7 +245,7 @@ def main() -> None:
     done = run(options.seconds, options.baud, options.load, options.view, floor=options.floor)
     out = sys.stdout.write
     out(f"{options.baud} baud, {options.load:.0%} load, {options.seconds:.0f} s\n")
-    out(f"sent {done.sent:,} bytes, lost {done.sent - done.heard:,},")
+    out(f"sent {done.sent:,} bytes, lost {done.sent - done.received_bytes:,},")
     out(f" in good frames {done.good:,}\n")
     out(f"transactions {done.transactions:,}\n")
     out(f"CPU {done.cpu:.1%} of one core\n")

@@ -70,11 +70,11 @@ def _run(command: str, words: list[str]) -> int:
         parser = Parser(prog=f"modlens {command}", description=f"{COMMANDS[command]}.")
         module.add_arguments(parser)
         status: int = module.run(parser.parse_intermixed_args(words))
-        _flush(told=status != 0)
+        _flush(reported=status != 0)
     except ModlensError as error:
         for line in error.message.split("\n"):
             sys.stderr.write(f"modlens: {_plain(line)}\n")
-        _flush(told=True)
+        _flush(reported=True)
         return error.exit_status
     return status
 
@@ -89,7 +89,7 @@ def module_of(command: str) -> str:
     return f"analyzer.cli.{name}{'_' if name == 'import' else ''}"
 
 
-def _flush(*, told: bool) -> None:
+def _flush(*, reported: bool) -> None:
     """Write what is left in the buffer; `SourceError` if that fails and nobody was told so yet."""
     from dissectors.errors import SourceError  # noqa: PLC0415
 
@@ -99,7 +99,7 @@ def _flush(*, told: bool) -> None:
         raise
     except OSError as error:
         discard_output(STDOUT)
-        if not told:
+        if not reported:
             message = f"standard output: cannot be written: {error.strerror}"
             raise SourceError(message) from error
 

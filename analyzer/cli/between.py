@@ -2,9 +2,9 @@
 
 It is a filter like `--where`, and both may be there:
 
->>> chosen("unit == 1 or unit == 2", ["2023-10-11T14:00", "2023-10-11T14:05"])
+>>> combine_filters("unit == 1 or unit == 2", ["2023-10-11T14:00", "2023-10-11T14:05"])
 "(unit == 1 or unit == 2) and (time >= '2023-10-11T14:00' and time < '2023-10-11T14:05')"
->>> chosen(None, ["90", "120.5"])
+>>> combine_filters(None, ["90", "120.5"])
 '(elapsed_us >= 90000000 and elapsed_us < 120500000)'
 """
 
@@ -16,10 +16,10 @@ from decimal import Decimal, InvalidOperation
 from analyzer.times import parse_ns
 from dissectors.errors import UsageError
 
-__all__ = ["chosen"]
+__all__ = ["combine_filters"]
 
 
-def chosen(where: str | None, between: Sequence[str] | None) -> str | None:
+def combine_filters(where: str | None, between: Sequence[str] | None) -> str | None:
     """The filter that `--where` and `--between` say together; None for all rows.
 
     A bound is an ISO time, UTC unless it says its zone, or a number of seconds since the first byte

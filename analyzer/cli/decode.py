@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 from itertools import islice
 
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import TABLE, run_files
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows, settings
 from analyzer.sources.files import STDIN, Recording
-from analyzer.sources.settings_inference import judge, made_at, reads
+from analyzer.sources.settings_inference import infer_settings, reads, recorded_settings
 from dissectors.errors import UsageError
 
 __all__ = ["add_arguments", "run"]
 
-BLOCKS = 4
+SAMPLE_BLOCKS = 4
 """Of a recording, to judge it by: a MiB."""
 
 EPILOG = """\
@@ -63,15 +63,15 @@ def run(options: argparse.Namespace) -> int:
 
 def _say_settings(options: argparse.Namespace) -> None:
     """What recordings of bytes tell of the line; text has lost it."""
-    notes, given = Notes(quiet=False), settings(options).line
+    messages, given = Messages(quiet=False), settings(options).line
     for name in options.files:
         if name == STDIN:
             raise UsageError("--detect reads a file twice; give it a name instead of -")
         with Recording(name, read_as=options.read_as) as recording:
-            data = b"".join(islice(recording.blocks(), BLOCKS))
+            data = b"".join(islice(recording.blocks(), SAMPLE_BLOCKS))
             kind = recording.detection.format
         if kind == "raw" or data.startswith(b"\x0a\x0d\x0d\x0a"):
-            for line in judge(list(reads(data)), given or made_at(data)):
-                notes.say(f"{name}: {line}")
+            for line in infer_settings(list(reads(data)), given or recorded_settings(data)):
+                messages.info(f"{name}: {line}")
         else:
-            notes.say(f"{name}: {kind} has no line errors; --detect is for bytes and --record")
+            messages.info(f"{name}: {kind} has no line errors; --detect is for bytes and --record")

@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TextIO
 
-from analyzer.exports.output import StandardOutput, WholeFile
+from analyzer.exports.output import AtomicFile, StandardOutput
 from analyzer.views.screen import Screen, visible
 from dissectors import importers
 from dissectors.errors import SourceError, UsageError
 from dissectors.profile import from_model
 
-__all__ = ["add_arguments", "decoded", "run", "show_notes", "write_text"]
+__all__ = ["add_arguments", "decode_text", "run", "show_notes", "write_text"]
 
 EPILOG = """\
 examples:
@@ -25,7 +25,7 @@ examples:
 What is assumed and what cannot be carried over is said on standard error.
 """
 
-MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 """Byte order marks and the encodings that they say."""
 
 
@@ -46,14 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import; gives the exit status."""
-    text, odd = decoded(_bytes(options.file), options.encoding, options.file)
+    text, encoding_notes = decode_text(_read_input(options.file), options.encoding, options.file)
     base = int(options.base) if options.base in ("0", "1") else options.base
     order = importers.order_of(options.order, "--order")
     chosen = importers.Options(base, order, options.unit)
     found = importers.read(options.format, text, options.file, chosen)
     profile = from_model(found.model, options.file)
     written = importers.write(options.to, profile)
-    notes = [f"{len(profile.points)} points", *odd, *found.notes, *written.notes]
+    notes = [f"{len(profile.points)} points", *encoding_notes, *found.notes, *written.notes]
     show_notes(notes, sys.stderr)
     write_text(written.text, options.output)
     return 0
@@ -68,24 +68,24 @@ def show_notes(notes: Iterable[str], stream: TextIO) -> None:
 
 def write_text(text: str, path: str | None) -> None:
     """To a file that appears when it is whole, or to standard output."""
-    output = StandardOutput() if path is None else WholeFile(path)
+    output = StandardOutput() if path is None else AtomicFile(path)
     try:
         output.append(text.encode("utf-8"))
         output.close()
     except SourceError:
-        output.abandon()
+        output.rollback()
         raise
 
 
-def decoded(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str]]:
+def decode_text(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str]]:
     """The text of a file, and a note where its encoding was guessed.
 
-    >>> decoded("Größe".encode("utf-16"), None, "x")
+    >>> decode_text("Größe".encode("utf-16"), None, "x")
     ('Größe', [])
     """
-    marked = next((code for mark, code in MARKS.items() if data.startswith(mark)), None)
+    marked = next((code for mark, code in BYTE_ORDER_MARKS.items() if data.startswith(mark)), None)
     if not encoding and not marked and b"\0" in data:
-        return _wide(data, name)
+        return _decode_utf16(data, name)
     try:
         return data.decode(encoding or marked or "utf-8"), []
     except LookupError as error:
@@ -97,7 +97,7 @@ def decoded(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str
     return data.decode("cp1252", "replace"), [note]
 
 
-def _wide(data: bytes, name: str) -> tuple[str, list[str]]:
+def _decode_utf16(data: bytes, name: str) -> tuple[str, list[str]]:
     """Text with a zero byte in every character, which is UTF-16 that says nothing of itself."""
     for first, code in ((1, "utf-16-le"), (0, "utf-16-be")):
         zeros, letters = data[first::2], data[1 - first :: 2]
@@ -108,7 +108,7 @@ def _wide(data: bytes, name: str) -> tuple[str, list[str]]:
     raise SourceError(f"{name}: is no text: a zero at byte {at}; --encoding says how to read it")
 
 
-def _bytes(path: str) -> bytes:
+def _read_input(path: str) -> bytes:
     try:
         return sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
     except OSError as error:

@@ -21,17 +21,17 @@ class Keys:
 
     def __init__(self) -> None:
         self._fd = -1
-        self._before: list[Any] | None = None
+        self._saved_attributes: list[Any] | None = None
 
-    def typed(self) -> str:
+    def pressed(self) -> str:
         """The characters, none if nothing was typed; no escape sequences of arrows and the like."""
-        if self._before is None:
-            return _console_keys() if os.name == "nt" else ""
+        if self._saved_attributes is None:
+            return _windows_console_keys() if os.name == "nt" else ""
         text = ""
         while select.select([self._fd], [], [], 0)[0]:
             data = os.read(self._fd, 256)
             if not data:
-                self._before = None
+                self._saved_attributes = None
                 break
             text += data.decode("utf-8", "ignore")
         return "" if text.startswith("\x1b") and len(text) > 1 else text
@@ -43,7 +43,7 @@ class Keys:
 
             self._fd = sys.stdin.fileno()
             if os.isatty(self._fd):
-                self._before = termios.tcgetattr(self._fd)
+                self._saved_attributes = termios.tcgetattr(self._fd)
                 tty.setcbreak(self._fd)
         return self
 
@@ -53,14 +53,14 @@ class Keys:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if self._before is not None:
+        if self._saved_attributes is not None:
             import termios  # noqa: PLC0415
 
             with contextlib.suppress(OSError, termios.error):
-                termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
+                termios.tcsetattr(self._fd, termios.TCSADRAIN, self._saved_attributes)
 
 
-def _console_keys() -> str:
+def _windows_console_keys() -> str:
     import msvcrt  # noqa: PLC0415
 
     console: Any = msvcrt

@@ -39,15 +39,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Learn; gives the exit status."""
     tables = survey(options)
-    mine = tables_of(tables, options.unit, "learn")
-    model = skeleton(mine, options.files[0])
+    unit_tables = tables_of_unit(tables, options.unit, "learn")
+    model = skeleton(unit_tables, options.files[0])
     from_model(model, options.files[0])
-    show_notes(evidence(mine), sys.stderr)
+    show_notes(evidence(unit_tables), sys.stderr)
     write_text(dumps(model), options.output)
     return 0
 
 
-def tables_of(tables: list[dict[str, Any]], unit: int | None, command: str) -> list[dict[str, Any]]:
+def tables_of_unit(
+    tables: list[dict[str, Any]], unit: int | None, command: str
+) -> list[dict[str, Any]]:
     """The tables of one unit; `UsageError` where it is not said which of several."""
     units = sorted({table["unit"] for table in tables})
     if unit is None and len(units) == 1:

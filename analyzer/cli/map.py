@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import _modlens
 from analyzer.addresses import BASES
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
-from analyzer.cli.stop_signals import Stopping
+from analyzer.cli.stop_signals import StopSignals
 from analyzer.session import FileRun
 from analyzer.views.registers import show_map
 from analyzer.views.screen import stdout
@@ -40,14 +40,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Go through the recordings, then print the map; gives the exit status."""
-    notes = Notes(quiet=False)
+    messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=("transactions",))
-    files = FileRun(options.files, chosen, read_as=options.read_as, told=notes.intake)
+    files = FileRun(
+        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
+    )
     found = _modlens.RegisterMap()
-    with Stopping() as stopping:
+    with StopSignals() as stop_signals:
         for batch in files.batches():
             found.add(batch)
-            if stopping.asked():
+            if stop_signals.received():
                 found.add(files.finish())
                 break
         rows = [
@@ -56,4 +58,4 @@ def run(options: argparse.Namespace) -> int:
             if options.unit in (None, row["unit"]) and (row["name"] or not options.named)
         ]
         show_map(rows, stdout(), options.address, as_json=options.json)
-        return 0 if stopping.signal is None else SIGNALLED + stopping.signal
+        return 0 if stop_signals.signal is None else SIGNALLED + stop_signals.signal

@@ -6,10 +6,10 @@ import argparse
 import sys
 from collections.abc import Iterator
 
-from analyzer.cli.learn import tables_of
+from analyzer.cli.learn import tables_of_unit
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import survey
-from analyzer.profiles import known, load
+from analyzer.profiles import available_profiles, load
 from analyzer.views.screen import Screen, stdout, visible
 from dissectors.errors import ModlensError
 from dissectors.profile import Profile
@@ -45,13 +45,13 @@ def run(options: argparse.Namespace) -> int:
     """Score every profile for every unit; gives the exit status."""
     tables = survey(options)
     if options.unit is not None:
-        tables = tables_of(tables, options.unit, "match")
+        tables = tables_of_unit(tables, options.unit, "match")
     profiles = [load(name) for name in options.names] if options.names else list(_usable())
     screen = stdout()
     for unit in sorted({table["unit"] for table in tables}):
         screen.line(f"unit {unit}", "head")
-        mine = [table for table in tables if table["unit"] == unit]
-        scored = [(score(mine, profile), profile) for profile in profiles]
+        unit_tables = [table for table in tables if table["unit"] == unit]
+        scored = [(score(unit_tables, profile), profile) for profile in profiles]
         for found, profile in sorted(scored, key=lambda pair: (-pair[0].points, pair[1].name)):
             style = "good" if found.fits else "dim"
             head = f"  {found.points:3d} %  {profile.name}: "
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _usable() -> Iterator[Profile]:
     """All profiles that are known; one that has mistakes is said, and hides no other one."""
-    for one in known():
+    for one in available_profiles():
         try:
             yield load(one.name)
         except ModlensError as error:

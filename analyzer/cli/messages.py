@@ -11,15 +11,15 @@ import textwrap
 from typing import Any
 
 from analyzer.cli.standard_streams import STDERR, discard_output
-from analyzer.session import Intake
+from analyzer.session import RecordingStatus
 from analyzer.views.screen import Screen, fit, visible
 from analyzer.views.stats import show_stats
 from analyzer.views.summary import summary
 from dissectors.errors import SourceError
 
-__all__ = ["Notes"]
+__all__ = ["Messages"]
 
-EXCERPT = 60
+EXCERPT_COLUMNS = 60
 """Columns of a line that was not understood."""
 
 _CLOCKS = {
@@ -31,28 +31,28 @@ _CLOCKS = {
 }
 
 
-_UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
-_COARSE = 100_000_000
+_TIME_UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
+_COARSE_NS = 100_000_000
 
 
-class Notes:
+class Messages:
     """Lines for the person at the terminal; none but errors when `quiet`."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet
         self._screen = Screen(sys.stderr)
-        self.unparsed = 0
+        self.unparsed_lines = 0
 
-    def intake(self, intake: Intake) -> None:
+    def recording_status(self, status: RecordingStatus) -> None:
         """A recording: at its beginning what it is, at its end what could not be read."""
-        if not intake.format:
-            self.say(f"{intake.name}: passed over: {intake.reason}")
-        elif intake.ended:
-            self._left_out(intake)
+        if not status.format:
+            self.info(f"{status.name}: passed over: {status.reason}")
+        elif status.ended:
+            self._report_unread(status)
         else:
-            self._detected(intake)
+            self._report_detection(status)
 
-    def say(self, text: str) -> None:
+    def info(self, text: str) -> None:
         """One line, unless quiet; wrapped on a terminal."""
         if self._quiet:
             return
@@ -60,7 +60,7 @@ class Notes:
         for part in textwrap.wrap(text, width, subsequent_indent="  ", drop_whitespace=False):
             self._print(part.rstrip(), "dim")
 
-    def trouble(self, text: str) -> None:
+    def error(self, text: str) -> None:
         """One line of an error, always."""
         self._print(f"modlens: {text}", "")
 
@@ -73,7 +73,7 @@ class Notes:
     def summary(self, stats: dict[str, Any]) -> None:
         """The last lines of a run."""
         for line in summary(stats):
-            self.say(line)
+            self.info(line)
 
     def _print(self, text: str, style: str) -> None:
         """Print one line; a terminal that is gone must not harm the outputs."""
@@ -82,43 +82,43 @@ class Notes:
         except (BrokenPipeError, SourceError):
             discard_output(STDERR)
 
-    def _detected(self, intake: Intake) -> None:
-        seen = intake.seen
-        sure = (
-            "ordered"
-            if intake.ordered
-            else f"{100 * intake.confidence:.0f} % sure: {intake.reason}"
+    def _report_detection(self, status: RecordingStatus) -> None:
+        details = status.details
+        certainty = (
+            "ordered" if status.forced else f"{100 * status.confidence:.0f} % sure: {status.reason}"
         )
-        words = [f"{intake.name}: {intake.format} ({sure})"]
-        clock = seen.get("clock") or "none"
-        words.append(_CLOCKS.get(clock, f"clock: {clock}") + _resolution(seen, clock))
-        if seen.get("mode"):
-            words.append(f"mode {seen['mode']}")
-        words += seen.get("said", [])
-        self.say(", ".join(words))
+        words = [f"{status.name}: {status.format} ({certainty})"]
+        clock = details.get("clock") or "none"
+        words.append(_CLOCKS.get(clock, f"clock: {clock}") + _resolution(details, clock))
+        if details.get("mode"):
+            words.append(f"mode {details['mode']}")
+        words += details.get("said", [])
+        self.info(", ".join(words))
 
-    def _left_out(self, intake: Intake) -> None:
-        seen = intake.seen
-        if "trouble" in seen:
-            self.say(f"{intake.name}: {seen['trouble']}")
-        later = [name for name in seen.get("formats", []) if name not in intake.format.split("+")]
+    def _report_unread(self, status: RecordingStatus) -> None:
+        details = status.details
+        if "trouble" in details:
+            self.info(f"{status.name}: {details['trouble']}")
+        later = [
+            name for name in details.get("formats", []) if name not in status.format.split("+")
+        ]
         if later:
-            self.say(f"{intake.name}: lines of {', '.join(later)}, too")
-        unparsed = seen.get("unparsed", 0)
-        self.unparsed += unparsed
-        for reason, count in (seen.get("dropped") or {}).items():
-            self.say(f"{intake.name}: {count:,} left out: {reason}")
+            self.info(f"{status.name}: lines of {', '.join(later)}, too")
+        unparsed = details.get("unparsed", 0)
+        self.unparsed_lines += unparsed
+        for reason, count in (details.get("dropped") or {}).items():
+            self.info(f"{status.name}: {count:,} left out: {reason}")
         if unparsed:
-            self.say(f"{intake.name}: {unparsed:,} of {seen['lines']:,} lines not understood")
-            for number, text in seen["first_unparsed"]:
-                self.say(f"  line {number}: {fit(visible(text), EXCERPT).rstrip()}")
+            self.info(f"{status.name}: {unparsed:,} of {details['lines']:,} lines not understood")
+            for number, text in details["first_unparsed"]:
+                self.info(f"  line {number}: {fit(visible(text), EXCERPT_COLUMNS).rstrip()}")
 
 
-def _resolution(seen: dict[str, Any], clock: str) -> str:
+def _resolution(details: dict[str, Any], clock: str) -> str:
     """What the clock can tell apart, and what that means where it is coarse."""
-    resolution = seen.get("resolution_ns")
+    resolution = details.get("resolution_ns")
     if clock == "none" or not resolution:
         return ""
-    name, length = next(pair for pair in _UNITS.items() if resolution >= pair[1])
-    coarse = "; too coarse for response times" if resolution >= _COARSE else ""
+    name, length = next(pair for pair in _TIME_UNITS_NS.items() if resolution >= pair[1])
+    coarse = "; too coarse for response times" if resolution >= _COARSE_NS else ""
     return f" in steps of {resolution // length} {name}{coarse}"

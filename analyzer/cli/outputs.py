@@ -14,22 +14,29 @@ from dataclasses import replace
 from os.path import isfile
 from typing import Protocol
 
-from analyzer.cli.between import chosen
-from analyzer.cli.messages import Notes
+from analyzer.cli.between import combine_filters
+from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
-from analyzer.cli.segmentation import announce
+from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import STDOUT, discard_output
-from analyzer.cli.stop_signals import Stopping
-from analyzer.exports import Wish
-from analyzer.exports.sink import ExportSink, Target, check_style, fitting, tables_of, target
+from analyzer.cli.stop_signals import StopSignals
+from analyzer.exports import ExportOptions
+from analyzer.exports.sink import (
+    ExportSink,
+    Target,
+    check_style,
+    parse_target,
+    required_tables,
+    with_suitable_table,
+)
 from analyzer.session import FileRun, Run, Settings, Sink, pump
-from analyzer.views.row_lines import Look
+from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
 from analyzer.views.table_sink import TableSink
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["DAMAGED", "LiveSink", "Outputs", "run_files", "run_settings", "targets"]
+__all__ = ["DAMAGED", "OutputSink", "Outputs", "run_files", "run_settings", "targets"]
 
 DAMAGED = 1
 SIGNALLED = 128
@@ -42,8 +49,8 @@ def run_settings(options: argparse.Namespace) -> Settings:
     """The settings, with the tables that the outputs need."""
     wanted = targets(options)
     if options.to not in (None, TABLE):
-        wanted.append(fitting(Target(options.table, options.to, None), named=False))
-    tables = tables_of(wanted) | {options.table}
+        wanted.append(with_suitable_table(Target(options.table, options.to, None), named=False))
+    tables = required_tables(wanted) | {options.table}
     return replace(settings(options), tables=tuple(sorted(tables)))
 
 
@@ -51,84 +58,87 @@ def run_files(
     options: argparse.Namespace, *, to: str | None, quiet: bool, follow: bool = False
 ) -> int:
     """Decode the files of the options into all outputs; gives the exit status."""
-    notes = Notes(quiet=quiet)
-    chosen = run_settings(options)
-    announce(chosen, notes)
+    messages = Messages(quiet=quiet)
+    settings = run_settings(options)
+    report_silence_limits(settings, messages)
     run = FileRun(
         options.files,
-        chosen,
+        settings,
         read_as=options.read_as,
         replay=getattr(options, "replay", False),
-        told=notes.intake,
+        on_status=messages.recording_status,
         follow=follow,
     )
-    with Stopping() as stopping, Outputs(options, notes, to=to, names=options.files) as outputs:
-        outputs.pump(run, stopping.asked)
+    with (
+        StopSignals() as stop_signals,
+        Outputs(options, messages, to=to, names=options.files) as outputs,
+    ):
+        outputs.pump(run, stop_signals.received)
         outputs.close()
-        if outputs.silenced:
+        if outputs.reader_gone:
             return 0
         stats = run.stats()
-        notes.summary(stats)
-        if stopping.signal is not None:
-            notes.trouble("interrupted: the outputs hold what was decoded until then")
-            return SIGNALLED + stopping.signal
-    if options.strict and (damaged(stats) or notes.unparsed) and not outputs.status:
+        messages.summary(stats)
+        if stop_signals.signal is not None:
+            messages.error("interrupted: the outputs hold what was decoded until then")
+            return SIGNALLED + stop_signals.signal
+    if options.strict and (damaged(stats) or messages.unparsed_lines) and not outputs.status:
         return DAMAGED
     return outputs.status
 
 
-class LiveSink(Sink, Protocol):
+class OutputSink(Sink, Protocol):
     """A sink that counts its rows and can be closed; `table` is empty where nothing is written."""
 
     table: str
-    rows: int
+    row_count: int
 
     def close(self) -> None:
         """All rows are there."""
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """The input failed: leave nothing half written."""
 
 
 class Outputs:
     """All sinks of a run; `to` is what goes to standard output: the table, a format, or nothing.
 
-    `status` is the exit status of what went wrong with them; `silenced` is True when the only
+    `status` is the exit status of what went wrong with them; `reader_gone` is True when the only
     reader has gone away. Those that are not closed when the `with` ends are taken away. `names` are
-    the buses; `more` are sinks that somebody else has made.
+    the buses; `extra_sinks` are sinks that somebody else has made.
     """
 
     def __init__(  # noqa: PLR0913 - all but two by keyword
         self,
         options: argparse.Namespace,
-        notes: Notes,
+        messages: Messages,
         *,
         to: str | None,
         names: Sequence[str],
         growing: bool = False,
-        more: Sequence[LiveSink] = (),
+        extra_sinks: Sequence[OutputSink] = (),
     ) -> None:
         self.status = 0
-        self.silenced = False
-        self._notes = notes
-        where = chosen(options.where, options.between)
+        self.reader_gone = False
+        self._messages = messages
+        where = combine_filters(options.where, options.between)
         self._filtered = where is not None
-        self._sinks: list[LiveSink] = list(more)
-        self._watching: list[Sink] = []
+        self._sinks: list[OutputSink] = list(extra_sinks)
+        self._observers: list[Sink] = []
         self._failures = 0
         wanted = [] if getattr(options, "around", None) else targets(options)
         with ExitStack() as opened:
             if to == TABLE:
-                look = Look(options.address, options.times, tuple(names))
+                table_options = TableOptions(options.address, options.times, tuple(names))
                 if options.columns is not None and not wanted:
                     raise UsageError("--columns is for exports; add --to csv or -o FILE")
-                self._sinks.append(TableSink(options.table, stdout(), look, where=where))
+                self._sinks.append(TableSink(options.table, stdout(), table_options, where=where))
             elif to is not None:
-                wanted.insert(0, fitting(Target(options.table, to, None), named=False))
+                wanted.insert(0, with_suitable_table(Target(options.table, to, None), named=False))
             check_style(options.style, wanted)
             if options.context < 0:
                 raise UsageError("--context: a number of frames, 0 or more")
-            wish = Wish(
+            export_options = ExportOptions(
                 "",
                 (),
                 style=options.style or "",
@@ -139,9 +149,13 @@ class Outputs:
             )
             for one in wanted:
                 sink = ExportSink(
-                    one, columns=options.columns, where=where, growing=growing, wish=wish
+                    one,
+                    columns=options.columns,
+                    where=where,
+                    growing=growing,
+                    options=export_options,
                 )
-                opened.callback(sink.abandon)
+                opened.callback(sink.rollback)
                 self._sinks.append(sink)
             self._opened = opened.pop_all()
         if not self._sinks:
@@ -154,14 +168,14 @@ class Outputs:
         """
         pump(
             run,
-            [*self._watching, *self._sinks],
+            [*self._observers, *self._sinks],
             stop=lambda: stop() or self._failures >= len(self._sinks),
-            failed=self._failed,
+            on_failure=self._on_failure,
         )
 
-    def watch(self, *sinks: Sink) -> None:
+    def add_observers(self, *sinks: Sink) -> None:
         """Show them everything, too; they write nothing."""
-        self._watching += sinks
+        self._observers += sinks
 
     def close(self) -> None:
         """All rows are there: the files take their names."""
@@ -169,13 +183,13 @@ class Outputs:
             try:
                 sink.close()
             except (SourceError, BrokenPipeError) as error:
-                self._failed(sink, error)
+                self._on_failure(sink, error)
                 continue
             if sink.table and (not isinstance(sink, TableSink) or self._filtered):
-                self._notes.say(f"{sink.name}: {sink.rows:,} {sink.table}")
-            remark = sink.remark() if isinstance(sink, ExportSink) else ""
+                self._messages.info(f"{sink.name}: {sink.row_count:,} {sink.table}")
+            remark = sink.closing_remark() if isinstance(sink, ExportSink) else ""
             if remark:
-                self._notes.say(f"{sink.name}: {remark}")
+                self._messages.info(f"{sink.name}: {remark}")
 
     def __enter__(self) -> Outputs:
         return self
@@ -183,19 +197,19 @@ class Outputs:
     def __exit__(self, *error: object) -> None:
         self._opened.close()
 
-    def _failed(self, sink: Sink, error: SourceError | BrokenPipeError) -> None:
+    def _on_failure(self, sink: Sink, error: SourceError | BrokenPipeError) -> None:
         self._failures += 1
         if isinstance(error, BrokenPipeError):
-            self.silenced = len(self._sinks) == 1
+            self.reader_gone = len(self._sinks) == 1
             discard_output(STDOUT)
             return
         self.status = max(self.status, error.exit_status)
-        self._notes.trouble(error.message)
+        self._messages.error(error.message)
 
 
 def targets(options: argparse.Namespace) -> list[Target]:
     """What `-o` asks for; `UsageError` for two in one file, and for one that is read, too."""
-    found = [target(text, options.table) for text in options.outputs]
+    found = [parse_target(text, options.table) for text in options.outputs]
     read = {os.path.realpath(name) for name in getattr(options, "files", ()) if isfile(name)}
     seen = set()
     for one in found:

@@ -15,10 +15,10 @@ from analyzer.bus_file import choose_bus
 from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
 from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
-from analyzer.profiles import binding, with_vendors
+from analyzer.profiles import parse_binding, with_vendor_functions
 from analyzer.session import MODES, Settings
-from analyzer.silence_limits import silences
-from analyzer.times import transitions
+from analyzer.silence_limits import silence_limits
+from analyzer.times import utc_offset_changes
 from dissectors.errors import ProfileError, SourceError, UsageError
 
 __all__ = [
@@ -29,18 +29,18 @@ __all__ = [
     "add_input",
     "add_line",
     "add_rows",
-    "duration",
     "load_dialects",
     "load_functions",
+    "parse_duration",
     "settings",
 ]
 
 TIMES = ("local", "utc", "elapsed", "delta")
 
 _LAST_PORT = 0xFFFF
-_LONGEST_TIMEOUT_S = 3600
-_LONGEST_S = 10 * 365 * 24 * 3600
-_UNITS = {
+_MAX_TIMEOUT_S = 3600
+_MAX_DURATION_S = 10 * 365 * 24 * 3600
+_DURATION_UNITS_NS = {
     "us": 1_000,
     "ms": 1_000_000,
     "s": 1_000_000_000,
@@ -216,24 +216,26 @@ def settings(options: argparse.Namespace) -> Settings:
 
     `UsageError` or `ProfileError` for what cannot be.
     """
-    plant = None if options.bus is None else choose_bus(options.bus)
-    profiles = tuple(binding(text) for text in options.profiles)
-    if plant is not None:
-        profiles = (*plant.profiles, *profiles)
-    line = _line(options) or (None if plant is None else plant.line)
+    bus = None if options.bus is None else choose_bus(options.bus)
+    profiles = tuple(parse_binding(text) for text in options.profiles)
+    if bus is not None:
+        profiles = (*bus.profiles, *profiles)
+    line = _line(options) or (None if bus is None else bus.line)
     return Settings(
         line=line,
-        mode=plant.mode if plant is not None and options.mode == "auto" else options.mode,
+        mode=bus.mode if bus is not None and options.mode == "auto" else options.mode,
         timeout_ns=None
         if options.timeout is None
-        else duration(options.timeout, longest_s=_LONGEST_TIMEOUT_S),
-        functions=with_vendors(load_functions(options.functions), profiles),
+        else parse_duration(options.timeout, max_s=_MAX_TIMEOUT_S),
+        functions=with_vendor_functions(load_functions(options.functions), profiles),
         profiles=profiles,
-        silence_ns=silences(options.segmentation, options.t35, options.t15, line, dashes="--"),
+        silence_ns=silence_limits(
+            options.segmentation, options.t35, options.t15, line, prefix="--"
+        ),
         ports=_ports(options.tcp_ports),
         channels=tuple(options.channels.split(",")) if options.channels else None,
         dialects=load_dialects(getattr(options, "dialects", [])),
-        zone=transitions(getattr(options, "timezone", None)),
+        zone=utc_offset_changes(getattr(options, "timezone", None)),
         date=getattr(options, "date", None),
     )
 
@@ -247,7 +249,7 @@ def load_dialects(names: list[str]) -> _modlens.Dialects | None:
         try:
             dialects.load(Path(name).read_text(encoding="utf-8"), name)
         except (OSError, UnicodeError) as error:
-            raise SourceError(f"--dialects {name}: cannot be read: {_reason(error)}") from error
+            raise SourceError(f"--dialects {name}: cannot be read: {_reason_of(error)}") from error
         except ValueError as error:
             raise ProfileError(str(error).removeprefix(f"{name}: "), path=name) from error
     return dialects
@@ -264,7 +266,7 @@ def load_functions(names: list[str]) -> _modlens.Functions:
             else:
                 functions.load_vendor(name)
         except (OSError, UnicodeError) as error:
-            raise SourceError(f"--functions {name}: cannot be read: {_reason(error)}") from error
+            raise SourceError(f"--functions {name}: cannot be read: {_reason_of(error)}") from error
         except ValueError as error:
             if path.suffix:
                 raise ProfileError(str(error).removeprefix(f"{name}: "), path=name) from error
@@ -272,7 +274,7 @@ def load_functions(names: list[str]) -> _modlens.Functions:
     return functions
 
 
-def _reason(error: OSError | UnicodeError) -> str:
+def _reason_of(error: OSError | UnicodeError) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
@@ -309,19 +311,19 @@ def _ports(words: list[str]) -> tuple[int, ...] | None:
     return tuple(map(int, ports)) or None
 
 
-def duration(text: str, option: str = "--timeout", longest_s: float = _LONGEST_S) -> int:
+def parse_duration(text: str, option: str = "--timeout", max_s: float = _MAX_DURATION_S) -> int:
     """Nanoseconds of `500ms`, `1.5s`, `2h` or `0.3` (seconds).
 
-    >>> duration("500ms"), duration("0.3")
+    >>> parse_duration("500ms"), parse_duration("0.3")
     (500000000, 300000000)
     """
     word = text.strip().lower()
-    unit = next((unit for unit in _UNITS if word.endswith(unit)), "")
+    unit = next((unit for unit in _DURATION_UNITS_NS if word.endswith(unit)), "")
     try:
         value = float(word.removesuffix(unit))
     except ValueError:
         value = -1.0
-    found = value * _UNITS[unit or "s"]
-    if not 0 < found < longest_s * _UNITS["s"]:
+    found = value * _DURATION_UNITS_NS[unit or "s"]
+    if not 0 < found < max_s * _DURATION_UNITS_NS["s"]:
         raise UsageError(f"{option} {text}: write a time such as 500ms or 1.5s")
     return round(found)

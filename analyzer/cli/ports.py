@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     screen = stdout()
     found = adapters()
     for one in found:
-        for line in _told(one):
+        for line in _describe(one):
             screen.line(line)
     if not found:
         screen.line("no serial port found; is the adapter plugged in?")
@@ -30,14 +30,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _told(one: Adapter) -> list[str]:
+def _describe(one: Adapter) -> list[str]:
     chip = f"{one.chip.name}, " if one.chip else ""
     lines = [f"{visible(one.port)}: {chip}{visible(one.title) or 'serial port'}"]
-    if not one.usable:
+    if not one.is_accessible:
         lines.append("    no permission to open it; on Linux join its group (often dialout)")
     if one.chip:
-        lines.append(f"    {one.chip.habit}")
+        lines.append(f"    {one.chip.behaviour}")
     lines.append(f"    {one.limit}")
-    if one.stable:
-        lines.append(f"    stable name: {visible(one.stable)}")
+    if one.stable_name:
+        lines.append(f"    stable name: {visible(one.stable_name)}")
     return lines

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from analyzer.cli.import_ import show_notes, write_text
-from analyzer.profiles import known, load
+from analyzer.profiles import available_profiles, load
 from analyzer.views.screen import stdout, visible
 from dissectors import importers
 from dissectors.errors import ModlensError, UsageError
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _list() -> None:
     screen = stdout()
-    for one in known():
+    for one in available_profiles():
         try:
             profile = load(one.name)
         except ModlensError as error:

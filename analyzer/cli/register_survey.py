@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import _modlens
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
 from analyzer.session import FileRun
 
@@ -17,9 +17,11 @@ __all__ = ["survey"]
 
 def survey(options: argparse.Namespace) -> list[dict[str, Any]]:
     """The tables of `_modlens.Survey` over the files of the options."""
-    notes = Notes(quiet=False)
+    messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=("transactions",))
-    files = FileRun(options.files, chosen, read_as=options.read_as, told=notes.intake)
+    files = FileRun(
+        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
+    )
     found = _modlens.Survey()
     for batch in files.batches():
         found.add(batch)

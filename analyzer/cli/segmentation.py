@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import argparse
 
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.session import Settings
-from analyzer.silence_limits import WORDS
+from analyzer.silence_limits import SEGMENTATIONS
 
-__all__ = ["add_segmentation", "announce"]
+__all__ = ["add_segmentation", "report_silence_limits"]
 
 
 def add_segmentation(group: argparse._ArgumentGroup) -> None:
     """`--segmentation`, `--t35`, `--t15`."""
     group.add_argument(
         "--segmentation",
-        choices=WORDS,
-        default=WORDS[0],
+        choices=SEGMENTATIONS,
+        default=SEGMENTATIONS[0],
         help="RTU frames end where all evidence together says (joint), or at silences of t3.5 only",
     )
     for name, what in (("--t35", "that ends a frame"), ("--t15", "allowed inside one")):
@@ -27,11 +27,11 @@ def add_segmentation(group: argparse._ArgumentGroup) -> None:
         )
 
 
-def announce(settings: Settings, notes: Notes) -> None:
+def report_silence_limits(settings: Settings, messages: Messages) -> None:
     """Say which silences frames are cut by."""
     if settings.silence_ns is not None:
         t35, t15 = (f"{ns / 1000:,.0f} us" for ns in settings.silence_ns)
-        notes.say(
+        messages.info(
             f"segmentation by silence: a frame ends after {t35} (t3.5); more than {t15} (t1.5)"
             " inside one is a finding"
         )

@@ -10,11 +10,11 @@ import os
 import re
 
 import _modlens
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_decoding, add_line, settings
 from analyzer.cli.show_frames import (
-    MBAP,
-    Shown,
+    MBAP_BYTES,
+    DisplayedExchange,
     lookup_frame,
     lookup_packet,
     lookup_transaction,
@@ -90,10 +90,10 @@ def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
             f"show: no frame begins in packet {options.packet} of {options.words[0]}; it may hold"
             " the end of one, no data, or no Modbus"
         )
-    for number, shown in enumerate(found):
+    for number, exchange in enumerate(found):
         if number:
             screen.line("")
-        show(shown, screen, chosen.functions, options.direction)
+        show(exchange, screen, chosen.functions, options.direction)
 
 
 def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
@@ -102,8 +102,10 @@ def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
     if len(options.words) != 1 or options.pdu:
         raise UsageError("show: --frame and --txn look into one recording")
     chosen = settings(options)
-    notes = Notes(quiet=True)
-    run = FileRun(options.words, chosen, read_as=options.read_as, told=notes.intake)
+    messages = Messages(quiet=True)
+    run = FileRun(
+        options.words, chosen, read_as=options.read_as, on_status=messages.recording_status
+    )
     if options.frame is not None:
         found = lookup_frame(run, options.frame)
     else:
@@ -141,7 +143,7 @@ def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
         show(found, screen, chosen.functions, options.direction)
 
 
-def _decode_hex(text: str, mode: str, chosen: Settings) -> list[Shown]:
+def _decode_hex(text: str, mode: str, chosen: Settings) -> list[DisplayedExchange]:
     """The frames of pasted text, decoded as if they had been recorded."""
     if text.lstrip().startswith(":"):
         data, mode = text.strip().encode("ascii", "replace") + b"\r\n", "ascii"
@@ -157,7 +159,7 @@ def _decode_hex(text: str, mode: str, chosen: Settings) -> list[Shown]:
     batch = core.take()
     requests = {row.txn: row.request_hex for row in batch.transactions}
     return [
-        Shown.of_frame(
+        DisplayedExchange.of_frame(
             row,
             request=requests.get(row.txn) if row.direction == "response" else None,
             findings=[found.as_dict() for found in batch.findings if found.frame == row.frame],
@@ -169,7 +171,7 @@ def _decode_hex(text: str, mode: str, chosen: Settings) -> list[Shown]:
 def _looks_like_tcp(data: bytes) -> bool:
     """Whether an MBAP header fits these bytes, and a CRC does not."""
     fits = (
-        len(data) > MBAP
+        len(data) > MBAP_BYTES
         and data[2:4] == b"\0\0"
         and int.from_bytes(data[4:6], "big") == len(data) - 6
     )

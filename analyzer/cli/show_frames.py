@@ -13,21 +13,21 @@ from typing import Any, Literal
 import _modlens
 from analyzer.filters import parse
 from analyzer.session import FileRun
-from analyzer.times import seconds
+from analyzer.times import format_seconds
 from analyzer.views.cells import milliseconds
 from analyzer.views.detail import show_findings, show_frame, show_pause
 from analyzer.views.screen import Screen, visible, width_of
 from dissectors.describe import Mode, describe
 
-__all__ = ["Shown", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
+__all__ = ["DisplayedExchange", "lookup_frame", "lookup_packet", "lookup_transaction", "show"]
 
 Direction = Literal["request", "response"]
 
-MBAP = 7
+MBAP_BYTES = 7
 
 
 @dataclass(frozen=True, slots=True)
-class One:
+class DisplayedFrame:
     """One frame: its title, its bytes, how to read them."""
 
     title: str
@@ -38,10 +38,10 @@ class One:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class DisplayedExchange:
     """Frames in order, what lies between them, the PDU that the last one answers, findings."""
 
-    frames: tuple[One, ...]
+    frames: tuple[DisplayedFrame, ...]
     pause: str
     request: bytes | None
     findings: list[dict[str, Any]]
@@ -49,80 +49,97 @@ class Shown:
     readings: tuple[tuple[str, str], ...] = ()
 
     @classmethod
-    def of_frame(cls, row: Any, *, request: bytes | None, findings: list[dict[str, Any]]) -> Shown:
+    def of_frame(
+        cls, row: Any, *, request: bytes | None, findings: list[dict[str, Any]]
+    ) -> DisplayedExchange:
         """One row of the frames table; `request` is the frame it answers."""
-        one = One(
-            f"frame {row.frame}: {_what(row.direction)}, {row.mode}, {row.verdict}{_when(row)}",
+        direction = _direction_text(row.direction)
+        one = DisplayedFrame(
+            f"frame {row.frame}: {direction}, {row.mode}, {row.verdict}{_time_text(row)}",
             row.hex,
             row.mode,
             row.direction,
             row.verdict != "no_checksum",
         )
-        return cls((one,), "", _pdu(request, row.mode), findings)
+        return cls((one,), "", _request_pdu(request, row.mode), findings)
 
     @classmethod
     def of_transaction(
         cls, row: Any, findings: list[dict[str, Any]], readings: tuple[tuple[str, str], ...] = ()
-    ) -> Shown:
+    ) -> DisplayedExchange:
         """One row of the transactions table; `readings` are its values by name."""
-        title = f"transaction {row.txn}: {row.mode}, {row.status}{_when(row)}"
-        request = One(f"request, frame {row.request_frame}", row.request_hex, row.mode, "request")
-        answer = One(
+        title = f"transaction {row.txn}: {row.mode}, {row.status}{_time_text(row)}"
+        request = DisplayedFrame(
+            f"request, frame {row.request_frame}", row.request_hex, row.mode, "request"
+        )
+        answer = DisplayedFrame(
             f"response, frame {row.response_frame}", row.response_hex, row.mode, "response"
         )
         frames = tuple(one for one in (request, answer) if one.data)
-        return cls(frames, _pause(row), _pdu(row.request_hex, row.mode), findings, title, readings)
+        return cls(
+            frames,
+            _pause_text(row),
+            _request_pdu(row.request_hex, row.mode),
+            findings,
+            title,
+            readings,
+        )
 
 
 def show(
-    shown: Shown, screen: Screen, functions: _modlens.Functions, direction: Direction | None
+    exchange: DisplayedExchange,
+    screen: Screen,
+    functions: _modlens.Functions,
+    direction: Direction | None,
 ) -> None:
     """Draw it; `direction` overrides what was found out."""
-    if shown.title:
-        screen.line(shown.title, "head")
+    if exchange.title:
+        screen.line(exchange.title, "head")
         screen.line("")
-    for number, one in enumerate(shown.frames):
+    for number, one in enumerate(exchange.frames):
         if number:
-            show_pause(shown.pause, screen)
+            show_pause(exchange.pause, screen)
             screen.line("")
         pieces = describe(
             one.data,
             mode=one.mode,
             direction=direction or one.direction,
-            request=shown.request,
+            request=exchange.request,
             has_checksum=one.has_checksum,
             functions=functions,
         )
         show_frame(one.title, pieces, screen)
-    if len(shown.frames) == 1 and shown.pause:
-        show_pause(shown.pause, screen)
-    if shown.readings:
-        width = max(width_of(name) for name, _ in shown.readings)
+    if len(exchange.frames) == 1 and exchange.pause:
+        show_pause(exchange.pause, screen)
+    if exchange.readings:
+        width = max(width_of(name) for name, _ in exchange.readings)
         screen.lines([[], [("readings", "head")]])
-        for name, value in shown.readings:
+        for name, value in exchange.readings:
             screen.line(f"  {name}{' ' * (width - width_of(name))}  {value}")
-    show_findings(shown.findings, screen)
+    show_findings(exchange.findings, screen)
 
 
-def lookup_frame(run: FileRun, number: int) -> Shown | None:
+def lookup_frame(run: FileRun, number: int) -> DisplayedExchange | None:
     """The frame with that number; reads on until the transaction it belongs to is known."""
     wanted = parse(f"frame == {number}", "frames").predicate()
-    mine = parse(f"frame == {number}", "findings").predicate()
+    of_frame_findings = parse(f"frame == {number}", "findings").predicate()
     row, findings = None, []
     for batch in run.batches():
-        findings += [found.as_dict() for found in batch.findings.where(mine)]
+        findings += [found.as_dict() for found in batch.findings.where(of_frame_findings)]
         row = row or next(iter(batch.frames.where(wanted)), None)
         if row is None:
             continue
         if row.txn is None or row.direction != "response":
-            return Shown.of_frame(row, request=None, findings=findings)
+            return DisplayedExchange.of_frame(row, request=None, findings=findings)
         pair = parse(f"txn == {row.txn}", "transactions").predicate()
         for transaction in batch.transactions.where(pair):
-            return Shown.of_frame(row, request=transaction.request_hex, findings=findings)
-    return None if row is None else Shown.of_frame(row, request=None, findings=findings)
+            return DisplayedExchange.of_frame(
+                row, request=transaction.request_hex, findings=findings
+            )
+    return None if row is None else DisplayedExchange.of_frame(row, request=None, findings=findings)
 
 
-def lookup_packet(run: FileRun, name: str, number: int) -> list[Shown]:
+def lookup_packet(run: FileRun, name: str, number: int) -> list[DisplayedExchange]:
     """The frames that begin in that packet of the capture called `name`."""
     here = parse(f"source == {f'{name}#{number}'!r}", "frames").predicate()
     rows, requests, findings = [], {}, []
@@ -136,7 +153,7 @@ def lookup_packet(run: FileRun, name: str, number: int) -> list[Shown]:
         )
         findings += [row.as_dict() for row in batch.findings if row.txn in wanted]
     return [
-        Shown.of_frame(
+        DisplayedExchange.of_frame(
             row,
             request=requests.get(row.txn) if row.direction == "response" else None,
             findings=[found for found in findings if found["frame"] == row.frame],
@@ -145,16 +162,16 @@ def lookup_packet(run: FileRun, name: str, number: int) -> list[Shown]:
     ]
 
 
-def lookup_transaction(run: FileRun, number: int) -> Shown | None:
+def lookup_transaction(run: FileRun, number: int) -> DisplayedExchange | None:
     """The transaction with that number."""
     wanted = parse(f"txn == {number}", "transactions").predicate()
-    mine = parse(f"txn == {number}", "findings").predicate()
+    of_frame_findings = parse(f"txn == {number}", "findings").predicate()
     findings: list[dict[str, Any]] = []
     for batch in run.batches():
-        findings += [found.as_dict() for found in batch.findings.where(mine)]
+        findings += [found.as_dict() for found in batch.findings.where(of_frame_findings)]
         for row in batch.transactions.where(wanted):
             values = batch.readings.where(parse(f"txn == {number}", "readings").predicate())
-            return Shown.of_transaction(row, findings, tuple(_readings(values)))
+            return DisplayedExchange.of_transaction(row, findings, tuple(_readings(values)))
     return None
 
 
@@ -166,17 +183,17 @@ def _readings(rows: Iterable[Any]) -> Iterator[tuple[str, str]]:
             yield visible(row.name), visible(f"{value} {row.unit_of_measure or ''}".rstrip())
 
 
-def _what(direction: str) -> str:
+def _direction_text(direction: str) -> str:
     return "direction unknown" if direction == "unknown" else direction
 
 
-def _when(row: Any) -> str:
+def _time_text(row: Any) -> str:
     if row.time is not None:
         return f", {row.time.isoformat().replace('+00:00', 'Z')}"
-    return "" if row.elapsed_us is None else f", at {seconds(row.elapsed_us, 6)} s"
+    return "" if row.elapsed_us is None else f", at {format_seconds(row.elapsed_us, 6)} s"
 
 
-def _pause(row: Any) -> str:
+def _pause_text(row: Any) -> str:
     if not row.request_hex:
         return ""
     if row.response_hex:
@@ -186,12 +203,12 @@ def _pause(row: Any) -> str:
     return f"no answer within {waited} ms" if waited else row.status.replace("_", " ")
 
 
-def _pdu(frame: bytes | None, mode: str) -> bytes | None:
+def _request_pdu(frame: bytes | None, mode: str) -> bytes | None:
     """The PDU of a request's frame; None where there is none."""
     if not frame:
         return None
     if mode == "tcp":
-        return frame[MBAP:]
+        return frame[MBAP_BYTES:]
     if mode == "ascii":
         try:
             return binascii.unhexlify(frame.strip()[1:])[1:-1]

@@ -11,11 +11,11 @@ from typing import Any
 
 import _modlens
 from analyzer.addresses import SHORT
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
 from analyzer.filters import parse
 from analyzer.session import FileRun
-from analyzer.views.grid import Field, Head
+from analyzer.views.grid import ColumnLayout, GridColumn
 from analyzer.views.registers import show_grid
 from analyzer.views.screen import Screen
 from dissectors.errors import UsageError
@@ -25,10 +25,10 @@ __all__ = ["add_place", "show_registers"]
 
 ORDERS = ("ABCD", "CDAB", "BADC", "DCBA")
 
-KINDS = {1: ("u16", "s16"), 2: ("u32", "s32", "f32"), 4: ("u64", "s64", "f64")}
+TYPES_BY_COUNT = {1: ("u16", "s16"), 2: ("u32", "s32", "f32"), 4: ("u64", "s64", "f64")}
 """Types by the registers they take."""
 
-ROWS = 20
+MAX_CHANGES = 20
 """Samples that are printed: those where something changed."""
 
 _PLACE = re.compile(r"(\d+):(hr|ir):(0x[0-9A-Fa-f]+|\d+)")
@@ -59,9 +59,9 @@ def show_registers(options: argparse.Namespace, screen: Screen) -> None:
     match = _PLACE.fullmatch(options.at)
     if match is None:
         raise UsageError(f"show: --at {options.at}; write unit, hr or ir, address: 3:hr:107")
-    if options.count not in KINDS:
+    if options.count not in TYPES_BY_COUNT:
         raise UsageError("show: --count is 1, 2 or 4")
-    kinds = KINDS[options.count]
+    kinds = TYPES_BY_COUNT[options.count]
     if options.kind != "all":
         if options.kind not in kinds:
             raise UsageError(
@@ -75,16 +75,16 @@ def show_registers(options: argparse.Namespace, screen: Screen) -> None:
     columns = [
         (kind, order) for kind in kinds for order in ORDERS[: 1 if options.count == 1 else 4]
     ]
-    best = _best(samples, columns)
+    best = _best_interpretation(samples, columns)
     changed = [
         sample
         for before, sample in zip([None, *samples], samples, strict=False)
         if before is None or before.words != sample.words
     ]
     screen.line(f"{len(samples)} samples, {len(changed) - 1} changes", "dim")
-    show_grid(_fields(columns, best), changed[:ROWS], screen)
-    if len(changed) > ROWS:
-        screen.line(f"... {len(changed) - ROWS} more changes", "dim")
+    show_grid(_grid_columns(columns, best), changed[:MAX_CHANGES], screen)
+    if len(changed) > MAX_CHANGES:
+        screen.line(f"... {len(changed) - MAX_CHANGES} more changes", "dim")
     screen.line(_verdict(best), "good" if best and best["sure"] else "odd")
 
 
@@ -93,9 +93,11 @@ def _list(words: Sequence[str]) -> str:
 
 
 def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> list[Sample]:
-    notes = Notes(quiet=True)
+    messages = Messages(quiet=True)
     chosen = replace(settings(options), tables=("transactions",))
-    run = FileRun(options.words, chosen, read_as=options.read_as, told=notes.intake)
+    run = FileRun(
+        options.words, chosen, read_as=options.read_as, on_status=messages.recording_status
+    )
     kind = next(long for long, short in SHORT.items() if short == space)
     text = f"unit == {unit} and register_type == {kind!r} and touches({space}, {first})"
     wanted = parse(text, "transactions").predicate()
@@ -111,15 +113,19 @@ def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> 
     return found
 
 
-def _best(samples: Sequence[Sample], columns: Sequence[tuple[str, str]]) -> dict[str, Any] | None:
+def _best_interpretation(
+    samples: Sequence[Sample], columns: Sequence[tuple[str, str]]
+) -> dict[str, Any] | None:
     claims: list[dict[str, Any]] = json.loads(_modlens.judge([one.words for one in samples[:512]]))
     shown = [claim for claim in claims if (claim["type"], claim["order"]) in columns]
     return shown[0] if shown else None
 
 
-def _fields(columns: Sequence[tuple[str, str]], best: dict[str, Any] | None) -> list[Field]:
-    def field(kind: str, order: str) -> Field:
-        mine = best is not None and (best["type"], best["order"]) == (kind, order)
+def _grid_columns(
+    columns: Sequence[tuple[str, str]], best: dict[str, Any] | None
+) -> list[GridColumn]:
+    def field(kind: str, order: str) -> GridColumn:
+        is_best = best is not None and (best["type"], best["order"]) == (kind, order)
 
         def value(sample: Sample) -> str:
             data = b"".join(word.to_bytes(2, "big") for word in sample.words)
@@ -127,13 +133,15 @@ def _fields(columns: Sequence[tuple[str, str]], best: dict[str, Any] | None) -> 
             is_float = kind.startswith("f") and found is not None
             return f"{found:.5g}" if is_float else text or "-"
 
-        title = kind if len(columns) <= len(KINDS[1]) else f"{kind} {order}"
-        head = Head(f"*{title}" if mine else title, 5, right=True)
-        return Field(head, value, lambda _: "good" if mine else "")
+        title = kind if len(columns) <= len(TYPES_BY_COUNT[1]) else f"{kind} {order}"
+        head = ColumnLayout(f"*{title}" if is_best else title, 5, align_right=True)
+        return GridColumn(head, value, lambda _: "good" if is_best else "")
 
     return [
-        Field(Head("txn", 4, right=True), lambda sample: str(sample.txn)),
-        Field(Head("raw", 4), lambda sample: " ".join(f"{word:04x}" for word in sample.words)),
+        GridColumn(ColumnLayout("txn", 4, align_right=True), lambda sample: str(sample.txn)),
+        GridColumn(
+            ColumnLayout("raw", 4), lambda sample: " ".join(f"{word:04x}" for word in sample.words)
+        ),
         *(field(kind, order) for kind, order in columns),
     ]
 

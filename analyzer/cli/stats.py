@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from analyzer.cli.messages import Notes
+from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, SIGNALLED
 from analyzer.cli.parser import add_decoding, add_input, add_line, settings
-from analyzer.cli.segmentation import announce
-from analyzer.cli.stop_signals import Stopping
+from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.stop_signals import StopSignals
 from analyzer.session import FileRun
 from analyzer.views.screen import stdout
 from analyzer.views.stats import show_stats
@@ -30,17 +30,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Count everything, then print it; gives the exit status."""
-    notes = Notes(quiet=False)
+    messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=())
-    announce(chosen, notes)
-    files = FileRun(options.files, chosen, read_as=options.read_as, told=notes.intake)
-    with Stopping() as stopping:
+    report_silence_limits(chosen, messages)
+    files = FileRun(
+        options.files, chosen, read_as=options.read_as, on_status=messages.recording_status
+    )
+    with StopSignals() as stop_signals:
         for _ in files.batches():
-            if stopping.asked():
+            if stop_signals.received():
                 files.finish()
                 break
         stats = files.stats()
         show_stats(stats, stdout())
-        if stopping.signal is not None:
-            return SIGNALLED + stopping.signal
-    return DAMAGED if options.strict and (damaged(stats) or notes.unparsed) else 0
+        if stop_signals.signal is not None:
+            return SIGNALLED + stop_signals.signal
+    return DAMAGED if options.strict and (damaged(stats) or messages.unparsed_lines) else 0

@@ -3,7 +3,7 @@
 Asked a second time it ends at once.
 
 The handlers only remember, so that no output is cut in the middle of a row: whoever reads looks at
-`asked` between blocks.
+`received` between blocks.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import signal
 from types import FrameType, TracebackType
 from typing import Self
 
-__all__ = ["Stopping"]
+__all__ = ["StopSignals"]
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
 
 
-class Stopping:
+class StopSignals:
     """Catches the signals within a `with`; `signal` is the number of the one that came."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
-        self._before: dict[int, object] = {}
+        self._previous_handlers: dict[int, object] = {}
 
-    def asked(self) -> bool:
+    def received(self) -> bool:
         """Whether a signal has come."""
         return self.signal is not None
 
@@ -32,7 +32,7 @@ class Stopping:
         for name in _NAMES:
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                self._before[number] = signal.signal(number, self._remember)
+                self._previous_handlers[number] = signal.signal(number, self._remember)
         return self
 
     def __exit__(
@@ -48,6 +48,6 @@ class Stopping:
         self._restore()
 
     def _restore(self) -> None:
-        for number, handler in self._before.items():
+        for number, handler in self._previous_handlers.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
-        self._before.clear()
+        self._previous_handlers.clear()

@@ -9,22 +9,22 @@ from dataclasses import replace
 from typing import Any
 
 from analyzer.bus_file import choose_buses
-from analyzer.cli.live_screen import Cockpit
-from analyzer.cli.messages import Notes
-from analyzer.cli.outputs import DAMAGED, TABLE, LiveSink, Outputs, run_settings, targets
-from analyzer.cli.parser import add_decoding, add_line, add_rows, duration
-from analyzer.cli.segmentation import announce
-from analyzer.cli.stop_signals import Stopping
-from analyzer.cli.triggers import Around, Hourly, Limits
-from analyzer.exports.recorder import Recorded, Recorder, keeping, rotation
+from analyzer.cli.live_screen import LiveScreen
+from analyzer.cli.messages import Messages
+from analyzer.cli.outputs import DAMAGED, TABLE, Outputs, OutputSink, run_settings, targets
+from analyzer.cli.parser import add_decoding, add_line, add_rows, parse_duration
+from analyzer.cli.segmentation import report_silence_limits
+from analyzer.cli.stop_signals import StopSignals
+from analyzer.cli.triggers import EventCapture, HourlySummary, StopConditions
+from analyzer.exports.recorder import RecordedPort, Recorder, parse_retention, parse_rotation
 from analyzer.line import Line
 from analyzer.live_run import LINES, LiveRun, Tap, parse_tap
-from analyzer.profiles import Binding, with_vendors
+from analyzer.profiles import Binding, with_vendor_functions
 from analyzer.session import Settings
 from analyzer.sources.serial import Chunk
 from analyzer.views.live import VIEWS
-from analyzer.views.live.state import Board
-from analyzer.views.row_lines import Look
+from analyzer.views.live.state import LiveState
+from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
 from dissectors.errors import SourceError, UsageError
@@ -107,95 +107,109 @@ def run(options: argparse.Namespace) -> int:
     """Listen until a signal comes or what is asked for has happened; gives the exit status."""
     taps, bound = _taps(options)
     settings = _settings(options, bound)
-    notes = Notes(quiet=False)
-    voice = _Voice(notes)
-    limits = Limits(options.count, _seconds(options.duration), options.stop_on)
-    announce(settings, notes)
-    recording = _Recording(options, notes, voice)
+    messages = Messages(quiet=False)
+    tap_messages = _TapMessages(messages)
+    stop_conditions = StopConditions(options.count, _seconds(options.duration), options.stop_on)
+    report_silence_limits(settings, messages)
+    recording = _Recording(options, messages, tap_messages)
     live = LiveRun(
         taps,
         settings,
-        told=voice.say,
-        heard=None if options.record is None else recording.heard,
-        known=recording.known,
+        notify=tap_messages.info,
+        on_read=None if options.record is None else recording.write_read,
+        on_settings=recording.add_bus,
         reconnect=not options.no_reconnect,
         detect=options.detect,
     )
-    with Stopping() as stopping, closing(live), ExitStack() as opened:
-        more = _sinks(options, live, voice, opened)
-        to = None if options.view or voice.cockpit else options.to or TABLE
+    with StopSignals() as stop_signals, closing(live), ExitStack() as opened:
+        extra_sinks = _sinks(options, live, tap_messages, opened)
+        to = None if options.view or tap_messages.screen else options.to or TABLE
         outputs = opened.enter_context(
-            Outputs(options, notes, to=to, names=live.buses, growing=True, more=more)
+            Outputs(
+                options, messages, to=to, names=live.buses, growing=True, extra_sinks=extra_sinks
+            )
         )
-        outputs.watch(*[limits] * limits.set, Hourly(live.stats, voice.say))
+        outputs.add_observers(
+            *[stop_conditions] * stop_conditions.any_set,
+            HourlySummary(live.stats, tap_messages.info),
+        )
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))
-        voice.say(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")
-        recording.begin(opened)  # the ports are open: there is something to record
+        tap_messages.info(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")
+        recording.open(opened)  # the ports are open: there is something to record
         try:
-            with voice.on_screen():
-                outputs.pump(live, lambda: stopping.asked() or limits.reached or voice.leaving)
+            with tap_messages.use_screen():
+                outputs.pump(
+                    live,
+                    lambda: (
+                        stop_signals.received()
+                        or stop_conditions.reached
+                        or tap_messages.quit_requested
+                    ),
+                )
         finally:
             outputs.close()
             stats = live.stats()
-            if not outputs.silenced:
-                notes.statistics(stats)
-                notes.summary(stats)
+            if not outputs.reader_gone:
+                messages.statistics(stats)
+                messages.summary(stats)
     if options.strict and damaged(stats) and not outputs.status:
         return DAMAGED
     return outputs.status
 
 
-class _Voice:
+class _TapMessages:
     """Where the tap's notes go: standard error, or the screen while there is one."""
 
-    def __init__(self, notes: Notes) -> None:
-        self.cockpit: Cockpit | None = None
-        self._notes = notes
-        self._drawing = False
+    def __init__(self, messages: Messages) -> None:
+        self.screen: LiveScreen | None = None
+        self._messages = messages
+        self._screen_is_shown = False
 
     @property
-    def leaving(self) -> bool:
+    def quit_requested(self) -> bool:
         """Whether somebody at the screen wants to end."""
-        return self.cockpit is not None and self.cockpit.leaving
+        return self.screen is not None and self.screen.quit_requested
 
-    def say(self, text: str) -> None:
+    def info(self, text: str) -> None:
         """One note."""
-        if self.cockpit is not None and self._drawing:
-            self.cockpit.say(text)
+        if self.screen is not None and self._screen_is_shown:
+            self.screen.show_message(text)
         else:
-            self._notes.say(text)
+            self._messages.info(text)
 
-    def on_screen(self) -> ExitStack:
+    def use_screen(self) -> ExitStack:
         """Take the terminal while the `with` lasts; what was said there is said again behind it."""
         stack = ExitStack()
-        if self.cockpit is not None:
-            self._drawing = True
-            stack.callback(self._leave, self.cockpit)
-            stack.enter_context(self.cockpit)
+        if self.screen is not None:
+            self._screen_is_shown = True
+            stack.callback(self._leave_screen, self.screen)
+            stack.enter_context(self.screen)
         return stack
 
-    def _leave(self, cockpit: Cockpit) -> None:
-        self._drawing = False
-        for text in cockpit.said:
-            self._notes.say(text)
+    def _leave_screen(self, screen: LiveScreen) -> None:
+        self._screen_is_shown = False
+        for text in screen.messages:
+            self._messages.info(text)
 
 
 class _Recording:
     """The raw recording that the options ask for; a port joins it when its settings are known."""
 
-    def __init__(self, options: argparse.Namespace, notes: Notes, voice: _Voice) -> None:
-        self._options, self._notes, self._voice = options, notes, voice
+    def __init__(
+        self, options: argparse.Namespace, messages: Messages, tap_messages: _TapMessages
+    ) -> None:
+        self._options, self._messages, self._tap_messages = options, messages, tap_messages
         self._recorder: Recorder | None = None
-        self._ports: list[Recorded] = []
+        self._ports: list[RecordedPort] = []
         if options.record is None:
             if options.rotate or options.keep:
                 raise UsageError("--rotate and --keep are for --record FILE")
             return
-        self._rotate = None if options.rotate is None else rotation(options.rotate)
-        self._keep = None if options.keep is None else keeping(options.keep)
+        self._rotate = None if options.rotate is None else parse_rotation(options.rotate)
+        self._keep = None if options.keep is None else parse_retention(options.keep)
 
-    def begin(self, opened: ExitStack) -> None:
+    def open(self, opened: ExitStack) -> None:
         """Open the file; it is closed with `opened`."""
         if self._options.record is not None:
             self._recorder = opened.enter_context(
@@ -205,28 +219,28 @@ class _Recording:
                         self._ports,
                         rotate=self._rotate,
                         keep=self._keep,
-                        told=self._voice.say,
-                        failed=self._failed,
+                        notify=self._tap_messages.info,
+                        on_failure=self._failed,
                     )
                 )
             )
 
-    def known(self, tap: Tap, settings: Line | None) -> None:
+    def add_bus(self, tap: Tap, settings: Line | None) -> None:
         """A bus is going to be heard, with these settings."""
         for port, letter in zip(tap.ports, LINES, strict=False):
             which = letter if len(tap.ports) > 1 else None
-            one = Recorded(tap.bus, which, port, None if settings is None else str(settings))
+            one = RecordedPort(tap.bus, which, port, None if settings is None else str(settings))
             self._ports.append(one)
             if self._recorder is not None:
-                self._recorder.join(one)
+                self._recorder.add_port(one)
 
-    def heard(self, bus: str, line: str | None, chunk: Chunk) -> None:
+    def write_read(self, bus: str, line: str | None, chunk: Chunk) -> None:
         """A read, before anything else is done with it."""
         if self._recorder is not None:
-            self._recorder.heard(bus, line, chunk)
+            self._recorder.write_read(bus, line, chunk)
 
     def _failed(self, error: SourceError) -> None:
-        self._notes.trouble(f"{error.message}; the recording has ended")
+        self._messages.error(f"{error.message}; the recording has ended")
 
 
 def _taps(options: argparse.Namespace) -> tuple[list[Tap], tuple[Binding, ...]]:
@@ -256,7 +270,7 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
     settings = replace(
         settings,
         profiles=(*bound, *settings.profiles),
-        functions=with_vendors(settings.functions, bound),
+        functions=with_vendor_functions(settings.functions, bound),
     )
     for name in ("count", "around"):
         number = getattr(options, name)
@@ -270,46 +284,49 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
 
 
 def _sinks(
-    options: argparse.Namespace, live: LiveRun, voice: _Voice, opened: ExitStack
-) -> list[LiveSink]:
+    options: argparse.Namespace, live: LiveRun, tap_messages: _TapMessages, opened: ExitStack
+) -> list[OutputSink]:
     """The sinks that only a tap has."""
-    sinks: list[LiveSink] = []
+    sinks: list[OutputSink] = []
     if options.view is not None:
         screen = stdout()
         if not screen.is_terminal:
             raise UsageError("tap: --view needs a terminal; without it a line a transaction comes")
-        board = Board(Look(options.address, options.times, live.buses), live.stats)
-        voice.cockpit = Cockpit(board, options.view, screen)
-        sinks.append(voice.cockpit)
+        state = LiveState(TableOptions(options.address, options.times, live.buses), live.stats)
+        tap_messages.screen = LiveScreen(state, options.view, screen)
+        sinks.append(tap_messages.screen)
     if options.around is not None:
         sinks += [
-            Around(options.around, options.where, one, options.columns) for one in targets(options)
+            EventCapture(options.around, options.where, one, options.columns)
+            for one in targets(options)
         ]
     for make in (_mqtt, _metrics):
         feed = make(options, live)
         if feed is not None:
-            opened.callback(feed.abandon)
-            voice.say(f"publishing to {feed.name}")
+            opened.callback(feed.rollback)
+            tap_messages.info(f"publishing to {feed.name}")
             sinks.append(feed)
     return sinks
 
 
-def _mqtt(options: argparse.Namespace, live: LiveRun) -> LiveSink | None:
+def _mqtt(options: argparse.Namespace, live: LiveRun) -> OutputSink | None:
     if options.mqtt is None:
         return None
-    from analyzer.feeds.mqtt import Mqtt, broker  # noqa: PLC0415
+    from analyzer.feeds.mqtt import Mqtt, parse_broker  # noqa: PLC0415
 
-    return Mqtt(broker(options.mqtt), spool=options.mqtt_spool, discovery=options.home_assistant)
+    return Mqtt(
+        parse_broker(options.mqtt), spool=options.mqtt_spool, discovery=options.home_assistant
+    )
 
 
-def _metrics(options: argparse.Namespace, live: LiveRun) -> LiveSink | None:
+def _metrics(options: argparse.Namespace, live: LiveRun) -> OutputSink | None:
     if options.metrics is None:
         return None
-    from analyzer.feeds.metrics import Metrics, address  # noqa: PLC0415
+    from analyzer.feeds.metrics import Metrics, parse_address  # noqa: PLC0415
 
     stats: Callable[[], dict[str, Any]] = live.stats
-    return Metrics(address(options.metrics), stats)
+    return Metrics(parse_address(options.metrics), stats)
 
 
 def _seconds(text: str | None) -> float | None:
-    return None if text is None else duration(text, "--duration") / 1e9
+    return None if text is None else parse_duration(text, "--duration") / 1e9

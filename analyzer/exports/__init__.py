@@ -17,14 +17,14 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from analyzer.columns import TABLES
-from analyzer.exports.output import Output, opened
+from analyzer.exports.output import Output, open_output
 from dissectors.errors import UsageError
 from dissectors.function_lookup import near
 
 if TYPE_CHECKING:
     import _modlens
 
-__all__ = ["FORMATS", "Batches", "Format", "Wish", "format_of", "load"]
+__all__ = ["FORMATS", "ExportOptions", "Format", "MultiTableFormat", "format_of", "load"]
 
 FORMATS = {
     "csv": "analyzer.exports.csv",
@@ -55,7 +55,7 @@ ENDINGS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ExportOptions:
     """What is asked of one export.
 
     - `table`: of which table the rows are
@@ -63,7 +63,8 @@ class Wish:
     - `style`: a word of the format's `styles`, or "" for its usual one
     - `live`: rows are written as they come, because the end may come at any moment
     - `context`: captures only: further frames before and behind those that a filter keeps
-    - `address`, `times`, `buses`: tables for people only, see `analyzer.views.row_lines.Look`
+    - `address`, `times`, `buses`: tables for people only, see
+      `analyzer.views.row_lines.TableOptions`
     """
 
     table: str
@@ -85,49 +86,49 @@ class Format:
     styles: ClassVar[Sequence[str]] = ()
     """Words that `--style` may say, the usual one first."""
 
-    chosen: ClassVar[bool] = True
+    has_column_choice: ClassVar[bool] = True
     """Whether columns can be chosen."""
 
-    grows: ClassVar[bool] = True
+    readable_while_written: ClassVar[bool] = True
     """Whether what has been written so far can be read."""
 
-    def __init__(self, wish: Wish) -> None:
-        self.wish = wish
+    def __init__(self, options: ExportOptions) -> None:
+        self.options = options
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """The bytes of some more rows.
 
         The first call, which may bring none, also gives what stands in front.
         """
         raise NotImplementedError
 
-    def pieces(self, table: _modlens.Table) -> Iterable[bytes]:
+    def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
         """The same piece by piece, for formats whose text can be written before all of it is made.
 
         Small pieces stay in the processor's cache, and their memory is used again.
         """
-        return (self.rows(table),)
+        return (self.encode(table),)
 
-    def end(self) -> bytes:
+    def footer(self) -> bytes:
         """What stands behind the last row."""
         return b""
 
     def output(self, path: str | None, *, growing: bool) -> Output:
         """Where the bytes go; None is standard output. `SourceError` if it cannot be written."""
-        return opened(path, growing=growing)
+        return open_output(path, growing=growing)
 
-    def remark(self) -> str:
+    def closing_remark(self) -> str:
         """What a person should know of the file when it is complete; mostly nothing."""
         return ""
 
 
-class Batches(Format):
-    """A format that is made of several tables at once; `wish.table` is the one that is filtered."""
+class MultiTableFormat(Format):
+    """A format made of several tables at once; a filter applies to `options.table` only."""
 
-    needs: ClassVar[Sequence[str]] = TABLES
+    required_tables: ClassVar[Sequence[str]] = TABLES
     """The tables that it is made of."""
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
+    def encode_batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
         """The bytes of some more rows, in small pieces; `kept` are those that a filter kept.
 
         It is None without a filter.

@@ -20,15 +20,15 @@ class Format(exports.Format):
 
     name = "csv"
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
-        self._begun = False
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
+        self._header_written = False
 
-    def pieces(self, table: _modlens.Table) -> Iterable[bytes]:
+    def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
         """The rows, behind the line of names the first time."""
-        header, self._begun = not self._begun, True
-        return table.lines(self.name, self.wish.columns, header=header)
+        header, self._header_written = not self._header_written, True
+        return table.lines(self.name, self.options.columns, header=header)
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """All pieces at once."""
-        return b"".join(self.pieces(table))
+        return b"".join(self.encode_blocks(table))

@@ -15,18 +15,18 @@ class Format(exports.Format):
     """Line protocol of one table."""
 
     tables = ("transactions", "readings")
-    chosen = False
+    has_column_choice = False
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
         self._left_out = 0
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """The lines of the rows that have a time."""
         data, left_out = table.influx()
         self._left_out += left_out
         return data
 
-    def remark(self) -> str:
+    def closing_remark(self) -> str:
         """How many rows had no time."""
         return f"{self._left_out:,} rows without date and time left out" if self._left_out else ""

@@ -18,28 +18,28 @@ import _modlens
 from analyzer.sources.unpack import decompressed, open_member
 from dissectors.errors import SourceError
 
-__all__ = ["cut_out"]
+__all__ = ["extract_packets"]
 
 SECTION, INTERFACE = 0x0A0D0D0A, 1
-PACKETS = (2, 3, 6)
+PACKET_BLOCKS = (2, 3, 6)
 """Blocks that hold a packet: the obsolete one, the simple one, the enhanced one."""
 
-COMMENT, END = 1, 0
+COMMENT, END_OF_OPTIONS = 1, 0
 BYTE_ORDER = b"\x1a\x2b\x3c\x4d"
-HEAD = 24
+HEADER_BYTES = 24
 """Bytes of a section header before its options, and of a classic file's header."""
 
-CLASSIC = {
+CLASSIC_MAGIC = {
     b"\xa1\xb2\xc3\xd4": (">", 6), b"\xd4\xc3\xb2\xa1": ("<", 6),
     b"\xa1\xb2\x3c\x4d": (">", 9), b"\x4d\x3c\xb2\xa1": ("<", 9),
 }  # fmt: skip
 """Magic number -> byte order, decimal digits of a second."""
 
-LONGEST = 1 << 26
+MAX_BLOCK_BYTES = 1 << 26
 """No block is longer; what says so is damaged."""
 
 
-def cut_out(name: str, wanted: Container[int]) -> Iterator[bytes]:
+def extract_packets(name: str, wanted: Container[int]) -> Iterator[bytes]:
     """The packets of these numbers (from 1) of a capture, as blocks of a pcapng section.
 
     A compressed file is read as what is in it; the sum is that of the file as it lies there, or in
@@ -49,28 +49,28 @@ def cut_out(name: str, wanted: Container[int]) -> Iterator[bytes]:
     try:
         with ExitStack() as opened:
             stored = open_member(name, opened) or opened.enter_context(Path(name).open("rb"))
-            digest = _sum_of(stored)
+            digest = _sha256(stored)
             head = stored.read(6)
             stored.seek(0)
             content = decompressed(stored, head, name)
             file = stored if content is None else opened.enter_context(content)
-            words = (
+            comment = (
                 f"packets cut out of {name} by modlens {_modlens.__version__}, byte for byte;"
                 f" SHA-256 of the whole file: {digest}"
             )
             magic = file.read(4)
             file.seek(0)
-            if magic in CLASSIC:
-                yield from _classic(file, wanted, words)
+            if magic in CLASSIC_MAGIC:
+                yield from _classic(file, wanted, comment)
             elif magic == SECTION.to_bytes(4):
-                yield from _blocks(file, wanted, words)
+                yield from _blocks(file, wanted, comment)
             else:
                 raise SourceError(f"{name}: --style original cuts out of pcap and pcapng only")
     except OSError as error:
         raise SourceError(f"{name}: cannot be read: {error.strerror}") from error
 
 
-def _sum_of(file: IO[bytes]) -> str:
+def _sha256(file: IO[bytes]) -> str:
     """The SHA-256 of a whole file, which is read again afterwards."""
     digest = hashlib.sha256()
     while block := file.read(1 << 20):
@@ -79,7 +79,7 @@ def _sum_of(file: IO[bytes]) -> str:
     return digest.hexdigest()
 
 
-def _blocks(file: IO[bytes], wanted: Container[int], words: str) -> Iterator[bytes]:
+def _blocks(file: IO[bytes], wanted: Container[int], comment: str) -> Iterator[bytes]:
     """Of a pcapng: section headers with our words, wanted packets, all other blocks."""
     order, number = "<", 0
     while len(head := file.read(8)) == 8:  # noqa: PLR2004 - type and length
@@ -88,14 +88,14 @@ def _blocks(file: IO[bytes], wanted: Container[int], words: str) -> Iterator[byt
             order = ">" if (magic := file.read(4)) == BYTE_ORDER else "<"
             head += magic
         kind, length = struct.unpack(order + "II", head[:8])
-        if not len(head) + 4 <= length <= LONGEST:
+        if not len(head) + 4 <= length <= MAX_BLOCK_BYTES:
             return
         block = head + file.read(length - len(head))
         if len(block) < length:
             return
         if kind == SECTION:
-            yield _with_comment(block, order, words)
-        elif kind in PACKETS:
+            yield _with_comment(block, order, comment)
+        elif kind in PACKET_BLOCKS:
             number += 1
             if number in wanted:
                 yield block
@@ -103,35 +103,40 @@ def _blocks(file: IO[bytes], wanted: Container[int], words: str) -> Iterator[byt
             yield block
 
 
-def _with_comment(block: bytes, order: str, words: str) -> bytes:
+def _with_comment(block: bytes, order: str, comment: str) -> bytes:
     """A section header with one more comment; its length is no longer known."""
-    text = words.encode()
+    text = comment.encode()
     option = struct.pack(order + "HH", COMMENT, len(text)) + text + bytes(-len(text) % 4)
-    options = block[HEAD:-4] or bytes(4)
+    options = block[HEADER_BYTES:-4] or bytes(4)
     content = block[8:16] + b"\xff" * 8 + option + options
     length = struct.pack(order + "I", len(content) + 12)
     return block[:4] + length + content + length
 
 
-def _classic(file: IO[bytes], wanted: Container[int], words: str) -> Iterator[bytes]:
+def _classic(file: IO[bytes], wanted: Container[int], comment: str) -> Iterator[bytes]:
     """Of a classic pcap: its packets in blocks of their own."""
-    head = file.read(HEAD)
-    order, digits = CLASSIC[head[:4]]
+    head = file.read(HEADER_BYTES)
+    order, digits = CLASSIC_MAGIC[head[:4]]
     snap, link = struct.unpack(order + "II", head[16:24])
     section = struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1)
-    yield _with_comment(_block(SECTION, section), "<", words)
-    resolution = struct.pack("<HHB3xI", 9, 1, digits, END)
+    yield _with_comment(_block(SECTION, section), "<", comment)
+    resolution = struct.pack("<HHB3xI", 9, 1, digits, END_OF_OPTIONS)
     yield _block(INTERFACE, struct.pack("<HHI", link & 0xFFFF, 0, snap) + resolution)
     number = 0
     while len(record := file.read(16)) == 16:  # noqa: PLR2004 - the header of a record
         number += 1
-        seconds, rest, kept, length = struct.unpack(order + "IIII", record)
-        if kept > LONGEST or len(data := file.read(kept)) < kept:
+        seconds, rest, captured_bytes, length = struct.unpack(order + "IIII", record)
+        if (
+            captured_bytes > MAX_BLOCK_BYTES
+            or len(data := file.read(captured_bytes)) < captured_bytes
+        ):
             return
         if number in wanted:
             moment = seconds * 10**digits + rest
-            packet = struct.pack("<IIIII", 0, moment >> 32, moment & 0xFFFFFFFF, kept, length)
-            yield _block(6, packet + data + bytes(-kept % 4))
+            packet = struct.pack(
+                "<IIIII", 0, moment >> 32, moment & 0xFFFFFFFF, captured_bytes, length
+            )
+            yield _block(6, packet + data + bytes(-captured_bytes % 4))
 
 
 def _block(kind: int, content: bytes) -> bytes:

@@ -19,13 +19,13 @@ from typing import Protocol
 from dissectors.errors import SourceError
 
 __all__ = [
+    "AtomicFile",
     "GrowingFile",
-    "NewFile",
+    "NewAtomicFile",
     "Output",
     "StandardOutput",
-    "WholeFile",
     "is_special",
-    "opened",
+    "open_output",
 ]
 
 
@@ -43,7 +43,7 @@ class Output(Protocol):
     def close(self) -> None:
         """All bytes are there: the output takes its final name."""
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """Something failed: leave nothing half written."""
 
 
@@ -57,7 +57,7 @@ class _File:
                 path, os.O_WRONLY | getattr(os, "O_BINARY", 0) | flags, 0o666
             )
         except OSError as error:
-            raise _trouble(name, error) from error
+            raise _source_error(name, error) from error
 
     def append(self, data: bytes) -> None:
         """Write these bytes; after a failure nothing more is taken."""
@@ -68,10 +68,10 @@ class _File:
             while view:
                 view = view[os.write(self._fd, view) :]
         except OSError as error:
-            self.abandon()
+            self.rollback()
             if isinstance(error, BrokenPipeError):
                 raise
-            raise _trouble(self.name, error) from error
+            raise _source_error(self.name, error) from error
 
     def close(self) -> None:
         """The bytes are complete; a file that was abandoned stays so."""
@@ -81,26 +81,26 @@ class _File:
             self._finish(self._fd)
         except OSError as error:
             self._fd = None
-            self._remove()
-            raise _trouble(self.name, error) from error
+            self._delete_partial()
+            raise _source_error(self.name, error) from error
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """Close without finishing, if it is still open."""
         fd, self._fd = self._fd, None
         if fd is not None:
             with contextlib.suppress(OSError):
                 os.close(fd)
-            self._remove()
+            self._delete_partial()
 
     def _finish(self, fd: int) -> None:
         os.close(fd)
         self._fd = None
 
-    def _remove(self) -> None:
+    def _delete_partial(self) -> None:
         """Take away what is not whole."""
 
 
-class WholeFile(_File):
+class AtomicFile(_File):
     """A file that takes its name when it is complete, in place of one that may be there.
 
     What is no plain file (a device, a named pipe) is written directly.
@@ -108,32 +108,32 @@ class WholeFile(_File):
 
     def __init__(self, path: str) -> None:
         self._path = os.path.realpath(path)
-        self._direct = is_special(self._path)
+        self._writes_directly = is_special(self._path)
         folder, base = os.path.split(self._path)
-        self._part = os.path.join(folder, f".{base}.{os.getpid()}")
-        if self._direct:
+        self._partial_path = os.path.join(folder, f".{base}.{os.getpid()}")
+        if self._writes_directly:
             super().__init__(path, self._path, 0)
         else:
-            super().__init__(path, self._part, os.O_CREAT | os.O_TRUNC)
+            super().__init__(path, self._partial_path, os.O_CREAT | os.O_TRUNC)
 
     def _finish(self, fd: int) -> None:
         super()._finish(fd)
-        if not self._direct:
-            os.replace(self._part, self._path)
+        if not self._writes_directly:
+            os.replace(self._partial_path, self._path)
 
-    def _remove(self) -> None:
-        if not self._direct:
+    def _delete_partial(self) -> None:
+        if not self._writes_directly:
             with contextlib.suppress(OSError):
-                os.unlink(self._part)
+                os.unlink(self._partial_path)
 
 
-class NewFile(WholeFile):
+class NewAtomicFile(AtomicFile):
     """A whole file of a live tap: it appears at the end, and never in place of another."""
 
     def __init__(self, path: str) -> None:
         if not is_special(path) and os.path.lexists(path):
             error = FileExistsError(errno.EEXIST, "file exists")
-            raise _trouble(path, error) from error
+            raise _source_error(path, error) from error
         super().__init__(path)
 
 
@@ -161,20 +161,20 @@ class StandardOutput:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise _trouble(self.name, error) from error
+            raise _source_error(self.name, error) from error
 
     def close(self) -> None:
         """Nothing to do: every `append` has been flushed."""
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """Nothing to do: what is out is out."""
 
 
-def opened(path: str | None, *, growing: bool) -> Output:
+def open_output(path: str | None, *, growing: bool) -> Output:
     """The output of that path; None is standard output. `SourceError` if it cannot be written."""
     if path is None:
         return StandardOutput()
-    return GrowingFile(path) if growing else WholeFile(path)
+    return GrowingFile(path) if growing else AtomicFile(path)
 
 
 def is_special(path: str) -> bool:
@@ -185,7 +185,7 @@ def is_special(path: str) -> bool:
         return False
 
 
-def _trouble(name: str, error: OSError) -> SourceError:
+def _source_error(name: str, error: OSError) -> SourceError:
     advice = {
         errno.EEXIST: "exists already, and a live tap never overwrites; choose another name",
         errno.ENOSPC: "cannot be written: no space left",

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 import _modlens
 from analyzer import exports
-from analyzer.exports.output import Output, WholeFile
+from analyzer.exports.output import AtomicFile, Output
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["Format"]
@@ -30,47 +30,47 @@ class Format(exports.Format):
 
     name = "parquet"
     styles: ClassVar[Sequence[str]] = ("file", PARTITIONS)
-    grows = False
+    readable_while_written = False
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
         row_file = getattr(_modlens, "RowFile", None)
         if row_file is None:
             raise UsageError(f"{self.name}: this build of modlens is without it (feature `files`)")
-        self._new: Callable[[], _modlens.RowFile] = lambda: row_file(
-            self.name, wish.table, wish.columns
+        self._new_file: Callable[[], _modlens.RowFile] = lambda: row_file(
+            self.name, options.table, options.columns
         )
-        self._file: _modlens.RowFile = self._new()
-        self._folder: _Folder | None = None
+        self._file: _modlens.RowFile = self._new_file()
+        self._folder: _PartitionedOutput | None = None
 
     def output(self, path: str | None, *, growing: bool) -> Output:
         """A file, or for the style `partitions` a folder, which must be new."""
-        if self.wish.style != PARTITIONS:
+        if self.options.style != PARTITIONS:
             return super().output(path, growing=growing)
         if path is None:
             raise UsageError("--style partitions: a folder cannot go to standard output; add -o")
-        self._folder = _Folder(path, self._new)
+        self._folder = _PartitionedOutput(path, self._new_file)
         return self._folder
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """What is complete of the file; row groups are complete after 65,536 rows."""
         if self._folder is not None:
-            self._folder.rows(table)
+            self._folder.write(table)
             return b""
         return self._file.rows(table)
 
-    def end(self) -> bytes:
+    def footer(self) -> bytes:
         """The last row group and the footer."""
         return b"" if self._folder is not None else self._file.end()
 
 
-class _Folder:
+class _PartitionedOutput:
     """One file a day and bus, each in a folder that says so."""
 
-    def __init__(self, path: str, new: Callable[[], _modlens.RowFile]) -> None:
+    def __init__(self, path: str, new_file: Callable[[], _modlens.RowFile]) -> None:
         self.name = path
-        self._new = new
-        self._parts: dict[str, tuple[_modlens.RowFile, WholeFile]] = {}
+        self._new_file = new_file
+        self._files: dict[str, tuple[_modlens.RowFile, AtomicFile]] = {}
         try:
             os.mkdir(path)
         except OSError as error:
@@ -78,15 +78,15 @@ class _Folder:
                 f"{path}: no new folder can be made there: {error.strerror}"
             ) from error
 
-    def rows(self, table: _modlens.Table) -> None:
+    def write(self, table: _modlens.Table) -> None:
         """Each row to its file."""
         for date, bus, rows in table.partitions():
             folder = os.path.join(f"date={date or NO_DATE}", f"bus={quote(bus, safe='')}")
-            if folder not in self._parts:
+            if folder not in self._files:
                 os.makedirs(os.path.join(self.name, folder), exist_ok=True)
                 path = os.path.join(self.name, folder, "part-0.parquet")
-                self._parts[folder] = (self._new(), WholeFile(path))
-            row_file, output = self._parts[folder]
+                self._files[folder] = (self._new_file(), AtomicFile(path))
+            row_file, output = self._files[folder]
             output.append(row_file.rows(rows))
 
     def append(self, data: bytes) -> None:
@@ -94,11 +94,11 @@ class _Folder:
 
     def close(self) -> None:
         """All files are complete."""
-        for row_file, output in self._parts.values():
+        for row_file, output in self._files.values():
             output.append(row_file.end())
             output.close()
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """No file is complete; folders without files stay."""
-        for _, output in self._parts.values():
-            output.abandon()
+        for _, output in self._files.values():
+            output.rollback()

@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import _modlens
 from analyzer import exports
-from analyzer.exports.original_packets import cut_out
+from analyzer.exports.original_packets import extract_packets
 from analyzer.exports.output import Output
 from analyzer.sources.files import STDIN
 from dissectors.errors import UsageError
@@ -28,70 +28,70 @@ __all__ = ["Format"]
 ORIGINAL = "original"
 
 
-class Format(exports.Batches):
+class Format(exports.MultiTableFormat):
     """A capture of frames."""
 
     tables = ("transactions", "frames")
-    needs = ("frames", "transactions", "findings")
+    required_tables = ("frames", "transactions", "findings")
     styles: ClassVar[Sequence[str]] = ("udp", "rtu", "tcp", ORIGINAL)
-    chosen = False
+    has_column_choice = False
     classic = False
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
-        if wish.style == ORIGINAL and STDIN in wish.buses:
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
+        if options.style == ORIGINAL and STDIN in options.buses:
             raise UsageError("--style original: standard input cannot be read twice; name a file")
-        self._original = _Original(wish) if wish.style == ORIGINAL else None
+        self._selection = _PacketSelection(options) if options.style == ORIGINAL else None
         self._output: Output | None = None
-        style = self.styles[0] if self._original else wish.style or self.styles[0]
+        style = self.styles[0] if self._selection else options.style or self.styles[0]
         self._capture = _modlens.Capture(
-            style, classic=self.classic, live=wish.live, context=wish.context
+            style, classic=self.classic, live=options.live, context=options.context
         )
 
     def output(self, path: str | None, *, growing: bool) -> Output:
         """The file, which gets the packets of the style `original` one by one."""
-        if self._original is not None and growing:
+        if self._selection is not None and growing:
             raise UsageError("--style original cuts out of captures; a tap makes none: --record")
         self._output = super().output(path, growing=growing)
         return self._output
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
+    def encode_batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
         """The packets that are decided."""
-        if self._original is not None:
-            self._original.batch(batch, kept)
+        if self._selection is not None:
+            self._selection.add(batch, kept)
             return ()
         self._capture.put(batch, kept)
         return iter(self._capture.more, b"")
 
-    def end(self) -> bytes:
+    def footer(self) -> bytes:
         """The rest."""
-        if self._original is None:
+        if self._selection is None:
             return self._capture.end()
         if self._output is not None:
-            for name, packets in self._original.packets().items():
-                for block in cut_out(name, packets):
+            for name, packets in self._selection.packets().items():
+                for block in extract_packets(name, packets):
                     self._output.append(block)
         return b""
 
 
-class _Original:
+class _PacketSelection:
     """Where every frame stands, in arrays, because which are wanted is known at the end only."""
 
-    def __init__(self, wish: exports.Wish) -> None:
-        self._wish = wish
+    def __init__(self, options: exports.ExportOptions) -> None:
+        self._wish = options
         self._filtered = False
         self._kept: set[int] = set()
         self._files: list[str] = []
         self._places = {key: array("q") for key in ("frame", "txn", "file", "packet")}
-        self._more: dict[int, list[int]] = {}
+        self._further_packets: dict[int, list[int]] = {}
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
+    def add(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
         """Remember the frames, and what the filter keeps."""
         for name, frame, txn, packets in batch.frames.origins():
             if not self._files or self._files[-1] != name:
                 self._files.append(name)
             if packets[1:]:
-                self._more[len(self._places["packet"])] = packets[1:]
+                self._further_packets[len(self._places["packet"])] = packets[1:]
             place = (frame, txn or 0, len(self._files) - 1, packets[0])
             for numbers, number in zip(self._places.values(), place, strict=True):
                 numbers.append(number)
@@ -103,13 +103,13 @@ class _Original:
     def packets(self) -> dict[str, set[int]]:
         """File -> numbers of the packets of its frames that are wanted."""
         keys = self._places["txn" if self._wish.table == "transactions" else "frame"]
-        near = self._wish.context
+        context = self._wish.context
         found: dict[str, set[int]] = {name: set() for name in self._files}
         for at, key in enumerate(keys):
             if self._filtered and key not in self._kept:
                 continue
-            for other in range(max(at - near, 0), min(at + near + 1, len(keys))):
+            for other in range(max(at - context, 0), min(at + context + 1, len(keys))):
                 packets = found[self._files[self._places["file"][other]]]
                 packets.add(self._places["packet"][other])
-                packets.update(self._more.get(other, ()))
+                packets.update(self._further_packets.get(other, ()))
         return found

@@ -5,7 +5,7 @@ block whatever ended it. With rotation, or where the file exists already, segmen
 dumpcap names them, `bus_00001_20261121101500.pcapng`: nothing is ever written over, and nothing is
 taken away but the oldest segments of the same name when `keep` says so.
 
->>> rotation("10min"), rotation("64MB"), keeping("8"), keeping("2GB")
+>>> parse_rotation("10min"), parse_rotation("64MB"), parse_retention("8"), parse_retention("2GB")
 (Rotation(seconds=600, bytes=None), Rotation(seconds=None, bytes=64000000), ...)
 """
 
@@ -24,10 +24,10 @@ import _modlens
 from analyzer.exports.output import GrowingFile
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["Keeping", "Recorded", "Recorder", "Rotation", "keeping", "rotation"]
+__all__ = ["RecordedPort", "Recorder", "Retention", "Rotation", "parse_retention", "parse_rotation"]
 
-SIZES = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
-SPANS = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
+BYTES_PER_UNIT = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30}
+SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 _AMOUNT = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")
 
 
@@ -40,7 +40,7 @@ class Rotation:
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
+class Retention:
     """How many segments are kept, or how many bytes of them."""
 
     segments: int | None = None
@@ -48,7 +48,7 @@ class Keeping:
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class RecordedPort:
     """A port that is recorded: of which bus, which line of it (None: the only one), as what."""
 
     bus: str
@@ -69,23 +69,23 @@ class Read(Protocol):
         """When the read returned."""
 
 
-def rotation(text: str) -> Rotation:
+def parse_rotation(text: str) -> Rotation:
     """What `--rotate` says: a time such as 10min, 1h, 1d, or a size such as 64MB."""
     value, unit = _amount("--rotate", text)
-    if unit in SPANS:
-        return Rotation(seconds=round(value * SPANS[unit]))
-    if unit in SIZES:
-        return Rotation(bytes=round(value * SIZES[unit]))
+    if unit in SECONDS_PER_UNIT:
+        return Rotation(seconds=round(value * SECONDS_PER_UNIT[unit]))
+    if unit in BYTES_PER_UNIT:
+        return Rotation(bytes=round(value * BYTES_PER_UNIT[unit]))
     raise UsageError(f"--rotate {text}: write a time such as 10min or 1h, or a size such as 64MB")
 
 
-def keeping(text: str) -> Keeping:
+def parse_retention(text: str) -> Retention:
     """What `--keep` says: a number of segments, or a size such as 2GB."""
     value, unit = _amount("--keep", text)
-    if unit in SIZES:
-        return Keeping(bytes=round(value * SIZES[unit]))
+    if unit in BYTES_PER_UNIT:
+        return Retention(bytes=round(value * BYTES_PER_UNIT[unit]))
     if not unit and value == int(value):
-        return Keeping(segments=int(value))
+        return Retention(segments=int(value))
     raise UsageError(f"--keep {text}: write a number of segments, or a size such as 2GB")
 
 
@@ -99,67 +99,67 @@ def _amount(option: str, text: str) -> tuple[float, str]:
 class Recorder:
     """Writes what ports give.
 
-    `told` hears in words of segments that begin. `SourceError` if the first one cannot be written;
-    later trouble is told once and ends the recording, not the tap.
+    `notify` hears in words of segments that begin. `SourceError` if the first one cannot be
+    written; later trouble is told once and ends the recording, not the tap.
     """
 
     def __init__(  # noqa: PLR0913 - what can be said of a recording
         self,
         path: str,
-        ports: Sequence[Recorded],
+        ports: Sequence[RecordedPort],
         *,
         rotate: Rotation | None = None,
-        keep: Keeping | None = None,
-        told: Callable[[str], None] = lambda _: None,
-        failed: Callable[[SourceError], None] | None = None,
+        keep: Retention | None = None,
+        notify: Callable[[str], None] = lambda _: None,
+        on_failure: Callable[[SourceError], None] | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         if keep is not None and rotate is None:
             raise UsageError("--keep is for segments; add --rotate, as --rotate 1h")
         self._path = path if path.endswith(".pcapng") else f"{path}.pcapng"
         self._ports = list(ports)
-        self._rotate, self._keep = rotate or Rotation(), keep or Keeping()
-        self._told, self._failed, self._clock = told, failed, clock
+        self._rotation, self._retention = rotate or Rotation(), keep or Retention()
+        self._notify, self._on_failure, self._clock = notify, on_failure, clock
         self._numbered = rotate is not None or os.path.lexists(self._path)
         self._session = uuid.uuid4().hex[:16]
         self._segment = 0
-        self._places = {(one.bus, one.line): at for at, one in enumerate(ports)}
+        self._port_numbers = {(one.bus, one.line): at for at, one in enumerate(ports)}
         self._file: GrowingFile | None = None
-        self._begin()
+        self._begin_segment()
 
-    def join(self, port: Recorded) -> None:
+    def add_port(self, port: RecordedPort) -> None:
         """One more port: its line settings have been found."""
-        self._places[port.bus, port.line] = len(self._ports)
+        self._port_numbers[port.bus, port.line] = len(self._ports)
         self._ports.append(port)
         if self._file is not None:
-            self._write(_modlens.recording_port(*self._described(port)), turn=False)
+            self._write(_modlens.recording_port(*self._description(port)), may_rotate=False)
 
-    def heard(self, bus: str, line: str | None, read: Read) -> None:
+    def write_read(self, bus: str, line: str | None, read: Read) -> None:
         """Write a read of a port."""
         if self._file is None:
             return
         errors = list(getattr(read, "errors", ())) or None
         block = _modlens.recording_read(
-            self._places[bus, line],
+            self._port_numbers[bus, line],
             read.time_ns,
             read.data,
             errors=errors,
             hole=getattr(read, "hole", False),
         )
-        self._write(block, turn=True)
+        self._write(block, may_rotate=True)
 
-    def _write(self, block: bytes, *, turn: bool) -> None:
+    def _write(self, block: bytes, *, may_rotate: bool) -> None:
         try:
-            if turn and self._due(len(block)):
-                self._begin()
+            if may_rotate and self._segment_is_full(len(block)):
+                self._begin_segment()
             assert self._file is not None
             self._file.append(block)
-            self._size += len(block)
+            self._segment_bytes += len(block)
         except SourceError as error:
             self._file = None
-            if self._failed is None:
+            if self._on_failure is None:
                 raise
-            self._failed(error)
+            self._on_failure(error)
 
     def close(self) -> None:
         """End the file; it was complete all the time."""
@@ -167,32 +167,32 @@ class Recorder:
             self._file.close()
             self._file = None
 
-    def _due(self, size: int) -> bool:
+    def _segment_is_full(self, size: int) -> bool:
         """Whether the next block begins a segment; each has one read at least."""
-        if self._rotate.bytes is not None:
-            return self._reads_there() and self._size + size > self._rotate.bytes
-        if self._rotate.seconds is not None:
-            return self._clock() - self._since >= self._rotate.seconds
+        if self._rotation.bytes is not None:
+            return self._has_reads() and self._segment_bytes + size > self._rotation.bytes
+        if self._rotation.seconds is not None:
+            return self._clock() - self._segment_began_s >= self._rotation.seconds
         return False
 
-    def _reads_there(self) -> bool:
-        return self._size > self._head
+    def _has_reads(self) -> bool:
+        return self._segment_bytes > self._header_bytes
 
-    def _begin(self) -> None:
+    def _begin_segment(self) -> None:
         if self._file is not None:
             self._file.close()
         self._segment += 1
-        self._since = self._clock()
+        self._segment_began_s = self._clock()
         self.name = self._next_name() if self._numbered else self._path
         self._file = GrowingFile(self.name)
-        ports = [self._described(one) for one in self._ports]
+        ports = [self._description(one) for one in self._ports]
         head = _modlens.recording_head(self._session, self._segment, ports)
         self._file.append(head)
-        self._head = self._size = len(head)
-        self._told(f"recording to {self.name}")
-        self._tidy()
+        self._header_bytes = self._segment_bytes = len(head)
+        self._notify(f"recording to {self.name}")
+        self._delete_old_segments()
 
-    def _described(self, port: Recorded) -> tuple[str, int, str, str | None, str | None]:
+    def _description(self, port: RecordedPort) -> tuple[str, int, str, str | None, str | None]:
         buses = list(dict.fromkeys(one.bus for one in self._ports))
         return port.port, buses.index(port.bus), port.bus, port.line, port.settings
 
@@ -200,7 +200,7 @@ class Recorder:
         """The name behind those that are there, as dumpcap makes it: number and time (UTC)."""
         base = self._path.removesuffix(".pcapng")
         last = max((number for number, _ in self._segments()), default=0)
-        moment = time.strftime("%Y%m%d%H%M%S", time.gmtime(self._since))
+        moment = time.strftime("%Y%m%d%H%M%S", time.gmtime(self._segment_began_s))
         return f"{base}_{last + 1:05}_{moment}.pcapng"
 
     def _segments(self) -> list[tuple[int, str]]:
@@ -216,21 +216,21 @@ class Recorder:
             (int(match[1]), os.path.join(folder, name)) for match, name in matches if match
         )
 
-    def _tidy(self) -> None:
+    def _delete_old_segments(self) -> None:
         """Take the oldest segments away that are not to be kept; never the one being written."""
         segments = [path for _, path in self._segments() if path != self.name]
-        if self._keep.segments is not None:
-            surplus = len(segments) + 1 - self._keep.segments
-        elif self._keep.bytes is not None:
-            surplus, room = len(segments), self._keep.bytes - (self._rotate.bytes or 0)
+        if self._retention.segments is not None:
+            excess = len(segments) + 1 - self._retention.segments
+        elif self._retention.bytes is not None:
+            excess, room = len(segments), self._retention.bytes - (self._rotation.bytes or 0)
             for path in reversed(segments):
                 with contextlib.suppress(OSError):
                     room -= os.path.getsize(path)
                 if room < 0:
                     break
-                surplus -= 1
+                excess -= 1
         else:
             return
-        for path in segments[: max(surplus, 0)]:
+        for path in segments[: max(excess, 0)]:
             with contextlib.suppress(OSError):
                 os.unlink(path)

@@ -15,7 +15,7 @@ from analyzer import exports
 
 __all__ = ["Format"]
 
-SPACES = {
+SIZE_KEYS = {
     "coil": "co size",
     "discrete_input": "di size",
     "input_register": "ir size",
@@ -23,10 +23,10 @@ SPACES = {
 }
 """Register type -> its size in the set-up, in the order in which pymodbus lays the blocks out."""
 
-BITS = ("coil", "discrete_input")
-WORD = 16
+BIT_TYPES = ("coil", "discrete_input")
+BITS_PER_CELL = 16
 
-WORTH = ("ok", "broadcast", "unrequested")
+STATUSES_WITH_VALUES = ("ok", "broadcast", "unrequested")
 """Status of transactions whose values are those of the unit."""
 
 
@@ -34,33 +34,41 @@ class Format(exports.Format):
     """Collects the newest value of every register and bit; all is written at the end."""
 
     tables = ("readings",)
-    chosen = False
-    grows = False
+    has_column_choice = False
+    readable_while_written = False
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
         self._values: dict[Any, dict[str, dict[Any, int]]] = {}
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """Nothing yet: a later row may have a newer value."""
         keys = ("unit", "register_type", "address", "status", "raw")
         for unit, kind, address, status, raw in table.tuples(keys):
-            if status in WORTH and kind in SPACES and address is not None and raw is not None:
-                spaces = self._values.setdefault(unit, {kind: {} for kind in SPACES})
+            if (
+                status in STATUSES_WITH_VALUES
+                and kind in SIZE_KEYS
+                and address is not None
+                and raw is not None
+            ):
+                spaces = self._values.setdefault(unit, {kind: {} for kind in SIZE_KEYS})
                 # With a profile a row is a point, which may have several registers.
                 for at, value in enumerate(str(raw).split(), int(address)):
                     spaces[str(kind)][at] = int(value)
         return b""
 
-    def end(self) -> bytes:
+    def footer(self) -> bytes:
         """The whole configuration."""
-        devices = {f"unit_{unit}": _device(self._values[unit]) for unit in sorted(self._values)}
+        devices = {
+            f"unit_{unit}": _device_configuration(self._values[unit])
+            for unit in sorted(self._values)
+        }
         server = {"comm": "tcp", "host": "127.0.0.1", "port": 5020, "framer": "socket"}
         setup = {"server_list": {"server": server}, "device_list": devices}
         return (json.dumps(setup, indent=1) + "\n").encode()
 
 
-def _device(spaces: dict[str, dict[int, int]]) -> dict[str, Any]:
+def _device_configuration(spaces: dict[str, dict[int, int]]) -> dict[str, Any]:
     """One unit: the four spaces one behind the other, bits packed sixteen to a cell."""
     setup: dict[str, Any] = {"shared blocks": False, "type exception": False}
     setup["defaults"] = {
@@ -78,12 +86,12 @@ def _device(spaces: dict[str, dict[int, int]]) -> dict[str, Any]:
     words: list[dict[str, int]] = []
     seen: set[int] = set()
     start = 0
-    for kind, size_key in SPACES.items():
-        cells = _cells(spaces[kind]) if kind in BITS else spaces[kind]
+    for kind, size_key in SIZE_KEYS.items():
+        cells = _pack_bits(spaces[kind]) if kind in BIT_TYPES else spaces[kind]
         size = max(cells, default=0) + 1
         setup[size_key] = size
         found = [{"addr": start + at, "value": value} for at, value in sorted(cells.items())]
-        (bits if kind in BITS else words).extend(found)
+        (bits if kind in BIT_TYPES else words).extend(found)
         seen |= {start + at for at in cells}
         start += size
     invalid = [at for at in range(start) if at not in seen]
@@ -101,10 +109,12 @@ def _device(spaces: dict[str, dict[int, int]]) -> dict[str, Any]:
     }
 
 
-def _cells(bits: dict[int, int]) -> dict[int, int]:
+def _pack_bits(bits: dict[int, int]) -> dict[int, int]:
     cells: dict[int, int] = {}
     for address, bit in bits.items():
-        cells[address // WORD] = cells.get(address // WORD, 0) | (bit & 1) << address % WORD
+        cells[address // BITS_PER_CELL] = (
+            cells.get(address // BITS_PER_CELL, 0) | (bit & 1) << address % BITS_PER_CELL
+        )
     return cells
 
 

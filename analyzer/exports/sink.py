@@ -7,12 +7,19 @@ from dataclasses import dataclass, replace
 
 import _modlens
 from analyzer.columns import TABLES, pick
-from analyzer.exports import Batches, Format, Wish, format_of, load
-from analyzer.exports.output import NewFile, Output
+from analyzer.exports import ExportOptions, Format, MultiTableFormat, format_of, load
+from analyzer.exports.output import NewAtomicFile, Output
 from analyzer.filters import Filter, parse
 from dissectors.errors import UsageError
 
-__all__ = ["ExportSink", "Target", "check_style", "fitting", "tables_of", "target"]
+__all__ = [
+    "ExportSink",
+    "Target",
+    "check_style",
+    "parse_target",
+    "required_tables",
+    "with_suitable_table",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,41 +34,45 @@ class Target:
     path: str | None
 
 
-def target(text: str, table: str) -> Target:
+def parse_target(text: str, table: str) -> Target:
     """The target that `log.csv` or `frames:log.csv` says.
 
     `table` is the one meant where none is named. `UsageError` if the format cannot hold the table;
     where it holds one only and none was named, that one is meant.
 
-    >>> target("frames:f.csv", "transactions")
+    >>> parse_target("frames:f.csv", "transactions")
     Target(table='frames', format='csv', path='f.csv')
-    >>> target("bus.simulator.json", "transactions").table
+    >>> parse_target("bus.simulator.json", "transactions").table
     'readings'
     """
     head, colon, rest = text.partition(":")
     if colon and head in TABLES:
-        return fitting(Target(head, format_of(rest), rest), named=True)
-    return fitting(Target(table, format_of(text), text), named=False)
+        return with_suitable_table(Target(head, format_of(rest), rest), named=True)
+    return with_suitable_table(Target(table, format_of(text), text), named=False)
 
 
-def fitting(target: Target, *, named: bool) -> Target:
+def with_suitable_table(target: Target, *, named: bool) -> Target:
     """The target with a table that its format can hold; `named` is one that the user has named."""
     holds = load(target.format).tables
     if target.table in holds:
         return target
     if named or len(holds) > 1:
         where = f"-o {target.path}" if target.path else f"--to {target.format}"
-        one_of = " or ".join(holds)
-        raise UsageError(f"{where}: {target.format} holds {one_of}, not {target.table}")
+        choices = " or ".join(holds)
+        raise UsageError(f"{where}: {target.format} holds {choices}, not {target.table}")
     return replace(target, table=holds[0])
 
 
-def tables_of(targets: Iterable[Target]) -> set[str]:
+def required_tables(targets: Iterable[Target]) -> set[str]:
     """The tables that have to be built for these targets."""
     found = set()
     for one in targets:
-        form = load(one.format)
-        found |= set(form.needs) if issubclass(form, Batches) else {one.table}
+        format_class = load(one.format)
+        found |= (
+            set(format_class.required_tables)
+            if issubclass(format_class, MultiTableFormat)
+            else {one.table}
+        )
     return found
 
 
@@ -77,7 +88,7 @@ class ExportSink:
     """Writes the rows of one table; see `analyzer.session.Sink`.
 
     `columns` is the text of `--columns`, `where` that of `--where`; both must fit the table
-    (`UsageError`, `FilterError`). With `growing` the file grows in place and must be new. `wish`
+    (`UsageError`, `FilterError`). With `growing` the file grows in place and must be new. `options`
     says what else is wanted; its table, columns and `live` come from the other arguments.
     """
 
@@ -88,22 +99,24 @@ class ExportSink:
         columns: str | None,
         where: str | None,
         growing: bool,
-        wish: Wish | None = None,
+        options: ExportOptions | None = None,
     ) -> None:
-        form = load(target.format)
-        if columns is not None and not form.chosen:
+        format_class = load(target.format)
+        if columns is not None and not format_class.has_column_choice:
             raise UsageError(f"--columns: {target.format} has columns of its own")
         self.table = target.table
-        self.rows = 0
+        self.row_count = 0
         keys = pick(target.table, columns)
-        wish = replace(wish or Wish("", ()), table=target.table, columns=keys, live=growing)
-        if wish.style not in form.styles:
-            wish = replace(wish, style="")
-        self._format: Format = form(wish)
+        options = replace(
+            options or ExportOptions("", ()), table=target.table, columns=keys, live=growing
+        )
+        if options.style not in format_class.styles:
+            options = replace(options, style="")
+        self._format: Format = format_class(options)
         wanted: Filter | None = None if where is None else parse(where, target.table)
         self._predicate = None if wanted is None else wanted.predicate()
-        if growing and not form.grows and target.path is not None:
-            self._output: Output = NewFile(target.path)
+        if growing and not format_class.readable_while_written and target.path is not None:
+            self._output: Output = NewAtomicFile(target.path)
         else:
             self._output = self._format.output(target.path, growing=growing)
         self.name = self._output.name
@@ -113,26 +126,26 @@ class ExportSink:
         table: _modlens.Table = getattr(batch, self.table)
         kept = None if self._predicate is None else table.where(self._predicate)
         rows = table if kept is None else kept
-        self.rows += len(rows)
-        if isinstance(self._format, Batches):
-            pieces = self._format.batch(batch, kept)
+        self.row_count += len(rows)
+        if isinstance(self._format, MultiTableFormat):
+            pieces = self._format.encode_batch(batch, kept)
         else:
-            pieces = self._format.pieces(rows)
+            pieces = self._format.encode_blocks(rows)
         for data in pieces:
             if data:
                 self._output.append(data)
 
     def close(self) -> None:
         """All rows are there."""
-        data = self._format.end()
+        data = self._format.footer()
         if data:
             self._output.append(data)
         self._output.close()
 
-    def remark(self) -> str:
+    def closing_remark(self) -> str:
         """What a person should know of the output; mostly nothing."""
-        return self._format.remark()
+        return self._format.closing_remark()
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """The input failed: leave nothing half written."""
-        self._output.abandon()
+        self._output.rollback()

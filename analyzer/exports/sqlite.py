@@ -25,10 +25,10 @@ from dissectors.vocabulary import vocabulary
 
 __all__ = ["Format"]
 
-KEYS = {"frames": "frame", "transactions": "txn"}
-TYPES = {"int": "INTEGER", "bool": "INTEGER", "us": "REAL", "float": "REAL"}
+PRIMARY_KEYS = {"frames": "frame", "transactions": "txn"}
+SQL_TYPES = {"int": "INTEGER", "bool": "INTEGER", "us": "REAL", "float": "REAL"}
 
-AT_ONCE = 4096
+ROWS_PER_INSERT = 4096
 """Rows that are tuples at the same time."""
 
 COMMIT_S = 1.0
@@ -51,21 +51,23 @@ CREATE VIEW v_response_time AS
   FROM transactions GROUP BY bus, unit, function;
 """
 
-OF_KEPT = "DELETE FROM {} WHERE txn IS NULL OR txn NOT IN (SELECT txn FROM transactions)"
+DELETE_OF_OTHER_TRANSACTIONS = (
+    "DELETE FROM {} WHERE txn IS NULL OR txn NOT IN (SELECT txn FROM transactions)"
+)
 
 
-class Format(exports.Batches):
+class Format(exports.MultiTableFormat):
     """A database; it is its own output."""
 
-    chosen = False
+    has_column_choice = False
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
         self.name = ""
-        self._base: sqlite3.Connection | None = None
-        self._path = self._part = ""
+        self._database: sqlite3.Connection | None = None
+        self._path = self._partial_path = ""
         self._filtered = False
-        self._committed = 0.0
+        self._committed_s = 0.0
         self._keys = {table: [column.key for column in columns(table)] for table in TABLES}
 
     def output(self, path: str | None, *, growing: bool) -> Self:
@@ -74,8 +76,10 @@ class Format(exports.Batches):
             raise UsageError("a database cannot go to standard output; name a file: -o log.sqlite")
         self.name = path
         self._path = os.path.realpath(path)
-        folder, base = os.path.split(self._path)
-        self._part = self._path if growing else os.path.join(folder, f".{base}.{os.getpid()}")
+        folder, database = os.path.split(self._path)
+        self._partial_path = (
+            self._path if growing else os.path.join(folder, f".{database}.{os.getpid()}")
+        )
         if growing and os.path.exists(self._path):
             raise SourceError(
                 f"{path}: exists already, and a live tap never overwrites; choose another name"
@@ -87,26 +91,26 @@ class Format(exports.Batches):
         try:
             self._open(growing=growing)
         except sqlite3.Error as error:
-            self.abandon()
-            raise self._trouble(error) from error
+            self.rollback()
+            raise self._source_error(error) from error
         return self
 
-    def batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
+    def encode_batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
         """Write the rows; nothing is left for anybody else to write."""
-        if self._base is None:
+        if self._database is None:
             return ()
         try:
             for table in TABLES:
                 rows: _modlens.Table = getattr(batch, table)
-                if kept is not None and table == self.wish.table:
+                if kept is not None and table == self.options.table:
                     rows, self._filtered = kept, True
                 self._insert(table, rows)
-            if self.wish.live and time.monotonic() - self._committed > COMMIT_S:
-                self._base.commit()
-                self._committed = time.monotonic()
+            if self.options.live and time.monotonic() - self._committed_s > COMMIT_S:
+                self._database.commit()
+                self._committed_s = time.monotonic()
         except sqlite3.Error as error:
-            self.abandon()
-            raise self._trouble(error) from error
+            self.rollback()
+            raise self._source_error(error) from error
         return ()
 
     def append(self, data: bytes) -> None:
@@ -114,67 +118,67 @@ class Format(exports.Batches):
 
     def close(self) -> None:
         """Everything into the one file, under its name."""
-        if self._base is None:
+        if self._database is None:
             return
         try:
-            if self._filtered and self.wish.table == "transactions":
+            if self._filtered and self.options.table == "transactions":
                 for table in ("frames", "readings", "findings"):
-                    self._base.execute(OF_KEPT.format(table))
-            self._base.commit()
-            self._base.execute("PRAGMA journal_mode = WAL")
-            self._base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-            self._base.close()
-            self._base = None
-            if self._part != self._path:
-                os.replace(self._part, self._path)
+                    self._database.execute(DELETE_OF_OTHER_TRANSACTIONS.format(table))
+            self._database.commit()
+            self._database.execute("PRAGMA journal_mode = WAL")
+            self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            self._database.close()
+            self._database = None
+            if self._partial_path != self._path:
+                os.replace(self._partial_path, self._path)
         except (sqlite3.Error, OSError) as error:
-            self.abandon()
-            raise self._trouble(error) from error
+            self.rollback()
+            raise self._source_error(error) from error
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """A whole file is taken away; a live one keeps what has been committed."""
-        base, self._base = self._base, None
-        if base is None:
+        database, self._database = self._database, None
+        if database is None:
             return
         with contextlib.suppress(sqlite3.Error):
-            base.close()
-        if self._part != self._path:
+            database.close()
+        if self._partial_path != self._path:
             for tail in ("", "-wal", "-shm", "-journal"):
                 with contextlib.suppress(OSError):
-                    os.unlink(self._part + tail)
+                    os.unlink(self._partial_path + tail)
 
     def _open(self, *, growing: bool) -> None:
         # Sinks are opened and used by one thread each, not always the same.
-        base = self._base = sqlite3.connect(self._part, check_same_thread=False)
-        base.execute(f"PRAGMA journal_mode = {'WAL' if growing else 'OFF'}")
-        base.execute(f"PRAGMA synchronous = {'NORMAL' if growing else 'OFF'}")
+        database = self._database = sqlite3.connect(self._partial_path, check_same_thread=False)
+        database.execute(f"PRAGMA journal_mode = {'WAL' if growing else 'OFF'}")
+        database.execute(f"PRAGMA synchronous = {'NORMAL' if growing else 'OFF'}")
         version = vocabulary()["version"]
-        base.execute(f"PRAGMA user_version = {version}")
-        base.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT)")
-        facts = [
+        database.execute(f"PRAGMA user_version = {version}")
+        database.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT)")
+        metadata = [
             ("program", "modlens"),
             ("version", _modlens.__version__),
             ("schema", str(version)),
         ]
-        base.executemany("INSERT INTO meta VALUES (?, ?)", facts)
+        database.executemany("INSERT INTO meta VALUES (?, ?)", metadata)
         for table in TABLES:
-            parts = ", ".join(_declared(table, column) for column in columns(table))
-            base.execute(f"CREATE TABLE {table} ({parts})")
-        base.executescript(VIEWS)
-        base.commit()
+            parts = ", ".join(_column_declaration(table, column) for column in columns(table))
+            database.execute(f"CREATE TABLE {table} ({parts})")
+        database.executescript(VIEWS)
+        database.commit()
 
     def _insert(self, table: str, rows: _modlens.Table) -> None:
-        if len(rows) and self._base is not None:
+        if len(rows) and self._database is not None:
             keys = self._keys[table]
             marks = ", ".join("?" * len(keys))
-            for start in range(0, len(rows), AT_ONCE):
-                tuples = rows.tuples(keys, start, AT_ONCE)
-                self._base.executemany(f"INSERT INTO {table} VALUES ({marks})", tuples)
+            for start in range(0, len(rows), ROWS_PER_INSERT):
+                tuples = rows.tuples(keys, start, ROWS_PER_INSERT)
+                self._database.executemany(f"INSERT INTO {table} VALUES ({marks})", tuples)
 
-    def _trouble(self, error: Exception) -> SourceError:
+    def _source_error(self, error: Exception) -> SourceError:
         return SourceError(f"{self.name}: cannot be written: {error}")
 
 
-def _declared(table: str, column: Column) -> str:
-    key = " PRIMARY KEY" if KEYS.get(table) == column.key else ""
-    return f"{column.key} {TYPES.get(column.type, 'TEXT')}{key}"
+def _column_declaration(table: str, column: Column) -> str:
+    key = " PRIMARY KEY" if PRIMARY_KEYS.get(table) == column.key else ""
+    return f"{column.key} {SQL_TYPES.get(column.type, 'TEXT')}{key}"

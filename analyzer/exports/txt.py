@@ -6,7 +6,7 @@ import io
 
 import _modlens
 from analyzer import exports
-from analyzer.views.row_lines import Look
+from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import Screen
 from analyzer.views.table_sink import TableSink
 
@@ -18,17 +18,17 @@ WIDTH = 100
 class Format(exports.Format):
     """The annotated table."""
 
-    chosen = False
+    has_column_choice = False
     before = after = ""
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
         self._text = io.StringIO(self.before)
         self._text.seek(0, io.SEEK_END)
-        look = Look(wish.address, wish.times, tuple(wish.buses))
-        self._table = TableSink(wish.table, Screen(self._text, width=WIDTH), look)
+        table_options = TableOptions(options.address, options.times, tuple(options.buses))
+        self._table = TableSink(options.table, Screen(self._text, width=WIDTH), table_options)
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """The rows, behind the head the first time."""
         self._table.show(table)
         text = self._text.getvalue()
@@ -36,6 +36,6 @@ class Format(exports.Format):
         self._text.truncate()
         return text.encode()
 
-    def end(self) -> bytes:
+    def footer(self) -> bytes:
         """What ends the table."""
         return (self._text.getvalue() + self.after).encode()

@@ -14,13 +14,13 @@ class Format(exports.Format):
     log = "modbus"
     tables = ("transactions",)
     styles = ("tsv", "json")
-    chosen = False
+    has_column_choice = False
 
-    def __init__(self, wish: exports.Wish) -> None:
-        super().__init__(wish)
-        self._begun = False
+    def __init__(self, options: exports.ExportOptions) -> None:
+        super().__init__(options)
+        self._header_written = False
 
-    def rows(self, table: _modlens.Table) -> bytes:
+    def encode(self, table: _modlens.Table) -> bytes:
         """The lines, behind the header the first time."""
-        header, self._begun = not self._begun, True
-        return table.zeek(self.log, json=self.wish.style == "json", header=header)
+        header, self._header_written = not self._header_written, True
+        return table.zeek(self.log, json=self.options.style == "json", header=header)

@@ -13,22 +13,22 @@ from typing import Any
 import _modlens
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["Metrics", "address"]
+__all__ = ["Metrics", "parse_address"]
 
 LOOPBACK = "127.0.0.1"
-_LOOK_S = 1.0
-_LARGEST_PORT = 65535
+_UPDATE_S = 1.0
+_LAST_PORT = 65535
 _BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
 
 
-def address(text: str) -> tuple[str, int]:
+def parse_address(text: str) -> tuple[str, int]:
     """Host and port of `[HOST:]PORT`; `UsageError` if it is none.
 
-    >>> address("9502")
+    >>> parse_address("9502")
     ('127.0.0.1', 9502)
     """
     host, _, port = text.rpartition(":")
-    if not port.isdecimal() or int(port) > _LARGEST_PORT:
+    if not port.isdecimal() or int(port) > _LAST_PORT:
         raise UsageError(f"--metrics {text}: write a port as 9502, or host:port")
     return host.strip("[]") or LOOPBACK, int(port)
 
@@ -47,9 +47,9 @@ class Metrics:
             import prometheus_client as prometheus  # noqa: PLC0415
         except ImportError as error:
             raise UsageError("--metrics needs a package: pip install 'modlens[metrics]'") from error
-        self.rows = 0
+        self.row_count = 0
         self._stats = stats
-        self._next = 0.0
+        self._next_update_s = 0.0
         registry = prometheus.CollectorRegistry()
         rows, unit = ("bus", "unit", "function", "status"), ("bus", "unit")
         self._transactions = prometheus.Counter(
@@ -89,12 +89,12 @@ class Metrics:
     def put(self, batch: _modlens.Batch) -> None:
         """Count what the batch holds."""
         table = batch.transactions
-        self.rows += len(table)
+        self.row_count += len(table)
         for row in table:
             self._count(row)
-        if time.monotonic() >= self._next:
-            self._next = time.monotonic() + _LOOK_S
-            self._look()
+        if time.monotonic() >= self._next_update_s:
+            self._next_update_s = time.monotonic() + _UPDATE_S
+            self._update_gauges()
 
     def close(self) -> None:
         """Stop the server."""
@@ -102,7 +102,7 @@ class Metrics:
         self._server.server_close()
         self._thread.join()
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """Closed already, or never begun."""
 
     def _count(self, row: _modlens.Row) -> None:
@@ -115,7 +115,7 @@ class Metrics:
             if isinstance(value, int | float):
                 self._values.labels(row.bus, row.unit, name).set(value)
 
-    def _look(self) -> None:
+    def _update_gauges(self) -> None:
         """What only the statistics know; taken here, because the server's thread must not ask."""
         for bus in self._stats()["buses"]:
             self._damaged.labels(bus["bus"]).set(bus["frames"].get("bad_checksum", 0))

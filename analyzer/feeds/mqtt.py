@@ -27,7 +27,7 @@ from analyzer.columns import pick
 from analyzer.feeds.spool import Message, Spool
 from dissectors.errors import UsageError
 
-__all__ = ["Broker", "Mqtt", "broker"]
+__all__ = ["Broker", "Mqtt", "parse_broker"]
 
 IN_FLIGHT = 200
 """Messages that are given to the client before earlier ones are confirmed."""
@@ -35,9 +35,9 @@ IN_FLIGHT = 200
 DISCOVERY = "homeassistant"
 _PORT = 1883
 _KEEPALIVE_S = 30
-_LONGEST_WAIT_S = 30
-_VALUES = 200_000
-_UNFIT = re.compile(r"[^\w.-]+")
+_MAX_RECONNECT_S = 30
+_MAX_VALUES = 200_000
+_NOT_IN_TOPIC = re.compile(r"[^\w.-]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +51,10 @@ class Broker:
     prefix: str
 
 
-def broker(url: str) -> Broker:
+def parse_broker(url: str) -> Broker:
     """What `mqtt://[user:password@]host[:port][/prefix]` says; `UsageError` if it does not.
 
-    >>> broker("mqtt://192.168.1.9/plant").prefix
+    >>> parse_broker("mqtt://192.168.1.9/plant").prefix
     'plant'
     """
     try:
@@ -77,17 +77,17 @@ class Mqtt:
 
     def __init__(self, where: Broker, *, spool: str | None = None, discovery: bool = False) -> None:
         self.name = f"mqtt://{where.host}:{where.port}/{where.prefix}"
-        self.rows = 0
+        self.row_count = 0
         self._prefix = where.prefix
         self._discovery = discovery
         self._spool = Spool(spool)
         self._columns = pick("transactions", None)
         self._values: dict[str, Any] = {}
         self._sensors: dict[str, Message] = {}
-        self._sending: dict[int, int] = {}
-        self._arrived: deque[int] = deque()
-        self._connected = self._announce = False
-        self._client = self._make(where)
+        self._in_flight: dict[int, int] = {}
+        self._confirmed: deque[int] = deque()
+        self._connected = self._must_announce = False
+        self._client = self._make_client(where)
         self._client.connect_async(where.host, where.port, _KEEPALIVE_S)
         self._client.loop_start()
 
@@ -96,21 +96,21 @@ class Mqtt:
         table = batch.transactions
         if len(table):
             self._spool.add(*self._messages(table))
-            self.rows += len(table)
-        self._go_on()
+            self.row_count += len(table)
+        self._publish_waiting()
 
     def close(self) -> None:
         """Say goodbye; what was not confirmed stays in the spool's file."""
-        self._go_on()
+        self._publish_waiting()
         if self._client.is_connected():
             goodbye = self._client.publish(self._status, b"offline", qos=1, retain=True)
             goodbye.wait_for_publish(2.0)
         self._client.disconnect()
         self._client.loop_stop()
-        self._spool.done(self._take_arrived())
+        self._spool.acknowledge(self._take_confirmed())
         self._spool.close()
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """Closed already, or never begun."""
 
     @property
@@ -122,7 +122,7 @@ class Mqtt:
     def _status(self) -> str:
         return f"{self._prefix}/status"
 
-    def _make(self, where: Broker) -> Any:
+    def _make_client(self, where: Broker) -> Any:
         try:
             from paho.mqtt import client as paho  # noqa: PLC0415
             from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
@@ -132,7 +132,7 @@ class Mqtt:
         if where.user is not None:
             client.username_pw_set(where.user, where.password)
         client.will_set(self._status, b"offline", qos=1, retain=True)
-        client.reconnect_delay_set(1, _LONGEST_WAIT_S)
+        client.reconnect_delay_set(1, _MAX_RECONNECT_S)
         client.max_inflight_messages_set(IN_FLIGHT)
         client.on_connect = self._on_connect
         client.on_publish = self._on_publish
@@ -146,27 +146,27 @@ class Mqtt:
             client.subscribe(f"{DISCOVERY}/status")
 
     def _on_publish(self, client: Any, data: object, number: int, *_: object) -> None:
-        self._arrived.append(number)
+        self._confirmed.append(number)
 
     def _on_message(self, client: Any, data: object, message: Any) -> None:
-        self._announce |= bytes(message.payload) == b"online"
+        self._must_announce |= bytes(message.payload) == b"online"
 
-    def _go_on(self) -> None:
-        if self._announce:
-            self._announce = False
+    def _publish_waiting(self) -> None:
+        if self._must_announce:
+            self._must_announce = False
             self._spool.add(*self._sensors.values())
-        self._spool.done(self._take_arrived())
+        self._spool.acknowledge(self._take_confirmed())
         if not self._client.is_connected():
             return
-        for number, one in self._spool.waiting(IN_FLIGHT - len(self._sending)):
+        for number, one in self._spool.waiting(IN_FLIGHT - len(self._in_flight)):
             sent = self._client.publish(one.topic, one.payload, qos=1, retain=one.retain)
-            self._sending[sent.mid] = number
+            self._in_flight[sent.mid] = number
 
-    def _take_arrived(self) -> list[int]:
+    def _take_confirmed(self) -> list[int]:
         """The spool's numbers of what was confirmed since one last looked."""
         numbers = []
-        for _ in range(len(self._arrived)):
-            number = self._sending.pop(self._arrived.popleft(), None)
+        for _ in range(len(self._confirmed)):
+            number = self._in_flight.pop(self._confirmed.popleft(), None)
             if number is not None:
                 numbers.append(number)
         return numbers
@@ -174,14 +174,14 @@ class Mqtt:
     def _messages(self, table: _modlens.Table) -> Iterator[Message]:
         lines = b"".join(table.lines("jsonl", self._columns)).splitlines()
         for row, line in zip(table, lines, strict=True):
-            bus = f"{self._prefix}/{_fit(row.bus)}"
+            bus = f"{self._prefix}/{_topic_level(row.bus)}"
             yield Message(f"{bus}/transaction", line)
             if row.status == "ok":
                 for name, value in _values(row):
                     yield from self._value(f"{bus}/{row.unit}/{name}", value, row, name)
 
     def _value(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Iterator[Message]:
-        if self._values.get(topic) == value or len(self._values) >= _VALUES:
+        if self._values.get(topic) == value or len(self._values) >= _MAX_VALUES:
             return
         if self._discovery and topic not in self._sensors:
             self._sensors[topic] = self._sensor(topic, row, name)
@@ -191,10 +191,10 @@ class Mqtt:
 
     def _sensor(self, topic: str, row: _modlens.Row, name: str) -> Message:
         """Home Assistant's description of one value (MQTT discovery, a sensor)."""
-        node = _fit(f"{self._prefix}_{row.bus}_{row.unit}")
+        node = _topic_level(f"{self._prefix}_{row.bus}_{row.unit}")
         about = {
             "name": name,
-            "unique_id": f"{node}_{_fit(name)}",
+            "unique_id": f"{node}_{_topic_level(name)}",
             "state_topic": topic,
             "availability_topic": self._status,
             "device": {
@@ -203,20 +203,20 @@ class Mqtt:
                 "manufacturer": "seen by modlens",
             },
         }
-        where = f"{DISCOVERY}/sensor/{node}/{_fit(name)}/config"
+        where = f"{DISCOVERY}/sensor/{node}/{_topic_level(name)}/config"
         return Message(where, json.dumps(about).encode(), retain=True)
 
 
-def _fit(name: str) -> str:
+def _topic_level(name: str) -> str:
     """A name as a level of a topic: no wildcards, no separators."""
-    return _UNFIT.sub("_", name).strip("_") or "_"
+    return _NOT_IN_TOPIC.sub("_", name).strip("_") or "_"
 
 
 def _values(row: _modlens.Row) -> Iterator[tuple[str, Any]]:
     """Names and values of a transaction: of a profile's points, else of registers and coils."""
     if row.readings:
         for name, value in row.readings.items():
-            yield _fit(name), value
+            yield _topic_level(name), value
         return
     kind = SHORT.get(row.register_type or "")
     if kind is None:

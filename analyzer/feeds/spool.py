@@ -7,7 +7,7 @@ The number of messages is bounded; the oldest go first, and are counted.
 >>> spool.add(Message("plant/status", b"online", retain=True))
 >>> [(number, one.topic) for number, one in spool.waiting(10)]
 [(1, 'plant/status')]
->>> spool.done([1])
+>>> spool.acknowledge([1])
 >>> len(spool)
 0
 """
@@ -23,7 +23,7 @@ from dissectors.errors import SourceError
 
 __all__ = ["Message", "Spool"]
 
-MOST = 1_000_000
+MAX_MESSAGES = 1_000_000
 """Messages that may wait: an hour of a busy line."""
 
 _CHECK = 1000
@@ -41,21 +41,21 @@ class Message:
 class Spool:
     """A queue in a file, or in memory; `SourceError` if the file cannot be used."""
 
-    def __init__(self, path: str | None, most: int = MOST) -> None:
+    def __init__(self, path: str | None, limit: int = MAX_MESSAGES) -> None:
         self.dropped = 0
-        self._most = most
-        self._sent = 0
+        self._max_messages = limit
+        self._last_handed_out = 0
         self._added = 0
         try:
-            self._base = sqlite3.connect(path or ":memory:", isolation_level=None)
-            self._base.execute("PRAGMA journal_mode=WAL")
-            self._base.execute("PRAGMA synchronous=NORMAL")
-            self._base.execute(
+            self._database = sqlite3.connect(path or ":memory:", isolation_level=None)
+            self._database.execute("PRAGMA journal_mode=WAL")
+            self._database.execute("PRAGMA synchronous=NORMAL")
+            self._database.execute(
                 "CREATE TABLE IF NOT EXISTS waiting"
                 " (number INTEGER PRIMARY KEY AUTOINCREMENT, topic TEXT, payload BLOB,"
                 " keep INTEGER)"
             )
-            self._count = int(self._base.execute("SELECT count(*) FROM waiting").fetchone()[0])
+            self._count = int(self._database.execute("SELECT count(*) FROM waiting").fetchone()[0])
         except sqlite3.Error as error:
             raise SourceError(f"{path}: cannot be used as a spool: {error}") from error
 
@@ -67,44 +67,44 @@ class Spool:
         rows = [(one.topic, one.payload, one.retain) for one in messages]
         self._run("INSERT INTO waiting (topic, payload, keep) VALUES (?, ?, ?)", rows)
         self._count += len(rows)
-        if self._count > self._most:
-            surplus = self._count - self._most
-            self._base.execute(
+        if self._count > self._max_messages:
+            excess = self._count - self._max_messages
+            self._database.execute(
                 "DELETE FROM waiting WHERE number IN"
                 " (SELECT number FROM waiting ORDER BY number LIMIT ?)",
-                (surplus,),
+                (excess,),
             )
-            self._count -= surplus
-            self.dropped += surplus
+            self._count -= excess
+            self.dropped += excess
 
-    def waiting(self, most: int) -> list[tuple[int, Message]]:
+    def waiting(self, limit: int) -> list[tuple[int, Message]]:
         """The next ones that were not given out yet, with their numbers."""
-        rows = self._base.execute(
+        rows = self._database.execute(
             "SELECT number, topic, payload, keep FROM waiting WHERE number > ?"
             " ORDER BY number LIMIT ?",
-            (self._sent, most),
+            (self._last_handed_out, limit),
         ).fetchall()
         if rows:
-            self._sent = int(rows[-1][0])
+            self._last_handed_out = int(rows[-1][0])
         return [(int(row[0]), Message(row[1], row[2], bool(row[3]))) for row in rows]
 
-    def done(self, numbers: Iterable[int]) -> None:
+    def acknowledge(self, numbers: Iterable[int]) -> None:
         """These have arrived."""
         rows = [(number,) for number in numbers]
-        before = self._base.total_changes
+        before = self._database.total_changes
         self._run("DELETE FROM waiting WHERE number = ?", rows)
-        self._count -= self._base.total_changes - before
+        self._count -= self._database.total_changes - before
 
     def close(self) -> None:
         """What waits stays in the file."""
-        self._base.close()
+        self._database.close()
 
     def _run(self, text: str, rows: Sequence[tuple[Any, ...]]) -> None:
         if not rows:
             return
         try:
-            self._base.execute("BEGIN")
-            self._base.executemany(text, rows)
-            self._base.execute("COMMIT")
+            self._database.execute("BEGIN")
+            self._database.executemany(text, rows)
+            self._database.execute("COMMIT")
         except sqlite3.Error as error:
             raise SourceError(f"the spool cannot be written: {error}") from error

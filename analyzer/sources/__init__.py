@@ -42,7 +42,7 @@ class Scheme:
     name: str
     example: str
     title: str
-    tunable: bool = True
+    takes_line_settings: bool = True
 
 
 def all_formats(dialects: _modlens.Dialects | None = None) -> dict[str, Format]:

@@ -29,7 +29,7 @@ class Chip:
     """A family of adapters: its name, and what it does with bytes and their times."""
 
     name: str
-    habit: str
+    behaviour: str
 
 
 _CHIPS: Mapping[int, Chip] = MappingProxyType(
@@ -51,16 +51,16 @@ _CHIPS: Mapping[int, Chip] = MappingProxyType(
 class Adapter:
     """A port, its chip (None where it has none that is known), and what limits its times.
 
-    `stable` is a name that stays when adapters are plugged in another order; `usable` whether it
-    may be opened.
+    `stable_name` is a name that stays when adapters are plugged in another order; `is_accessible`
+    whether it may be opened.
     """
 
     port: str
     title: str
     chip: Chip | None
-    stable: str | None
+    stable_name: str | None
     timer_ms: int | None
-    usable: bool
+    is_accessible: bool
 
     @property
     def limit(self) -> str:
@@ -91,7 +91,7 @@ def adapters() -> list[Adapter]:
                 port.device,
                 "" if title in (None, "n/a") else str(title),
                 chip_of(port.vid),
-                _stable(port.device),
+                _stable_name(port.device),
                 latency_timer(port.device),
                 os.access(port.device, os.R_OK) or os.name == "nt",
             )
@@ -99,7 +99,7 @@ def adapters() -> list[Adapter]:
     return found
 
 
-def _stable(device: str) -> str | None:
+def _stable_name(device: str) -> str | None:
     if not _BY_ID.is_dir():
         return None
     real = os.path.realpath(device)

@@ -14,10 +14,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-__all__ = ["Change", "Clock", "asleep_ns", "monotonic_ns"]
+__all__ = ["Clock", "ClockChange", "monotonic_ns", "suspended_ns"]
 
-_JUMP_NS = 1_000_000_000
-_NAP_NS = 100_000_000
+_MIN_STEP_NS = 1_000_000_000
+_MIN_SUSPENSION_NS = 100_000_000
 """A machine that slept for less was busy with something else."""
 
 
@@ -29,7 +29,7 @@ monotonic_ns: Callable[[], int] = _monotonic_ns if sys.platform == "darwin" else
 """CLOCK_MONOTONIC, the clock that the core's readers look at; Python's own is another on macOS."""
 
 
-def asleep_ns() -> int:
+def suspended_ns() -> int:
     """How long the machine has slept since it was started; 0 where it does not tell.
 
     Linux' CLOCK_MONOTONIC stands still meanwhile and CLOCK_BOOTTIME does not (clock_gettime(2)); on
@@ -43,11 +43,11 @@ def asleep_ns() -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ClockChange:
     """What became of the clocks: by how much somebody set the wall clock, how long all slept."""
 
     step_ns: int = 0
-    slept_ns: int = 0
+    suspended_ns: int = 0
 
 
 class Clock:
@@ -56,7 +56,7 @@ class Clock:
     The monotonic clock, set by the wall clock again only when that is ahead by a second: so a
     correction of the wall clock does not bend response times. After a sleep it is followed at once.
     Where somebody has set it forward, the line went on all the while: then it is followed when
-    `follow` says that nothing is under way on the line. A wall clock that is set back is not
+    `catch_up` says that nothing is under way on the line. A wall clock that is set back is not
     followed. `shift_ns` is what is to be added to the monotonic clock.
     """
 
@@ -64,17 +64,17 @@ class Clock:
         self,
         wall: Callable[[], int] = time.time_ns,
         monotonic: Callable[[], int] = monotonic_ns,
-        asleep: Callable[[], int] = asleep_ns,
+        suspended: Callable[[], int] = suspended_ns,
     ) -> None:
-        self._wall, self._monotonic, self._asleep = wall, monotonic, asleep
+        self._wall, self._monotonic, self._suspended = wall, monotonic, suspended
         self.shift_ns = wall() - monotonic()
-        self._slept = asleep()
-        self._told = 0
+        self._suspended_ns = suspended()
+        self._reported_ns = 0
 
     @property
-    def is_late(self) -> bool:
+    def is_behind_wall_clock(self) -> bool:
         """Whether the wall clock is ahead, and to be followed."""
-        return self._ahead() > _JUMP_NS
+        return self._ahead_ns() > _MIN_STEP_NS
 
     def at(self, monotonic: int) -> int:
         """Nanoseconds since 1970 of a moment of the monotonic clock."""
@@ -84,29 +84,29 @@ class Clock:
         """Nanoseconds since 1970."""
         return self._monotonic() + self.shift_ns
 
-    def check(self) -> Change:
+    def check(self) -> ClockChange:
         """What happened to the clocks since the last look; each step is told once."""
-        slept = self._asleep() - self._slept
-        if slept >= _NAP_NS:
-            self._slept += slept
+        suspended_ns = self._suspended() - self._suspended_ns
+        if suspended_ns >= _MIN_SUSPENSION_NS:
+            self._suspended_ns += suspended_ns
         else:
-            slept = 0
-        ahead = self._ahead()
-        step = ahead - self._told - slept
-        if abs(step) <= _JUMP_NS:
-            step = 0
+            suspended_ns = 0
+        ahead_ns = self._ahead_ns()
+        step_ns = ahead_ns - self._reported_ns - suspended_ns
+        if abs(step_ns) <= _MIN_STEP_NS:
+            step_ns = 0
         else:
-            self._told = ahead - slept
-        if slept:
-            self.follow()
-        return Change(step, slept)
+            self._reported_ns = ahead_ns - suspended_ns
+        if suspended_ns:
+            self.catch_up()
+        return ClockChange(step_ns, suspended_ns)
 
-    def follow(self) -> None:
+    def catch_up(self) -> None:
         """Go by the wall clock again, unless it is behind."""
-        ahead = self._ahead()
-        if ahead > 0:
-            self.shift_ns += ahead
-            self._told = 0
+        ahead_ns = self._ahead_ns()
+        if ahead_ns > 0:
+            self.shift_ns += ahead_ns
+            self._reported_ns = 0
 
-    def _ahead(self) -> int:
+    def _ahead_ns(self) -> int:
         return self._wall() - self.now_ns()

@@ -4,8 +4,8 @@ The core scores the formats; what is decided here is when a guess is good enough
 (`--from`) cannot be meant: binary data is not text, and text of a known form is not the bytes of a
 line.
 
->>> detection = choose(b"01 03 00 6B 00 03 74 17\n", "bus.hex")
->>> detection.format, detection.ordered
+>>> detection = detect_format(b"01 03 00 6B 00 03 74 17\n", "bus.hex")
+>>> detection.format, detection.forced
 ('hex', False)
 """
 
@@ -20,15 +20,15 @@ from analyzer.sources import FORMATS, is_binary
 from analyzer.sources.encodings import is_utf8
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["SAMPLE", "Detection", "choose"]
+__all__ = ["SAMPLE_BYTES", "Detection", "detect_format"]
 
-SAMPLE = 64 * 1024
+SAMPLE_BYTES = 64 * 1024
 """Bytes that are looked at."""
 
-SURE = 0.9
+MIN_CERTAIN = 0.9
 """From this confidence on the core's opinion refuses an order that contradicts it."""
 
-DOUBTFUL = 0.2
+MIN_CONFIDENCE = 0.2
 """Below this confidence a format is no finding, only the best of bad ones."""
 
 _ASCII = bytes(range(0x80))
@@ -42,13 +42,13 @@ class Detection:
     format: str
     confidence: float
     reason: str
-    ordered: bool
+    forced: bool
 
 
-def choose(
+def detect_format(
     sample: bytes,
     name: str,
-    order: str | None = None,
+    forced_format: str | None = None,
     dialects: _modlens.Dialects | None = None,
 ) -> Detection:
     """The format of a file that begins with `sample`; `dialects` is the table of text formats.
@@ -58,12 +58,12 @@ def choose(
     """
     table = dialects or _modlens.Dialects()
     scores = table.detect(sample, name)
-    if order is not None:
-        return _ordered(sample, name, order, scores, table)
+    if forced_format is not None:
+        return _forced(sample, name, forced_format, scores, table)
     best, confidence, reason = scores[0]
-    if confidence < DOUBTFUL:
+    if confidence < MIN_CONFIDENCE:
         raise SourceError(f"{name}: {_refusal(sample, best, reason)}")
-    return Detection(best, confidence, reason, ordered=False)
+    return Detection(best, confidence, reason, forced=False)
 
 
 def _refusal(sample: bytes, best: str, reason: str) -> str:
@@ -88,28 +88,33 @@ def is_text(sample: bytes) -> bool:
     return strange == high and (high * 3 <= len(sample) or is_utf8(sample))
 
 
-def _ordered(
+def _forced(
     sample: bytes,
     name: str,
-    order: str,
+    forced_format: str,
     scores: list[tuple[str, float, str]],
     table: _modlens.Dialects,
 ) -> Detection:
     known = {*FORMATS, *(row["name"] for row in json.loads(table.rows()))}
-    for part in order.split("+"):
+    for part in forced_format.split("+"):
         if part not in known:
             hints = difflib.get_close_matches(part, known, 1)
             question = f"did you mean {hints[0]!r}?" if hints else "see `modlens formats`"
-            raise UsageError(f"--from {order}: no such format; {question}")
+            raise UsageError(f"--from {forced_format}: no such format; {question}")
     best, confidence, reason = scores[0]
-    own = next((score for form, score, _ in scores if form == order), 0.0)
-    if not is_binary(order) and not is_text(sample):
+    own = next((score for form, score, _ in scores if form == forced_format), 0.0)
+    if not is_binary(forced_format) and not is_text(sample):
         raise SourceError(
-            f"{name}: binary data, not {order} text; leave --from out, or say --from raw"
+            f"{name}: binary data, not {forced_format} text; leave --from out, or say --from raw"
         )
-    if is_binary(order) and best != order and confidence >= SURE and is_text(sample):
+    if (
+        is_binary(forced_format)
+        and best != forced_format
+        and confidence >= MIN_CERTAIN
+        and is_text(sample)
+    ):
         raise SourceError(
             f"{name}: text ({best}: {reason}), not the bytes of a line;"
             f" leave --from out, or say --from {best}"
         )
-    return Detection(order, own, "as ordered by --from", ordered=True)
+    return Detection(forced_format, own, "as ordered by --from", forced=True)

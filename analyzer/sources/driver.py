@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-__all__ = ["COUNTERS", "Driver", "counters", "latency_timer", "mark_errors", "quicken"]
+__all__ = ["COUNTERS", "Driver", "counters", "latency_timer", "mark_errors", "reduce_latency"]
 
 COUNTERS = ("frame", "overrun", "parity", "brk", "buf_overrun")
 """Of the kernel's `serial_icounter_struct`, what tells of damage."""
@@ -29,10 +29,12 @@ _TIOCGICOUNT = 0x545D
 _TIOCGSERIAL, _TIOCSSERIAL = 0x541E, 0x541F
 _ASYNC_LOW_LATENCY = 0x2000
 _ICOUNTER = struct.Struct("11i9i")  # cts dsr rng dcd rx tx frame overrun parity brk buf_overrun
-_PLACES = MappingProxyType({"frame": 6, "overrun": 7, "parity": 8, "brk": 9, "buf_overrun": 10})
+_COUNTER_FIELDS = MappingProxyType(
+    {"frame": 6, "overrun": 7, "parity": 8, "brk": 9, "buf_overrun": 10}
+)
 _SERIAL_SIZE = 128
-_FLAGS_AT = 16  # of serial_struct: type, line, port, irq are four ints before it
-_SLOW_MS = 2
+_FLAGS_OFFSET = 16  # of serial_struct: type, line, port, irq are four ints before it
+_MAX_TIMER_MS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +45,19 @@ class Driver:
     and how to mend it, nothing where nothing does.
     """
 
-    marked: bool = False
+    marks_errors: bool = False
     timer_ms: int | None = None
     low_latency: bool | None = None
     advice: str = ""
 
 
-def quicken(fd: int, name: str) -> Driver:
+def reduce_latency(fd: int, name: str) -> Driver:
     """Ask the driver to hand bytes on at once; says what came of it."""
     if not sys.platform.startswith("linux") or os.path.realpath(name).startswith("/dev/pts/"):
         return Driver()
     low = _low_latency(fd)
     timer = latency_timer(name)
-    if timer is not None and timer >= _SLOW_MS:
+    if timer is not None and timer >= _MAX_TIMER_MS:
         with contextlib.suppress(OSError):
             _timer_file(name).write_text("1\n", encoding="ascii")
         timer = latency_timer(name)
@@ -89,7 +91,7 @@ def counters(fd: int) -> Mapping[str, int]:
     except OSError:
         return {}
     counts = _ICOUNTER.unpack(answer)
-    return {name: counts[place] for name, place in _PLACES.items()}
+    return {name: counts[place] for name, place in _COUNTER_FIELDS.items()}
 
 
 def latency_timer(name: str) -> int | None:
@@ -113,10 +115,10 @@ def _low_latency(fd: int) -> bool | None:
         settings = bytearray(fcntl.ioctl(fd, _TIOCGSERIAL, bytes(_SERIAL_SIZE)))
     except OSError:
         return None
-    (flags,) = struct.unpack_from("i", settings, _FLAGS_AT)
+    (flags,) = struct.unpack_from("i", settings, _FLAGS_OFFSET)
     if flags & _ASYNC_LOW_LATENCY:
         return True
-    struct.pack_into("i", settings, _FLAGS_AT, flags | _ASYNC_LOW_LATENCY)
+    struct.pack_into("i", settings, _FLAGS_OFFSET, flags | _ASYNC_LOW_LATENCY)
     try:
         fcntl.ioctl(fd, _TIOCSSERIAL, bytes(settings))
     except OSError:
@@ -125,7 +127,7 @@ def _low_latency(fd: int) -> bool | None:
 
 
 def _advice(name: str, timer: int | None) -> str:
-    if timer is None or timer < _SLOW_MS:
+    if timer is None or timer < _MAX_TIMER_MS:
         return ""
     return (
         f"the adapter holds bytes back for up to {timer} ms: pauses and response times below"

@@ -1,17 +1,25 @@
 r"""Characters of text files, made UTF-8 as the core reads it.
 
->>> find("\u53d1\u2192 05 03".encode("gbk")), find(b"05 03"), find("05 03".encode("utf-16-le"))
-('gbk', None, 'utf-16-le')
+>>> detect_encoding("\u53d1\u2192 05 03".encode("gbk")), detect_encoding(b"05 03")
+('gbk', None)
+>>> detect_encoding("05 03".encode("utf-16-le"))
+'utf-16-le'
 """
 
 from __future__ import annotations
 
 import codecs
 
-__all__ = ["Transcoder", "find", "is_utf8"]
+__all__ = ["Transcoder", "detect_encoding", "is_utf8"]
 
 _BOMS = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-_SURE = 0.4
+
+_MIN_ZERO_SHARE = 0.4
+"""Share of zero bytes at every other place from which a text is taken for UTF-16."""
+
+_MIN_CHARACTERS = 4
+"""A text of fewer characters is not judged: a short Modbus frame has zeros at such places, too."""
+
 _NO_CONTROLS = bytes([*b"\t\n\v\f\r\x1b", *range(0x20, 0x100)])
 
 
@@ -24,14 +32,17 @@ def is_utf8(sample: bytes) -> bool:
     return True
 
 
-def find(sample: bytes) -> str | None:
+def detect_encoding(sample: bytes) -> str | None:
     """The encoding of a text that begins so; None for UTF-8, ASCII, and what is no text."""
     for bom, name in _BOMS.items():
         if sample.startswith(bom):
             return name
     for name, zeros in (("utf-16-le", sample[1::2]), ("utf-16-be", sample[::2])):
-        # four characters at least: a short frame has zeros, too
-        if len(zeros) >= 4 and zeros.count(0) > _SURE * len(zeros) and _is_plain(sample, name):  # noqa: PLR2004
+        if (
+            len(zeros) >= _MIN_CHARACTERS
+            and zeros.count(0) > _MIN_ZERO_SHARE * len(zeros)
+            and _is_plain(sample, name)
+        ):
             return name
     if is_utf8(sample) or sample.translate(None, _NO_CONTROLS):
         return None

@@ -27,23 +27,23 @@ from typing import Any, BinaryIO, Self
 
 import _modlens
 from analyzer.sources import encodings
-from analyzer.sources.detect import SAMPLE, Detection, choose
+from analyzer.sources.detect import SAMPLE_BYTES, Detection, detect_format
 from analyzer.sources.encodings import Transcoder
 from analyzer.sources.unpack import decompressed, open_member
 from dissectors.errors import SourceError
 
-__all__ = ["STDIN", "Recording", "check"]
+__all__ = ["STDIN", "Recording", "check_readable"]
 
 STDIN = "-"
 """The name that means standard input."""
 
-BLOCK = 64 * 1024
+BLOCK_BYTES = 64 * 1024
 """Bytes of one block; a pipe gives less."""
 
-_LAYERS = 3
+_MAX_COMPRESSION_LAYERS = 3
 """A compressed file may be compressed again."""
 
-PATIENCE = 0.1
+WAIT_S = 0.1
 """Seconds to wait for a pipe before an empty block says that nothing has come."""
 
 
@@ -54,7 +54,7 @@ class Recording:
 
     `read_as` overrides the detection, `dialects` is the table with users' rows. With `follow` the
     file may grow: its end is not the end. Compressed files and text in other encodings are made
-    plain on the way; `trouble` says what was wrong with them. Use it in `with`.
+    plain on the way; `damage` says what was wrong with them. Use it in `with`.
     """
 
     def __init__(
@@ -66,21 +66,21 @@ class Recording:
         follow: bool = False,
     ) -> None:
         self.name = "stdin" if name == STDIN else name
-        self.trouble: str | None = None
+        self.damage: str | None = None
         self._path = name
         self._follow = follow
         self._transcode: Transcoder | None = None
         # Whether the file of this name holds the bytes as they are: it can be opened again.
-        self._own = name != STDIN and os.path.isfile(name)
+        self._is_plain_file = name != STDIN and os.path.isfile(name)
         # What `_file` is read from: archives, and the files under decompressors.
-        self._under = ExitStack()
+        self._enclosing_files = ExitStack()
         try:
             self._file = self._open(name)
-            self._waits = os.name == "posix" and not self._is_regular()
-            self._sample = self._plain_sample()
+            self._may_block = os.name == "posix" and not self._is_regular()
+            self._sample = self._read_plain_sample()
             if not self._sample:
                 raise SourceError(f"{self.name}: empty; there is nothing to decode")
-            self.detection: Detection = choose(self._sample, self.name, read_as, dialects)
+            self.detection: Detection = detect_format(self._sample, self.name, read_as, dialects)
         except BaseException:
             self.close()
             raise
@@ -100,11 +100,11 @@ class Recording:
 
     def seekable(self) -> str | BinaryIO:
         """What a reader that must go back and forth can open: the file's name, or all bytes."""
-        return self._path if self._own else io.BytesIO(b"".join(self.blocks()))
+        return self._path if self._is_plain_file else io.BytesIO(b"".join(self.blocks()))
 
     def close(self) -> None:
         """Close the file, and what it is read from; standard input stays open."""
-        with self._under:
+        with self._enclosing_files:
             if hasattr(self, "_file"):
                 self._file.close()
 
@@ -121,13 +121,13 @@ class Recording:
 
     def _open(self, name: str) -> Any:
         try:
-            if (member := open_member(name, self._under)) is not None:
+            if (member := open_member(name, self._enclosing_files)) is not None:
                 return member
-            check(name)
+            check_readable(name)
             # unbuffered: the blocks are large, and a pipe must not wait for a full one
             return open(0 if name == STDIN else name, "rb", buffering=0, closefd=name != STDIN)
         except OSError as error:
-            raise _trouble(self.name, error) from error
+            raise _source_error(self.name, error) from error
 
     def _is_regular(self) -> bool:
         try:
@@ -135,38 +135,43 @@ class Recording:
         except (OSError, AttributeError):  # a member of an archive
             return True
 
-    def _plain_sample(self) -> bytes:
+    def _read_plain_sample(self) -> bytes:
         """The first bytes, decompressed, and as UTF-8 where they are text."""
         sample = self._read_sample()
-        for _ in range(_LAYERS):
-            plain = decompressed(_Joined(sample, self._file), sample, self.name)
+        for _ in range(_MAX_COMPRESSION_LAYERS):
+            plain = decompressed(_PrependedReader(sample, self._file), sample, self.name)
             if plain is None:
                 break
-            self._under.enter_context(self._file)
-            self._file, self._waits, self._follow, self._own = plain, False, False, False
+            self._enclosing_files.enter_context(self._file)
+            self._file, self._may_block, self._follow, self._is_plain_file = (
+                plain,
+                False,
+                False,
+                False,
+            )
             sample = self._read_sample()
-        if (encoding := encodings.find(sample)) is not None:
+        if (encoding := encodings.detect_encoding(sample)) is not None:
             self._transcode = Transcoder(encoding)
             sample = self._transcode(sample)
         return sample
 
     def _read_sample(self) -> bytes:
-        """The first `SAMPLE` bytes.
+        """The first `SAMPLE_BYTES` bytes.
 
         Of a pipe what comes first, as far as that can be told apart.
         """
         sample = b""
-        while len(sample) < SAMPLE:
-            block = self._read(SAMPLE - len(sample))
+        while len(sample) < SAMPLE_BYTES:
+            block = self._read(SAMPLE_BYTES - len(sample))
             if block is None or (not block and sample):
                 break
             sample += block
         return sample
 
     def _next_block(self) -> bytes | None:
-        block = self._read(BLOCK)
+        block = self._read(BLOCK_BYTES)
         if block is None and self._follow:
-            time.sleep(PATIENCE)
+            time.sleep(WAIT_S)
             self._reopen_if_replaced()
             return b""
         if self._transcode is not None and block != b"":
@@ -189,28 +194,28 @@ class Recording:
     def _read(self, size: int) -> bytes | None:
         """The next bytes, b"" if a pipe has none yet, None at the end."""
         try:
-            if self._waits and not select.select([self._file], [], [], PATIENCE)[0]:
+            if self._may_block and not select.select([self._file], [], [], WAIT_S)[0]:
                 return b""
             # read1 of a decompressor gives what comes before a damaged place; read would lose it.
             read = getattr(self._file, "read1", self._file.read)
             return bytes(read(size)) or None
         except OSError as error:
             if isinstance(error, _gzip_error()):
-                self._damaged(error)
+                self._record_damage(error)
                 return None
-            raise _trouble(self.name, error) from error
+            raise _source_error(self.name, error) from error
         except Exception as error:
-            if not isinstance(error, _damage()):
+            if not isinstance(error, _decompression_errors()):
                 raise
-            self._damaged(error)
+            self._record_damage(error)
             return None
 
-    def _damaged(self, error: Exception) -> None:
+    def _record_damage(self, error: Exception) -> None:
         """What came before the damage of a compressed file is decoded; the rest is lost."""
-        self.trouble = f"damaged or cut off behind what was decoded ({error})"
+        self.damage = f"damaged or cut off behind what was decoded ({error})"
 
 
-class _Joined:
+class _PrependedReader:
     """Bytes that were read already, and the file that they came from."""
 
     def __init__(self, head: bytes, file: Any) -> None:
@@ -242,7 +247,7 @@ def _gzip_error() -> type[Exception]:
     return getattr(module, "BadGzipFile", EOFError)
 
 
-def _damage() -> tuple[type[Exception], ...]:
+def _decompression_errors() -> tuple[type[Exception], ...]:
     """What the decompressors that are loaded raise for damaged data."""
     kinds = {
         "zlib": "error",
@@ -254,25 +259,25 @@ def _damage() -> tuple[type[Exception], ...]:
     return EOFError, *(getattr(sys.modules[module], name) for module, name in loaded.items())
 
 
-def check(name: str) -> None:
+def check_readable(name: str) -> None:
     """`SourceError` if a file of this name can certainly not be read; standard input always can."""
     if name == STDIN:
         return
     try:
         mode = os.stat(name).st_mode
     except OSError as error:
-        raise _trouble(name, error) from error
+        raise _source_error(name, error) from error
     except ValueError as error:  # a null character
         raise SourceError(f"{name!r}: {error}") from error
     if stat.S_ISDIR(mode):
         raise SourceError(f"{name}: a directory; name the files in it, as {name.rstrip('/')}/*")
     if not os.access(name, os.R_OK):
-        raise _trouble(name, PermissionError(errno.EACCES, "permission denied"))
+        raise _source_error(name, PermissionError(errno.EACCES, "permission denied"))
     if stat.S_ISCHR(mode) and "tty" in name:
         raise SourceError(f"{name}: a serial port, not a recording; listen to it by `modlens tap`")
 
 
-def _trouble(name: str, error: OSError) -> SourceError:
+def _source_error(name: str, error: OSError) -> SourceError:
     advice = {
         errno.ENOENT: "no such file; check the path",
         errno.ENOTDIR: "no such file; check the path",

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Self
 
-from analyzer.sources.sigrok import numbers
+from analyzer.sources.sigrok import channel_numbers
 
 __all__ = ["Levels"]
 
@@ -38,7 +38,7 @@ class Levels:
 
     def channels(self, names: Sequence[str]) -> list[int]:
         """The numbers of these channels; `UsageError` where there is no such."""
-        return numbers(self.names, names, self.name)
+        return channel_numbers(self.names, names, self.name)
 
     def blocks(self) -> Iterator[bytes]:
         """The text."""

@@ -31,15 +31,15 @@ from _modlens import Inbox
 from analyzer.line import Line
 from analyzer.sources import SCHEMES
 from analyzer.sources.clock import monotonic_ns
-from analyzer.sources.driver import Driver, counters, mark_errors, quicken
+from analyzer.sources.driver import Driver, counters, mark_errors, reduce_latency
 from dissectors.errors import PortError, UsageError
 
-__all__ = ["Chunk", "Port", "devices", "lost"]
+__all__ = ["Chunk", "Port", "devices", "lost_port_error"]
 
-PATIENCE = 0.05
+READ_TIMEOUT_S = 0.05
 """Seconds after which a reader without a descriptor looks whether it is to stop."""
 
-_ANY = Line(9600, 8, "N", 1)
+_PLACEHOLDER = Line(9600, 8, "N", 1)
 """For a port that has no settings, or none yet."""
 
 _ADVICE = {
@@ -55,7 +55,7 @@ _ADVICE = {
 }
 
 
-_NUMBER = re.compile(r"(?:\[Errno |\()(\d+)[\],]")
+_ERRNO_IN_TEXT = re.compile(r"(?:\[Errno |\()(\d+)[\],]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,33 +89,33 @@ class Port:
         if scheme not in SCHEMES:
             known = ", ".join(kind.example for kind in SCHEMES.values())
             raise UsageError(f"{name}: no port of a known kind; there are {known}")
-        self.tunable = SCHEMES[scheme].tunable
-        self._reader: _Buffered | None = None
-        with self._told():
-            self._port = _open(name, line or _ANY, local=not scheme)
+        self.takes_line_settings = SCHEMES[scheme].takes_line_settings
+        self._reader: _ReaderThread | None = None
+        with self._as_port_error():
+            self._port = _open(name, line or _PLACEHOLDER, local=not scheme)
         self._fd = _descriptor(self._port)
         local = self._fd is not None and not scheme
-        self.driver = quicken(self._fd, name) if local and self._fd is not None else Driver()
-        self._marks = local
-        self._mark()
+        self.driver = reduce_latency(self._fd, name) if local and self._fd is not None else Driver()
+        self._is_local = local
+        self._mark_errors()
 
     def listen(self, inbox: Inbox, number: int) -> None:
         """Begin to read: what comes in goes to `inbox` under this number."""
         if self._fd is not None:
-            inbox.listen(number, self._fd, marked=self.driver.marked)
+            inbox.listen(number, self._fd, marked=self.driver.marks_errors)
         else:
-            self._reader = _Buffered(self._port, inbox, number)
+            self._reader = _ReaderThread(self._port, inbox, number)
 
-    def tune(self, line: Line) -> None:
+    def set_line(self, line: Line) -> None:
         """Other line settings, while it is read; `PortError` if the port does not take them."""
         self.line = line
-        with self._told():
-            _set(self._port, line, self.name)
-        self._mark()
+        with self._as_port_error():
+            _apply_settings(self._port, line, self.name)
+        self._mark_errors()
 
     def counters(self) -> Mapping[str, int]:
         """The driver's counts of damage (`COUNTERS`); empty where it has none."""
-        return counters(self._fd) if self._fd is not None and self._marks else {}
+        return counters(self._fd) if self._fd is not None and self._is_local else {}
 
     def close(self) -> None:
         """Close the port; a port that is already gone is closed, too."""
@@ -135,13 +135,13 @@ class Port:
     ) -> None:
         self.close()
 
-    def _mark(self) -> None:
+    def _mark_errors(self) -> None:
         """Pyserial clears the flag whenever it sets anything."""
-        if self._marks and self._fd is not None:
-            self.driver = replace(self.driver, marked=mark_errors(self._fd))
+        if self._is_local and self._fd is not None:
+            self.driver = replace(self.driver, marks_errors=mark_errors(self._fd))
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _as_port_error(self) -> Iterator[None]:
         """Errors of the system and of pyserial as `PortError`."""
         try:
             yield
@@ -149,13 +149,13 @@ class Port:
             raise PortError(_advice(error, self.line), port=self.name) from error
 
 
-class _Buffered:
+class _ReaderThread:
     """Reads where there is no descriptor to wait for: RFC 2217, and ports of Windows."""
 
     def __init__(self, port: Any, inbox: Inbox, number: int) -> None:
         self._stopped = threading.Event()
         self._port, self._inbox, self._number = port, inbox, number
-        port.timeout = PATIENCE
+        port.timeout = READ_TIMEOUT_S
         self._thread = threading.Thread(target=self._read, name=f"port {number}", daemon=True)
         self._thread.start()
 
@@ -175,7 +175,7 @@ class _Buffered:
             self._inbox.put(self._number, monotonic_ns(), None)
 
 
-def lost(name: str, number: int) -> PortError:
+def lost_port_error(name: str, number: int) -> PortError:
     """The error for a port that has ended with this number of the system (0: nothing said)."""
     return PortError(_advice(OSError(number or errno.EIO, ""), None), port=name)
 
@@ -190,12 +190,12 @@ def _open(name: str, line: Line, *, local: bool) -> Any:
     port.rts = False
     if local:
         port.exclusive = True
-    _set(port, line, name)
+    _apply_settings(port, line, name)
     port.open()
     return port
 
 
-def _set(port: Any, line: Line, name: str) -> None:
+def _apply_settings(port: Any, line: Line, name: str) -> None:
     port.baudrate = line.baud
     if not _is_pseudo_terminal(name):  # those have no characters, and Linux refuses parity on them
         port.bytesize = line.data_bits
@@ -238,7 +238,7 @@ def _advice(error: Exception, line: Line | None) -> str:
     if number in _ADVICE:
         return _ADVICE[number]
     text = str(error)
-    found = _NUMBER.search(text)  # pyserial puts the system's number into the text only
+    found = _ERRNO_IN_TEXT.search(text)  # pyserial puts the system's number into the text only
     if found and int(found[1]) in _ADVICE:
         return _ADVICE[int(found[1])]
     if "disconnected" in text:

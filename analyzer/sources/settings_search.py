@@ -3,12 +3,12 @@
 The evidence is frames whose checksums fit: nothing else is believed. Which settings are tried next
 comes from the bytes that the wrong ones gave. A receiver begins a character with a falling edge, so
 the zeros at a byte's low end tell how long the line was low, in bits of the receiver's rate; that
-length is a multiple of the line's bit (`likelihood`). At a rate nine times too high every
+length is a multiple of the line's bit (`log_likelihood`). At a rate nine times too high every
 byte is 00. So a guess or two lead to the rate.
 
 At the right rate the shapes of characters are tried; `analyzer.sources.character_format` has them.
 
->>> tuner = Tuner()
+>>> tuner = SettingsSearch()
 >>> str(tuner.line)
 '115200-8E1'
 """
@@ -23,10 +23,24 @@ from types import MappingProxyType
 
 import _modlens
 from analyzer.line import Line
-from analyzer.sources.character_format import SHAPES, WIDE, Shaping, Trial
+from analyzer.sources.character_format import (
+    CHARACTER_FORMATS,
+    ELEVEN_BITS,
+    CharacterFormatSearch,
+    Trial,
+)
 from analyzer.sources.serial import Chunk
 
-__all__ = ["BAUDS", "MASKS", "Found", "Tuner", "evidence", "likelihood", "listener", "pulses"]
+__all__ = [
+    "BAUDS",
+    "CHARACTER_MASKS",
+    "FoundSettings",
+    "SettingsSearch",
+    "evidence",
+    "listener",
+    "log_likelihood",
+    "pulse_lengths",
+]
 
 BAUDS: Mapping[int, float] = MappingProxyType(
     {
@@ -52,30 +66,30 @@ BAUDS: Mapping[int, float] = MappingProxyType(
 )
 """The rates that are tried, and how usual each is."""
 
-FIRST = 115200
+FIRST_BAUD = 115200
 """The first guess is a high rate: what is slower shows itself there."""
 
-PROBE, LIMIT = 24, 48
+MIN_BYTES, MAX_BYTES = 24, 48
 """Bytes after which a wrong rate is left, and a rate's shape is given up."""
 
-ODDS = 30.0
+MIN_ODDS = 30.0
 """By so much another rate must be more likely before this one is left."""
 
-LONGEST = 9
+MAX_PULSE_BITS = 9
 """Zeros of a start bit and eight data bits: a longer pulse looks the same."""
 
-_STRANGE, _SAME = 0.1, 0.9
+_OUTLIER_SHARE, _MIN_RATIO = 0.1, 0.9
 _ZERO_SHARE = 0.25
-_REFUSED = 2.0
-_PAIRS, _FRAMES, _ASCII_FRAMES = 1, 3, 2
+_FAILED_TRIAL_COST = 2.0
+_MIN_ANSWERED, _MIN_FRAMES, _MIN_ASCII_FRAMES = 1, 3, 2
 _INVERTED_BURSTS, _INVERTED_SHARE = 6, 0.7
 _TEXT_FACTOR = 3
 _NS_PER_S = 1_000_000_000
-_QUIET_NS = 30_000_000
+_IDLE_NS = 30_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundSettings:
     """Settings that fit: the line, `rtu` or `ascii`, what speaks for them, and the bytes so far."""
 
     line: Line
@@ -84,35 +98,35 @@ class Found:
     chunks: tuple[tuple[int, Chunk], ...]
 
 
-class Tuner:
+class SettingsSearch:
     """Says what `line` to listen with, takes what comes in, until `found`.
 
     Whoever owns the port sets it to `line` whenever that has changed, and calls `feed` for every
-    read and `advance` when time has passed. `told` hears what was tried, and why it was left.
-    `marks` says whether the driver marks line errors; `labels` names the lines of a two-line tap by
-    port number.
+    read and `advance` when time has passed. `notify` hears what was tried, and why it was left.
+    `marks_errors` says whether the driver marks line errors; `labels` names the lines of a two-line
+    tap by port number.
     """
 
     def __init__(
         self,
-        told: Callable[[str], None] = lambda _: None,
+        notify: Callable[[str], None] = lambda _: None,
         *,
-        marks: bool = True,
+        marks_errors: bool = True,
         labels: Mapping[int, str] = MappingProxyType({}),
     ) -> None:
-        self.found: Found | None = None
-        self._told = told
-        self._marks = marks
+        self.found: FoundSettings | None = None
+        self._notify = notify
+        self._marks_errors = marks_errors
         self._labels = labels
         self._evidence = ""
-        self._kept: list[tuple[int, Chunk]] = []
-        self._pulses: dict[int, list[int]] = {}
+        self._chunks: list[tuple[int, Chunk]] = []
+        self._pulse_lengths: dict[int, list[int]] = {}
         self._tried: set[Line] = set()
-        self._limit = LIMIT
-        self._shaping: Shaping | None = None
-        self._suspected = False
-        self._rests: dict[int, tuple[int, int]] = {}
-        self._begin(_line(FIRST, WIDE))
+        self._limit = MAX_BYTES
+        self._format_search: CharacterFormatSearch | None = None
+        self._reported_swap = False
+        self._burst_ends: dict[int, tuple[int, int]] = {}
+        self._begin(_line(FIRST_BAUD, ELEVEN_BITS))
 
     @property
     def line(self) -> Line:
@@ -124,154 +138,166 @@ class Tuner:
         if self.found is not None or not chunk.data:
             return
         self._trial.add(port, chunk)
-        for core, mask in self._scores.values():
+        for core, mask in self._listeners.values():
             data = bytes(byte & mask for byte in chunk.data)
             core.feed(0, data, chunk.time_ns, line=self._labels.get(port))
         self._decide()
 
     def advance(self, now_ns: int) -> None:
         """Nothing came until now: what the silence ends is judged."""
-        if self.found is None and self._trial.data and now_ns - self._trial.last_ns > _QUIET_NS:
-            for core, _ in self._scores.values():
+        if self.found is None and self._trial.data and now_ns - self._trial.last_ns > _IDLE_NS:
+            for core, _ in self._listeners.values():
                 core.poll(now_ns)
             self._decide()
 
     def _begin(self, line: Line) -> None:
         self._trial = Trial(line)
-        self._scores = {mode: (listener(mode, line), mask) for mode, mask in MASKS.items()}
+        self._listeners = {
+            mode: (listener(mode, line), mask) for mode, mask in CHARACTER_MASKS.items()
+        }
 
     def _decide(self) -> None:
         trial = self._trial
-        mode, evidence = self._best()
-        if self._shaping is not None:
-            self._shape(self._shaping, evidence)
+        mode, evidence = self._evidence_by_mode()
+        if self._format_search is not None:
+            self._evaluate_format(self._format_search, evidence)
         elif evidence:
-            self._shaping = Shaping(trial, mode, marks=self._marks)
+            self._format_search = CharacterFormatSearch(
+                trial, mode, marks_errors=self._marks_errors
+            )
             self._evidence = f"{evidence} in {len(trial.data)} bytes"
-            self._kept = list(trial.chunks)
-            self._follow(self._shaping)
-        elif len(trial.data) >= PROBE:
-            self._go_on(trial)
+            self._chunks = list(trial.chunks)
+            self._follow_format_search(self._format_search)
+        elif len(trial.data) >= MIN_BYTES:
+            self._change_baud(trial)
 
-    def _best(self) -> tuple[str, str]:
+    def _evidence_by_mode(self) -> tuple[str, str]:
         """The framing that something speaks for, and what."""
-        for mode, (core, _) in self._scores.items():
+        for mode, (core, _) in self._listeners.items():
             proof = evidence(mode, core)
             if proof:
                 return mode, proof
         return "", ""
 
-    def _go_on(self, trial: Trial) -> None:
+    def _change_baud(self, trial: Trial) -> None:
         """Leave for a rate that is likelier, or when enough was heard in vain."""
         baud = trial.line.baud
-        self._pulses[baud] = pulses(bytes(trial.data))
-        odds = self._odds()
+        self._pulse_lengths[baud] = pulse_lengths(bytes(trial.data))
+        log_odds = self._log_odds()
         left = [
-            rate for rate in odds if any(_line(rate, shape) not in self._tried for shape in SHAPES)
+            rate
+            for rate in log_odds
+            if any(_line(rate, format_) not in self._tried for format_ in CHARACTER_FORMATS)
         ]
-        best = max(left, key=lambda rate: odds[rate])
+        best = max(left, key=lambda rate: log_odds[rate])
         limit = self._limit * (_TEXT_FACTOR if trial.looks_like_text() else 1)
-        if odds[best] - odds[baud] > math.log(ODDS):
-            self._leave(f"looks like {best} baud")
+        if log_odds[best] - log_odds[baud] > math.log(MIN_ODDS):
+            self._begin_next_trial(f"looks like {best} baud")
         elif len(trial.data) >= limit:
             self._tried.add(trial.line)
-            self._suspect()
-            self._leave("no checksum fits")
+            self._check_swapped_wires()
+            self._begin_next_trial("no checksum fits")
 
-    def _odds(self) -> dict[int, float]:
+    def _log_odds(self) -> dict[int, float]:
         """The logarithm of each rate's odds: how usual, what pulses say, what was in vain."""
-        odds = {}
+        log_odds = {}
         for baud, prior in BAUDS.items():
-            vain = sum(_line(baud, shape) in self._tried for shape in SHAPES)
-            odds[baud] = math.log(prior) - _REFUSED * vain
-            for rate, counts in self._pulses.items():
-                odds[baud] += likelihood(counts, rate / baud)
-        return odds
+            failed_trials = sum(
+                _line(baud, format_) in self._tried for format_ in CHARACTER_FORMATS
+            )
+            log_odds[baud] = math.log(prior) - _FAILED_TRIAL_COST * failed_trials
+            for rate, counts in self._pulse_lengths.items():
+                log_odds[baud] += log_likelihood(counts, rate / baud)
+        return log_odds
 
-    def _leave(self, why: str) -> None:
+    def _begin_next_trial(self, why: str) -> None:
         trial = self._trial
         zeros = trial.data.count(0) / len(trial.data)
-        marked = f", {trial.marked} with line errors" if trial.marked else ""
-        self._told(f"{trial.line}: {len(trial.data)} bytes, {zeros:.0%} are 00{marked}: {why}")
-        self._begin(self._next())
+        marked_bytes = f", {trial.marked_bytes} with line errors" if trial.marked_bytes else ""
+        self._notify(
+            f"{trial.line}: {len(trial.data)} bytes, {zeros:.0%} are 00{marked_bytes}: {why}"
+        )
+        self._begin(self._next_line())
 
-    def _next(self) -> Line:
+    def _next_line(self) -> Line:
         """The likeliest rate that has a shape left to try; from the start again after all."""
-        odds = self._odds()
-        for baud in sorted(odds, key=lambda rate: -odds[rate]):
-            for shape in SHAPES:
-                if _line(baud, shape) not in self._tried:
-                    return _line(baud, shape)
+        log_odds = self._log_odds()
+        for baud in sorted(log_odds, key=lambda rate: -log_odds[rate]):
+            for format_ in CHARACTER_FORMATS:
+                if _line(baud, format_) not in self._tried:
+                    return _line(baud, format_)
         self._tried.clear()
-        self._pulses.clear()
+        self._pulse_lengths.clear()
         self._limit *= 4
-        self._told("no settings fit so far; trying all again, each for longer")
-        return _line(FIRST, WIDE)
+        self._notify("no settings fit so far; trying all again, each for longer")
+        return _line(FIRST_BAUD, ELEVEN_BITS)
 
-    def _suspect(self) -> None:
+    def _check_swapped_wires(self) -> None:
         """A line whose wires are swapped rests at the level of a start bit: bursts end in 00."""
         trial = self._trial
-        before, zero_before = self._rests.get(trial.line.baud, (0, 0))
-        bursts, to_zero = before + trial.bursts, zero_before + trial.bursts_to_zero
-        self._rests[trial.line.baud] = (bursts, to_zero)
+        before, zero_before = self._burst_ends.get(trial.line.baud, (0, 0))
+        bursts, to_zero = before + trial.bursts, zero_before + trial.bursts_ending_in_zero
+        self._burst_ends[trial.line.baud] = (bursts, to_zero)
         at_rest = to_zero >= _INVERTED_SHARE * max(bursts, _INVERTED_BURSTS)
         mixed = trial.data.count(0) < len(trial.data) / 2
-        if at_rest and mixed and not self._suspected:
-            self._suspected = True
-            self._told(
+        if at_rest and mixed and not self._reported_swap:
+            self._reported_swap = True
+            self._notify(
                 f"every burst at {trial.line.baud} baud ends in a 00 that is none: A and B (D- and"
                 " D+) may be swapped; the other wiring is worth a try"
             )
 
-    def _shape(self, shaping: Shaping, evidence: str) -> None:
+    def _evaluate_format(self, format_search: CharacterFormatSearch, evidence: str) -> None:
         """The rate is sure; which characters it has is being tried."""
-        self._kept += self._trial.chunks[-1:]
-        if shaping.judge(self._trial, fits=bool(evidence)):
-            self._follow(shaping)
+        self._chunks += self._trial.chunks[-1:]
+        if format_search.evaluate(self._trial, fits=bool(evidence)):
+            self._follow_format_search(format_search)
 
-    def _follow(self, shaping: Shaping) -> None:
-        if shaping.line is None:
-            self._begin(shaping.trying)
+    def _follow_format_search(self, format_search: CharacterFormatSearch) -> None:
+        if format_search.line is None:
+            self._begin(format_search.candidate)
             return
-        text = f"{shaping.line}, {shaping.mode}: {self._evidence}"
-        if shaping.seen:
-            text += f"; line errors: {shaping.seen}"
-        self.found = Found(shaping.line, shaping.mode, text, tuple(self._kept))
+        text = f"{format_search.line}, {format_search.mode}: {self._evidence}"
+        if format_search.error_shares:
+            text += f"; line errors: {format_search.error_shares}"
+        self.found = FoundSettings(
+            format_search.line, format_search.mode, text, tuple(self._chunks)
+        )
 
 
-MASKS: Mapping[str, int] = MappingProxyType({"rtu": 0xFF, "ascii": 0x7F})
+CHARACTER_MASKS: Mapping[str, int] = MappingProxyType({"rtu": 0xFF, "ascii": 0x7F})
 """Framing -> the bits of a character that count."""
 
 
-_LENGTHS = bytes((byte & -byte).bit_length() if byte else LONGEST for byte in range(256))
+_PULSE_BITS = bytes((byte & -byte).bit_length() if byte else MAX_PULSE_BITS for byte in range(256))
 """How long the line is low at the start of a character, by what was received, in bits."""
 
 
-def pulses(data: bytes) -> list[int]:
+def pulse_lengths(data: bytes) -> list[int]:
     """How often the line was low for how many bits at the start of a character.
 
-    The last count is of `LONGEST` bits and any longer.
+    The last count is of `MAX_PULSE_BITS` bits and any longer.
 
-    >>> pulses(bytes([0xFF, 0xFE, 0xFE, 0x80, 0x00]))
+    >>> pulse_lengths(bytes([0xFF, 0xFE, 0xFE, 0x80, 0x00]))
     [0, 1, 2, 0, 0, 0, 0, 0, 1, 1]
     """
-    lengths = data.translate(_LENGTHS)
-    return [lengths.count(length) for length in range(LONGEST + 1)]
+    lengths = data.translate(_PULSE_BITS)
+    return [lengths.count(length) for length in range(MAX_PULSE_BITS + 1)]
 
 
-def likelihood(counts: Sequence[int], ratio: float) -> float:
+def log_likelihood(counts: Sequence[int], ratio: float) -> float:
     """The logarithm of how well pulses fit a line whose bits are `ratio` bits of the receiver."""
-    if ratio < _SAME:
-        return sum(counts) * math.log(1 / LONGEST)
-    chances = [_STRANGE / LONGEST] * (LONGEST + 1)
-    for bits in range(1, LONGEST + 1):
-        share = (1 - _ZERO_SHARE) / 2**bits if bits < LONGEST else _ZERO_SHARE
-        chances[min(math.floor(bits * ratio + 0.5), LONGEST)] += (1 - _STRANGE) * share
+    if ratio < _MIN_RATIO:
+        return sum(counts) * math.log(1 / MAX_PULSE_BITS)
+    chances = [_OUTLIER_SHARE / MAX_PULSE_BITS] * (MAX_PULSE_BITS + 1)
+    for bits in range(1, MAX_PULSE_BITS + 1):
+        share = (1 - _ZERO_SHARE) / 2**bits if bits < MAX_PULSE_BITS else _ZERO_SHARE
+        chances[min(math.floor(bits * ratio + 0.5), MAX_PULSE_BITS)] += (1 - _OUTLIER_SHARE) * share
     return sum(count * math.log(chance) for count, chance in zip(counts, chances, strict=True))
 
 
-def _line(baud: int, shape: tuple[int, str, float]) -> Line:
-    return Line(baud, *shape)
+def _line(baud: int, format_: tuple[int, str, float]) -> Line:
+    return Line(baud, *format_)
 
 
 def listener(mode: str, line: Line) -> _modlens.Session:
@@ -287,7 +313,7 @@ def evidence(mode: str, core: _modlens.Session) -> str:
     frames = stats["buses"][0]["frames"]["ok"]
     answered = sum(stats["transactions"].get(status, 0) for status in ("ok", "exception"))
     tentative = stats["findings"].get("tentative", 0)
-    enough = frames >= _ASCII_FRAMES if mode == "ascii" else answered >= _PAIRS
-    if not enough and frames - tentative < _FRAMES:
+    enough = frames >= _MIN_ASCII_FRAMES if mode == "ascii" else answered >= _MIN_ANSWERED
+    if not enough and frames - tentative < _MIN_FRAMES:
         return ""
     return f"{frames} frames with a right checksum, {answered} requests answered"

@@ -2,7 +2,7 @@ r"""Sessions of sigrok (`.sr`): a zip of samples, and what the analyser says of 
 
 Only the samples are read here; that there are serial lines in them is found by the core.
 
->>> rate("4 MHz"), rate("24000")
+>>> parse_sample_rate("4 MHz"), parse_sample_rate("24000")
 (4000000.0, 24000.0)
 """
 
@@ -19,7 +19,7 @@ from typing import BinaryIO, Self
 
 from dissectors.errors import SourceError, UsageError
 
-__all__ = ["Samples", "numbers", "rate"]
+__all__ = ["Samples", "channel_numbers", "parse_sample_rate"]
 
 BLOCK = 1 << 20
 
@@ -48,7 +48,7 @@ class Samples:
 
     def channels(self, names: Sequence[str]) -> list[int]:
         """The numbers of these channels; `UsageError` where there is no such."""
-        return numbers(self.names, names, self.name)
+        return channel_numbers(self.names, names, self.name)
 
     def blocks(self) -> Iterator[bytes]:
         """The samples, `unit` bytes each."""
@@ -78,7 +78,7 @@ class Samples:
             device = next(parser[name] for name in parser.sections() if name.startswith("device"))
             stem = device["capturefile"]
             self.unit = int(device.get("unitsize", "1"))
-            self.rate = rate(device["samplerate"])
+            self.rate = parse_sample_rate(device["samplerate"])
         except (KeyError, StopIteration, ValueError, configparser.Error) as error:
             raise SourceError(
                 f"{self.name}: the session does not say how its samples were taken: {error}"
@@ -97,7 +97,7 @@ class Samples:
         self._parts = [part for _, part in sorted(parts)]
 
 
-def numbers(channels: Mapping[int, str], names: Sequence[str], recording: str) -> list[int]:
+def channel_numbers(channels: Mapping[int, str], names: Sequence[str], recording: str) -> list[int]:
     """The numbers of the channels of these names; `UsageError` where a recording has no such."""
     known = {name: number for number, name in channels.items()}
     for name in names:
@@ -107,7 +107,7 @@ def numbers(channels: Mapping[int, str], names: Sequence[str], recording: str) -
     return [known[name] for name in names]
 
 
-def rate(text: str) -> float:
+def parse_sample_rate(text: str) -> float:
     """Samples a second, of `1 MHz` and the like; `ValueError` where it is none."""
     match = _RATE.fullmatch(text.strip())
     if match is None or not float(match[1]):

@@ -19,37 +19,37 @@ from dissectors.errors import SourceError
 if TYPE_CHECKING:
     from email.message import EmailMessage
 
-__all__ = ["MARK", "Name", "decompressed", "expand", "open_member"]
+__all__ = ["MEMBER_SEPARATOR", "RecordingName", "decompressed", "expand", "open_member"]
 
-MARK = "!"
+MEMBER_SEPARATOR = "!"
 """Stands between an archive and what is in it."""
 
-DEEPEST = 3
+MAX_NESTING = 3
 """Archives in archives; deeper ones are left alone."""
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _ZIP = b"PK\x03\x04"
-_ZIP_NAME = 30
+_ZIP_NAME_OFFSET = 30
 """Where the name of the first file stands in a zip."""
-_SIGROK = (b"version", b"metadata")
+_SIGROK_MEMBERS = (b"version", b"metadata")
 """With these a session of sigrok begins, which is one recording, even a damaged one."""
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class RecordingName:
     """A recording; `found` says that nobody named it: it may be something else."""
 
     text: str
     found: bool = False
 
 
-def expand(names: list[str]) -> list[Name]:
+def expand(names: list[str]) -> list[RecordingName]:
     """The recordings that these names mean.
 
     A directory stands for the files in it, a pattern for those that fit, an archive or mail for
     what is in it. `SourceError` if that is nothing.
     """
-    found: list[Name] = []
+    found: list[RecordingName] = []
     for name in names:
         paths = [name]
         if os.path.isdir(name):
@@ -59,11 +59,14 @@ def expand(names: list[str]) -> list[Name]:
         if not paths:
             raise SourceError(f"{name}: no files; check the path")
         for path in paths:
-            inside = _inside(path)
+            inside = _members_of(path)
             if inside is None:
-                found.append(Name(path, found=path != name))
+                found.append(RecordingName(path, found=path != name))
             else:
-                found += [Name(f"{path}{MARK}{member}", found=True) for member in inside]
+                found += [
+                    RecordingName(f"{path}{MEMBER_SEPARATOR}{member}", found=True)
+                    for member in inside
+                ]
     return found
 
 
@@ -73,13 +76,13 @@ def _walk(folder: str) -> Iterator[str]:
         yield from (os.path.join(place, one) for one in files if not one.startswith("."))
 
 
-def _inside(path: str) -> list[str] | None:
+def _members_of(path: str) -> list[str] | None:
     """The members of an archive or mail; None for any other file."""
     if not os.path.isfile(path):
         return None
     try:
         with ExitStack() as opened:
-            return _members(opened.enter_context(open(path, "rb")), path, DEEPEST, opened)
+            return _members(opened.enter_context(open(path, "rb")), path, MAX_NESTING, opened)
     except OSError:
         return None  # the one who opens it says why it cannot be read
 
@@ -92,7 +95,9 @@ def _members(file: IO[bytes], name: str, depth: int, opened: ExitStack) -> list[
     for member, content in found:
         with ExitStack() as inside:
             inner = _members(inside.enter_context(content()), member, depth - 1, inside)
-        members += [member] if inner is None else [f"{member}{MARK}{one}" for one in inner]
+        members += (
+            [member] if inner is None else [f"{member}{MEMBER_SEPARATOR}{one}" for one in inner]
+        )
     return members
 
 
@@ -101,17 +106,17 @@ def open_member(name: str, opened: ExitStack) -> IO[bytes] | None:
 
     What they are read from has to stay open as long as they are read: closing `opened` closes it.
     """
-    path, *members = name.split(MARK)
+    path, *members = name.split(MEMBER_SEPARATOR)
     while members and not os.path.isfile(path):
-        path = f"{path}{MARK}{members.pop(0)}"
+        path = f"{path}{MEMBER_SEPARATOR}{members.pop(0)}"
     if not members or os.path.lexists(name):
         return None
     file: IO[bytes] = opened.enter_context(open(path, "rb"))
-    rest = MARK.join(members)
+    rest = MEMBER_SEPARATOR.join(members)
     place = path
     while rest:
         for member, content in _contents(file, place, opened) or ():
-            if rest == member or rest.startswith(member + MARK):
+            if rest == member or rest.startswith(member + MEMBER_SEPARATOR):
                 file, place = opened.enter_context(content()), member
                 rest = rest[len(member) + 1 :]
                 break
@@ -124,7 +129,7 @@ def _contents(file: IO[bytes], name: str, opened: ExitStack) -> list[tuple[str, 
     """Names and openers of what is in an archive or a mail; None for any other file."""
     head = file.read(4096)
     file.seek(0)
-    if head.startswith(_ZIP) and not head[_ZIP_NAME:].startswith(_SIGROK):
+    if head.startswith(_ZIP) and not head[_ZIP_NAME_OFFSET:].startswith(_SIGROK_MEMBERS):
         return _zip(file, name, opened)
     if name.lower().endswith(".eml") or _is_mail(head):
         return _mail(file)
@@ -148,7 +153,7 @@ def _zip(file: IO[bytes], name: str, opened: ExitStack) -> list[tuple[str, Any]]
             try:
                 return archive.open(entry)
             except (RuntimeError, NotImplementedError, zipfile.BadZipFile) as error:
-                raise SourceError(f"{name}{MARK}{entry.filename}: {error}") from error
+                raise SourceError(f"{name}{MEMBER_SEPARATOR}{entry.filename}: {error}") from error
 
         return content
 
@@ -175,7 +180,7 @@ def _mail(file: IO[bytes]) -> list[tuple[str, Any]]:
         if name is None and part.get_content_maintype() != "text":
             continue
         data = _text(part) if name is None else bytes(part.get_payload(decode=True) or b"")
-        label = (name or f"part{number}.txt").replace(MARK, "_")
+        label = (name or f"part{number}.txt").replace(MEMBER_SEPARATOR, "_")
         found.append((label, lambda data=data: BytesIO(data)))
     return found
 

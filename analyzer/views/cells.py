@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from analyzer.views.grid import Field, Head
+from analyzer.views.grid import ColumnLayout, GridColumn
 from analyzer.views.screen import visible, width_of
 from dissectors.table import function as table_function
 
@@ -22,10 +22,10 @@ BASE_TITLES = {
 }
 """How the head of an address column names its base."""
 
-LABEL = 16
+MAX_LABEL_COLUMNS = 16
 """Columns of a bus's short name."""
 
-_LONG_US = 100_000
+_WHOLE_MS_FROM_US = 100_000
 """From here on tenths of a millisecond are noise."""
 
 
@@ -49,16 +49,19 @@ def labels(names: Sequence[str]) -> dict[str, str]:
         if len(set(found.values())) == len(found):
             break
     return {
-        name: "…" + label[1 - LABEL :] if len(label) > LABEL else label
+        name: "…" + label[1 - MAX_LABEL_COLUMNS :] if len(label) > MAX_LABEL_COLUMNS else label
         for name, label in found.items()
     }
 
 
-def bus_field(names: Sequence[str], name_of: Callable[[Any], str]) -> Field:
+def bus_field(names: Sequence[str], name_of: Callable[[Any], str]) -> GridColumn:
     """The column that says the bus; `name_of` gives a row's."""
     short = labels(names)
     width = max(map(width_of, short.values()), default=0)
-    return Field(Head("bus", min(width, LABEL)), lambda row: short.get(name_of(row), name_of(row)))
+    return GridColumn(
+        ColumnLayout("bus", min(width, MAX_LABEL_COLUMNS)),
+        lambda row: short.get(name_of(row), name_of(row)),
+    )
 
 
 def number(value: int | None) -> str:
@@ -74,7 +77,7 @@ def milliseconds(microseconds: float | None) -> str:
     """
     if microseconds is None:
         return ""
-    digits = 1 if microseconds < _LONG_US else 0
+    digits = 1 if microseconds < _WHOLE_MS_FROM_US else 0
     return f"{microseconds / 1e3:.{digits}f}"
 
 

@@ -16,12 +16,12 @@ from dissectors.describe import Piece
 
 __all__ = ["show_findings", "show_frame", "show_pause"]
 
-HEADS = ("offset", "bytes", "field", "value", "meaning")
+TITLES = ("offset", "bytes", "field", "value", "meaning")
 STYLES = ("dim", "note", "", "", "")
-WIDEST = (6, 23, 22, 18)
+MAX_WIDTHS = (6, 23, 22, 18)
 """Columns that the first four take at most; 23 are eight bytes."""
 
-NARROWEST_MEANING = 16
+MIN_MEANING_WIDTH = 16
 GAP = "  "
 INDENT = "  "
 
@@ -52,11 +52,11 @@ def _table(pieces: Sequence[Piece], width: int) -> Iterator[list[Part]]:
     rows = [_cells(piece) for piece in pieces]
     widths = [
         min(most, max(len(head), *(width_of(line) for row in rows for line in row[column])))
-        for column, (head, most) in enumerate(zip(HEADS, WIDEST, strict=False))
+        for column, (head, most) in enumerate(zip(TITLES, MAX_WIDTHS, strict=False))
     ]
     rest = width - sum(widths) - len(GAP) * len(widths)
-    widths.append(max(rest, NARROWEST_MEANING))
-    yield _line(HEADS, widths, ["head"] * len(HEADS))
+    widths.append(max(rest, MIN_MEANING_WIDTH))
+    yield _line(TITLES, widths, ["head"] * len(TITLES))
     for piece, row in zip(pieces, rows, strict=True):
         meaning = _wrapped(piece.meaning, widths[-1])
         styles = [*STYLES[:-1], "" if piece.sound else "bad"]
@@ -66,7 +66,7 @@ def _table(pieces: Sequence[Piece], width: int) -> Iterator[list[Part]]:
 
 def _cells(piece: Piece) -> list[list[str]]:
     """The first four columns of a piece, each as its lines."""
-    _, bytes_wide, name_wide, value_wide = WIDEST
+    _, bytes_wide, name_wide, value_wide = MAX_WIDTHS
     digits = textwrap.wrap(piece.data.hex(" "), bytes_wide)
     name = textwrap.wrap(visible(piece.name), name_wide)
     value = _wrapped(piece.value, value_wide)

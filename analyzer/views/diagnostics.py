@@ -1,7 +1,7 @@
 """What is wrong on a bus, in the order in which it should be looked at; time-outs explained.
 
 >>> stats = {"findings": {"retry": 4, "bad_checksum": 2}}
->>> [code for code, *_ in ranked(stats)]
+>>> [code for code, *_ in rank_findings(stats)]
 ['bad_checksum', 'retry']
 """
 
@@ -15,7 +15,7 @@ from analyzer.views import cells
 from analyzer.views.cells import function_name
 from dissectors.vocabulary import findings
 
-__all__ = ["counted", "explained", "ranked"]
+__all__ = ["describe_driver_errors", "explain_timeouts", "rank_findings"]
 
 _DRIVER = {
     "overrun": "overruns of the chip (bytes lost)",
@@ -25,24 +25,24 @@ _DRIVER = {
     "parity": "parity errors",
     "brk": "breaks",
 }
-_WEIGHT = {"error": 0, "warning": 1, "info": 2}
-_SHOWN = 8
-_PLACES = 3
+_SEVERITY_ORDER = {"error": 0, "warning": 1, "info": 2}
+_MAX_REQUESTS = 8
+_MAX_BEFORE = 3
 
 
-def ranked(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str]]:
+def rank_findings(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str]]:
     """Code, count, severity and what to check of each finding, the worst and most first."""
     known = {one.code: (one.severity, one.advice) for one in findings()}
     found = [
         (code, count, *known.get(code, ("info", ""))) for code, count in stats["findings"].items()
     ]
-    yield from sorted(found, key=lambda one: (_WEIGHT[one[2]], -one[1], one[0]))
+    yield from sorted(found, key=lambda one: (_SEVERITY_ORDER[one[2]], -one[1], one[0]))
 
 
-def counted(bus: Mapping[str, Any]) -> str:
+def describe_driver_errors(bus: Mapping[str, Any]) -> str:
     """What the driver of a tapped port has counted, in words; nothing where it has nothing to say.
 
-    >>> counted({"driver": {"overrun": 2, "parity": 1}})
+    >>> describe_driver_errors({"driver": {"overrun": 2, "parity": 1}})
     'the driver counted 2 overruns of the chip (bytes lost), 1 parity errors'
     """
     counts = bus.get("driver") or {}
@@ -50,7 +50,7 @@ def counted(bus: Mapping[str, Any]) -> str:
     return f"the driver counted {', '.join(words)}" if words else ""
 
 
-def explained(bus: Mapping[str, Any]) -> Iterator[str]:
+def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     """The time-outs of a bus in words: who, how often, how long the master waits, what was before.
 
     `bus` as in views/stats.py; nothing where nothing timed out.
@@ -66,10 +66,10 @@ def explained(bus: Mapping[str, Any]) -> Iterator[str]:
             f" at most {cells.milliseconds(waited['max_us'])})"
         )
     rows = found["requests"]
-    for row in rows[:_SHOWN]:
+    for row in rows[:_MAX_REQUESTS]:
         yield f"{_who(row)}: {row['count']:,} of {row['asked']:,} not answered{_more(row)}"
-    if len(rows) > _SHOWN:
-        yield f"… and {len(rows) - _SHOWN} more requests"
+    if len(rows) > _MAX_REQUESTS:
+        yield f"… and {len(rows) - _MAX_REQUESTS} more requests"
 
 
 def _who(row: Mapping[str, Any]) -> str:
@@ -89,6 +89,6 @@ def _more(row: Mapping[str, Any]) -> str:
         parts.append(f"{row['late']:,} answered late{by}")
     if row["damaged"]:
         parts.append(f"{row['damaged']:,} with damaged bytes in the wait")
-    for before in row["before"][:_PLACES]:
+    for before in row["before"][:_MAX_BEFORE]:
         parts.append(f"{before['count']:,} after unit {before['unit']} {before['status']}")
     return f" ({'; '.join(parts)})" if parts else ""

@@ -12,14 +12,14 @@ from typing import Any
 import _modlens
 from analyzer.views.screen import Part, fit, width_of
 
-__all__ = ["ROOMY", "Carried", "Cell", "Field", "Grid", "Head"]
+__all__ = ["WIDE_COLUMNS", "Cell", "ColumnLayout", "Grid", "GridColumn", "RegisterValues"]
 
-ROOMY = 120
+WIDE_COLUMNS = 120
 """From this width on: two spaces between columns, longer names."""
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class RegisterValues:
     """The values of a transaction, shown as far as they fit: `555 0 100 … +12`."""
 
     row: _modlens.Row
@@ -30,37 +30,37 @@ class Carried:
         return _modlens.carried(self.row, self.base, max(width, 0))
 
 
-Cell = str | Carried
+Cell = str | RegisterValues
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class ColumnLayout:
     """A column: its title, its least and greatest width, its side, and its share of free room.
 
-    Without `most` and `share` (both 0) nothing in the column is cut: what is wider than the first
-    rows were pushes its line to the right.
+    Without `max_width` and `free_share` (both 0) nothing in the column is cut: what is wider than
+    the first rows were pushes its line to the right.
     """
 
     title: str
-    least: int = 1
-    right: bool = False
-    most: int = 0
-    share: int = 0
+    min_width: int = 1
+    align_right: bool = False
+    max_width: int = 0
+    free_share: int = 0
 
     def width(self, cells: Iterable[Cell]) -> int:
         """The columns for the title and these cells, without any share."""
-        least = max(self.least, width_of(self.title))
-        if self.share:
-            return least
+        min_width = max(self.min_width, width_of(self.title))
+        if self.free_share:
+            return min_width
         widest = max((width_of(cell) for cell in cells if isinstance(cell, str)), default=0)
-        return max(least, min(widest, self.most) if self.most else widest)
+        return max(min_width, min(widest, self.max_width) if self.max_width else widest)
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class GridColumn:
     """A column of a grid: its head, its cell for a row, and that cell's style (in `STYLES`)."""
 
-    head: Head
+    head: ColumnLayout
     cell: Callable[[Any], Cell]
     style: Callable[[Any], str] = lambda _: ""
 
@@ -71,18 +71,18 @@ class Grid:
     `rows` are the first rows, `width` the columns of the terminal.
     """
 
-    def __init__(self, fields: Sequence[Field], rows: Sequence[Any], width: int) -> None:
+    def __init__(self, fields: Sequence[GridColumn], rows: Sequence[Any], width: int) -> None:
         self._fields = fields
-        self._gap = "  " if width >= ROOMY else " "
+        self._gap = "  " if width >= WIDE_COLUMNS else " "
         self._widths = [field.head.width(field.cell(row) for row in rows) for field in fields]
         rest = width - sum(self._widths) - len(self._gap) * (len(fields) - 1)
-        shares = sum(field.head.share for field in fields)
+        shares = sum(field.head.free_share for field in fields)
         for index, field in enumerate(fields):
-            share = field.head.share
-            if share and rest > 0:
-                taken = rest * share // shares
+            free_share = field.head.free_share
+            if free_share and rest > 0:
+                taken = rest * free_share // shares
                 self._widths[index] += taken
-                rest, shares = rest - taken, shares - share
+                rest, shares = rest - taken, shares - free_share
 
     def head(self) -> list[Part]:
         """The line of titles."""
@@ -100,10 +100,10 @@ class Grid:
         return parts[:-1]
 
 
-def _fitted(cell: Cell, head: Head, width: int) -> str:
+def _fitted(cell: Cell, head: ColumnLayout, width: int) -> str:
     text = cell if isinstance(cell, str) else cell.within(width)
     if len(text) <= width and text.isascii():
-        return text.rjust(width) if head.right else text.ljust(width)
-    if width_of(text) > width and not (head.share or head.most):
+        return text.rjust(width) if head.align_right else text.ljust(width)
+    if width_of(text) > width and not (head.free_share or head.max_width):
         return text
-    return fit(text, width, right=head.right)
+    return fit(text, width, right=head.align_right)

@@ -8,7 +8,7 @@ from typing import Any
 
 from analyzer.addresses import SHORT, render
 from analyzer.views.cells import BASE_TITLES
-from analyzer.views.grid import Field, Grid, Head
+from analyzer.views.grid import ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Screen, visible
 
 __all__ = ["show_grid", "show_map"]
@@ -22,27 +22,31 @@ def show_map(
         screen.lines([[(json.dumps(row, ensure_ascii=False), "")] for row in rows])
         return
     fields = [
-        Field(Head("unit", 4, right=True), lambda row: str(row["unit"])),
-        Field(Head("type", 4), lambda row: SHORT[row["register_type"]]),
-        Field(
-            Head(BASE_TITLES[base], 6, right=True),
+        GridColumn(ColumnLayout("unit", 4, align_right=True), lambda row: str(row["unit"])),
+        GridColumn(ColumnLayout("type", 4), lambda row: SHORT[row["register_type"]]),
+        GridColumn(
+            ColumnLayout(BASE_TITLES[base], 6, align_right=True),
             lambda row: render(row["address"], row["register_type"], base),
         ),
-        Field(Head("name", 4, most=28), lambda row: visible(row["name"] or "")),
-        Field(Head("value", 8, most=24), lambda row: visible(_value(row)), _named),
-        Field(Head("min", 3, right=True), lambda row: _figure(row["min"])),
-        Field(Head("max", 3, right=True), lambda row: _figure(row["max"])),
-        Field(Head("seen", 4, right=True), lambda row: str(row["count"])),
-        Field(Head("changes", 7, right=True), lambda row: str(row["changes"])),
+        GridColumn(ColumnLayout("name", 4, max_width=28), lambda row: visible(row["name"] or "")),
+        GridColumn(
+            ColumnLayout("value", 8, max_width=24), lambda row: visible(_value(row)), _named
+        ),
+        GridColumn(ColumnLayout("min", 3, align_right=True), lambda row: _figure(row["min"])),
+        GridColumn(ColumnLayout("max", 3, align_right=True), lambda row: _figure(row["max"])),
+        GridColumn(ColumnLayout("seen", 4, align_right=True), lambda row: str(row["count"])),
+        GridColumn(ColumnLayout("changes", 7, align_right=True), lambda row: str(row["changes"])),
     ]
     if any(row["age_us"] is not None for row in rows):
-        fields.append(Field(Head("age s", 6, right=True), _age))
+        fields.append(GridColumn(ColumnLayout("age s", 6, align_right=True), _age))
     if len({row["bus"] for row in rows}) > 1:
-        fields.insert(0, Field(Head("bus", 3, most=24), lambda row: visible(row["bus"])))
+        fields.insert(
+            0, GridColumn(ColumnLayout("bus", 3, max_width=24), lambda row: visible(row["bus"]))
+        )
     show_grid(fields, rows, screen)
 
 
-def show_grid(fields: Sequence[Field], rows: Sequence[Any], screen: Screen) -> None:
+def show_grid(fields: Sequence[GridColumn], rows: Sequence[Any], screen: Screen) -> None:
     """A whole table at once."""
     grid = Grid(fields, rows, screen.width)
     screen.lines([grid.head(), *(grid.line(row) for row in rows)])

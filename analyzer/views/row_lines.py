@@ -13,14 +13,14 @@ from datetime import UTC, datetime, timedelta
 import _modlens
 from analyzer.views.cells import labels
 
-__all__ = ["Look", "lines"]
+__all__ = ["TableOptions", "lines"]
 
-_SECOND = 1_000_000_000
-_KINDS = {"local": "clock", "utc": "clock", "elapsed": "elapsed", "delta": "delta"}
+_NS_PER_S = 1_000_000_000
+_TIME_KINDS = {"local": "clock", "utc": "clock", "elapsed": "elapsed", "delta": "delta"}
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class TableOptions:
     """How a table looks.
 
     `address` is one of `addresses.BASES`, `times` what `--times` takes; `buses` are the names of
@@ -32,23 +32,23 @@ class Look:
     buses: tuple[str, ...] = ()
 
 
-def lines(rows: Sequence[_modlens.Row], look: Look, width: int) -> _modlens.Lines:
+def lines(rows: Sequence[_modlens.Row], table_options: TableOptions, width: int) -> _modlens.Lines:
     """The lines of a table that begins with these rows, one at least, in so many columns."""
     # A capture's buses are the servers that show in it, however the file is called.
     servers = dict.fromkeys(str(row.bus) for row in rows if getattr(row, "server", None))
-    names = tuple(servers) or look.buses
+    names = tuple(servers) or table_options.buses
     short = labels(names) if servers or len(names) > 1 else None
     return _modlens.Lines(
         rows,
         width,
-        address=look.address,
-        times=_KINDS[look.times],
+        address=table_options.address,
+        times=_TIME_KINDS[table_options.times],
         labels=None if short is None else list(short.items()),
-        shift=_local if look.times == "local" else None,
+        shift=_local_offset_ns if table_options.times == "local" else None,
     )
 
 
-def _local(moment_ns: int) -> int:
+def _local_offset_ns(moment_ns: int) -> int:
     """How far this machine's clocks are ahead of UTC at a moment, both in ns."""
-    there = datetime.fromtimestamp(moment_ns // _SECOND, UTC).astimezone()
+    there = datetime.fromtimestamp(moment_ns // _NS_PER_S, UTC).astimezone()
     return (there.utcoffset() or timedelta()) // timedelta(microseconds=1) * 1000

@@ -25,10 +25,10 @@ __all__ = ["Part", "Screen", "fit", "visible", "width_of"]
 Part = tuple[str, str]
 """A text and the name of its style in `terminal.STYLES`; "" is none."""
 
-COLUMNS = 80
+DEFAULT_COLUMNS = 80
 """Where nothing says how wide a screen is."""
 
-_SHOWN = {
+_ESCAPES = {
     code: ascii(chr(code))[1:-1]
     for code in (
         *range(0x20),
@@ -45,7 +45,7 @@ _SHOWN = {
 
 def visible(text: str) -> str:
     """The text with everything that could move the cursor or hide letters spelled out."""
-    return text if text.isascii() and text.isprintable() else text.translate(_SHOWN)
+    return text if text.isascii() and text.isprintable() else text.translate(_ESCAPES)
 
 
 def width_of(text: str) -> int:
@@ -65,12 +65,12 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
     """
     length = width_of(text)
     if length > width:
-        return _shortened(text, max(width - 1, 0)) + ("…" if width > 0 else "")
+        return _truncated(text, max(width - 1, 0)) + ("…" if width > 0 else "")
     gap = " " * (width - length)
     return gap + text if right else text + gap
 
 
-def _shortened(text: str, width: int) -> str:
+def _truncated(text: str, width: int) -> str:
     if text.isascii():
         return text[:width]
     from rich.cells import set_cell_size  # noqa: PLC0415 - as above
@@ -78,22 +78,22 @@ def _shortened(text: str, width: int) -> str:
     return set_cell_size(text, width)
 
 
-def _unwritten(error: OSError) -> SourceError:
+def _write_error(error: OSError) -> SourceError:
     return SourceError(f"standard output: cannot be written: {error.strerror}")
 
 
 @contextlib.contextmanager
-def _written() -> Iterator[None]:
+def _as_source_error() -> Iterator[None]:
     """What the system says against writing, as `SourceError`; `BrokenPipeError` as it is."""
     try:
         yield
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _unwritten(error) from error
+        raise _write_error(error) from error
 
 
-def _cut(line: Iterable[Part], width: int) -> Iterator[Part]:
+def _truncate(line: Iterable[Part], width: int) -> Iterator[Part]:
     """As much of a line as there is room for."""
     for text, style in line:
         taken = width_of(text)
@@ -133,12 +133,12 @@ class Screen:
 
     @property
     def width(self) -> int:
-        """Columns: the terminal's, else those of `COLUMNS`, else 80."""
+        """Columns: the terminal's, else those of `DEFAULT_COLUMNS`, else 80."""
         if self._terminal is not None:
             return self._terminal.width
         columns = os.environ.get("COLUMNS", "")
-        told = int(columns) if columns.isdecimal() else 0
-        return self._width or told or _columns()
+        notify = int(columns) if columns.isdecimal() else 0
+        return self._width or notify or _columns()
 
     def lines(self, lines: Iterable[Iterable[Part]]) -> None:
         """Print lines of parts, flushed once at the end.
@@ -148,7 +148,7 @@ class Screen:
         if self.is_plain:
             self.text("".join("".join(text for text, _ in line).rstrip() + "\n" for line in lines))
             return
-        with _written():
+        with _as_source_error():
             self._rich().lines(lines)
             self._stream.flush()
 
@@ -160,7 +160,7 @@ class Screen:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise _unwritten(error) from error
+            raise _write_error(error) from error
 
     @property
     def size(self) -> tuple[int, int]:
@@ -179,7 +179,7 @@ class Screen:
     def page(self, lines: Sequence[Iterable[Part]]) -> None:
         """Draw lines over the ones before, each to the edge of the terminal and not beyond."""
         width = self.size[0]
-        self._rich().page([list(_cut(line, width)) for line in lines])
+        self._rich().page([list(_truncate(line, width)) for line in lines])
 
     def line(self, text: str, style: str = "") -> None:
         """Print one line."""
@@ -190,8 +190,8 @@ def _columns() -> int:
     """Those of the terminal that any of the three streams is, as rich has it."""
     for descriptor in range(3):
         with contextlib.suppress(OSError):
-            return os.get_terminal_size(descriptor).columns or COLUMNS
-    return COLUMNS
+            return os.get_terminal_size(descriptor).columns or DEFAULT_COLUMNS
+    return DEFAULT_COLUMNS
 
 
 def stdout() -> Screen:

@@ -41,8 +41,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.diagnostics import counted, explained, ranked
-from analyzer.views.grid import ROOMY, Field, Grid, Head
+from analyzer.views.diagnostics import describe_driver_errors, explain_timeouts, rank_findings
+from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Part, Screen, visible
 
 __all__ = ["show_stats"]
@@ -65,7 +65,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
     for bus in buses:
         yield from _silence(bus, width)
-        driver = counted(bus)
+        driver = describe_driver_errors(bus)
         if driver:
             yield []
             name = f"{short[bus['bus']]}: " if len(short) > 1 else ""
@@ -73,7 +73,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     rows = [{**row, "bus": bus["bus"]} for bus in buses for row in bus["units"]]
     if rows:
         yield []
-        fields = _row_fields(roomy=width >= ROOMY)
+        fields = _row_fields(is_wide=width >= WIDE_COLUMNS)
         if len(short) > 1:
             fields.insert(0, cells.bus_field(tuple(short), lambda row: str(row["bus"])))
         yield from _grid(fields, rows, width)
@@ -82,7 +82,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     if stats["findings"]:
         yield []
         yield [("findings, what to check first on top (modlens explain CODE)", "head")]
-        for code, count, severity, advice in ranked(stats):
+        for code, count, severity, advice in rank_findings(stats):
             yield [(f"{count:9,}  ", ""), (f"{code:22}", _SEVERITIES[severity])]
             yield from _wrapped(advice, width)
 
@@ -97,7 +97,7 @@ def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
             (f" (at most {cells.milliseconds(cycle['max_us'])} ms)", "dim"),
             (f", {cycle['requests']} requests that come again", ""),
         ]
-    lines = list(explained(bus))
+    lines = list(explain_timeouts(bus))
     if lines:
         yield []
         yield [("time-outs", "head")]
@@ -123,43 +123,62 @@ def _silence(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield from ([(line, "dim")] for line in textwrap.wrap(text, width))
 
 
-def _grid(fields: Sequence[Field], rows: Sequence[Any], width: int) -> Iterator[list[Part]]:
+def _grid(fields: Sequence[GridColumn], rows: Sequence[Any], width: int) -> Iterator[list[Part]]:
     grid = Grid(fields, rows, width)
     yield grid.head()
     for row in rows:
         yield grid.line(row)
 
 
-def _bus_fields(short: Mapping[str, str]) -> list[Field]:
+def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
     def name(bus: Mapping[str, Any]) -> str:
         return short.get(bus["bus"]) or visible(bus["bus"])
 
     return [
-        Field(Head("bus", 8, share=1), name),
-        Field(Head("mode", 5), lambda bus: bus["mode"] or ""),
-        Field(Head("seconds", 8, right=True), _duration),
-        Field(Head("bytes", 8, right=True), lambda bus: f"{sum(bus['bytes'].values()):,}"),
-        Field(Head("frames", 7, right=True), lambda bus: f"{sum(bus['frames'].values()):,}"),
-        Field(Head("damaged", 7, right=True), lambda bus: _some(_damaged(bus)), _damaged_style),
-        Field(Head("noise", 6, right=True), lambda bus: _some(bus["frames"].get("noise", 0))),
-        Field(Head("load", 6, right=True), _load),
+        GridColumn(ColumnLayout("bus", 8, free_share=1), name),
+        GridColumn(ColumnLayout("mode", 5), lambda bus: bus["mode"] or ""),
+        GridColumn(ColumnLayout("seconds", 8, align_right=True), _duration),
+        GridColumn(
+            ColumnLayout("bytes", 8, align_right=True),
+            lambda bus: f"{sum(bus['bytes'].values()):,}",
+        ),
+        GridColumn(
+            ColumnLayout("frames", 7, align_right=True),
+            lambda bus: f"{sum(bus['frames'].values()):,}",
+        ),
+        GridColumn(
+            ColumnLayout("damaged", 7, align_right=True),
+            lambda bus: _some(_damaged(bus)),
+            _damaged_style,
+        ),
+        GridColumn(
+            ColumnLayout("noise", 6, align_right=True),
+            lambda bus: _some(bus["frames"].get("noise", 0)),
+        ),
+        GridColumn(ColumnLayout("load", 6, align_right=True), _load),
     ]
 
 
-def _row_fields(*, roomy: bool) -> list[Field]:
+def _row_fields(*, is_wide: bool) -> list[GridColumn]:
     chosen = [
-        Field(Head("unit", 4, right=True), lambda row: cells.number(row["unit"])),
-        Field(Head("function", 12, share=1), cells.function_name),
-        Field(Head("txns", 6, right=True), lambda row: f"{row['transactions']:,}"),
-        Field(Head("ok", 5, right=True), lambda row: _some(_with_status(row, "ok"))),
-        Field(Head("exc", 4, right=True), _exceptions, lambda _: "odd"),
-        Field(Head("failed", 6, right=True), _failed, lambda _: "bad"),
-        Field(Head("retry", 5, right=True), lambda row: _some(row["retries"])),
+        GridColumn(
+            ColumnLayout("unit", 4, align_right=True), lambda row: cells.number(row["unit"])
+        ),
+        GridColumn(ColumnLayout("function", 12, free_share=1), cells.function_name),
+        GridColumn(
+            ColumnLayout("txns", 6, align_right=True), lambda row: f"{row['transactions']:,}"
+        ),
+        GridColumn(
+            ColumnLayout("ok", 5, align_right=True), lambda row: _some(_with_status(row, "ok"))
+        ),
+        GridColumn(ColumnLayout("exc", 4, align_right=True), _exceptions, lambda _: "odd"),
+        GridColumn(ColumnLayout("failed", 6, align_right=True), _failed, lambda _: "bad"),
+        GridColumn(ColumnLayout("retry", 5, align_right=True), lambda row: _some(row["retries"])),
     ]
     chosen += [
-        Field(Head(f"{name} ms", 6, right=True), _response(f"{name}_us"))
+        GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _response(f"{name}_us"))
         for name in ("min", "p50", "p95", "max")
-        if roomy or name in ("p50", "max")
+        if is_wide or name in ("p50", "max")
     ]
     return chosen
 

@@ -6,15 +6,15 @@ from itertools import islice
 
 import _modlens
 from analyzer.filters import parse
-from analyzer.views.row_lines import Look, lines
+from analyzer.views.row_lines import TableOptions, lines
 from analyzer.views.screen import Screen
 
 __all__ = ["TableSink"]
 
-SAMPLE = 500
+SAMPLE_ROWS = 500
 """Rows that decide the widths."""
 
-AT_ONCE = 1000
+ROWS_PER_WRITE = 1000
 """Rows that are printed with one write."""
 
 
@@ -23,11 +23,13 @@ class TableSink:
 
     name = "standard output"
 
-    def __init__(self, table: str, screen: Screen, look: Look, *, where: str | None = None) -> None:
+    def __init__(
+        self, table: str, screen: Screen, table_options: TableOptions, *, where: str | None = None
+    ) -> None:
         self.table = table
-        self.rows = 0
+        self.row_count = 0
         self._screen = screen
-        self._look = look
+        self._table_options = table_options
         self._predicate = None if where is None else parse(where, table).predicate()
         self._lines: _modlens.Lines | None = None
 
@@ -43,17 +45,19 @@ class TableSink:
         count = len(table)
         if not count:
             return
-        self.rows += count
+        self.row_count += count
         if self._lines is None:
-            self._lines = lines(list(islice(table, SAMPLE)), self._look, self._screen.width)
-        for start in range(0, count, AT_ONCE):
+            self._lines = lines(
+                list(islice(table, SAMPLE_ROWS)), self._table_options, self._screen.width
+            )
+        for start in range(0, count, ROWS_PER_WRITE):
             if self._screen.is_plain:
-                self._screen.text(self._lines.text(table, start, AT_ONCE))
+                self._screen.text(self._lines.text(table, start, ROWS_PER_WRITE))
             else:
-                self._screen.lines(self._lines.parts(table, start, AT_ONCE))
+                self._screen.lines(self._lines.parts(table, start, ROWS_PER_WRITE))
 
     def close(self) -> None:
         """Nothing to do: every line has been printed."""
 
-    def abandon(self) -> None:
+    def rollback(self) -> None:
         """Nothing to do: what is printed is printed."""

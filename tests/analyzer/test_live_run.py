@@ -17,15 +17,15 @@ from analyzer.session import Settings
 from analyzer.sources import port_listener as sources
 from analyzer.sources.serial import Chunk, Port
 from analyzer.views.live.health import lines
-from analyzer.views.live.state import Board
-from analyzer.views.row_lines import Look
+from analyzer.views.live.state import LiveState
+from analyzer.views.row_lines import TableOptions
 
 PAIR = bytes.fromhex("010300000001840a0103020007f986")
 
 
 def test_what_the_driver_counts_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ptys count nothing, so the counters are ours; what they had before the tap is not its own."""
-    monkeypatch.setattr(sources, "CHECK_NS", 0)
+    monkeypatch.setattr(sources, "CHECK_INTERVAL_NS", 0)
     counts = iter([{"overrun": 5, "frame": 1}, {"overrun": 5, "frame": 1}])
     monkeypatch.setattr(Port, "counters", lambda _: next(counts, {"overrun": 7, "frame": 4}))
     far, near = os.openpty()
@@ -36,7 +36,7 @@ def test_what_the_driver_counts_is_shown(monkeypatch: pytest.MonkeyPatch) -> Non
         os.write(far, PAIR)
         codes = [one.code for _ in range(8) for one in next(batches).findings]
         stats = run.stats()
-        board = Board(Look(buses=run.buses), run.stats)
+        board = LiveState(TableOptions(buses=run.buses), run.stats)
         board.refresh()
         shown = ["".join(text for text, _ in line) for line in lines(board, 100, 20)]
     assert stats["buses"][0]["driver"] == {"overrun": 2, "frame": 3}
@@ -51,13 +51,13 @@ def test_reads_go_to_the_engine_by_themselves_or_to_who_wants_them(wanted: bool)
     """With and without a listener to raw reads the rows are the same, and A+B keeps its lines."""
     pairs = [os.openpty() for _ in range(2)]
     name = "+".join(os.ttyname(near) for _, near in pairs)
-    heard: list[tuple[str | None, bytes]] = []
+    on_read: list[tuple[str | None, bytes]] = []
 
     def hear(bus: str, line: str | None, chunk: Chunk) -> None:
-        heard.append((line, chunk.data))
+        on_read.append((line, chunk.data))
 
     settings = Settings(line=parse_line("19200-8E1"))
-    with closing(LiveRun([name], settings, heard=hear if wanted else None)) as run:
+    with closing(LiveRun([name], settings, on_read=hear if wanted else None)) as run:
         batches = run.batches()
         os.write(pairs[0][0], PAIR[:8])
         next(batches)
@@ -67,6 +67,6 @@ def test_reads_go_to_the_engine_by_themselves_or_to_who_wants_them(wanted: bool)
     rows = [(row.line, row.direction, row.hex) for row in found]
     assert rows == [("A", "request", PAIR[:8]), ("B", "response", PAIR[8:])]
     ends = [("A", b""), ("B", b"")]
-    assert heard == ([("A", PAIR[:8]), ("B", PAIR[8:]), *ends] if wanted else [])
+    assert on_read == ([("A", PAIR[:8]), ("B", PAIR[8:]), *ends] if wanted else [])
     for fd in (fd for pair in pairs for fd in pair):
         os.close(fd)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from analyzer.bus_file import choose_bus, load_plant
-from analyzer.profiles import binding, known, load, parse_units
+from analyzer.bus_file import choose_bus, load_bus_file
+from analyzer.profiles import available_profiles, load, parse_binding, parse_units
 from dissectors.errors import ProfileError, UsageError
 from tests.conftest import Modlens
 
@@ -20,7 +20,7 @@ def test_a_folder_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.Mo
     assert load("mightyzap").points[0]["name"] == "goal_position"
     monkeypatch.setenv("MODLENS_PROFILES", str(tmp_path))
     assert load("mightyzap").points[0]["name"] == "mine"
-    assert known()[0].origin == str(tmp_path / "mightyzap.toml")
+    assert available_profiles()[0].origin == str(tmp_path / "mightyzap.toml")
     monkeypatch.delenv("MODLENS_PROFILES")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     folder = tmp_path / "modlens" / "profiles"
@@ -42,7 +42,7 @@ def test_entry_points_of_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     assert load("acme-meter").points == load("acme-pump").points
-    assert "acme-meter" in [one.name for one in known()]
+    assert "acme-meter" in [one.name for one in available_profiles()]
 
 
 def test_units() -> None:
@@ -50,7 +50,7 @@ def test_units() -> None:
     assert parse_units("1") == (1,)
     assert parse_units("2-4,9") == (2, 3, 4, 9)
     assert len(parse_units("*")) == 256
-    assert binding("mightyzap").units == parse_units("*")
+    assert parse_binding("mightyzap").units == parse_units("*")
     for text in ("", "x", "1-", "256", "5-2"):
         with pytest.raises(UsageError):
             parse_units(text)
@@ -92,7 +92,7 @@ def test_mistakes_in_a_bus_file_are_told_at_once(tmp_path: Path) -> None:
         '[[bus]]\nprot = "x"\nline = "fast"\nmode = "udp"\n[bus.units]\nx = "mightyzap"\n'
     )
     with pytest.raises(ProfileError) as raised:
-        load_plant(str(path))
+        load_bus_file(str(path))
     keys = [one.key for one in raised.value.mistakes]
     assert keys == ["plant", "bus[0].prot", "bus[0].line", "bus[0].mode", "bus[0].units.x"]
 

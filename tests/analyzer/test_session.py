@@ -9,7 +9,7 @@ import pytest
 
 import _modlens
 from analyzer import SourceError, UsageError
-from analyzer.session import FileRun, Intake, Run, Settings, Sink, pump
+from analyzer.session import FileRun, RecordingStatus, Run, Settings, Sink, pump
 
 
 class Counter:
@@ -31,10 +31,10 @@ def run_through(run: Run, *sinks: Counter, stop: bool = False) -> list[tuple[str
     """Pump, and give what failed."""
     failures: list[tuple[str, str]] = []
 
-    def failed(sink: Sink, error: Exception) -> None:
+    def on_failure(sink: Sink, error: Exception) -> None:
         failures.append((sink.name, type(error).__name__))
 
-    pump(run, sinks, stop=lambda: stop, failed=failed)
+    pump(run, sinks, stop=lambda: stop, on_failure=on_failure)
     return failures
 
 
@@ -102,10 +102,10 @@ def test_a_missing_file_is_told_before_anything_is_decoded(recording: str) -> No
 
 def test_a_recording_is_told_at_its_beginning_and_end(recording: str) -> None:
     """With what its reader has seen."""
-    heard: list[Intake] = []
-    run_through(FileRun([recording], Settings(), told=heard.append), Counter("sink"))
+    heard: list[RecordingStatus] = []
+    run_through(FileRun([recording], Settings(), on_status=heard.append), Counter("sink"))
     assert [intake.ended for intake in heard] == [False, True]
-    assert heard[1].seen["records"] == heard[1].seen["lines"] > 0
+    assert heard[1].details["records"] == heard[1].details["lines"] > 0
     assert heard[0].format == "chunks"
 
 
@@ -121,8 +121,8 @@ def test_the_size_of_blocks_does_not_show(
             yield from (row.as_dict() for row in batch.transactions)
 
     whole = list(rows())
-    monkeypatch.setattr("analyzer.sources.files.BLOCK", size)
-    monkeypatch.setattr("analyzer.sources.files.SAMPLE", 100)
+    monkeypatch.setattr("analyzer.sources.files.BLOCK_BYTES", size)
+    monkeypatch.setattr("analyzer.sources.files.SAMPLE_BYTES", 100)
     assert list(rows()) == whole
 
 

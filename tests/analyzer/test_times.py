@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from analyzer.times import parse_ns, seconds
+from analyzer.times import format_seconds, parse_ns
 
 NOON = 1697025600 * 10**9
 
@@ -32,4 +32,4 @@ def test_iso_text_is_a_moment(text: str, nanoseconds: int | None) -> None:
 
 def test_elapsed_time_is_in_seconds() -> None:
     """Microseconds in, seconds out."""
-    assert seconds(1_234_567.8, 3) == "1.235"
+    assert format_seconds(1_234_567.8, 3) == "1.235"

@@ -19,8 +19,8 @@ import pytest
 import _modlens
 from analyzer import SourceError, decode
 from analyzer.columns import TABLES, columns
-from analyzer.exports import FORMATS, Wish, load
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports import FORMATS, ExportOptions, load
+from analyzer.exports.sink import ExportSink, parse_target
 from tests.conftest import CAPTURES, ROOT
 
 RECORDINGS = ("pymodbus_all_functions", "pymodbus_disturbed", "pymodbus_exceptions")
@@ -179,7 +179,7 @@ def test_an_export_has_every_row_and_cell(
     """The same rows as the API gives, and only the columns of columns.toml, in order."""
     source = decode(CAPTURES / recording / "recording.jsonl", line="19200-8E1")
     path = tmp_path / f"out.{name}"
-    sink = ExportSink(target(str(path), table), columns=None, where=None, growing=False)
+    sink = ExportSink(parse_target(str(path), table), columns=None, where=None, growing=False)
     for batch in source.batches(*TABLES):
         sink.put(batch)
     sink.close()
@@ -187,7 +187,7 @@ def test_an_export_has_every_row_and_cell(
     data = path.read_bytes()
     found = from_sqlite(data, table) if name == "sqlite" else READERS[name](data)
     wanted = [expected(row) for row in getattr(source, table)]
-    assert len(found) == len(wanted) == sink.rows
+    assert len(found) == len(wanted) == sink.row_count
     for row, other in zip(found, wanted, strict=True):
         assert list(row) == [key for key in kinds if key in row]
         assert set(row) == set(other)
@@ -199,7 +199,10 @@ def written(name: str, path: Path, *, growing: bool) -> bytes:
     """A recording in that format."""
     source = decode(CAPTURES / RECORDINGS[0] / "recording.jsonl", line="19200-8E1")
     sink = ExportSink(
-        target(str(path), TABLE_OF.get(name, "frames")), columns=None, where=None, growing=growing
+        parse_target(str(path), TABLE_OF.get(name, "frames")),
+        columns=None,
+        where=None,
+        growing=growing,
     )
     for batch in source.batches(*TABLES):
         sink.put(batch)
@@ -235,11 +238,11 @@ def test_a_live_export_never_replaces_a_file(name: str, tmp_path: Path) -> None:
 def test_an_abandoned_export_leaves_nothing(name: str, tmp_path: Path) -> None:
     """Neither under its name nor under another."""
     source = decode(CAPTURES / RECORDINGS[0] / "recording.jsonl", line="19200-8E1")
-    one = target(str(tmp_path / f"out.{name}"), TABLE_OF.get(name, "frames"))
+    one = parse_target(str(tmp_path / f"out.{name}"), TABLE_OF.get(name, "frames"))
     sink = ExportSink(one, columns=None, where=None, growing=False)
     for batch in source.batches(*TABLES):
         sink.put(batch)
-    sink.abandon()
+    sink.rollback()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -249,7 +252,7 @@ def test_a_pipe_is_written_into_and_never_replaced(name: str, tmp_path: Path) ->
     """Nor is a device: `-o` may be a link to `/dev/null`. A database cannot be a pipe."""
     pipe, got = tmp_path / f"pipe.{name}", list[bytes]()
     os.mkfifo(pipe)
-    one = target(str(pipe), TABLE_OF.get(name, "frames"))
+    one = parse_target(str(pipe), TABLE_OF.get(name, "frames"))
     if name == "sqlite":
         with pytest.raises(SourceError, match="is no plain file"):
             ExportSink(one, columns=None, where=None, growing=False)
@@ -277,9 +280,9 @@ def test_a_format_is_deterministic(name: str, tmp_path: Path) -> None:
 def test_columns_come_in_the_order_asked_for(name: str) -> None:
     """Any order."""
     keys = tuple(column.key for column in reversed(columns("frames")))
-    form = load(name)(Wish("frames", keys))
+    form = load(name)(ExportOptions("frames", keys))
     rows = decode(CAPTURES / RECORDINGS[1] / "recording.jsonl").frames
-    data = b"".join(map(form.rows, rows.tables())) + form.end()
+    data = b"".join(map(form.encode, rows.tables())) + form.footer()
     found = READERS[name](data)
     assert [list(row) for row in found] == [[key for key in keys if key in row] for row in found]
 
@@ -292,7 +295,7 @@ def test_rows_of_several_buses_and_connections_keep_their_names(name: str, tmp_p
     keys = ("bus", "frame", "client", "server", "connection", "source")
     path = tmp_path / f"out.{name}"
     sink = ExportSink(
-        target(str(path), "frames"), columns=",".join(keys), where=None, growing=False
+        parse_target(str(path), "frames"), columns=",".join(keys), where=None, growing=False
     )
     for batch in source.batches(*TABLES):
         sink.put(batch)

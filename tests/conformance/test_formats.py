@@ -12,7 +12,7 @@ import _modlens
 from analyzer import decode
 from analyzer.line import parse_line
 from analyzer.sources import FORMATS
-from analyzer.sources.detect import choose
+from analyzer.sources.detect import detect_format
 from tests.conftest import CAPTURES, ROOT, Modlens
 from tests.support import captures, sigrok
 
@@ -81,8 +81,8 @@ def test_a_format_gives_its_frames(name: str, named: bool, tmp_path: Path) -> No
 def test_a_dialect_is_found_among_other_lines(name: str) -> None:
     """Alone, and in the middle of 200 lines that are none."""
     before = "".join(CHATTER % (n % 60, n, 7 * n) for n in range(100)).encode()
-    assert choose(text_of(name), "x.log").format == name
-    assert choose(before + text_of(name) + before, "x.log").format == name
+    assert detect_format(text_of(name), "x.log").format == name
+    assert detect_format(before + text_of(name) + before, "x.log").format == name
 
 
 @functools.cache

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import _modlens
-from analyzer.session import FileRun, Intake, Settings
+from analyzer.session import FileRun, RecordingStatus, Settings
 from tests.corpus.explained import EXPLAINED
 from tests.corpus.score import Score
 
@@ -58,8 +58,8 @@ def score(folder: Path) -> Iterator[Score]:
 
 
 def _score(path: Path) -> Score:
-    told: list[Intake] = []
-    run = FileRun([str(path)], Settings(), told=told.append)
+    on_status: list[RecordingStatus] = []
+    run = FileRun([str(path)], Settings(), on_status=on_status.append)
     batches = list(run.batches())
     ours = _ours(batches)
     theirs, asked = _theirs(path.with_name(f"{path.stem}.expected.tsv.gz"))
@@ -73,7 +73,7 @@ def _score(path: Path) -> Score:
             else:
                 explained[reason] += 1
     wrong += [f"packet {at}: {text}" for at, text in _pairs(batches, asked, known)]
-    notes = [f"{told[-1].format}, {sum(map(len, ours.values()))} messages"]
+    notes = [f"{on_status[-1].format}, {sum(map(len, ours.values()))} messages"]
     notes += [f"{count} x {reason}" for reason, count in explained.items()]
     wanted = sum(map(len, theirs.values()))
     return Score(
@@ -97,8 +97,8 @@ def _ours(batches: list[_modlens.Batch]) -> dict[int, list[Message]]:
 
 def _message(functions: _modlens.Functions, frame: Any) -> Message:
     body = frame.hex[MBAP:] if frame.mode == "tcp" else frame.hex[1:-2]
-    told = json.loads(functions.decode(body, frame.direction.replace("unknown", "request")))
-    fields = {field["name"]: field["value"] for field in told["fields"]}
+    on_status = json.loads(functions.decode(body, frame.direction.replace("unknown", "request")))
+    fields = {field["name"]: field["value"] for field in on_status["fields"]}
     message = {"unit": str(frame.unit), "modbus.func_code": str(frame.function)}
     if frame.mode == "tcp":
         message["mbtcp.trans_id"] = str(frame.mbap_id)

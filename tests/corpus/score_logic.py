@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from analyzer.session import FileRun, Intake, Settings
+from analyzer.session import FileRun, RecordingStatus, Settings
 from tests.corpus.score import Score
 
 __all__ = ["score"]
@@ -23,8 +23,8 @@ def score(folder: Path) -> Iterator[Score]:
 
 
 def _score(path: Path) -> Score:
-    told: list[Intake] = []
-    run = FileRun([str(path)], Settings(), told=told.append)
+    on_status: list[RecordingStatus] = []
+    run = FileRun([str(path)], Settings(), on_status=on_status.append)
     frames = [row for batch in run.batches() for row in batch.frames]
     lines = path.with_name(f"{path.stem}.frames.jsonl").read_text(encoding="utf-8").splitlines()
     expected = [json.loads(line) for line in lines]
@@ -34,7 +34,7 @@ def _score(path: Path) -> Score:
         f"{row.elapsed_us} us: {row.verdict} {row.hex.hex(' ')} is not expected" for row in extra
     ]
     marked = sum("line_error" in row.findings for row in frames)
-    notes = "; ".join([*told[-1].seen["said"], f"{marked} frames with line errors"])
+    notes = "; ".join([*on_status[-1].details["said"], f"{marked} frames with line errors"])
     return Score(path.name, len(expected), len(expected) - len(wrong), notes, tuple(wrong))
 
 

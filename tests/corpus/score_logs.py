@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analyzer.session import FileRun, Intake, Settings
+from analyzer.session import FileRun, RecordingStatus, Settings
 from dissectors.errors import SourceError
 from tests.corpus.score import Score
 
@@ -40,12 +40,12 @@ def score(folder: Path) -> Iterator[Score]:
 
 
 def _read(path: Path) -> Reading:
-    told: list[Intake] = []
-    run = FileRun([str(path)], Settings(), told=told.append)
+    on_status: list[RecordingStatus] = []
+    run = FileRun([str(path)], Settings(), on_status=on_status.append)
     frames = [row for batch in run.batches() for row in batch.frames]
-    last = told[-1]
-    left_out = [tuple(entry) for entry in last.seen.get("left_out", [])]
-    return Reading(frames, left_out, f"{last.format}, {last.seen.get('clock')} clock")
+    last = on_status[-1]
+    left_out = [tuple(entry) for entry in last.details.get("left_out", [])]
+    return Reading(frames, left_out, f"{last.format}, {last.details.get('clock')} clock")
 
 
 def _score(path: Path, expected: list[dict[str, Any]]) -> Score:
@@ -84,11 +84,11 @@ def _missing(expected: list[dict[str, Any]], reading: Reading) -> Iterator[str]:
 
 def _directions(expected: list[dict[str, Any]], reading: Reading) -> Iterator[str]:
     """The log's words and our directions belong together one to one."""
-    told = {(_line(frame), frame.hex): frame.direction for frame in reading.frames}
+    on_status = {(_line(frame), frame.hex): frame.direction for frame in reading.frames}
     pairs: dict[tuple[str, str], int] = {}
     for want in expected:
         data = bytes.fromhex(want["hex"])
-        direction = told.get((want["line"], data))
+        direction = on_status.get((want["line"], data))
         if not _checked(want) or direction is None:
             continue
         if want["dir"] in ("request", "response") and want["dir"] != direction:

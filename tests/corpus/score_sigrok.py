@@ -50,12 +50,12 @@ def _score(name: str, tap: str, stream: list[Byte], wanted: list[dict[str, str]]
     found, wrong = 0, []
     for channel in sorted({frame["channel"] for frame in wanted}):
         got = [(row.hex.hex(), row.direction) for row in rows if row.line == _LINES[channel]]
-        told = [
+        on_status = [
             (bytes.fromhex(one["hex"]).hex(), one["direction"])
             for one in wanted
             if one["channel"] == channel
         ]
-        found += sum(one in got for one in told)
-        if got != told:
-            wrong.append(f"{channel}: {len(got)} frames, {len(told)} are there")
+        found += sum(one in got for one in on_status)
+        if got != on_status:
+            wrong.append(f"{channel}: {len(got)} frames, {len(on_status)} are there")
     return Score(name, len(wanted), found, tap, tuple(wrong))

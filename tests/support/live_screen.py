@@ -10,11 +10,11 @@ from __future__ import annotations
 import sys
 import time
 
-from analyzer.cli.live_screen import Cockpit
+from analyzer.cli.live_screen import LiveScreen
 from analyzer.line import parse_line
 from analyzer.session import FileRun, Settings
-from analyzer.views.live.state import Board
-from analyzer.views.row_lines import Look
+from analyzer.views.live.state import LiveState
+from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
 
 SECONDS = 83.0
@@ -24,17 +24,19 @@ def main(path: str, view: str) -> None:
     """Put all of the recording on the board, then obey the keys."""
     run = FileRun([path], Settings(line=parse_line("19200-8E1")))
     ticks = iter([0.0])
-    board = Board(Look("wire", "utc", ("line",)), run.stats, clock=lambda: next(ticks, SECONDS))
-    cockpit = Cockpit(board, view, stdout())
-    with cockpit:
+    state = LiveState(
+        TableOptions("wire", "utc", ("line",)), run.stats, clock=lambda: next(ticks, SECONDS)
+    )
+    screen = LiveScreen(state, view, stdout())
+    with screen:
         for batch in run.batches():
-            cockpit.put(batch)
+            screen.put(batch)
         empty = run.finish()
-        cockpit.draw()
-        while not cockpit.leaving:
-            cockpit.put(empty)
+        screen.draw()
+        while not screen.quit_requested:
+            screen.put(empty)
             time.sleep(0.02)
-    sys.stdout.write("\n".join(cockpit.said))
+    sys.stdout.write("\n".join(screen.messages))
 
 
 if __name__ == "__main__":

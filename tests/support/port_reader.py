@@ -8,7 +8,7 @@ from typing import Self
 
 from _modlens import Inbox
 from analyzer.line import Line
-from analyzer.sources.serial import Port, lost
+from analyzer.sources.serial import Port, lost_port_error
 from dissectors.errors import PortError
 
 PATIENCE_S = 1.0
@@ -36,7 +36,7 @@ class Hearing:
             return None
         data, time_ns, errors = self._waiting.pop(0)
         if data is None:
-            raise lost(self.port.name, errors[0])
+            raise lost_port_error(self.port.name, errors[0])
         return data, time_ns, errors
 
     def all_of(self, count: int) -> bytes:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import _modlens
 from analyzer.line import Line
 from analyzer.sources.serial import Chunk
-from analyzer.sources.settings_search import Tuner
+from analyzer.sources.settings_search import SettingsSearch
 from tests.support.uart import Heard, Uart, Wire
 
 LOAD = 0.2
@@ -64,7 +64,12 @@ def traffic(line: Line, mode: str, seed: int, *, inverted: bool = False) -> Wire
 
 
 def listen(
-    tuner: Tuner, wire: Wire, *, coarse: int = 1, marks: bool = True, resync: bool = True
+    tuner: SettingsSearch,
+    wire: Wire,
+    *,
+    coarse: int = 1,
+    marks_errors: bool = True,
+    resync: bool = True,
 ) -> float:
     """Let it hear the line until it knows; gives the seconds that it took.
 
@@ -87,7 +92,7 @@ def listen(
             if coarse > 1 and errors:
                 errors = list(range(len(buffered)))
             data = bytes(one.byte for one in buffered)
-            tuner.feed(0, Chunk(data, round(now * NS), errors if marks else ()))
+            tuner.feed(0, Chunk(data, round(now * NS), errors if marks_errors else ()))
             buffered.clear()
         if tuner.line != line:
             receiving, line = Uart(tuner.line, resync=resync).receive(wire, now), tuner.line

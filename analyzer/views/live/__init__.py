@@ -1,7 +1,7 @@
 """The screens of a live tap: one file a view, each a function from the board to lines.
 
-A view draws what `Board` has gathered, in exactly the room it gets; it reads no ports and no keys.
-`VIEWS` is the registry: `modlens tap --view NAME`, and the key that shows it.
+A view draws what `LiveState` has gathered, in exactly the room it gets; it reads no ports and no
+keys. `VIEWS` is the registry: `modlens tap --view NAME`, and the key that shows it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analyzer.views.live.state import Board
+from analyzer.views.live.state import LiveState
 from analyzer.views.screen import Part
 
 __all__ = ["VIEWS", "Line", "View", "draw"]
@@ -20,7 +20,7 @@ Line = list[Part]
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A screen: its key, what it shows, its module with `lines(board, width, height)`."""
+    """A screen: its key, what it shows, its module with `lines(state, width, height)`."""
 
     key: str
     title: str
@@ -36,9 +36,9 @@ VIEWS = {
 """Name -> view."""
 
 
-def draw(name: str, board: Board, width: int, height: int) -> list[Line]:
+def draw(name: str, state: LiveState, width: int, height: int) -> list[Line]:
     """The lines of a view; more than `height` where there is more to see."""
-    lines: Callable[[Board, int, int], list[Line]] = importlib.import_module(
+    lines: Callable[[LiveState, int, int], list[Line]] = importlib.import_module(
         VIEWS[name].module
     ).lines
-    return lines(board, width, height)
+    return lines(state, width, height)

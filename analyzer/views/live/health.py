@@ -6,25 +6,25 @@ from collections.abc import Iterator
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.diagnostics import counted, explained, ranked
-from analyzer.views.live.state import Board
+from analyzer.views.diagnostics import describe_driver_errors, explain_timeouts, rank_findings
+from analyzer.views.live.state import LiveState
 from analyzer.views.screen import Part, fit, visible
 
 __all__ = ["lines"]
 
-_BUSY, _FULL = 0.5, 0.8
-_BAR = 20
+_HIGH_LOAD, _CRITICAL_LOAD = 0.5, 0.8
+_BAR_COLUMNS = 20
 
 
-def lines(board: Board, width: int, height: int) -> list[list[Part]]:
+def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     """Each bus, then the findings, those to check first on top."""
-    stats = board.statistics
+    stats = state.statistics
     if not stats.get("buses"):
         return [[("nothing heard yet", "dim")]]
     out: list[list[Part]] = []
     for bus in stats["buses"]:
         out += _bus(bus, width)
-    findings = list(ranked(stats))
+    findings = list(rank_findings(stats))
     if findings:
         out.append([("findings, what to check first on top (modlens explain CODE)", "head")])
     for code, count, severity, advice in findings:
@@ -48,10 +48,10 @@ def _bus(bus: dict[str, Any], width: int) -> Iterator[list[Part]]:
         (f"noise {frames.get('noise', 0):,}   ", "odd" if frames.get("noise") else ""),
         (f"retries {sum(row['retries'] for row in bus['units']):,}", ""),
     ]
-    driver = counted(bus)
+    driver = describe_driver_errors(bus)
     if driver:
         yield [(fit(f"  {driver}", width).rstrip(), "bad" if "lost" in driver else "odd")]
-    for line in explained(bus):
+    for line in explain_timeouts(bus):
         yield [(fit(f"  {line}", width).rstrip(), "bad" if line.startswith("unit") else "")]
 
 
@@ -59,9 +59,13 @@ def _load(bus: dict[str, Any]) -> list[Part]:
     load = bus["load"]
     if load is None:
         return [("load unknown", "dim")]
-    style = "bad" if load >= _FULL else "odd" if load >= _BUSY else "good"
-    full = round(min(load, 1.0) * _BAR)
-    return [("load ", ""), ("#" * full + "." * (_BAR - full), style), (f" {load:.0%}", style)]
+    style = "bad" if load >= _CRITICAL_LOAD else "odd" if load >= _HIGH_LOAD else "good"
+    full = round(min(load, 1.0) * _BAR_COLUMNS)
+    return [
+        ("load ", ""),
+        ("#" * full + "." * (_BAR_COLUMNS - full), style),
+        (f" {load:.0%}", style),
+    ]
 
 
 def _cycle(bus: dict[str, Any]) -> str:

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import _modlens
-from analyzer.views.live.state import Board, Mark
+from analyzer.views.live.state import LiveState, Mark
 from analyzer.views.row_lines import lines as lines_of
 from analyzer.views.screen import Part, fit, visible
 
 __all__ = ["lines"]
 
 
-def lines(board: Board, width: int, height: int) -> list[list[Part]]:
+def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     """The head and as many rows as there is room for."""
-    shown = list(board.rows)[-max(height - 1, 1) :]
+    shown = list(state.rows)[-max(height - 1, 1) :]
     rows = [row for row in shown if not isinstance(row, Mark)]
     if not rows:
-        waiting = "nothing passed the filter yet" if board.filter else "nothing heard yet"
+        waiting = "nothing passed the filter yet" if state.filter else "nothing heard yet"
         return [[(waiting, "dim")]]
-    made = lines_of(rows, board.look, width)
+    made = lines_of(rows, state.table_options, width)
     return [made.head(), *_body(shown, made, width)]
 
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import _modlens
 from analyzer.filters import Filter
-from analyzer.views.row_lines import Look
+from analyzer.views.row_lines import TableOptions
 
-__all__ = ["Board", "Mark", "Value"]
+__all__ = ["LiveState", "Mark", "RegisterValue"]
 
-ROWS = 1000
-REQUESTS = 4096
-LIT_S = 2.0
+MAX_ROWS = 1000
+MAX_REQUESTS = 4096
+HIGHLIGHT_S = 2.0
 """A value that changed stays lit for so long."""
 
 
@@ -33,39 +33,39 @@ class Mark:
 
 
 @dataclass(slots=True)
-class Value:
+class RegisterValue:
     """A register or coil: its value, and when it last changed (`time.monotonic`)."""
 
     value: int
     changed: float = float("-inf")
 
-    def lit(self, now: float) -> bool:
+    def is_highlighted(self, now: float) -> bool:
         """Whether it changed a moment ago."""
-        return now - self.changed < LIT_S
+        return now - self.changed < HIGHLIGHT_S
 
 
-Place = tuple[str, int, str, int]
+RegisterKey = tuple[str, int, str, int]
 """Bus, unit, type of register, address."""
 
 
 @dataclass
-class Board:
+class LiveState:
     """Rows and statistics of a tap; `stats` gives the statistics so far.
 
     `paused` keeps what is shown as it is, `filter` is what the log shows only.
     """
 
-    look: Look
+    table_options: TableOptions
     stats: Callable[[], dict[str, Any]]
     clock: Callable[[], float] = time.monotonic
     paused: bool = False
     filter: Filter | None = None
-    rows: deque[_modlens.Row | Mark] = field(default_factory=lambda: deque(maxlen=ROWS))
+    rows: deque[_modlens.Row | Mark] = field(default_factory=lambda: deque(maxlen=MAX_ROWS))
     marks: int = 0
     seen: int = 0
     started: float = 0.0
     _requests: dict[tuple[Any, ...], tuple[_modlens.Row, bool]] = field(default_factory=dict)
-    _values: dict[Place, Value] = field(default_factory=dict)
+    _values: dict[RegisterKey, RegisterValue] = field(default_factory=dict)
     _stats: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ class Board:
         if self.paused or not len(table):
             return
         for row in table:
-            self._remember(row)
+            self._record_request(row)
         if self.filter is not None:
             table = table.where(self.filter.predicate())
         self.rows.extend(table)
@@ -96,10 +96,10 @@ class Board:
             return
         self._stats = self.stats()
         now = self.clock()
-        for key, (row, fresh) in self._requests.items():
-            if fresh:
+        for key, (row, is_new) in self._requests.items():
+            if is_new:
                 self._requests[key] = (row, False)
-                self._take_apart(row, now)
+                self._record_values(row, now)
 
     @property
     def statistics(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Board:
         """Seconds since the board was made."""
         return self.clock() - self.started
 
-    def values(self) -> dict[Place, Value]:
+    def values(self) -> dict[RegisterKey, RegisterValue]:
         """Every register and coil that was seen, in order."""
         return dict(sorted(self._values.items()))
 
@@ -123,16 +123,16 @@ class Board:
                 found = row
         return found
 
-    def _remember(self, row: _modlens.Row) -> None:
+    def _record_request(self, row: _modlens.Row) -> None:
         if row.status != "ok" or row.register_type is None:
             return
         key = (row.bus, row.unit, row.function, row.address, row.quantity, row.write_address)
         self._requests.pop(key, None)
         self._requests[key] = (row, True)
-        if len(self._requests) > REQUESTS:
+        if len(self._requests) > MAX_REQUESTS:
             del self._requests[next(iter(self._requests))]
 
-    def _take_apart(self, row: _modlens.Row, now: float) -> None:
+    def _record_values(self, row: _modlens.Row, now: float) -> None:
         for first, data in ((row.address, row.data), (row.write_address, row.write_data)):
             if first is None or data is None:
                 continue
@@ -140,6 +140,6 @@ class Board:
                 place = (row.bus, row.unit, row.register_type, address)
                 known = self._values.get(place)
                 if known is None:
-                    self._values[place] = Value(value)
+                    self._values[place] = RegisterValue(value)
                 elif known.value != value:
                     known.value, known.changed = value, now

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from analyzer.views import cells
-from analyzer.views.grid import ROOMY, Carried, Field, Grid, Head
-from analyzer.views.live.state import Board
+from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn, RegisterValues
+from analyzer.views.live.state import LiveState
 from analyzer.views.screen import Part
 
 __all__ = ["lines"]
@@ -14,39 +14,47 @@ __all__ = ["lines"]
 _TROUBLE = ("no_response", "bad_request", "bad_response")
 
 
-def lines(board: Board, width: int, height: int) -> list[list[Part]]:
+def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     """The head and a line for each unit and function."""
-    stats = board.statistics
+    stats = state.statistics
     rows = [
-        {**row, "bus": bus["bus"], "last": board.last(bus["bus"], row["unit"], row["function"])}
+        {**row, "bus": bus["bus"], "last": state.last(bus["bus"], row["unit"], row["function"])}
         for bus in stats.get("buses", ())
         for row in bus["units"]
     ]
     if not rows:
         return [[("nothing heard yet", "dim")]]
-    chosen = _fields(board, roomy=width >= ROOMY)
-    if len(board.look.buses) > 1:
-        chosen.insert(0, cells.bus_field(board.look.buses, lambda row: str(row["bus"])))
+    chosen = _fields(state, is_wide=width >= WIDE_COLUMNS)
+    if len(state.table_options.buses) > 1:
+        chosen.insert(0, cells.bus_field(state.table_options.buses, lambda row: str(row["bus"])))
     grid = Grid(chosen, rows, width)
     return [grid.head(), *(grid.line(row) for row in rows)]
 
 
-def _fields(board: Board, *, roomy: bool) -> list[Field]:
+def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
     def rate(row: Any) -> str:
-        return f"{row['transactions'] / max(board.elapsed, 1):.1f}"
+        return f"{row['transactions'] / max(state.elapsed, 1):.1f}"
 
     chosen = [
-        Field(Head("unit", 4, right=True), lambda row: cells.number(row["unit"])),
-        Field(Head("function", 12, most=28 if roomy else 18), cells.function_name),
-        Field(Head("txns", 6, right=True), lambda row: f"{row['transactions']:,}"),
-        Field(Head("per s", 5, right=True), rate),
-        Field(Head("wrong", 6, right=True), _wrong, _wrong_style),
+        GridColumn(
+            ColumnLayout("unit", 4, align_right=True), lambda row: cells.number(row["unit"])
+        ),
+        GridColumn(
+            ColumnLayout("function", 12, max_width=28 if is_wide else 18), cells.function_name
+        ),
+        GridColumn(
+            ColumnLayout("txns", 6, align_right=True), lambda row: f"{row['transactions']:,}"
+        ),
+        GridColumn(ColumnLayout("per s", 5, align_right=True), rate),
+        GridColumn(ColumnLayout("wrong", 6, align_right=True), _wrong, _wrong_style),
     ]
     chosen += [
-        Field(Head(f"{name} ms", 6, right=True), _time(f"{name}_us"))
+        GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _time(f"{name}_us"))
         for name in ("p50", "p95", "max")
     ]
-    chosen.append(Field(Head("last value", 10, share=1), lambda row: _last(row, board)))
+    chosen.append(
+        GridColumn(ColumnLayout("last value", 10, free_share=1), lambda row: _last(row, state))
+    )
     return chosen
 
 
@@ -66,5 +74,5 @@ def _time(name: str) -> Any:
     return lambda row: cells.milliseconds((row["response_time"] or {}).get(name))
 
 
-def _last(row: Any, board: Board) -> Carried | str:
-    return "" if row["last"] is None else Carried(row["last"], board.look.address)
+def _last(row: Any, state: LiveState) -> RegisterValues | str:
+    return "" if row["last"] is None else RegisterValues(row["last"], state.table_options.address)

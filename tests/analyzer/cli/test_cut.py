@@ -22,7 +22,7 @@ NAMES = ("frame.time_epoch", "mbtcp.trans_id", "modbus.func_code", "frame.len")
 def source_file(kind: str, folder: Path) -> Path:
     """A capture of Modbus/TCP on Ethernet."""
     form, _, packed = kind.partition(".")
-    path = export(recording("pymodbus_two_units"), folder / f"in.{form}", wish=styled("tcp"))
+    path = export(recording("pymodbus_two_units"), folder / f"in.{form}", options=styled("tcp"))
     if packed:
         path = folder / f"in.{kind}"
         path.write_bytes(gzip.compress((folder / f"in.{form}").read_bytes()))

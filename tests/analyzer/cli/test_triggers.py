@@ -11,7 +11,7 @@ import pytest
 
 import _modlens
 from analyzer import FilterError
-from analyzer.cli.triggers import Around, Hourly, Limits
+from analyzer.cli.triggers import EventCapture, HourlySummary, StopConditions
 from analyzer.exports.sink import Target
 
 ANSWERED = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
@@ -33,25 +33,25 @@ def batches(kinds: str) -> Iterator[_modlens.Batch]:
         yield core.take()
 
 
-def taken(limits: Limits, kinds: str) -> int:
+def taken(conditions: StopConditions, kinds: str) -> int:
     """How many transactions it lets through."""
     for number, batch in enumerate(batches(kinds), 1):
-        limits.put(batch)
-        if limits.reached:
+        conditions.put(batch)
+        if conditions.reached:
             return number
     return 0
 
 
 def test_limits() -> None:
     """By number, by time, by an event; a filter that means nothing is told at once."""
-    assert taken(Limits(3, None, None), "......") == 3
-    assert taken(Limits(None, None, "exception == 2"), "..x...") == 3
-    assert taken(Limits(None, None, None), "......") == 0
-    short = Limits(None, 0.01, None)
+    assert taken(StopConditions(3, None, None), "......") == 3
+    assert taken(StopConditions(None, None, "exception == 2"), "..x...") == 3
+    assert taken(StopConditions(None, None, None), "......") == 0
+    short = StopConditions(None, 0.01, None)
     time.sleep(0.02)
     assert taken(short, "......") == 1
     with pytest.raises(FilterError):
-        Limits(None, None, "exceptio == 2")
+        StopConditions(None, None, "exceptio == 2")
 
 
 @pytest.mark.parametrize(
@@ -67,10 +67,10 @@ def test_limits() -> None:
 def test_a_file_around_each_event(kinds: str, files: list[str], tmp_path: Path) -> None:
     """Two before and two after; events that meet share a file; none is lost at the end."""
     target = Target("transactions", "jsonl", str(tmp_path / "event.jsonl"))
-    around = Around(2, "status == 'exception'", target, None)
+    capture = EventCapture(2, "status == 'exception'", target, None)
     for batch in batches(kinds):
-        around.put(batch)
-    around.close()
+        capture.put(batch)
+    capture.close()
     found = []
     for path in sorted(tmp_path.iterdir()):
         rows = [json.loads(line) for line in path.read_text().splitlines()]
@@ -79,14 +79,14 @@ def test_a_file_around_each_event(kinds: str, files: list[str], tmp_path: Path) 
     assert [path.name for path in sorted(tmp_path.iterdir())] == [
         f"event-{number:04d}.jsonl" for number in range(1, len(files) + 1)
     ]
-    assert around.events == len(files)
+    assert capture.events == len(files)
 
 
 def test_an_hour_in_a_line() -> None:
     """What came since the last one, by status."""
     said: list[str] = []
     counts = [{"ok": 5}, {"ok": 7, "no_response": 1}]
-    hourly = Hourly(
+    hourly = HourlySummary(
         lambda: {"transactions": counts.pop(0), "buses": [{"frames": {"ok": 10}}]},
         said.append,
         0.05,

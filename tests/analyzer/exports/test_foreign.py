@@ -121,7 +121,7 @@ def test_text2pcap(form: str, tmp_path: Path) -> None:
 def test_editcap_and_tshark(style: str, form: str, tmp_path: Path) -> None:
     """Ours, in another format: the frames stay, classic pcap has no words of ours."""
     source = recording("pymodbus_two_units")
-    path = export(source, tmp_path / "one.pcapng", wish=styled(style))
+    path = export(source, tmp_path / "one.pcapng", options=styled(style))
     meant = [row.hex for row in decode(path).frames]
     run(tmp_path, "editcap", "-F", form, str(path), str(tmp_path / "edited.cap"))
     run(tmp_path, "tshark", "-F", form, "-r", str(path), "-w", str(tmp_path / "saved.cap"))

@@ -17,9 +17,9 @@ from scapy.utils import wrpcap
 
 from analyzer import SourceError, decode
 from analyzer.columns import TABLES
-from analyzer.exports import Wish
-from analyzer.exports.original_packets import cut_out
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports import ExportOptions
+from analyzer.exports.original_packets import extract_packets
+from analyzer.exports.sink import ExportSink, parse_target
 from tests.conftest import CAPTURES, need_program
 from tests.support.tshark import environment, fields
 
@@ -34,7 +34,9 @@ NAMES = (
 
 def capture(path: Path) -> Path:
     """A capture of a recording with errors."""
-    sink = ExportSink(target(str(path), "transactions"), columns=None, where=None, growing=False)
+    sink = ExportSink(
+        parse_target(str(path), "transactions"), columns=None, where=None, growing=False
+    )
     for batch in decode(CAPTURES / "pymodbus_disturbed" / "recording.jsonl").batches(*TABLES):
         sink.put(batch)
     sink.close()
@@ -43,7 +45,7 @@ def capture(path: Path) -> Path:
 
 def cut(path: Path, wanted: set[int], out: Path) -> Path:
     """Those packets."""
-    out.write_bytes(b"".join(cut_out(str(path), wanted)))
+    out.write_bytes(b"".join(extract_packets(str(path), wanted)))
     return out
 
 
@@ -64,7 +66,7 @@ def test_packets_of_a_pcapng_are_as_they_were(tmp_path: Path) -> None:
     assert hashlib.sha256(whole.read_bytes()).hexdigest() in said
     assert "byte for byte" in said
     assert "modlens" in said
-    blocks = [block for block in cut_out(str(whole), wanted) if block[:4] == b"\6\0\0\0"]
+    blocks = [block for block in extract_packets(str(whole), wanted) if block[:4] == b"\6\0\0\0"]
     assert all(block in whole.read_bytes() for block in blocks)
 
 
@@ -117,10 +119,10 @@ def test_all_packets_of_a_frame_in_pieces(cuts: tuple[int, ...], tmp_path: Path)
     wrpcap(str(path), packets)
     wanted = [number for number, packet in enumerate(packets, 1) if 40001 not in ports(packet)]
     assert len(wanted) == len(cuts) + 2
-    wish = Wish("", (), style="original")
+    options = ExportOptions("", (), style="original")
     sink = ExportSink(
-        target(str(part), "transactions"), columns=None, where="status == 'ok'", growing=False,
-        wish=wish,
+        parse_target(str(part), "transactions"),
+        columns=None, where="status == 'ok'", growing=False, options=options,
     )  # fmt: skip
     for batch in decode(path).batches(*TABLES):
         sink.put(batch)

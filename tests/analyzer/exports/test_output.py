@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from analyzer import SourceError
-from analyzer.exports.output import GrowingFile, WholeFile
+from analyzer.exports.output import AtomicFile, GrowingFile
 
 FULL = Path("/dev/full")
 
@@ -18,7 +18,7 @@ FULL = Path("/dev/full")
 def test_a_whole_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     """Until then there is nothing of its name."""
     path = tmp_path / "out.csv"
-    output = WholeFile(str(path))
+    output = AtomicFile(str(path))
     output.append(b"one\n")
     output.append(b"two\n")
     assert not path.exists()
@@ -31,7 +31,7 @@ def test_a_whole_file_takes_the_place_of_an_old_one(tmp_path: Path) -> None:
     """The old one stays as it is until then."""
     path = tmp_path / "out.csv"
     path.write_bytes(b"old")
-    output = WholeFile(str(path))
+    output = AtomicFile(str(path))
     output.append(b"new")
     assert path.read_bytes() == b"old"
     output.close()
@@ -40,9 +40,9 @@ def test_a_whole_file_takes_the_place_of_an_old_one(tmp_path: Path) -> None:
 
 def test_an_abandoned_file_leaves_nothing(tmp_path: Path) -> None:
     """Neither under its name nor under another; closing it then is no harm."""
-    output = WholeFile(str(tmp_path / "out.csv"))
+    output = AtomicFile(str(tmp_path / "out.csv"))
     output.append(b"half")
-    output.abandon()
+    output.rollback()
     output.close()
     output.append(b"more")
     assert list(tmp_path.iterdir()) == []
@@ -54,7 +54,7 @@ def test_a_file_has_the_usual_permissions(tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     mask = os.umask(0o022)
     try:
-        WholeFile(str(path)).close()
+        AtomicFile(str(path)).close()
     finally:
         os.umask(mask)
     assert stat.S_IMODE(path.stat().st_mode) == 0o644
@@ -66,7 +66,7 @@ def test_a_link_is_followed(tmp_path: Path) -> None:
     target, link = tmp_path / "target.csv", tmp_path / "link.csv"
     target.write_bytes(b"old")
     link.symlink_to(target)
-    output = WholeFile(str(link))
+    output = AtomicFile(str(link))
     output.append(b"new")
     output.close()
     assert link.is_symlink()
@@ -88,12 +88,12 @@ def test_a_growing_file_can_be_read_while_it_grows(tmp_path: Path) -> None:
     output = GrowingFile(str(path))
     output.append(b"one\n")
     assert path.read_bytes() == b"one\n"
-    output.abandon()
+    output.rollback()
     assert path.read_bytes() == b"one\n"
 
 
-@pytest.mark.parametrize("kind", [WholeFile, GrowingFile])
-def test_what_cannot_be_written(kind: type[WholeFile | GrowingFile], tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [AtomicFile, GrowingFile])
+def test_what_cannot_be_written(kind: type[AtomicFile | GrowingFile], tmp_path: Path) -> None:
     """A missing folder, a folder instead of a file."""
     with pytest.raises(SourceError, match="its directory does not exist"):
         kind(str(tmp_path / "no" / "out.csv"))
@@ -102,8 +102,8 @@ def test_what_cannot_be_written(kind: type[WholeFile | GrowingFile], tmp_path: P
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="/dev/full")
-@pytest.mark.parametrize("kind", [WholeFile, GrowingFile])
-def test_a_full_disk_is_told_once(kind: type[WholeFile | GrowingFile], tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [AtomicFile, GrowingFile])
+def test_a_full_disk_is_told_once(kind: type[AtomicFile | GrowingFile], tmp_path: Path) -> None:
     """And nothing more is written."""
     link = tmp_path / "out.csv"
     link.symlink_to(FULL)

@@ -16,7 +16,14 @@ from pathlib import Path
 import pytest
 
 from analyzer import SourceError, UsageError
-from analyzer.exports.recorder import Keeping, Recorded, Recorder, Rotation, keeping, rotation
+from analyzer.exports.recorder import (
+    RecordedPort,
+    Recorder,
+    Retention,
+    Rotation,
+    parse_retention,
+    parse_rotation,
+)
 from tests.conftest import command, environment, need_program
 from tests.support.tshark import fields
 
@@ -35,9 +42,9 @@ class Read:
 
 
 PORTS = (
-    Recorded("bus one", None, "/dev/ttyUSB0", "19200-8E1"),
-    Recorded("two", "A", "/dev/ttyUSB1", None),
-    Recorded("two", "B", "/dev/ttyUSB2", None),
+    RecordedPort("bus one", None, "/dev/ttyUSB0", "19200-8E1"),
+    RecordedPort("two", "A", "/dev/ttyUSB1", None),
+    RecordedPort("two", "B", "/dev/ttyUSB2", None),
 )
 
 
@@ -75,7 +82,7 @@ def test_every_read_is_a_block_with_its_time(tmp_path: Path) -> None:
         ("two", "A", Read(b"abc", 1_700_000_001_000_000_000, hole=True)),
     ]
     for bus, line, read in reads:
-        recorder.heard(bus, line, read)
+        recorder.write_read(bus, line, read)
         # Flushed block by block: nothing waits for the end.
         assert path.read_bytes().endswith(
             packets(path.read_bytes())[-1][3] + path.read_bytes()[-4:]
@@ -100,7 +107,7 @@ def test_wireshark_reads_it(tmp_path: Path) -> None:
     """As RTAC serial, with the names of the ports."""
     path = tmp_path / "bus.pcapng"
     recorder = Recorder(str(path), PORTS)
-    recorder.heard("two", "B", Read(b"\x01\x03\x00", 1_700_000_000_123_456_789))
+    recorder.write_read("two", "B", Read(b"\x01\x03\x00", 1_700_000_000_123_456_789))
     recorder.close()
     (packet,) = fields(
         path, ["frame.interface_name", "frame.time_epoch", "rtacser.eventtype", "data.data"]
@@ -113,17 +120,17 @@ def test_wireshark_reads_it(tmp_path: Path) -> None:
 def test_a_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
     """Each start is a segment of its own."""
     path = tmp_path / "bus.pcapng"
-    told: list[str] = []
+    notify: list[str] = []
     for start in range(3):
-        recorder = Recorder(str(path), PORTS, told=told.append)
-        recorder.heard("two", "A", Read(bytes([start]), 1))
+        recorder = Recorder(str(path), PORTS, notify=notify.append)
+        recorder.write_read("two", "A", Read(bytes([start]), 1))
         recorder.close()
     names = sorted(one.name for one in tmp_path.iterdir())
     assert names[0] == "bus.pcapng"
     assert [name[:10] for name in names[1:]] == ["bus_00001_", "bus_00002_"]
     first, *others = (bytes_of((tmp_path / name).read_bytes()) for name in names)
     assert [first, *others] == [b"\0", b"\1", b"\2"]
-    assert told[0] == f"recording to {path}"
+    assert notify[0] == f"recording to {path}"
 
 
 def test_segments_by_size_and_how_many_are_kept(tmp_path: Path) -> None:
@@ -131,10 +138,12 @@ def test_segments_by_size_and_how_many_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "bus.pcapng"
     other = tmp_path / "bus_of_mine.pcapng"
     other.write_bytes(b"mine")
-    recorder = Recorder(str(path), PORTS[:1], rotate=Rotation(bytes=2000), keep=Keeping(segments=4))
+    recorder = Recorder(
+        str(path), PORTS[:1], rotate=Rotation(bytes=2000), keep=Retention(segments=4)
+    )
     sent = random.Random(1).randbytes(6000)
     for at in range(0, len(sent), 50):
-        recorder.heard("bus one", None, Read(sent[at : at + 50], at))
+        recorder.write_read("bus one", None, Read(sent[at : at + 50], at))
     recorder.close()
     segments = sorted(tmp_path.glob("bus_0*.pcapng"))
     assert len(segments) == 4
@@ -149,12 +158,12 @@ def test_segments_by_time_and_size_of_all(tmp_path: Path) -> None:
     """A clock that is told; --keep as a size."""
     now = [1_700_000_000.0]
     recorder = Recorder(
-        str(tmp_path / "bus"), PORTS[:1], rotate=Rotation(seconds=60), keep=Keeping(bytes=1500),
+        str(tmp_path / "bus"), PORTS[:1], rotate=Rotation(seconds=60), keep=Retention(bytes=1500),
         clock=lambda: now[0],
     )  # fmt: skip
     for minute in range(10):
         now[0] = 1_700_000_000.0 + 60 * minute
-        recorder.heard("bus one", None, Read(bytes([minute]) * 200, minute))
+        recorder.write_read("bus one", None, Read(bytes([minute]) * 200, minute))
     recorder.close()
     segments = sorted(tmp_path.glob("bus_0*.pcapng"))
     assert 1 < len(segments) < 5
@@ -166,16 +175,16 @@ def test_segments_by_time_and_size_of_all(tmp_path: Path) -> None:
 def test_words_that_mean_nothing(text: str) -> None:
     """Each option says what it takes."""
     with pytest.raises(UsageError, match="--rotate"):
-        rotation(text)
+        parse_rotation(text)
     if text != "10":
         with pytest.raises(UsageError, match="--keep"):
-            keeping(text)
+            parse_retention(text)
 
 
 def test_keep_is_for_segments(tmp_path: Path) -> None:
     """Without rotation there is one."""
     with pytest.raises(UsageError, match="add --rotate"):
-        Recorder(str(tmp_path / "bus"), PORTS, keep=Keeping(segments=1))
+        Recorder(str(tmp_path / "bus"), PORTS, keep=Retention(segments=1))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full")
@@ -183,13 +192,13 @@ def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
     """The tap goes on; it is told once."""
     path = tmp_path / "bus.pcapng"
     failures: list[SourceError] = []
-    recorder = Recorder(str(path), PORTS[:1], failed=failures.append)
+    recorder = Recorder(str(path), PORTS[:1], on_failure=failures.append)
     full = os.open("/dev/full", os.O_WRONLY)
     assert recorder._file is not None
     assert recorder._file._fd is not None
     os.dup2(full, recorder._file._fd)
     for moment in range(3):
-        recorder.heard("bus one", None, Read(b"x", moment))
+        recorder.write_read("bus one", None, Read(b"x", moment))
     recorder.close()
     os.close(full)
     assert [str(one).endswith("no space left") for one in failures] == [True]
@@ -272,7 +281,7 @@ def test_a_recording_cut_anywhere_is_read_up_to_there(tmp_path: Path) -> None:
     path = tmp_path / "bus.pcapng"
     recorder = Recorder(str(path), PORTS[:1])
     for moment in range(4):
-        recorder.heard("bus one", None, Read(bytes([moment]) * 7, moment))
+        recorder.write_read("bus one", None, Read(bytes([moment]) * 7, moment))
     recorder.close()
     data = path.read_bytes()
     whole = bytes_of(data)
@@ -295,13 +304,13 @@ def test_a_port_may_join_later(tmp_path: Path) -> None:
     """Its settings had to be found; Wireshark knows its name, and each segment has all ports."""
     path = tmp_path / "bus.pcapng"
     recorder = Recorder(str(path), [], rotate=Rotation(bytes=400))
-    late = Recorded("late", None, "/dev/ttyUSB7", "9600-8N1")
-    recorder.join(PORTS[0])
-    recorder.heard("bus one", None, Read(b"\x01", 1))
-    recorder.join(late)
+    late = RecordedPort("late", None, "/dev/ttyUSB7", "9600-8N1")
+    recorder.add_port(PORTS[0])
+    recorder.write_read("bus one", None, Read(b"\x01", 1))
+    recorder.add_port(late)
     for at in range(6):
-        recorder.heard("late", None, Read(b"\x02" * 40, 2 + at))
-        recorder.heard("bus one", None, Read(b"\x03", 2 + at))
+        recorder.write_read("late", None, Read(b"\x02" * 40, 2 + at))
+        recorder.write_read("bus one", None, Read(b"\x03", 2 + at))
     recorder.close()
     segments = sorted(tmp_path.glob("*.pcapng"))
     assert len(segments) > 1

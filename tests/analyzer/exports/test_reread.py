@@ -22,8 +22,8 @@ import pytest
 import _modlens
 from analyzer import Decoding, decode
 from analyzer.columns import columns
-from analyzer.exports import Wish
-from analyzer.exports.recorder import Recorded, Recorder
+from analyzer.exports import ExportOptions
+from analyzer.exports.recorder import RecordedPort, Recorder
 from tests.analyzer.exports.test_wireshark import MIXED, export, frame, recording, styled
 from tests.conftest import CAPTURES, need_program
 from tests.support.tshark import environment
@@ -72,7 +72,7 @@ def test_a_capture_has_the_rows_of_its_recording(style: str, tmp_path: Path) -> 
     for path in RECORDINGS:
         for line in ("19200-8E1",) if style == "rtu" else (None, "19200-8E1"):
             source = decode(path, line=line)
-            assert_same(source, export(source, tmp_path / f"{style}.pcapng", wish=styled(style)))
+            assert_same(source, export(source, tmp_path / f"{style}.pcapng", options=styled(style)))
             seen.update(row["verdict"] for row in rows(source, "frames"))
     assert seen == {"ok", "bad_checksum", "incomplete", "noise", "no_checksum"} - {"no_checksum"}
     assert_same(recording(*MIXED), export(recording(*MIXED), tmp_path / "many.pcapng"))
@@ -85,14 +85,14 @@ def test_a_bus_without_checksums_and_one_with_marked_bytes(tmp_path: Path) -> No
     source = decode(printed, read_as="hex")
     assert {row["verdict"] for row in rows(source, "frames")} == {"no_checksum"}
     for style in ("udp", "rtu"):
-        assert_same(source, export(source, tmp_path / "printed.pcapng", wish=styled(style)))
-    ports = [Recorded("two lines", letter, f"/dev/tty{letter}", "9600-8N1") for letter in "AB"]
+        assert_same(source, export(source, tmp_path / "printed.pcapng", options=styled(style)))
+    ports = [RecordedPort("two lines", letter, f"/dev/tty{letter}", "9600-8N1") for letter in "AB"]
     recorder = Recorder(str(tmp_path / "raw.pcapng"), ports)
     for number in range(4):
         for letter, data in (("A", frame(1, bytes([3, 0, 0, 0, 1]))), ("B", frame(1, b"\3\2\0\7"))):
             errors = (2,) if number == 2 else ()
             read = _Read(data, (1 + number) * 10**9 + 20_000_000 * (letter == "B"), errors)
-            recorder.heard("two lines", letter, read)
+            recorder.write_read("two lines", letter, read)
     recorder.close()
     source = decode(tmp_path / "raw.pcapng")
     assert {row["line"] for row in rows(source, "frames")} == {"A", "B"}
@@ -109,7 +109,7 @@ class _Read:
 
 def test_connections_of_a_network(tmp_path: Path) -> None:
     """Client, server and number of each connection; here serial traffic dressed as Modbus/TCP."""
-    dressed = export(recording(*MIXED), tmp_path / "tcp.pcapng", wish=styled("tcp"))
+    dressed = export(recording(*MIXED), tmp_path / "tcp.pcapng", options=styled("tcp"))
     source = decode(dressed)
     assert len({row["connection"] for row in rows(source, "frames")}) > 5
     assert all(row["client"] and row["server"] for row in rows(source, "transactions"))
@@ -211,7 +211,7 @@ def test_the_style_tcp_carries_the_good_frames(tmp_path: Path) -> None:
     assert {key for keys in LESS.values() for key in keys} <= {one.key for one in columns("frames")}
     for name in ("pymodbus_all_functions", "pymodbus_two_units", "pymodbus_types"):
         source = recording(name)
-        back = decode(export(source, tmp_path / "one.pcapng", wish=styled("tcp")))
+        back = decode(export(source, tmp_path / "one.pcapng", options=styled("tcp")))
         skip = LESS["tcp"]
         assert rows(back, "frames", skip) == rows(source, "frames", skip)
         assert _content(back) == _content(source)
@@ -226,7 +226,9 @@ def _content(source: Decoding) -> list[tuple[Any, ...]]:
 
 def test_words_that_make_no_sense_are_no_words(tmp_path: Path) -> None:
     """A file may come from anywhere: what is not ours is read as its bytes are."""
-    path = export(recording("pymodbus_two_units"), tmp_path / "one.pcapng", wish=Wish("", ()))
+    path = export(
+        recording("pymodbus_two_units"), tmp_path / "one.pcapng", options=ExportOptions("", ())
+    )
     data = path.read_bytes()
     for old, new in ((b"direction=re", b"direction=xy"), (b"txn=", b"txm="), (b"frame=", b"frame?"),
                      (b"request=", b"request?"), (b" offset=", b" cut_by=")):  # fmt: skip

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from analyzer import FilterError, SourceError, UsageError, decode
-from analyzer.exports import Wish
-from analyzer.exports.sink import ExportSink, Target, check_style, target
+from analyzer.exports import ExportOptions
+from analyzer.exports.sink import ExportSink, Target, check_style, parse_target
 
 
 @pytest.mark.parametrize(
@@ -25,20 +25,20 @@ from analyzer.exports.sink import ExportSink, Target, check_style, target
 )
 def test_an_output_says_table_format_and_path(text: str, expected: Target) -> None:
     """The table may stand in front; a drive letter is none."""
-    assert target(text, "transactions") == expected
+    assert parse_target(text, "transactions") == expected
 
 
 @pytest.mark.parametrize("text", ["log", "log.cvs", "frames:", "log.csv.gz", ".csv"])
 def test_a_suffix_that_says_nothing(text: str) -> None:
     """Wrong use, with the suffixes that are known."""
     with pytest.raises(UsageError, match=r"one of \.csv, \.jsonl"):
-        target(text, "transactions")
+        parse_target(text, "transactions")
 
 
 def export(path: Path, captures: Path, *, columns: str | None, where: str | None) -> ExportSink:
     """Write the transactions of a recording."""
     sink = ExportSink(
-        target(str(path), "transactions"), columns=columns, where=where, growing=False
+        parse_target(str(path), "transactions"), columns=columns, where=where, growing=False
     )
     recording = decode(captures / "pymodbus_exceptions" / "recording.jsonl", line="19200-8E1")
     for batch in recording.batches("transactions"):
@@ -61,7 +61,7 @@ def test_columns_and_rows_are_chosen(suffix: str, tmp_path: Path, captures: Path
     path = tmp_path / f"out.{suffix}"
     sink = export(path, captures, columns="status,txn", where="status == 'exception'")
     found = rows_of(path)
-    assert sink.rows == len(found) > 5
+    assert sink.row_count == len(found) > 5
     assert all(list(row) == ["status", "txn"] and row["status"] == "exception" for row in found)
 
 
@@ -90,8 +90,8 @@ def test_partitions_are_folders_by_day_and_bus(tmp_path: Path, captures: Path) -
         captures / name / "recording.jsonl" for name in ("pymodbus_ascii", "pymodbus_timeouts")
     ]
     sink = ExportSink(
-        target(str(folder), "transactions"),
-        columns=None, where=None, growing=False, wish=Wish("", (), style="partitions"),
+        parse_target(str(folder), "transactions"),
+        columns=None, where=None, growing=False, options=ExportOptions("", (), style="partitions"),
     )  # fmt: skip
     recording = decode(names)
     for batch in recording.batches("transactions"):
@@ -105,8 +105,9 @@ def test_partitions_are_folders_by_day_and_bus(tmp_path: Path, captures: Path) -
     assert rows == [(row.txn, row.status) for row in recording.transactions]
     with pytest.raises(SourceError, match="no new folder can be made there"):
         ExportSink(
-            target(str(folder), "transactions"),
-            columns=None, where=None, growing=False, wish=Wish("", (), style="partitions"),
+            parse_target(str(folder), "transactions"),
+            columns=None, where=None, growing=False,
+            options=ExportOptions("", (), style="partitions"),
         )  # fmt: skip
 
 
@@ -131,7 +132,7 @@ def test_parquet_says_where_it_comes_from(tmp_path: Path, captures: Path) -> Non
 
 def test_a_style_has_to_be_known() -> None:
     """By one output at least."""
-    targets = [target("a.csv", "frames"), target("a.pcapng", "transactions")]
+    targets = [parse_target("a.csv", "frames"), parse_target("a.pcapng", "transactions")]
     check_style("rtu", targets)
     with pytest.raises(UsageError, match="--style rtu: no output here has styles"):
         check_style("rtu", targets[:1])

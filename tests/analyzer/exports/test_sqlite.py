@@ -13,7 +13,7 @@ import pytest
 
 from analyzer import Decoding, SourceError, UsageError, decode
 from analyzer.columns import TABLES
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports.sink import ExportSink, parse_target
 from dissectors.vocabulary import vocabulary
 from tests.conftest import CAPTURES, ROOT, environment
 
@@ -25,7 +25,7 @@ def recording() -> Decoding:
 
 def export(path: Path, *, where: str | None = None, growing: bool = False) -> ExportSink:
     """Write it."""
-    one = target(str(path), "transactions")
+    one = parse_target(str(path), "transactions")
     sink = ExportSink(one, columns=None, where=where, growing=growing)
     for batch in recording().batches(*TABLES):
         sink.put(batch)
@@ -71,7 +71,7 @@ def test_a_filter_on_transactions_holds_for_their_frames_and_values(tmp_path: Pa
 
 def test_it_cannot_go_to_standard_output() -> None:
     """It is a file of pages that are written in any order."""
-    one = target("x.sqlite", "transactions")
+    one = parse_target("x.sqlite", "transactions")
     with pytest.raises(UsageError, match="name a file"):
         ExportSink(
             type(one)("transactions", "sqlite", None), columns=None, where=None, growing=False
@@ -90,9 +90,9 @@ sys.path.insert(0, {root!r})
 from analyzer import decode
 from analyzer.columns import TABLES
 from analyzer.exports import sqlite
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports.sink import ExportSink, parse_target
 sqlite.COMMIT_S = 0.0
-sink = ExportSink(target({path!r}, "transactions"), columns=None, where=None, growing=True)
+sink = ExportSink(parse_target({path!r}, "transactions"), columns=None, where=None, growing=True)
 for batch in decode({recording!r}).batches(*TABLES):
     sink.put(batch)
 print("there", flush=True)

@@ -13,8 +13,8 @@ import pytest
 import _modlens
 from analyzer import Decoding, UsageError, decode
 from analyzer.columns import TABLES
-from analyzer.exports import Wish
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports import ExportOptions
+from analyzer.exports.sink import ExportSink, parse_target
 from tests.conftest import CAPTURES, need_program
 from tests.support.tshark import environment, fields, tshark
 
@@ -42,11 +42,15 @@ def recording(*names: str) -> Decoding:
 
 
 def export(
-    source: Decoding, path: Path, *, where: str | None = None, wish: Wish | None = None
+    source: Decoding, path: Path, *, where: str | None = None, options: ExportOptions | None = None
 ) -> Path:
     """Write a recording to a capture."""
     sink = ExportSink(
-        target(str(path), "transactions"), columns=None, where=where, growing=False, wish=wish
+        parse_target(str(path), "transactions"),
+        columns=None,
+        where=where,
+        growing=False,
+        options=options,
     )
     for batch in source.batches(*TABLES):
         sink.put(batch)
@@ -54,9 +58,9 @@ def export(
     return path
 
 
-def styled(style: str) -> Wish:
+def styled(style: str) -> ExportOptions:
     """A wish for a style."""
-    return Wish("", (), style=style)
+    return ExportOptions("", (), style=style)
 
 
 @pytest.fixture(scope="module")
@@ -220,7 +224,7 @@ def test_what_others_save_anew_keeps_our_words(again: str, mixed: Path, tmp_path
 
 def test_the_style_rtu_is_decoded_as_rtu(tmp_path: Path) -> None:
     """By the dissector mbrtu, whose checks find every checksum right."""
-    path = export(recording("pymodbus_two_units"), tmp_path / "rtu.pcapng", wish=styled("rtu"))
+    path = export(recording("pymodbus_two_units"), tmp_path / "rtu.pcapng", options=styled("rtu"))
     seen = fields(
         path, ["mbrtu.unit_id", "mbrtu.crc16.status"], "-o", "mbrtu.crc_verification:TRUE"
     )
@@ -231,7 +235,7 @@ def test_the_style_rtu_is_decoded_as_rtu(tmp_path: Path) -> None:
 
 def test_the_style_tcp_is_a_sound_conversation(tmp_path: Path) -> None:
     """Handshakes, sequence numbers, checksums; told as synthetic, what is missing is counted."""
-    path = export(recording(*MIXED), tmp_path / "tcp.pcapng", wish=styled("tcp"))
+    path = export(recording(*MIXED), tmp_path / "tcp.pcapng", options=styled("tcp"))
     strict = ("-o", "tcp.check_checksum:TRUE", "-o", "ip.check_checksum:TRUE")
     assert tshark(path, *strict, "-Y", "tcp.analysis.flags || _ws.malformed") == ""
     assert tshark(path, *strict, "-Y", "ip.checksum.status == 0 || tcp.checksum.status == 0") == ""
@@ -267,7 +271,9 @@ def test_a_filter_keeps_whole_transactions(context: int, tmp_path: Path) -> None
     """All frames of those for which it holds, and on request their neighbours."""
     source = recording("pymodbus_disturbed")
     where = "status == 'bad_response' or status == 'no_response'"
-    path = export(source, tmp_path / "cut.pcapng", where=where, wish=Wish("", (), context=context))
+    path = export(
+        source, tmp_path / "cut.pcapng", where=where, options=ExportOptions("", (), context=context)
+    )
     wanted = {row.txn for row in source.transactions.where(where)}
     frames = list(source.frames)
     kept = [at for at, frame in enumerate(frames) if frame.txn in wanted]
@@ -285,7 +291,7 @@ def test_a_filter_on_frames_keeps_those(tmp_path: Path) -> None:
     source = recording("pymodbus_disturbed")
     path = tmp_path / "noise.pcapng"
     sink = ExportSink(
-        target(f"frames:{path}", "transactions"),
+        parse_target(f"frames:{path}", "transactions"),
         columns=None,
         where="verdict == 'noise'",
         growing=False,
@@ -294,8 +300,8 @@ def test_a_filter_on_frames_keeps_those(tmp_path: Path) -> None:
         sink.put(batch)
     sink.close()
     seen = fields(path, ["_ws.col.Protocol"])
-    assert [packet["_ws.col.Protocol"] for packet in seen] == ["RTU noise"] * sink.rows
-    assert sink.rows > 2
+    assert [packet["_ws.col.Protocol"] for packet in seen] == ["RTU noise"] * sink.row_count
+    assert sink.row_count > 2
 
 
 def frame(unit: int, pdu: bytes) -> bytes:
@@ -347,8 +353,8 @@ def test_answers_that_nobody_asked_for_are_read_in_linear_time(tmp_path: Path) -
 def test_a_style_that_nobody_knows(tmp_path: Path) -> None:
     """Columns cannot be chosen, either; a table that a capture has no place for is refused."""
     with pytest.raises(UsageError, match="holds transactions or frames, not findings"):
-        target(f"findings:{tmp_path}/x.pcapng", "transactions")
-    one = target(f"{tmp_path}/x.pcapng", "transactions")
+        parse_target(f"findings:{tmp_path}/x.pcapng", "transactions")
+    one = parse_target(f"{tmp_path}/x.pcapng", "transactions")
     with pytest.raises(UsageError, match="has columns of its own"):
         ExportSink(one, columns="txn", where=None, growing=False)
 

@@ -9,8 +9,8 @@ import pytest
 
 import _modlens
 from analyzer import Decoding, decode
-from analyzer.exports import Wish
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports import ExportOptions
+from analyzer.exports.sink import ExportSink, parse_target
 from tests.conftest import CAPTURES
 
 MODBUS = "ts uid id.orig_h id.orig_p id.resp_h id.resp_p tid unit func pdu_type exception".split()
@@ -29,8 +29,10 @@ def recording(name: str = "pymodbus_all_functions") -> Decoding:
 
 def log(path: Path, name: str = "pymodbus_all_functions", style: str = "") -> list[dict[str, str]]:
     """The lines of a log, as a reader of Zeek's logs takes them: by the header."""
-    one = target(str(path), "transactions")
-    sink = ExportSink(one, columns=None, where=None, growing=False, wish=Wish("", (), style=style))
+    one = parse_target(str(path), "transactions")
+    sink = ExportSink(
+        one, columns=None, where=None, growing=False, options=ExportOptions("", (), style=style)
+    )
     for batch in recording(name).batches("transactions"):
         sink.put(batch)
     sink.close()
@@ -86,7 +88,7 @@ def test_bits_behind_the_quantity_stand_apart(tmp_path: Path) -> None:
     bodies = [bytes.fromhex("010100010001"), bytes.fromhex("01010101")]
     frames = [body + _modlens.crc16(body).to_bytes(2, "little") for body in bodies]
     path.write_text("".join(f"{frame.hex()}\n" for frame in frames))
-    one = target(str(tmp_path / "modbus_detailed.log"), "transactions")
+    one = parse_target(str(tmp_path / "modbus_detailed.log"), "transactions")
     sink = ExportSink(one, columns=None, where=None, growing=False)
     for batch in decode(path).batches("transactions"):
         sink.put(batch)
@@ -103,8 +105,10 @@ def test_bits_behind_the_quantity_stand_apart(tmp_path: Path) -> None:
 )
 def test_json_says_the_same(name: str, fields: list[str], tmp_path: Path) -> None:
     """An object a line; what is not set is left out."""
-    one = target(str(tmp_path / name), "transactions")
-    sink = ExportSink(one, columns=None, where=None, growing=False, wish=Wish("", (), style="json"))
+    one = parse_target(str(tmp_path / name), "transactions")
+    sink = ExportSink(
+        one, columns=None, where=None, growing=False, options=ExportOptions("", (), style="json")
+    )
     for batch in recording().batches("transactions"):
         sink.put(batch)
     sink.close()

@@ -13,7 +13,7 @@ pytest.importorskip("prometheus_client")
 from prometheus_client.parser import text_string_to_metric_families
 
 from analyzer import SourceError, UsageError
-from analyzer.feeds.metrics import Metrics, address
+from analyzer.feeds.metrics import Metrics, parse_address
 from tests.analyzer.cli.test_triggers import batches
 
 STATS = {"buses": [{"bus": "bus", "frames": {"bad_checksum": 3}, "load": 0.25}]}
@@ -60,8 +60,8 @@ def test_a_port_that_is_taken_is_told() -> None:
 
 def test_addresses() -> None:
     """Loopback unless another is named."""
-    assert address("9502") == ("127.0.0.1", 9502)
-    assert address("0.0.0.0:80") == ("0.0.0.0", 80)
+    assert parse_address("9502") == ("127.0.0.1", 9502)
+    assert parse_address("0.0.0.0:80") == ("0.0.0.0", 80)
     for text in ("", "x", "70000", "host:"):
         with pytest.raises(UsageError):
-            address(text)
+            parse_address(text)

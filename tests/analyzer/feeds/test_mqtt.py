@@ -21,7 +21,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 import _modlens
 from analyzer import SourceError, UsageError
-from analyzer.feeds.mqtt import Broker, Mqtt, broker
+from analyzer.feeds.mqtt import Broker, Mqtt, parse_broker
 from analyzer.feeds.spool import Message, Spool
 from tests.analyzer.cli.test_triggers import batches
 from tests.conftest import need_program
@@ -226,7 +226,7 @@ def test_what_was_not_sent_is_sent_by_the_next_tap(mosquitto: Mosquitto, tmp_pat
 
 def test_a_spool_is_bounded_and_counts() -> None:
     """The oldest go first."""
-    spool = Spool(None, most=3)
+    spool = Spool(None, limit=3)
     for number in range(5):
         spool.add(Message(str(number), b""))
     assert (len(spool), spool.dropped) == (3, 2)
@@ -237,8 +237,8 @@ def test_a_spool_is_bounded_and_counts() -> None:
 def test_wrong_words(tmp_path: Path) -> None:
     """A URL of another kind; a spool that cannot be."""
     with pytest.raises(UsageError, match="write mqtt://host"):
-        broker("http://host")
+        parse_broker("http://host")
     with pytest.raises(UsageError):
-        broker("mqtt://host:port")
+        parse_broker("mqtt://host:port")
     with pytest.raises(SourceError, match="spool"):
         Spool(str(tmp_path / "none" / "spool"))

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from analyzer.sources.clock import Change, Clock, asleep_ns, monotonic_ns
+from analyzer.sources.clock import Clock, ClockChange, monotonic_ns, suspended_ns
 
 S = 10**9
 
@@ -16,8 +16,8 @@ class Machine:
 
     def __init__(self) -> None:
         """It has run for five seconds."""
-        self.wall, self.steady, self.asleep = 1_000 * S, 5 * S, 0
-        self.clock = Clock(lambda: self.wall, lambda: self.steady, lambda: self.asleep)
+        self.wall, self.steady, self.suspended = 1_000 * S, 5 * S, 0
+        self.clock = Clock(lambda: self.wall, lambda: self.steady, lambda: self.suspended)
 
     def go_on(self, seconds: float) -> None:
         """Time passes on all of them."""
@@ -27,7 +27,7 @@ class Machine:
     def sleep(self, seconds: float) -> None:
         """The monotonic clock stands still."""
         self.wall += round(seconds * S)
-        self.asleep += round(seconds * S)
+        self.suspended += round(seconds * S)
 
 
 def test_a_correction_does_not_show() -> None:
@@ -37,8 +37,8 @@ def test_a_correction_does_not_show() -> None:
         machine.go_on(1)
         machine.wall += round(correction * S)
         before = machine.clock.now_ns()
-        assert machine.clock.check() == Change()
-        machine.clock.follow()
+        assert machine.clock.check() == ClockChange()
+        machine.clock.catch_up()
         machine.go_on(1)
         assert machine.clock.now_ns() >= before + S
 
@@ -47,28 +47,28 @@ def test_a_clock_that_is_set_forward_is_followed_when_somebody_says_so() -> None
     """The step is told once; until then what is under way on the line keeps its times."""
     machine = Machine()
     machine.wall += 3600 * S
-    assert machine.clock.check() == Change(step_ns=3600 * S)
-    assert machine.clock.is_late
+    assert machine.clock.check() == ClockChange(step_ns=3600 * S)
+    assert machine.clock.is_behind_wall_clock
     machine.go_on(10)
-    assert machine.clock.check() == Change()
+    assert machine.clock.check() == ClockChange()
     assert machine.clock.now_ns() == 1_010 * S
-    machine.clock.follow()
+    machine.clock.catch_up()
     assert machine.clock.now_ns() == machine.wall == 4_610 * S
-    assert not machine.clock.is_late
-    assert machine.clock.check() == Change()
+    assert not machine.clock.is_behind_wall_clock
+    assert machine.clock.check() == ClockChange()
 
 
 def test_a_clock_that_is_set_back_is_not_followed() -> None:
     """It is told once; when it is right again nothing jumps."""
     machine = Machine()
     machine.wall -= 3600 * S
-    assert machine.clock.check() == Change(step_ns=-3600 * S)
+    assert machine.clock.check() == ClockChange(step_ns=-3600 * S)
     machine.go_on(1)
-    assert machine.clock.check() == Change()
-    machine.clock.follow()
+    assert machine.clock.check() == ClockChange()
+    machine.clock.catch_up()
     assert machine.clock.now_ns() == 1_001 * S
     machine.wall += 3600 * S
-    assert machine.clock.check() == Change(step_ns=3600 * S)
+    assert machine.clock.check() == ClockChange(step_ns=3600 * S)
     assert machine.clock.now_ns() == 1_001 * S
     assert machine.clock.at(0) == 1_001 * S - machine.steady
 
@@ -80,9 +80,9 @@ def test_a_sleep_is_no_step_of_the_clock(nap: float) -> None:
     machine.go_on(7)
     machine.sleep(nap)
     machine.go_on(1)
-    assert machine.clock.check() == Change(slept_ns=round(nap * S))
+    assert machine.clock.check() == ClockChange(suspended_ns=round(nap * S))
     assert machine.clock.now_ns() == machine.wall
-    assert machine.clock.check() == Change()
+    assert machine.clock.check() == ClockChange()
 
 
 def test_a_clock_may_be_set_in_the_sleep() -> None:
@@ -90,18 +90,18 @@ def test_a_clock_may_be_set_in_the_sleep() -> None:
     machine = Machine()
     machine.sleep(100)
     machine.wall += 50 * S
-    assert machine.clock.check() == Change(step_ns=50 * S, slept_ns=100 * S)
+    assert machine.clock.check() == ClockChange(step_ns=50 * S, suspended_ns=100 * S)
     assert machine.clock.now_ns() == machine.wall
     machine.sleep(100)
     machine.wall -= 50 * S
-    assert machine.clock.check() == Change(step_ns=-50 * S, slept_ns=100 * S)
-    assert machine.clock.check() == Change()
+    assert machine.clock.check() == ClockChange(step_ns=-50 * S, suspended_ns=100 * S)
+    assert machine.clock.check() == ClockChange()
 
 
 def test_this_machine_is_awake() -> None:
     """What it has slept does not change while it runs."""
-    before = asleep_ns()
+    before = suspended_ns()
     time.sleep(0.05)
-    assert abs(asleep_ns() - before) < S // 100
+    assert abs(suspended_ns() - before) < S // 100
     assert Clock().now_ns() == pytest.approx(time.time_ns(), abs=S)
     assert monotonic_ns() == pytest.approx(time.monotonic_ns(), abs=S)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from analyzer.sources.detect import choose, is_text
+from analyzer.sources.detect import detect_format, is_text
 
 REQUEST, RESPONSE = "0103006b00037417", "010306022b0000006405 7a".replace(" ", "")
 
@@ -17,8 +17,8 @@ SAMPLES = {
 @pytest.mark.parametrize("name", SAMPLES)
 def test_each_format_is_found_by_its_content(name: str) -> None:
     """Whatever the file is called."""
-    found = choose(SAMPLES[name], "recording")
-    assert (found.format, found.ordered) == (name, False)
+    found = detect_format(SAMPLES[name], "recording")
+    assert (found.format, found.forced) == (name, False)
     assert 0 < found.confidence <= 1
     assert found.reason
 
@@ -36,18 +36,18 @@ def test_each_format_is_found_by_its_content(name: str) -> None:
 )
 def test_hex_is_found_in_any_dress(text: str) -> None:
     """Plain, separated, with 0x, with times and words in front."""
-    assert choose(text.encode(), "bus.log").format == "hex"
+    assert detect_format(text.encode(), "bus.log").format == "hex"
 
 
 def test_modbus_ascii_as_it_was_on_the_line_is_raw() -> None:
     """Colons and hex digits are what the bytes look like, not a text of them."""
-    assert choose(b":010300000001FB\r\n:0103020007F3\r\n", "bus.bin").format == "raw"
+    assert detect_format(b":010300000001FB\r\n:0103020007F3\r\n", "bus.bin").format == "raw"
 
 
 def test_an_order_is_followed() -> None:
     """Even where the detection would not have thought of it."""
-    found = choose(SAMPLES["hex"], "bus.hex", "hexdump")
-    assert (found.format, found.ordered) == ("hexdump", True)
+    found = detect_format(SAMPLES["hex"], "bus.hex", "hexdump")
+    assert (found.format, found.forced) == ("hexdump", True)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ def test_all_bytes_come_in_order(tmp_path: Path) -> None:
     with Recording(str(path)) as recording:
         blocks = list(recording.blocks())
     assert b"".join(blocks) == data
-    assert max(map(len, blocks)) <= files.BLOCK
+    assert max(map(len, blocks)) <= files.BLOCK_BYTES
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes by name")

@@ -15,7 +15,7 @@ from analyzer import PortError
 from analyzer.line import Line
 from analyzer.sources import port_listener as live_module
 from analyzer.sources.clock import Clock
-from analyzer.sources.port_listener import Listening, Tapped
+from analyzer.sources.port_listener import PortListener, TappedPort
 from analyzer.sources.serial import Chunk, Port
 
 if sys.platform == "win32":
@@ -50,7 +50,7 @@ class FarEnd:
         os.close(self.far)
 
 
-def gather(listening: Listening, count: int, patience: float = 5.0) -> list[tuple[int, Chunk]]:
+def gather(listening: PortListener, count: int, patience: float = 5.0) -> list[tuple[int, Chunk]]:
     """So many bytes, or what came in time."""
     until = time.monotonic() + patience
     found: list[tuple[int, Chunk]] = []
@@ -64,9 +64,9 @@ def test_what_comes_in_has_its_port_and_its_time(count: int, tmp_path: Path) -> 
     """Each port's bytes, in order of arrival; silence in between is told; no thread stays."""
     before = threading.active_count()
     ends = [FarEnd(tmp_path / f"tty{number}") for number in range(count)]
-    tapped = [Tapped(str(end.link), LINE) for end in ends]
+    tapped = [TappedPort(str(end.link), LINE) for end in ends]
     received: list[tuple[int, Chunk]] = []
-    with closing(Listening(tapped, pytest.fail)) as listening:
+    with closing(PortListener(tapped, pytest.fail)) as listening:
         for number, end in enumerate(ends):
             os.write(end.far, bytes([number]))
             received += gather(listening, 1)
@@ -86,13 +86,13 @@ def test_the_far_end_closes_and_returns_twenty_times(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What was received is there, the hole is marked each time, the other port goes on."""
-    monkeypatch.setattr(live_module, "FIRST_TRY_NS", 1_000_000)
-    monkeypatch.setattr(live_module, "NEXT_TRY_NS", 10_000_000)
+    monkeypatch.setattr(live_module, "FIRST_RETRY_NS", 1_000_000)
+    monkeypatch.setattr(live_module, "RETRY_INTERVAL_NS", 10_000_000)
     end, other = FarEnd(tmp_path / "ttyA"), FarEnd(tmp_path / "ttyB")
     said: list[str] = []
     received: list[tuple[int, Chunk]] = []
-    tapped = [Tapped(str(one.link), LINE) for one in (end, other)]
-    with closing(Listening(tapped, said.append)) as listening:
+    tapped = [TappedPort(str(one.link), LINE) for one in (end, other)]
+    with closing(PortListener(tapped, said.append)) as listening:
         for turn in range(20):
             os.write(end.far, bytes([turn, turn]))
             os.write(other.far, bytes([turn]))
@@ -120,8 +120,8 @@ def test_the_far_end_closes_and_returns_twenty_times(
 def test_without_waiting_the_loss_of_one_port_is_told(tmp_path: Path) -> None:
     """By its name, whichever it is."""
     end, other = FarEnd(tmp_path / "ttyA"), FarEnd(tmp_path / "ttyB")
-    tapped = [Tapped(str(other.link), LINE), Tapped(str(end.link), LINE)]
-    with closing(Listening(tapped, pytest.fail, reconnect=False)) as listening:
+    tapped = [TappedPort(str(other.link), LINE), TappedPort(str(end.link), LINE)]
+    with closing(PortListener(tapped, pytest.fail, reconnect=False)) as listening:
         end.pull()
         with pytest.raises(PortError, match="ttyA"):
             gather(listening, 1)
@@ -131,28 +131,28 @@ def test_without_waiting_the_loss_of_one_port_is_told(tmp_path: Path) -> None:
 def test_a_port_that_cannot_be_opened_leaves_none_open(tmp_path: Path) -> None:
     """The others are closed again."""
     end = FarEnd(tmp_path / "ttyA")
-    tapped = [Tapped(str(end.link), LINE), Tapped(str(tmp_path / "none"), LINE)]
+    tapped = [TappedPort(str(end.link), LINE), TappedPort(str(tmp_path / "none"), LINE)]
     with pytest.raises(PortError, match="no such port"):
-        Listening(tapped, pytest.fail)
-    Listening(tapped[:1], pytest.fail).close()
+        PortListener(tapped, pytest.fail)
+    PortListener(tapped[:1], pytest.fail).close()
     end.pull()
 
 
 def test_overruns_are_told_and_marked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The driver's counter grows: bytes are missing. Counts from before the tap do not count."""
-    monkeypatch.setattr(live_module, "CHECK_NS", 0)
+    monkeypatch.setattr(live_module, "CHECK_INTERVAL_NS", 0)
     counts = [{"overrun": 7, "parity": 2}, {"overrun": 7, "parity": 3}, {"overrun": 9, "parity": 3}]
     monkeypatch.setattr(Port, "counters", lambda _: counts.pop(0) if len(counts) > 1 else counts[0])
     end = FarEnd(tmp_path / "ttyA")
     said: list[str] = []
-    with closing(Listening([Tapped(str(end.link), LINE)], said.append)) as listening:
+    with closing(PortListener([TappedPort(str(end.link), LINE)], said.append)) as listening:
         for _ in range(3):
             listening.take(0.0)
         os.write(end.far, b"x")
         ((_, chunk),) = gather(listening, 1)
-        damage = listening.damage(0)
+        error_counts = listening.error_counts(0)
     assert chunk.hole
-    assert damage == {"overrun": 2, "parity": 1}
+    assert error_counts == {"overrun": 2, "parity": 1}
     assert [line for line in said if "overrun" in line] == [
         f"{end.link}: the driver lost bytes 2 times (overrun)"
     ]
@@ -165,15 +165,15 @@ class Machine:
     def __init__(self) -> None:
         """Nothing has happened yet."""
         self.set = self.slept = 0
-        self.clock = Clock(lambda: time.time_ns() + self.set, asleep=lambda: self.slept)
+        self.clock = Clock(lambda: time.time_ns() + self.set, suspended=lambda: self.slept)
 
 
 def test_a_sleep_of_the_machine_is_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody knows what was on the line meanwhile; times are those of the wall at once."""
-    monkeypatch.setattr(live_module, "CHECK_NS", 0)
+    monkeypatch.setattr(live_module, "CHECK_INTERVAL_NS", 0)
     end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
-    tapped = [Tapped(str(end.link), LINE)]
-    with closing(Listening(tapped, said.append, clock=machine.clock)) as listening:
+    tapped = [TappedPort(str(end.link), LINE)]
+    with closing(PortListener(tapped, said.append, clock=machine.clock)) as listening:
         machine.set = machine.slept = 3600 * S
         listening.take(0.0)
         os.write(end.far, b"x")
@@ -188,11 +188,13 @@ def test_a_clock_that_is_set_forward_is_no_hole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The line went on: times follow when nothing is under way on it, and not before."""
-    monkeypatch.setattr(live_module, "CHECK_NS", 0)
+    monkeypatch.setattr(live_module, "CHECK_INTERVAL_NS", 0)
     end, machine, said = FarEnd(tmp_path / "ttyA"), Machine(), list[str]()
-    tapped = [Tapped(str(end.link), LINE)]
+    tapped = [TappedPort(str(end.link), LINE)]
     times = []
-    with closing(Listening(tapped, said.append, clock=machine.clock, pause_ns=S // 5)) as listening:
+    with closing(
+        PortListener(tapped, said.append, clock=machine.clock, idle_ns=S // 5)
+    ) as listening:
         os.write(end.far, b"a")
         gather(listening, 1)
         machine.set = 3600 * S

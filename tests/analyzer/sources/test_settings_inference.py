@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from analyzer.exports.recorder import Recorded, Recorder
+from analyzer.exports.recorder import RecordedPort, Recorder
 from analyzer.line import parse_line
 from analyzer.sources.serial import Chunk
-from analyzer.sources.settings_inference import judge, made_at, reads
+from analyzer.sources.settings_inference import infer_settings, reads, recorded_settings
 from tests.conftest import command, environment
 from tests.support.settings_search import traffic
 from tests.support.uart import Uart
@@ -20,11 +20,11 @@ NS = 1_000_000_000
 
 def recorded(path: Path, real: str, read_at: str) -> bytes:
     """A raw recording of a polled line; a read a byte."""
-    recorder = Recorder(str(path), [Recorded("bus", None, "/dev/ttyUSB0", read_at)])
+    recorder = Recorder(str(path), [RecordedPort("bus", None, "/dev/ttyUSB0", read_at)])
     wire = traffic(parse_line(real), "rtu", seed=9)
     for count, one in enumerate(Uart(parse_line(read_at)).receive(wire, 0.0)):
         places = [0] if one.error else []
-        recorder.heard("bus", None, Chunk(bytes([one.byte]), round(one.time_s * NS), places))
+        recorder.write_read("bus", None, Chunk(bytes([one.byte]), round(one.time_s * NS), places))
         if count > 1500:
             break
     recorder.close()
@@ -46,8 +46,8 @@ def recorded(path: Path, real: str, read_at: str) -> bytes:
 def test_the_settings_are_told(real: str, read_at: str, words: str, tmp_path: Path) -> None:
     """Parity from the marks, the rate from checksums, or from pulses where nothing fits."""
     data = recorded(tmp_path / "r.pcapng", real, read_at)
-    assert str(made_at(data)) == read_at
-    said = list(judge(list(reads(data)), made_at(data)))
+    assert str(recorded_settings(data)) == read_at
+    said = list(infer_settings(list(reads(data)), recorded_settings(data)))
     assert any(words in line for line in said), said
     assert ("no checksum fits" in said[0]) == ("pulses" in words or "look like" in words)
 
@@ -67,8 +67,8 @@ def test_decode_says_it(tmp_path: Path) -> None:
 def test_bytes_without_marks_and_few_bytes() -> None:
     """What cannot be known is said to be open."""
     pair = bytes.fromhex("010300000001840a0103020007f986")
-    (first, second) = judge(list(reads(pair * 20)), None)
+    (first, second) = infer_settings(list(reads(pair * 20)), None)
     assert "right, rtu" in first
     assert "open" in second
-    (few,) = judge(list(reads(pair)), None)
+    (few,) = infer_settings(list(reads(pair)), None)
     assert "too few" in few

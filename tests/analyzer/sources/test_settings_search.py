@@ -8,7 +8,7 @@ import pytest
 
 from analyzer.line import parse_line
 from analyzer.sources.serial import Chunk
-from analyzer.sources.settings_search import BAUDS, Tuner
+from analyzer.sources.settings_search import BAUDS, SettingsSearch
 from tests.support.settings_search import ASCII, MOST_S, RTU, listen, polls, traffic
 
 
@@ -26,7 +26,7 @@ def cases() -> list[tuple[str, str]]:
 def test_the_settings_are_found(settings: str, mode: str) -> None:
     """The right ones, in under ten seconds of traffic, and what they rest on is said."""
     line = parse_line(settings)
-    tuner = Tuner()
+    tuner = SettingsSearch()
     seconds = listen(tuner, traffic(line, mode, seed=line.baud))
     assert tuner.found is not None
     assert (str(tuner.found.line), tuner.found.mode) == (settings, mode)
@@ -39,7 +39,7 @@ def test_the_settings_are_found(settings: str, mode: str) -> None:
 )
 def test_who_begins_to_listen_within_a_burst_waits_for_the_next(settings: str) -> None:
     """The first characters are nonsense at any settings; `make settings` tries all of them."""
-    tuner = Tuner()
+    tuner = SettingsSearch()
     seconds = listen(tuner, traffic(parse_line(settings), "ascii", 1))
     assert tuner.found is not None
     assert (str(tuner.found.line), tuner.found.mode) == (settings, "ascii")
@@ -51,7 +51,7 @@ def test_who_begins_to_listen_within_a_burst_waits_for_the_next(settings: str) -
 @pytest.mark.parametrize("seed", [1, 2])
 def test_other_receivers_find_them_too(settings: str, resync: bool, seed: int) -> None:
     """One that waits for the line to rise after a missing stop bit; other traffic."""
-    tuner = Tuner()
+    tuner = SettingsSearch()
     seconds = listen(tuner, traffic(parse_line(settings), "rtu", seed), resync=resync)
     assert tuner.found is not None
     assert str(tuner.found.line) == settings
@@ -61,7 +61,7 @@ def test_other_receivers_find_them_too(settings: str, resync: bool, seed: int) -
 @pytest.mark.parametrize(("settings", "said"), [("9600-8E2", "9600-8E1"), ("9600-8O2", "9600-8O1")])
 def test_a_second_stop_bit_behind_parity_is_heard_as_silence(settings: str, said: str) -> None:
     """Characters of twelve bits: receivers look at one stop bit, and read them whole."""
-    tuner = Tuner()
+    tuner = SettingsSearch()
     seconds = listen(tuner, traffic(parse_line(settings), "rtu", 8))
     assert tuner.found is not None
     assert str(tuner.found.line) == said
@@ -71,7 +71,7 @@ def test_a_second_stop_bit_behind_parity_is_heard_as_silence(settings: str, said
 @pytest.mark.parametrize("settings", ["9600-8E1", "9600-8O1", "19200-8N1", "19200-8N2"])
 def test_marks_of_whole_packets_are_enough(settings: str) -> None:
     """As FTDI's driver gives them: 62 bytes at a time or after 16 ms, all marked or none."""
-    tuner = Tuner()
+    tuner = SettingsSearch()
     seconds = listen(tuner, traffic(parse_line(settings), "rtu", 3), coarse=62)
     assert tuner.found is not None
     assert str(tuner.found.line) == settings
@@ -84,8 +84,8 @@ def test_marks_of_whole_packets_are_enough(settings: str) -> None:
 )
 def test_without_marks_parity_stays_open_and_is_said_so(settings: str, said: str) -> None:
     """The rate and the number of bits are found; frames come through."""
-    tuner = Tuner(marks=False)
-    seconds = listen(tuner, traffic(parse_line(settings), "rtu", 4), marks=False)
+    tuner = SettingsSearch(marks_errors=False)
+    seconds = listen(tuner, traffic(parse_line(settings), "rtu", 4), marks_errors=False)
     assert tuner.found is not None
     assert str(tuner.found.line) == said
     assert ("the port does not tell" in tuner.found.evidence) == ("E" in said)
@@ -95,20 +95,20 @@ def test_without_marks_parity_stays_open_and_is_said_so(settings: str, said: str
 def test_swapped_wires_are_suspected() -> None:
     """No settings, but a word of what is wrong; a sound line at the same rate gets none."""
     said: list[str] = []
-    tuner = Tuner(said.append)
+    tuner = SettingsSearch(said.append)
     listen(tuner, traffic(parse_line("19200-8E1"), "rtu", 5, inverted=True))
     assert tuner.found is None
     assert any("swapped" in line for line in said)
     for settings in ("19200-8E1", "57600-8N1", "1200-8E1"):
         said.clear()
-        listen(Tuner(said.append), traffic(parse_line(settings), "rtu", 5))
+        listen(SettingsSearch(said.append), traffic(parse_line(settings), "rtu", 5))
         assert not any("swapped" in line for line in said)
 
 
 def test_noise_is_no_evidence() -> None:
     """Any bytes at any settings: nothing is found in two hundred thousand of them."""
     rng = random.Random(6)
-    tuner, now = Tuner(), 0
+    tuner, now = SettingsSearch(), 0
     for _ in range(4000):
         now += 20_000_000
         tuner.feed(0, Chunk(rng.randbytes(50), now))
@@ -117,7 +117,7 @@ def test_noise_is_no_evidence() -> None:
 
 def test_what_was_heard_with_the_right_settings_is_kept() -> None:
     """The frames that were the evidence are the first of the tap."""
-    tuner = Tuner()
+    tuner = SettingsSearch()
     listen(tuner, traffic(parse_line("9600-8E1"), "rtu", 7))
     assert tuner.found is not None
     data = b"".join(chunk.data for _, chunk in tuner.found.chunks)

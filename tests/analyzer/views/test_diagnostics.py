@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import _modlens
-from analyzer.views.diagnostics import explained, ranked
+from analyzer.views.diagnostics import explain_timeouts, rank_findings
 from dissectors.vocabulary import findings
 
 MS = 1_000_000
@@ -47,7 +47,7 @@ def test_who_did_not_answer_and_how_long_the_master_waits() -> None:
     assert 290_000 < bus["timeouts"]["waited"]["p50_us"] < 310_000
     assert row["before"][0] == {"unit": 2, "status": "no_response", "count": 2}
     assert row["before"][1] == {"unit": 1, "status": "ok", "count": 1}
-    text = list(explained(bus))
+    text = list(explain_timeouts(bus))
     assert text[0].startswith("the master waits ")
     assert text[1].startswith(
         "unit 2, function 3 Read Holding Registers, hr 16-19: 3 of 3 not answered"
@@ -85,7 +85,7 @@ def test_a_bus_without_time_outs_says_nothing() -> None:
     """And its poll cycle is that of its request."""
     bus = timeouts(*warm(0))
     assert bus["timeouts"] is None
-    assert list(explained(bus)) == []
+    assert list(explain_timeouts(bus)) == []
     assert 95_000 < bus["cycle"]["p50_us"] < 105_000
     assert bus["cycle"]["requests"] == 1
 
@@ -93,7 +93,7 @@ def test_a_bus_without_time_outs_says_nothing() -> None:
 def test_findings_are_ranked_by_weight_then_number() -> None:
     """Each with its advice; every documented one has its place."""
     counts = {one.code: number for number, one in enumerate(findings(), 1)}
-    found = list(ranked({"findings": counts}))
+    found = list(rank_findings({"findings": counts}))
     assert len(found) == len(counts)
     weights = [("error", "warning", "info").index(severity) for _, _, severity, _ in found]
     assert weights == sorted(weights)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analyzer.views.grid import Field, Grid, Head
+from analyzer.views.grid import ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Part
 
 
@@ -11,10 +11,10 @@ def text_of(parts: list[Part]) -> str:
     return "".join(text for text, _ in parts)
 
 
-def grid(heads: list[Head], rows: list[list[str]], width: int) -> Grid:
+def grid(heads: list[ColumnLayout], rows: list[list[str]], width: int) -> Grid:
     """A grid of plain cells."""
     fields = [
-        Field(head, lambda row, index=index: row[index])  # type: ignore[misc]
+        GridColumn(head, lambda row, index=index: row[index])  # type: ignore[misc]
         for index, head in enumerate(heads)
     ]
     return Grid(fields, rows, width)
@@ -22,31 +22,39 @@ def grid(heads: list[Head], rows: list[list[str]], width: int) -> Grid:
 
 def test_columns_are_as_wide_as_the_first_rows() -> None:
     """Numbers to the right, texts to the left."""
-    table = grid([Head("n", right=True), Head("name")], [["1", "pump"], ["100", "fan"]], 80)
+    table = grid(
+        [ColumnLayout("n", align_right=True), ColumnLayout("name")],
+        [["1", "pump"], ["100", "fan"]],
+        80,
+    )
     assert text_of(table.head()) == "  n name"
     assert text_of(table.line(["7", "fan"])) == "  7 fan "
 
 
 def test_a_later_number_pushes_its_line() -> None:
     """It is never cut."""
-    table = grid([Head("n", right=True), Head("name")], [["1", "pump"]], 80)
+    table = grid([ColumnLayout("n", align_right=True), ColumnLayout("name")], [["1", "pump"]], 80)
     assert text_of(table.line(["123456", "fan"])) == "123456 fan "
 
 
 def test_a_text_with_a_limit_is_cut() -> None:
     """From the first row on."""
-    table = grid([Head("name", most=6)], [["a long name"]], 80)
+    table = grid([ColumnLayout("name", max_width=6)], [["a long name"]], 80)
     assert text_of(table.line(["a long name"])) == "a lon…"
 
 
 def test_shares_fill_the_line() -> None:
     """By weight, to the last column."""
-    table = grid([Head("a", share=1), Head("b", share=2), Head("n")], [["", "", "x"]], 40)
+    table = grid(
+        [ColumnLayout("a", free_share=1), ColumnLayout("b", free_share=2), ColumnLayout("n")],
+        [["", "", "x"]],
+        40,
+    )
     assert len(text_of(table.head())) == 40
     assert len(text_of(table.line(["x" * 50, "y" * 50, "z"]))) == 40
 
 
 def test_a_narrow_terminal_gets_the_least_widths() -> None:
     """Nothing becomes negative."""
-    table = grid([Head("name", 8, share=1), Head("n")], [["a", "1"]], 5)
+    table = grid([ColumnLayout("name", 8, free_share=1), ColumnLayout("n")], [["a", "1"]], 5)
     assert text_of(table.line(["abcdefghijk", "1"])) == "abcdefg… 1"

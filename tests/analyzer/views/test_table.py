@@ -10,21 +10,21 @@ import pytest
 
 from analyzer import decode
 from analyzer.columns import TABLES
-from analyzer.views.row_lines import Look
+from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import Screen
 from analyzer.views.table_sink import TableSink
 
 
 def shown(  # noqa: PLR0913 - a table can look in so many ways
     path: Path, monkeypatch: pytest.MonkeyPatch, *, table: str = "transactions", width: int = 80,
-    look: Look | None = None, where: str | None = None, settings: str | None = "19200-8E1",
-    profile: str | None = None,
+    table_options: TableOptions | None = None, where: str | None = None,
+    settings: str | None = "19200-8E1", profile: str | None = None,
 ) -> list[str]:  # fmt: skip
     """The lines of a recording's table."""
     monkeypatch.setenv("COLUMNS", str(width))
     profiles = [] if profile is None else [f"1={profile}"]
     stream = io.StringIO()
-    sink = TableSink(table, Screen(stream), look or Look(times="utc"), where=where)
+    sink = TableSink(table, Screen(stream), table_options or TableOptions(times="utc"), where=where)
     for batch in decode(path, line=settings, profiles=profiles).batches(table):
         sink.put(batch)
     return stream.getvalue().splitlines()
@@ -81,7 +81,7 @@ def test_the_head_names_the_base_of_addresses(
     base: str, title: str, first: str, polls: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """And the addresses are in it."""
-    head, _, line, *_ = shown(polls, monkeypatch, look=Look(base, "utc"))
+    head, _, line, *_ = shown(polls, monkeypatch, table_options=TableOptions(base, "utc"))
     assert title in head
     assert f" {first} " in line
 
@@ -98,7 +98,7 @@ def test_times_can_be_shown_in_ways(
     times: str, title: str, second: str, polls: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Time of day, since the start, since the row before."""
-    head, *lines = shown(polls, monkeypatch, look=Look(times=times))
+    head, *lines = shown(polls, monkeypatch, table_options=TableOptions(times=times))
     assert title in head
     rows = [line for line in lines if not line.startswith("2026")]
     assert rows[1].split()[1].startswith(second)
@@ -109,7 +109,7 @@ def test_local_time_names_its_zone(polls: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("TZ", "Etc/GMT-14")
     time.tzset()
     try:
-        head, day, line, *_ = shown(polls, monkeypatch, look=Look(times="local"))
+        head, day, line, *_ = shown(polls, monkeypatch, table_options=TableOptions(times="local"))
     finally:
         monkeypatch.undo()
         time.tzset()
@@ -175,7 +175,9 @@ def test_without_a_clock_the_place_in_the_file_stands_there(
 
 def test_a_filter_leaves_rows_out(polls: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The numbers stay those of the recording."""
-    lines = shown(polls, monkeypatch, where="unit == 2", look=Look(times="elapsed"))
+    lines = shown(
+        polls, monkeypatch, where="unit == 2", table_options=TableOptions(times="elapsed")
+    )
     assert {line.split()[2] for line in lines[1:]} == {"2"}
 
 
@@ -191,7 +193,7 @@ def test_several_buses_have_a_column_of_their_own(
         names.append(str(path))
     monkeypatch.setenv("COLUMNS", "80")
     stream = io.StringIO()
-    sink = TableSink("transactions", Screen(stream), Look(buses=tuple(names)))
+    sink = TableSink("transactions", Screen(stream), TableOptions(buses=tuple(names)))
     for batch in decode(names).batches("transactions"):
         sink.put(batch)
     head, *lines = stream.getvalue().splitlines()
@@ -202,7 +204,7 @@ def test_several_buses_have_a_column_of_their_own(
 
 def test_memory_stays_flat() -> None:
     """A table keeps no row: only its widths and the time of the last one."""
-    sink = TableSink("frames", Screen(io.StringIO()), Look())
-    kept = {name for name in vars(sink) if "rows" in name}
-    assert kept == {"rows"}
-    assert isinstance(sink.rows, int)
+    sink = TableSink("frames", Screen(io.StringIO()), TableOptions())
+    kept = {name for name in vars(sink) if "row" in name}
+    assert kept == {"row_count"}
+    assert isinstance(sink.row_count, int)
