@@ -1,107 +1,127 @@
-//! Exchanges that leave no doubt: a plain request, and what its answer has to be like.
+//! A plain read or write request, and what its response has to look like.
+//!
+//! Example: the request `11 03 00 6B 00 03` (read three registers) determines a response of nine bytes that begins with
+//! `11 03 06`, and the request `11 05 00 AC FF 00` (write one coil) is its own response. If the bytes behind a request are
+//! not that response, the fast path leaves both to the framer and to pairing.
 
 use std::ops::RangeInclusive;
 
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, Plain};
 
-/// Units that may be asked on a serial line without anything to be said of it (serial line specification, 2.2).
-const ADDRESSES: RangeInclusive<u8> = 1..=247;
+/// Unit addresses on a serial line that cause no finding (serial line specification, 2.2).
+const UNIT_ADDRESSES: RangeInclusive<u8> = 1..=247;
 
-/// Unit, function, address, quantity or value (application protocol, 6.1 to 6.6).
-const ASKED: usize = 6;
+/// Bytes of unit, function, address, and quantity or value (application protocol, 6.1 to 6.6).
+const SHORT_REQUEST_BYTES: usize = 6;
 
-/// Unit, function and count.
-const HEAD: usize = 3;
+/// Bytes of unit, function and byte count in front of the data of a read response.
+const READ_HEADER_BYTES: usize = 3;
 
-/// What is asked, a count, and as many bytes (6.11, 6.12).
-const WRITTEN: usize = ASKED + 1;
+/// Bytes in front of the data of a request that writes several values: as above, and a byte count (6.11, 6.12).
+const WRITE_HEADER_BYTES: usize = SHORT_REQUEST_BYTES + 1;
 
-/// What the answer has to be.
+/// What the response has to look like.
 #[derive(Clone, Copy, Debug)]
-enum Answer {
-    /// So many bytes; these bits of the last one were not asked for.
+enum Response {
+    /// A byte count and as many bytes; the bits of `padding` in the last byte were not asked for and have to be 0.
     Block { count: u8, padding: u8 },
-    /// The beginning of the request.
-    Repeated,
+    /// The first six bytes of the request.
+    Echo,
 }
 
-/// An exchange as a request announces it. Lengths are those of unit and PDU.
+/// An exchange as its request announces it. Lengths are those of unit and PDU, without checksum and MBAP header.
 #[derive(Clone, Copy, Debug)]
 pub struct Exchange {
     /// Unit.
     pub unit: u8,
     /// Function code.
     pub code: u8,
-    /// What is done.
+    /// Whether it reads or writes, and what.
     pub kind: Plain,
-    /// First register or bit.
+    /// Address of the first register or bit.
     pub address: u16,
-    /// How many of them.
+    /// Number of registers or bits.
     pub quantity: u16,
-    /// Bytes of the request.
+    /// Length of the request in bytes.
     pub asked: usize,
-    /// Bytes of the answer.
+    /// Length of the response in bytes.
     pub answered: usize,
-    /// Request and answer are the same.
+    /// The response has the same bytes as the request.
     pub mirrored: bool,
-    /// An answer to such a request has this one's length and beginning: the one before, once more, may look like it.
+    /// The request has the length and the first bytes that the response to another request of its kind would have, so that
+    /// it may be the previous response once more. Example: reading coils from 0x0300 on begins like three bytes of coils.
     pub ambiguous: bool,
-    answer: Answer,
+    response: Response,
 }
 
 impl Exchange {
-    /// Of a request at the head of these bytes, its unit first, that asks for what may be asked for.
+    /// The exchange that the request at the head of these bytes announces. The bytes begin with the unit.
+    ///
+    /// `None` if the bytes are no plain read or write, break a limit of the specification, or may be a response themselves.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // What it gives is large, and taken apart at once.
+    #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn of(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
-        let request: &[u8; ASKED] = bytes.first_chunk()?;
+        let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, high, low, ..] = *request;
-        let asks = functions.asks(code).filter(|_| mode == Mode::Tcp || ADDRESSES.contains(&unit))?;
+        let asks = functions.asks(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
         let (address, number) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
         if !asks.permits(functions, code, number, &request[2..]) {
             return None;
         }
-        let (bits, registers) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
-        let (kind, mirrored, asked, answered) = (asks.kind, asks.mirrored, ASKED, ASKED);
-        let answer = Answer::Repeated;
-        let plain = Self { unit, code, kind, address, quantity: number, asked, answered, mirrored, ambiguous: false, answer };
-        let read = |count: usize, padding: u8| {
-            // A request that could be its own answer leaves doubt.
-            let ambiguous = mode != Mode::Tcp && usize::from(high) + HEAD == ASKED;
-            let count = u8::try_from(count).ok().filter(|&count| !ambiguous || count != high)?;
-            let answered = HEAD + usize::from(count);
-            Some(Self { answered, mirrored: false, ambiguous, answer: Answer::Block { count, padding }, ..plain })
+        let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
+        let write = Self {
+            unit,
+            code,
+            kind: asks.kind,
+            address,
+            quantity: number,
+            asked: SHORT_REQUEST_BYTES,
+            answered: SHORT_REQUEST_BYTES,
+            mirrored: asks.mirrored,
+            ambiguous: false,
+            response: Response::Echo,
         };
-        let written = |count: usize| (bytes.get(ASKED).copied().map(usize::from) == Some(count)).then_some(WRITTEN + count);
-        match kind {
-            Plain::ReadBits => read(bits, padding(number)),
-            Plain::ReadRegisters => read(registers, 0),
-            Plain::WriteBits => Some(Self { asked: written(bits)?, ..plain }),
-            Plain::WriteRegisters => Some(Self { asked: written(registers)?, ..plain }),
-            Plain::WriteOne => Some(Self { quantity: 1, ..plain }),
+        let read = |count: usize, padding: u8| {
+            // The high byte of the address stands where a response has its byte count.
+            let ambiguous = mode != Mode::Tcp && usize::from(high) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
+            let count = u8::try_from(count).ok().filter(|&count| !ambiguous || count != high)?;
+            let answered = READ_HEADER_BYTES + usize::from(count);
+            Some(Self { answered, mirrored: false, ambiguous, response: Response::Block { count, padding }, ..write })
+        };
+        let written = |count: usize| {
+            let announced = bytes.get(SHORT_REQUEST_BYTES).copied().map(usize::from);
+            (announced == Some(count)).then_some(WRITE_HEADER_BYTES + count)
+        };
+        match asks.kind {
+            Plain::ReadBits => read(bit_bytes, padding_bits(number)),
+            Plain::ReadRegisters => read(register_bytes, 0),
+            Plain::WriteBits => Some(Self { asked: written(bit_bytes)?, ..write }),
+            Plain::WriteRegisters => Some(Self { asked: written(register_bytes)?, ..write }),
+            Plain::WriteOne => Some(Self { quantity: 1, ..write }),
         }
     }
 
-    /// Whether this is the answer; both have the lengths expected.
+    /// Whether this response is the expected one. Both slices must have at least the expected lengths.
     #[inline]
     pub fn is_answered(&self, request: &[u8], response: &[u8]) -> bool {
-        match self.answer {
-            Answer::Block { count, padding } => {
-                response[..HEAD] == [self.unit, self.code, count] && response[self.answered - 1] & padding == 0
+        match self.response {
+            Response::Block { count, padding } => {
+                let has_header = response[..READ_HEADER_BYTES] == [self.unit, self.code, count];
+                has_header && response[self.answered - 1] & padding == 0
             }
-            Answer::Repeated => response[..ASKED] == request[..ASKED],
+            Response::Echo => response[..SHORT_REQUEST_BYTES] == request[..SHORT_REQUEST_BYTES],
         }
     }
 
-    /// The block that was read.
+    /// The data of a read response: what follows the byte count.
     pub fn block<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
-        matches!(self.answer, Answer::Block { .. }).then(|| &response[HEAD..])
+        matches!(self.response, Response::Block { .. }).then(|| &response[READ_HEADER_BYTES..])
     }
 }
 
-/// The bits of the last byte that nobody asked for.
-fn padding(quantity: u16) -> u8 {
+/// The bits of the last byte of a response that lie beyond the quantity asked for, as a mask.
+fn padding_bits(quantity: u16) -> u8 {
     match quantity % 8 {
         0 => 0,
         rest => 0xFF << rest,

@@ -1,18 +1,19 @@
-//! Exchanges that need no thought: pairing where nothing is open.
+//! The fast path of pairing: a request and its response at once, while nothing else is open.
 //!
-//! Each has to leave what `Pairing::take` would leave behind the request and then behind the answer.
+//! Each exchange has to leave pairing in exactly the state in which two calls of `Pairing::take` would leave it.
 
 use crate::pairing::Pairing;
 use modlens_protocol::Ns;
 
 impl Pairing {
-    /// Whether nothing waits for an answer, or for what a request or an answer may say of it.
+    /// Whether no request is outstanding, and the next frame can change nothing about earlier ones.
     pub fn idle(&self) -> bool {
-        let open = !self.open.is_empty() || self.stray.is_some() || self.partial.is_some();
-        !open && self.notes.is_empty() && self.past.idle() && self.masters.idle()
+        let is_open = !self.open.is_empty() || self.stray.is_some() || self.partial.is_some();
+        !is_open && self.notes.is_empty() && self.past.idle() && self.masters.idle()
     }
 
-    /// A unit has answered a request; `mirrored`: by repeating it, which teaches nothing of copies and times.
+    /// Records that a unit has answered a request after `response_time`. `mirrored`: the response has the same bytes as the
+    /// request, so that neither the number of copies nor the time can be learned from it.
     #[inline]
     pub fn again(&mut self, unit: u8, mbap_id: Option<u16>, mirrored: bool, response_time: Option<Ns>) {
         match mbap_id {
@@ -27,7 +28,7 @@ impl Pairing {
         }
     }
 
-    /// The last of such answers.
+    /// Keeps the last response of a run of such exchanges, which the next frame may repeat.
     pub fn resume(&mut self, unit: u8, response: &[u8]) {
         self.past.resume(unit, response);
     }

@@ -1,7 +1,8 @@
-//! What happened to an ASCII frame that did not arrive whole.
+//! What happened to an ASCII message that did not arrive whole.
 //!
-//! A message is a colon, an even number of hex characters and CR LF (serial line specification, 2.5.2): a line of hex
-//! characters without its colon is one, too, if its LRC is right, and an odd number of them lacks some.
+//! A message is a colon, an even number of hex characters and CR LF (serial line specification, 2.5.2). A line of hex
+//! characters without a colon is a message that lost its colon if its LRC is valid, and a message with an odd number of
+//! hex characters has lost at least one of them. Example: `010300000002FA` CR LF has a valid LRC and no colon.
 
 use memchr::{memchr, memchr2_iter};
 
@@ -12,117 +13,143 @@ use modlens_protocol::direction::{judge, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::hex::solid;
 
-/// Characters of unit, function code and LRC: no message has fewer.
-const SHORTEST: usize = 6;
+/// Hex characters of unit, function code and LRC: no message has fewer.
+const MIN_HEX_CHARACTERS: usize = 6;
 
-/// A message that lacks its colon.
+/// The most stray bytes that a line driver leaves in front of a message.
+const MAX_STRAY_BYTES: usize = 3;
+
+/// The most bits in which a damaged colon differs from a colon.
+const MAX_COLON_FLIPS: u32 = 1;
+
+/// A message without a colon. Indices count from the first byte that was searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Headless {
-    /// Its first character.
+pub(super) struct ColonlessMessage {
+    /// Index of its first character.
     pub start: usize,
-    /// Its first hex character.
-    pub text: usize,
-    /// Behind its last hex character.
-    pub text_end: usize,
-    /// Behind its line end.
+    /// Index of its first hex character.
+    pub hex_start: usize,
+    /// Index behind its last hex character.
+    pub hex_end: usize,
+    /// Index behind its line end.
     pub end: usize,
-    /// The hex characters are all there.
-    pub whole: bool,
-    /// What happened.
+    /// All of its hex characters are there.
+    pub is_complete: bool,
+    /// What happened to it.
     pub harm: Option<Harm>,
 }
 
-/// Strays that a driver leaves in front of a message, at most.
-const MOST_STRAYS: usize = 3;
-
-/// The first message without colon before any colon; `over`: nothing comes behind these bytes; `known`: units heard.
-pub(super) fn headless(bytes: &[u8], over: bool, known: &[bool; 256]) -> Option<Headless> {
-    let before = &bytes[..memchr(b':', bytes).unwrap_or(bytes.len())];
-    let mut from = 0;
-    for at in memchr2_iter(b'\r', b'\n', before) {
-        let line = from..at;
-        from = at + 1;
-        let feed = match (before[at], bytes.get(at + 1)) {
+/// The first message without a colon in front of the first colon.
+///
+/// `is_final`: no more bytes will follow. `known_units`: the units that took part in a valid frame.
+pub(super) fn find_colonless(bytes: &[u8], is_final: bool, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
+    let before_colon = &bytes[..memchr(b':', bytes).unwrap_or(bytes.len())];
+    let mut line_start = 0;
+    for line_end in memchr2_iter(b'\r', b'\n', before_colon) {
+        let line = line_start..line_end;
+        line_start = line_end + 1;
+        let feed = match (before_colon[line_end], bytes.get(line_end + 1)) {
             (b'\r', Some(b'\n')) => 1,
-            (b'\r', None) if !over => return None,
+            (b'\r', None) if !is_final => return None,
             _ => 0,
         };
-        let run = line.len() - before[line.clone()].iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
-        let (begin, text) = (line.start, line.start + run);
-        if at - text < SHORTEST {
-            continue;
-        }
-        let valid = |text: usize| (at - text).is_multiple_of(2) && right(&before[text..at]);
-        let found = |start, text, whole, harm| Some(Headless { start, text, text_end: at, end: at + 1 + feed, whole, harm });
-        // What stands in its place may be the colon, damaged; what differs more is a stray.
-        let lost = text == begin || (before[text - 1] ^ b':').count_ones() > 1;
-        if valid(text) {
-            let harm = lost.then_some(Harm::Lost { at: 0, count: 1 });
-            return found(if lost { text } else { text - 1 }, text, true, harm);
-        }
-        if valid(text + 1) {
-            return found(text, text + 1, true, None);
-        }
-        // Right behind another message, the rest of one: of a unit that the LRC names, or half a byte less.
-        let rest = lost && begin == 0 && text <= MOST_STRAYS && at - text > SHORTEST;
-        if rest && ((at - text) % 2 == 1 || missing(&before[text..at]).is_some_and(|unit| known[usize::from(unit)])) {
-            return found(text, text, false, Some(Harm::Lost { at: 0, count: 0 }));
+        let found = colonless_in_line(before_colon, line.start, line_end, known_units);
+        if let Some(message) = found {
+            return Some(ColonlessMessage { end: line_end + 1 + feed, ..message });
         }
     }
     None
 }
 
-/// The byte that these characters lack for a right LRC.
-fn missing(text: &[u8]) -> Option<u8> {
+/// The message without a colon in one line, whose end is left for the caller to add.
+fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
+    let line = &bytes[line_start..line_end];
+    let hex = line_end - line.iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
+    let digits = line_end - hex;
+    if digits < MIN_HEX_CHARACTERS {
+        return None;
+    }
+    let is_valid = |start: usize| (line_end - start).is_multiple_of(2) && has_valid_lrc(&bytes[start..line_end]);
+    let message = |start, hex_start, is_complete, harm| {
+        Some(ColonlessMessage { start, hex_start, hex_end: line_end, end: line_end, is_complete, harm })
+    };
+    // The character in front may be the colon with a flipped bit; one that differs in more bits is a stray byte.
+    let lost_colon = hex == line_start || (bytes[hex - 1] ^ b':').count_ones() > MAX_COLON_FLIPS;
+    if is_valid(hex) {
+        let harm = lost_colon.then_some(Harm::Lost { at: 0, count: 1 });
+        return message(if lost_colon { hex } else { hex - 1 }, hex, true, harm);
+    }
+    // The first hex character may be the damaged colon.
+    if is_valid(hex + 1) {
+        return message(hex, hex + 1, true, None);
+    }
+    // Right behind another message, this is the rest of one that lost more than its colon: an odd number of characters
+    // shows that, or an LRC that becomes valid with a known unit in front.
+    let may_be_rest = lost_colon && line_start == 0 && hex <= MAX_STRAY_BYTES && digits > MIN_HEX_CHARACTERS;
+    let lacks_known_unit = || missing_byte(&bytes[hex..line_end]).is_some_and(|unit| known_units[usize::from(unit)]);
+    if may_be_rest && (digits % 2 == 1 || lacks_known_unit()) {
+        return message(hex, hex, false, Some(Harm::Lost { at: 0, count: 0 }));
+    }
+    None
+}
+
+/// The one byte that would make the LRC of these characters valid, wherever it stands: the LRC is a sum.
+fn missing_byte(text: &[u8]) -> Option<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 2);
     solid(text, &mut bytes).then(|| lrc(&bytes))
 }
 
-/// Whether the LRC of these characters is right.
-fn right(text: &[u8]) -> bool {
+/// Whether these characters are the bytes of a message with a valid LRC.
+fn has_valid_lrc(text: &[u8]) -> bool {
     let mut bytes = Vec::with_capacity(text.len() / 2);
     solid(text, &mut bytes) && bytes.len() > 2 && lrc(&bytes) == 0
 }
 
-/// What is missing between colon and line end: half a byte of hex tells that a character is.
-pub(super) fn lost(text: &[u8]) -> Option<Harm> {
-    let hex = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
-    if !hex || text.len() + 1 < SHORTEST {
+/// What happened to a message with an odd number of hex characters between colon and line end: one of them was received
+/// twice, or an unknown number is missing. `None` for an even number.
+pub(super) fn explain_odd_digits(text: &[u8]) -> Option<Harm> {
+    let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
+    if !is_odd || text.len() + 1 < MIN_HEX_CHARACTERS {
         return None;
     }
-    // One character twice? Zeros change no sum: there, it may as well be one of three.
-    let mut fewer = text[1..].to_vec();
+    // Tries each character that repeats the one before it. Zeros do not change the sum, so that the LRC cannot tell whether
+    // one zero is there twice; and in a run, only the first repetition is tried because the result is the same for all.
+    let mut shortened = text[1..].to_vec();
     for at in 1..text.len() {
-        // Without the character at this place; of a run, it does not matter which.
-        fewer[at - 1] = text[at - 1];
-        let doubled = text[at] == text[at - 1] && (at < 2 || text[at] != text[at - 2]);
-        if doubled && text[at] != b'0' && right(&fewer) {
+        // All characters but the one at this index.
+        shortened[at - 1] = text[at - 1];
+        let is_repetition = text[at] == text[at - 1] && (at < 2 || text[at] != text[at - 2]);
+        if is_repetition && text[at] != b'0' && has_valid_lrc(&shortened) {
             return Some(Harm::Doubled { at: at + 1 });
         }
     }
     Some(Harm::Lost { at: text.len() + 1, count: 0 })
 }
 
-/// Bytes that are missing from a message whose LRC is wrong, by what it announces of its length: `adu` has its LRC, if
-/// it has a line end, and half a byte does not count.
-pub(super) fn lacks(context: &Context<'_>, adu: &[u8]) -> Option<usize> {
+/// Number of bytes that a message with an invalid LRC lacks by the length that it announces, or `None` if it lacks none or
+/// announces no length.
+///
+/// `adu` has the LRC of the message, if it has a line end. A byte of which only one character came does not count as there.
+pub(super) fn missing_bytes(context: &Context<'_>, adu: &[u8]) -> Option<usize> {
     let &[_, code, ref rest @ ..] = adu else { return None };
     let row = context.functions.row(code & !EXCEPTION_BIT, rest).filter(|_| code & EXCEPTION_BIT == 0)?;
     let lengths = [&row.request, &row.response].map(|layout| match layout.extent(rest) {
         Extent::Exactly(body) => Some(body + 1),
         _ => None,
     });
-    let less = |length: Option<usize>| length.and_then(|length| length.checked_sub(rest.len()));
-    // As many as one of the two sides would send: then some of them are wrong.
-    let [asks, tells] = lengths.map(less);
-    (asks != Some(0) && tells != Some(0)).then(|| asks.into_iter().chain(tells).min()).flatten()
+    let shortfall = |length: Option<usize>| length.and_then(|length| length.checked_sub(rest.len()));
+    let [of_request, of_response] = lengths.map(shortfall);
+    // With as many bytes as one of the two directions has, some bytes are wrong and none is missing.
+    let is_complete = of_request == Some(0) || of_response == Some(0);
+    (!is_complete).then(|| of_request.into_iter().chain(of_response).min()).flatten()
 }
 
-/// Who sent it, as far as unit and function tell.
+/// Who sent a damaged message, as far as its unit and function tell.
 pub(super) fn direction(context: &Context<'_>, adu: &[u8]) -> Direction {
     let &[unit, code, ..] = adu else { return Direction::Unknown };
-    let asked = context.asked.is_some_and(|asked| asked.unit == unit && asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
-    if asked || code & EXCEPTION_BIT != 0 {
+    let function = code & !EXCEPTION_BIT;
+    let is_due = context.asked.is_some_and(|asked| asked.unit == unit && asked.pdu.first() == Some(&function));
+    if is_due || code & EXCEPTION_BIT != 0 {
         return Direction::Response;
     }
     if !context.known_units[usize::from(unit)] || context.functions.name(code).is_none() {
@@ -135,30 +162,31 @@ pub(super) fn direction(context: &Context<'_>, adu: &[u8]) -> Direction {
 mod tests {
     use super::*;
 
+    /// Start, end and damage of the message without colon in a text that may go on, with unit 1 known.
     fn found(text: &str) -> Option<(usize, usize, Option<Harm>)> {
-        let mut known = [false; 256];
-        known[1] = true;
-        headless(text.as_bytes(), false, &known).map(|found| (found.start, found.end, found.harm))
+        let mut known_units = [false; 256];
+        known_units[1] = true;
+        find_colonless(text.as_bytes(), false, &known_units).map(|message| (message.start, message.end, message.harm))
     }
 
-    // 01 03 00 00 00 02 has the LRC FA (2.5.2.2: two's complement of the sum).
+    // 01 03 00 00 00 02 has the LRC FA, the two's complement of the sum (2.5.2.2).
     #[test]
     fn a_line_without_colon_is_a_message_that_lost_it() {
         let lost = Some(Harm::Lost { at: 0, count: 1 });
         assert_eq!(found("010300000002FA\r\n:01"), Some((0, 16, lost)));
         assert_eq!(found("noise\r\n010300000002FA\r\n"), Some((7, 23, lost)));
         assert_eq!(found("010300000002FB\r\n"), None);
-        assert_eq!(found("010300000002FA\r"), None, "the line feed may come");
-        // The stray of a driver is no damaged colon: four of its bits differ.
+        assert_eq!(found("010300000002FA\r"), None, "the line feed may follow");
+        // The stray byte of a line driver is no damaged colon, because four of its bits differ.
         assert_eq!(found("\u{0}010300000002FA\r\n"), Some((1, 17, lost)));
     }
 
     #[test]
-    fn a_line_without_colon_and_unit_is_the_rest_of_one_of_a_unit_that_was_heard() {
+    fn a_line_without_colon_and_unit_is_the_rest_of_a_message_of_a_known_unit() {
         let rest = Some(Harm::Lost { at: 0, count: 0 });
         assert_eq!(found("0300000002FA\r\n"), Some((0, 14, rest)));
         assert_eq!(found("\x7f0300000002FA\r\n"), Some((1, 15, rest)));
-        assert_eq!(found("0300000002F9\r\n"), None, "unit 2 was not");
+        assert_eq!(found("0300000002F9\r\n"), None, "unit 2 is not known");
     }
 
     #[test]
@@ -168,12 +196,12 @@ mod tests {
     }
 
     #[test]
-    fn half_a_byte_tells_of_a_loss() {
-        assert_eq!(lost(b"01030000002FA"), Some(Harm::Lost { at: 14, count: 0 }));
-        assert_eq!(lost(b"0103000000022FA"), Some(Harm::Doubled { at: 13 }));
-        assert_eq!(lost(b"0103000011112D9"), Some(Harm::Doubled { at: 10 }), "one of a run");
-        assert_eq!(lost(b"010300000002FA"), None);
-        assert_eq!(lost(b"0103000x002FA"), None);
+    fn an_odd_number_of_hex_characters_shows_a_loss_or_a_doubled_character() {
+        assert_eq!(explain_odd_digits(b"01030000002FA"), Some(Harm::Lost { at: 14, count: 0 }));
+        assert_eq!(explain_odd_digits(b"0103000000022FA"), Some(Harm::Doubled { at: 13 }));
+        assert_eq!(explain_odd_digits(b"0103000011112D9"), Some(Harm::Doubled { at: 10 }), "one character of a run");
+        assert_eq!(explain_odd_digits(b"010300000002FA"), None);
+        assert_eq!(explain_odd_digits(b"0103000x002FA"), None);
         let rest = Some(Harm::Lost { at: 0, count: 0 });
         assert_eq!(found("10300000002FA\r\n"), Some((0, 15, rest)));
     }

@@ -15,19 +15,19 @@ use modlens_protocol::hex::{pair, solid};
 use modlens_protocol::line::Line;
 use modlens_protocol::Ns;
 
-/// Longest frame in characters (2.5.2.2).
+/// Length of the longest message in characters (2.5.2.2).
 pub const LIMIT: usize = 513;
 
-/// Longest pause between two characters (2.5.2.1).
-const CHARACTER_TIMEOUT: Ns = 1_000_000_000;
+/// The longest pause between two characters of a message (2.5.2.1).
+const CHARACTER_TIMEOUT_NS: Ns = 1_000_000_000;
 
-/// What a right frame is worth: eight bits of LRC, colon and line end.
+/// Confidence in bits of a valid frame: eight bits each for LRC, colon, CR and LF.
 pub const AGREES: u8 = 32;
 
 /// The framer of an ASCII line.
 #[derive(Debug)]
 pub struct Ascii {
-    /// What may stand in place of the line feed: sub-function 3 of diagnostics changes it (6.8).
+    /// The character accepted in place of the line feed; Diagnostics, sub-function 3, changes it (application protocol, 6.8).
     delimiter: u8,
 }
 
@@ -37,22 +37,26 @@ impl Default for Ascii {
     }
 }
 
-/// How the characters behind a colon end.
-struct End {
-    /// Behind the last character of the frame.
-    at: usize,
-    /// Behind the last hex character.
-    text: usize,
+/// Where the message behind a colon ends.
+struct MessageEnd {
+    /// Index behind the last character of the frame.
+    frame_end: usize,
+    /// Index behind the last hex character.
+    hex_end: usize,
+    /// The evidence that ended it.
     cut_by: CutBy,
+    /// A finding on how it ended.
     finding: Option<Finding>,
 }
 
 impl Ascii {
-    fn end(&self, input: &Input) -> Option<End> {
+    /// Where the message that begins with the first byte ends: at its line end, the next colon, the longest length, a
+    /// silence or the end of the recording. `None` if more bytes are needed to tell.
+    fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
-        let edge = input.edge_after(0, bytes.len().min(LIMIT), CHARACTER_TIMEOUT);
+        let edge = input.edge_after(0, bytes.len().min(LIMIT), CHARACTER_TIMEOUT_NS);
         let there = &bytes[..edge.unwrap_or(bytes.len()).min(LIMIT)];
-        let end = |at, text, cut_by, finding| Some(End { at, text, cut_by, finding });
+        let end = |frame_end, hex_end, cut_by, finding| Some(MessageEnd { frame_end, hex_end, cut_by, finding });
         if let Some(i) = memchr3_iter(b':', b'\n', b'\r', there).find(|&at| at > 0) {
             match there[i] {
                 b':' => return end(i, i, CutBy::Restart, None),
@@ -77,22 +81,22 @@ impl Ascii {
         }
     }
 
-    /// What begins with no colon: noise, or a frame that lacks its colon.
-    fn noise(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    /// The first frame of bytes that do not begin with a colon: noise, or a message without its colon.
+    fn without_colon(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
         let bytes = input.bytes();
         let there = &bytes[..bytes.len().min(NOISE_LIMIT)];
-        match autopsy::headless(there, input.closed, context.known_units) {
-            Some(found) if found.start > 0 => return Some(Cut::noise(found.start, CutBy::Restart)),
-            Some(found) => {
-                let whole = decode_hex(&there[found.text..found.text_end], adu) && found.whole;
-                adu.truncate(adu.len() - usize::from(whole));
+        match autopsy::find_colonless(there, input.closed, context.known_units) {
+            Some(message) if message.start > 0 => return Some(Cut::noise(message.start, CutBy::Restart)),
+            Some(message) => {
+                let has_lrc = decode_hex(&there[message.hex_start..message.hex_end], adu) && message.is_complete;
+                adu.truncate(adu.len() - usize::from(has_lrc));
                 let direction = autopsy::direction(context, adu);
-                let cut = Cut::noise(found.end, CutBy::Delimiter);
-                return Some(Cut { verdict: Verdict::Incomplete, direction, harm: found.harm, ..cut });
+                let cut = Cut::noise(message.end, CutBy::Delimiter);
+                return Some(Cut { verdict: Verdict::Incomplete, direction, harm: message.harm, ..cut });
             }
             None => {}
         }
-        if let Some(edge) = input.edge_after(0, there.len(), CHARACTER_TIMEOUT) {
+        if let Some(edge) = input.edge_after(0, there.len(), CHARACTER_TIMEOUT_NS) {
             let colon = memchr(b':', &there[..edge]);
             return Some(colon.map_or(Cut::noise(edge, CutBy::Silence), |at| Cut::noise(at, CutBy::Restart)));
         }
@@ -104,29 +108,33 @@ impl Ascii {
         }
     }
 
-    fn frame(&mut self, input: &Input, context: &Context<'_>, end: &End, adu: &mut Vec<u8>) -> Cut {
-        let text = &input.bytes()[1..end.text];
-        let hex = decode_hex(text, adu);
-        let mut cut = Cut { verdict: Verdict::Incomplete, ..Cut::noise(end.at, end.cut_by) };
+    /// The message that begins with the first byte and ends at `end`: its verdict, and what happened to a damaged one.
+    fn frame(&mut self, input: &Input, context: &Context<'_>, end: &MessageEnd, adu: &mut Vec<u8>) -> Cut {
+        let text = &input.bytes()[1..end.hex_end];
+        let is_hex = decode_hex(text, adu);
+        let mut cut = Cut { verdict: Verdict::Incomplete, ..Cut::noise(end.frame_end, end.cut_by) };
         cut.finding = end.finding;
+        let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
-        if !no_checksum && end.cut_by != CutBy::Delimiter && !(hex && adu.len() > 2 && lrc(adu) == 0) {
+        if !no_checksum && end.cut_by != CutBy::Delimiter && !has_valid_lrc {
             cut.direction = autopsy::direction(context, adu);
-            // A sender that stops does so anywhere; who loses the line end loses half a byte before it.
-            let half = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
-            cut.harm = (half && autopsy::lacks(context, adu) == Some(1)).then_some(Harm::Lost { at: text.len() + 1, count: 3 });
+            // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd
+            // number of characters and exactly one byte missing.
+            let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
+            let lost_end = is_odd && autopsy::missing_bytes(context, adu) == Some(1);
+            cut.harm = lost_end.then_some(Harm::Lost { at: text.len() + 1, count: 3 });
             return cut;
         }
-        if let Some(harm) = autopsy::lost(text).filter(|_| !no_checksum) {
+        if let Some(harm) = autopsy::explain_odd_digits(text).filter(|_| !no_checksum) {
             let direction = autopsy::direction(context, adu);
             return Cut { direction, harm: Some(harm), ..cut };
         }
-        cut.verdict = match hex {
+        cut.verdict = match is_hex {
             true if no_checksum => Verdict::NoChecksum,
-            true if adu.len() > 2 && lrc(adu) == 0 => Verdict::Ok,
+            true if has_valid_lrc => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
-        if cut.verdict == Verdict::BadChecksum && hex && autopsy::lacks(context, adu) == Some(1) {
+        if cut.verdict == Verdict::BadChecksum && is_hex && autopsy::missing_bytes(context, adu) == Some(1) {
             let direction = autopsy::direction(context, adu);
             let harm = Some(Harm::Lost { at: text.len() + 1, count: 2 });
             return Cut { verdict: Verdict::Incomplete, direction, harm, ..cut };
@@ -135,23 +143,30 @@ impl Ascii {
             adu.pop();
         }
         if cut.verdict.good() && adu.len() >= 2 {
-            if text.iter().any(u8::is_ascii_lowercase) {
-                cut.finding = cut.finding.or(Some(Finding::LowerCaseHex));
-            }
-            let pause = (context.pause)(input.pause_before(0));
-            cut.direction = judge(context.functions, context.asked, adu[0], &adu[1..], context.said_at(input, 0), pause);
-            cut.confidence = AGREES;
-            if let [_, 8, 0, 3, delimiter, ..] = adu[..] {
-                self.delimiter = delimiter;
-            }
+            self.complete_valid(&mut cut, input, context, text, adu);
         } else {
             cut.direction = autopsy::direction(context, adu);
         }
         cut
     }
+
+    /// Adds the direction, the confidence and the findings of a valid message, and adopts the delimiter that it sets.
+    fn complete_valid(&mut self, cut: &mut Cut, input: &Input, context: &Context<'_>, text: &[u8], adu: &[u8]) {
+        if text.iter().any(u8::is_ascii_lowercase) {
+            cut.finding = cut.finding.or(Some(Finding::LowerCaseHex));
+        }
+        let pause = (context.pause)(input.pause_before(0));
+        cut.direction = judge(context.functions, context.asked, adu[0], &adu[1..], context.said_at(input, 0), pause);
+        cut.confidence = AGREES;
+        // Diagnostics, sub-function 3: Change ASCII Input Delimiter.
+        if let [_, 8, 0, 3, delimiter, ..] = *adu {
+            self.delimiter = delimiter;
+        }
+    }
 }
 
-/// The bytes of hex characters; false if there is anything else, or half a byte. What could be read stays in `out`.
+/// Decodes hex characters into `out`; false if there are other characters or an odd number. The leading bytes that could be
+/// decoded stay in `out` either way.
 fn decode_hex(text: &[u8], out: &mut Vec<u8>) -> bool {
     out.clear();
     if !solid(text, out) {
@@ -166,10 +181,10 @@ impl Framer for Ascii {
         adu.clear();
         match input.bytes().first()? {
             b':' => {
-                let end = self.end(input)?;
+                let end = self.message_end(input)?;
                 Some(self.frame(input, context, &end, adu))
             }
-            _ => Self::noise(input, context, adu),
+            _ => Self::without_colon(input, context, adu),
         }
     }
 
@@ -182,6 +197,6 @@ impl Framer for Ascii {
     }
 
     fn break_ns(&self, _line: Option<&Line>) -> Ns {
-        CHARACTER_TIMEOUT
+        CHARACTER_TIMEOUT_NS
     }
 }

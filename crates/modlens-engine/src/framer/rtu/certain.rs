@@ -1,5 +1,6 @@
-//! Frames that need no search: the answer to the request that waits, or a request in the way of this line, of the length
-//! that its header announces, with a right checksum. Nearly all traffic is such, so this is what speed depends on.
+//! Single frames that need no search: the response to the outstanding request, or a request of a unit and a function that
+//! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
+//! kind, so that the speed of the framer depends on this file.
 
 use crate::framer::rtu::gain::REQUEST;
 use crate::framer::rtu::pending::Request;
@@ -13,34 +14,36 @@ use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, Row, EXCEPTION_BIT};
 
 /// Unit, function code and the first byte of the body.
-const HEADER: usize = 3;
+const HEADER_BYTES: usize = 3;
 
-/// Unit, function code, exception code and checksum.
-const REFUSAL: usize = 5;
+/// Unit, function code, exception code and CRC.
+const EXCEPTION_BYTES: usize = 5;
 
-/// Fewer bytes than any frame has.
-const MOST_STRAYS: usize = 3;
+/// The most stray bytes to skip: fewer than the shortest frame has.
+const MAX_STRAY_BYTES: usize = 3;
 
-/// Requests of a poll cycle are short; nobody has to wait long for the rest of one.
-const MOST_POLL: usize = 16;
+/// The longest request that is accepted while another one is outstanding. Requests of a poll cycle are short, so nobody
+/// has to wait long for the rest of one.
+const MAX_POLL_BYTES: usize = 16;
 
-/// A silence that is so much more like an answer than like a time-out, in bits.
+/// Threshold of the log2 odds timeout : response. At or below -10, the pause before a repeated request-like frame is at
+/// least 1000 times more likely before a response than after a timeout, so the frame is taken as the response.
 pub(super) const SURELY_AN_ANSWER: f32 = -10.0;
 
-/// What a look at the next header says.
+/// The result of checking the next header.
 pub enum Certain {
-    /// A frame: the answer to the request that waits, or a request.
+    /// A frame: the response to the outstanding request, or a request.
     Frame(Length),
     /// More bytes are needed to tell.
     Wait,
-    /// There is doubt.
+    /// There is doubt, so the search has to decide.
     No,
 }
 
-/// How many of the first bytes are a frame, if their checksum is right, whether their header announces just so many, and
+/// How many of the first bytes are a frame if their CRC is valid, whether their header announces exactly that number, and
 /// whether they are a request.
 ///
-/// In one number: it goes from function to function for every frame.
+/// All of it is packed into one number, because it passes from function to function for every frame.
 #[derive(Clone, Copy)]
 pub struct Length(u32);
 
@@ -48,20 +51,20 @@ impl Length {
     const EXACT: u32 = 1;
     const REQUEST: u32 = 2;
 
-    /// Just so many.
-    pub fn exactly(length: usize) -> Self {
-        Self((length as u32) << 2 | Self::EXACT)
+    /// A length in bytes that the header announces.
+    pub fn exactly(bytes: usize) -> Self {
+        Self((bytes as u32) << 2 | Self::EXACT)
     }
 
-    fn at_least(length: usize) -> Self {
-        Self((length as u32) << 2)
+    fn at_least(bytes: usize) -> Self {
+        Self((bytes as u32) << 2)
     }
 
     fn as_request(self) -> Self {
         Self(self.0 | Self::REQUEST)
     }
 
-    /// What an extent of the body says of the frame.
+    /// The length of a frame whose body has this extent, if the extent bounds it.
     fn of(extent: Extent) -> Option<Self> {
         match extent {
             Extent::Exactly(length) => Some(Self::exactly(length + AROUND)),
@@ -70,17 +73,17 @@ impl Length {
         }
     }
 
-    /// So many bytes.
+    /// The length in bytes.
     pub fn bytes(self) -> usize {
         (self.0 >> 2) as usize
     }
 
-    /// Whether they are a request.
+    /// Whether the frame is a request.
     pub fn request(self) -> bool {
         self.0 & Self::REQUEST != 0
     }
 
-    /// Whether the header announces just so many.
+    /// Whether the header announces exactly this length.
     pub fn exact(self) -> bool {
         self.0 & Self::EXACT != 0
     }
@@ -89,21 +92,21 @@ impl Length {
 /// What the first bytes are, if that is beyond doubt.
 #[inline]
 pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain {
-    certain_at(search, input, context, 0)
+    check_frame_at(search, input, context, 0)
 }
 
-/// The same behind a few strays: how many of them, and the frame behind them.
+/// Checks for a frame behind one to three stray bytes. Returns the number of stray bytes and the result for the frame.
 ///
-/// Drivers that are switched leave one to three bytes behind, fewer than the shortest frame has. Where no frame has begun
-/// with one of them, there is nothing to be weighed.
+/// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. If no frame can have
+/// begun with one of them, there is nothing to search for.
 pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, Certain) {
-    for strays in 1..=MOST_STRAYS {
-        match certain_at(search, input, context, strays) {
+    for strays in 1..=MAX_STRAY_BYTES {
+        match check_frame_at(search, input, context, strays) {
             Certain::No => {}
             Certain::Wait => return (strays, Certain::Wait),
             Certain::Frame(length) => {
                 let frame = &input.bytes()[strays..strays + length.bytes()];
-                if length.request() && !asks(frame, context) {
+                if length.request() && !is_permitted_request(frame, context) {
                     break;
                 }
                 return match search.begins_before(input, context, strays, length.bytes()) {
@@ -117,71 +120,82 @@ pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (
     (0, Certain::No)
 }
 
-/// Whether a frame that looks like a request asks for what may be asked for; else it is rather an answer whose request
-/// was lost, and the zeros behind it, over which a right checksum stays right.
-fn asks(frame: &[u8], context: &Context<'_>) -> bool {
+/// Whether a frame with the length of a request keeps the limits of the specification and does not end in 00.
+///
+/// Otherwise it may be a response whose request is missing, followed by zero bytes: appending zeros to a frame with a
+/// valid CRC keeps the CRC valid.
+fn is_permitted_request(frame: &[u8], context: &Context<'_>) -> bool {
     let body = &frame[2..frame.len() - 2];
     let row = context.functions.row(frame[1], body);
-    let permitted = row.is_some_and(|row| row.permits[REQUEST].iter().all(|permit| permit.violated_by(body).is_none()));
-    permitted && frame[frame.len() - 1] != 0
+    let is_permitted = row.is_some_and(|row| row.permits[REQUEST].iter().all(|permit| permit.violated_by(body).is_none()));
+    is_permitted && frame[frame.len() - 1] != 0
 }
 
+/// Checks for a frame that begins at this index of the input: its header must announce a length, its CRC must be valid,
+/// and no record boundary or long silence may lie inside.
 #[inline]
-fn certain_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Certain {
+fn check_frame_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Certain {
     let bytes = input.bytes().get(at..).unwrap_or(&[]);
-    if bytes.len() < HEADER && !input.closed {
+    if bytes.len() < HEADER_BYTES && !input.closed {
         return Certain::Wait;
     }
-    let Some(length) = expected(search, input, context, at) else { return Certain::No };
-    let all = length.bytes();
-    if bytes.len() < all {
+    let Some(length) = expected_length(search, input, context, at) else { return Certain::No };
+    let frame_bytes = length.bytes();
+    if bytes.len() < frame_bytes {
         return if input.closed { Certain::No } else { Certain::Wait };
     }
-    let whole = crc_valid_at(bytes, all) && input.edge_after(0, at + all - 1, input.break_ns).is_none();
-    if whole {
+    let is_whole = crc_valid_at(bytes, frame_bytes) && input.edge_after(0, at + frame_bytes - 1, input.break_ns).is_none();
+    if is_whole {
         Certain::Frame(length)
     } else {
         Certain::No
     }
 }
 
+/// The length of the frame that begins at this index, if its unit and function leave no doubt what it is: the response to
+/// the outstanding request, or a familiar request.
 #[inline]
-fn expected(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
     let bytes = input.bytes().get(at..)?;
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
-    let ask = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
+    let may_be_request = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
     match search.asked() {
         Some(asked) if asked.is_of(unit, code & !EXCEPTION_BIT) => match asked.answer {
+            // Nearly always: the byte count is the one that the request determines.
             Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(Length::exactly(length)),
-            _ => response(asked, input, context, at),
+            _ => response_length(asked, input, context, at),
         },
-        // Nobody answered, and the master goes on with its cycle.
-        Some(asked) if ask && at == 0 && asked.unit != unit => {
-            let length = request(search, bytes, context).filter(|length| length.bytes() <= MOST_POLL)?;
-            let other = |frame: &[u8]| !(asks(frame, context) && search.model.polls.knows(frame));
-            Some(length).filter(|length| !bytes.get(..length.bytes()).is_some_and(other))
+        // The outstanding request was not answered, and the master goes on with the poll cycle.
+        Some(asked) if may_be_request && at == 0 && asked.unit != unit => {
+            let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_BYTES)?;
+            let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.polls.knows(frame);
+            // While its last bytes are missing, it counts as one.
+            Some(length).filter(|length| bytes.get(..length.bytes()).is_none_or(is_known_poll))
         }
-        None if ask => request(search, bytes, context),
+        None if may_be_request => request_length(search, bytes, context),
         _ => None,
     }
 }
 
-fn response(asked: &Request, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+/// The length of the frame at this index as the response to the outstanding request; `None` if it is no certain response.
+fn response_length(asked: &Request, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
-        return Some(Length::exactly(REFUSAL)).filter(|_| bytes.get(2).is_some_and(|&exception| exception != 0));
+        let has_exception_code = bytes.get(2).is_some_and(|&exception| exception != 0);
+        return has_exception_code.then(|| Length::exactly(EXCEPTION_BYTES));
     }
     let row = context.functions.row(code, &asked.pdu[1..])?;
     let length = Length::of(row.response.extent(body))?;
-    let same = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
-    // An echoed answer and a retry look the same; where neither the clock nor what follows tells, they are weighed.
-    let copy = same && (row.mirrored || length.bytes() == asked.pdu.len() + 3);
-    let quiet = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
-    if copy && asked.tentative {
+    // A response that repeats its request and a retry of that request have the same bytes. Where neither the clock nor the
+    // bytes that follow tell which of the two this is, the search weighs them.
+    let repeats_request = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
+    let is_copy = repeats_request && (row.mirrored || length.bytes() == asked.pdu.len() + 3);
+    let pause = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
+    if is_copy && asked.tentative {
         return None;
     }
-    if copy && (context.pause)(quiet()) > SURELY_AN_ANSWER {
+    if is_copy && (context.pause)(pause()) > SURELY_AN_ANSWER {
         if at > 0 {
             return None;
         }
@@ -189,6 +203,7 @@ fn response(asked: &Request, input: &Input, context: &Context<'_>, at: usize) ->
             Some(false) if !input.timed => {}
             Some(_) => return None,
             None if input.timed => return None,
+            // One byte more than there are, so that the caller waits for what follows.
             None => return Some(Length::at_least(bytes.len() + 1)),
         }
     }
@@ -199,37 +214,39 @@ fn response(asked: &Request, input: &Input, context: &Context<'_>, at: usize) ->
     Some(length).filter(|length| agrees && length.bytes() <= LONGEST)
 }
 
+/// The length of these bytes as a request; `None` if they may as well be a response to an earlier request.
 #[inline]
-fn request(search: &Search, bytes: &[u8], context: &Context<'_>) -> Option<Length> {
+fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Option<Length> {
     let (unit, code, body) = (bytes[0], bytes[1], &bytes[2..]);
     let row = context.functions.row(code, body)?;
     let length = Length::of(row.request.extent(body)).filter(|length| length.bytes() <= RTU_LIMIT)?;
-    // The answer before once more, or a late one, may look like a request.
+    // If a response would have the same length, this may be the last response once more, or a late one.
     if Length::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
         let open = search.pending();
-        let again = open.late.is_some_and(|late| late.is_of(unit, code))
+        let may_be_response = open.late.is_some_and(|late| late.is_of(unit, code))
             || (!row.mirrored && open.last.is_some_and(|(last, _)| last.is_of(unit, code)));
-        if again {
+        if may_be_response {
             return None;
         }
     }
     Some(length.as_request())
 }
 
-/// The count that the answer to a request begins with, and the answer's whole length, where the table says so.
+/// The byte count that the response to this request begins with, and the length of the whole response frame in bytes, if
+/// the request determines them and the request cannot be taken for its own response.
 #[inline]
 pub fn answer(row: &Row, pdu: &[u8]) -> Option<(u8, usize)> {
     let count = expected_block(row, pdu).filter(|_| !row.mirrored)?;
     let count = u8::try_from(count).ok()?;
-    // A request that could be its own answer is not one without doubt: 24 inputs from an address 0x03xx on.
     match row.response.extent(&[count]) {
+        // For instance 24 inputs from an address 0x03xx on: the request has the length and the first bytes of its response.
         Extent::Exactly(length) if length == pdu.len() - 1 && pdu.get(1) == Some(&count) => None,
         Extent::Exactly(length) if length + AROUND <= LONGEST => Some((count, length + AROUND)),
         _ => None,
     }
 }
 
-/// Whether the bytes begin with the same frame twice; `None` if more bytes are needed to tell.
+/// Whether the bytes begin with the same frame of this length twice; `None` if more bytes are needed to tell.
 pub(super) fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
     let second = bytes.get(length..).unwrap_or(&[]);
     let compared = second.len().min(length);

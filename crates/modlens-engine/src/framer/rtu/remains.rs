@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::{is_glitch, Piece, Scene};
+use crate::framer::rtu::autopsy::{is_glitch, Piece, UnframedRegion};
 use crate::framer::rtu::search::Told;
 use crate::framer::rtu::{announced, Rtu, AROUND, LONGEST};
 use crate::framer::{Context, Cut, NOISE_LIMIT};
@@ -41,11 +41,11 @@ impl Rtu {
 
     /// A piece as a frame, with its first bytes put back where it is known which ones are missing.
     fn show(piece: &Piece, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> Cut {
-        let short = piece.short || wire.len() < AROUND;
+        let short = piece.is_short || wire.len() < AROUND;
         adu.clear();
-        if !piece.unknown {
+        if !piece.is_unidentified {
             adu.extend_from_slice(&piece.head);
-            adu.extend_from_slice(if short { wire } else { &wire[piece.wrong..wire.len() - 2] });
+            adu.extend_from_slice(if short { wire } else { &wire[piece.wrong_head_bytes..wire.len() - 2] });
         }
         let verdict = if short { Verdict::Incomplete } else { Verdict::BadChecksum };
         Cut { verdict, direction: piece.direction, harm: piece.harm, ..Cut::noise(wire.len(), cut_by) }
@@ -63,8 +63,17 @@ impl Rtu {
         let wire = &input.bytes()[..length];
         let model = &self.search.model;
         let silence = self.silence(input);
-        let scene = Scene { model, context, input, length, after: None, behind_damage: true, silence, announced: true };
-        let pieces = scene.pieces();
+        let region = UnframedRegion {
+            model,
+            context,
+            input,
+            length,
+            next_frame: None,
+            follows_damaged_frame: true,
+            frame_gap_ns: silence,
+            ends_as_announced: true,
+        };
+        let pieces = region.damaged_frames();
         let found = pieces.iter().find(|piece| piece.start == 0 && (piece.end == length || is_glitch(&wire[piece.end..])));
         if let Some(piece) = found {
             self.search.model.learn_harm(piece.harm);
@@ -80,7 +89,7 @@ impl Rtu {
     }
 
     fn dissect(&self, input: &Input, context: &Context<'_>, length: usize) -> VecDeque<(u64, Piece)> {
-        let after = match self.told {
+        let next_frame = match self.told {
             Some(Told::Frame { start, end, direction, .. } | Told::Damaged { start, end, direction }) => {
                 let from = (start - input.offset()) as usize;
                 Some((&input.bytes()[from..from + (end - start) as usize], direction))
@@ -88,17 +97,17 @@ impl Rtu {
             _ => None,
         };
         let model = &self.search.model;
-        let scene = Scene {
+        let region = UnframedRegion {
             model,
             context,
             input,
             length,
-            after,
-            behind_damage: self.after_damage,
-            silence: self.silence(input),
-            announced: false,
+            next_frame,
+            follows_damaged_frame: self.after_damage,
+            frame_gap_ns: self.silence(input),
+            ends_as_announced: false,
         };
-        scene.pieces().into_iter().map(|piece| (input.offset() + piece.start as u64, piece)).collect()
+        region.damaged_frames().into_iter().map(|piece| (input.offset() + piece.start as u64, piece)).collect()
     }
 
     /// Names the bytes `..region`, which begin no frame: the first piece of them.

@@ -1,6 +1,6 @@
-//! Exchanges that need no thought: what a request and its answer teach, where nothing about them is in doubt.
+//! The fast path of the RTU framer for whole exchanges: a request and its response are taken in one step.
 //!
-//! Each has to do just what `Rtu::next` would for the request and then for the answer.
+//! Each exchange has to leave the framer in exactly the state in which `Rtu::next` would leave it behind the two frames.
 
 use crate::framer::exchange::Exchange;
 use crate::framer::rtu::certain::{third_copy, SURELY_AN_ANSWER};
@@ -15,34 +15,37 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
 impl Rtu {
-    /// The exchange at the head of the input, if there is no doubt about it: unit and function are known by now, and the
-    /// request and its answer follow each other with right checksums, in one read without times or within `patience`.
+    /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
+    /// request and its response follow each other with valid CRCs, in one read without times or within `patience`.
     ///
-    /// Asked where nothing is open: `Framer::settled`. `before`: unit and function of the exchange before; `pause`: what
-    /// the silence before a byte says.
+    /// May be called only while nothing is open (`Framer::settled`). `last_answered`: unit and function of the exchange
+    /// before; `pause`: the log2 odds timeout : response of the silence before a byte.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // What it gives is large, and taken apart at once.
+    #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn exchange(
         &self,
         functions: &Functions,
         input: &Input,
-        before: Option<(u8, u8)>,
+        last_answered: Option<(u8, u8)>,
         patience: Ns,
         pause: impl Fn(usize) -> Pause,
     ) -> Option<Exchange> {
-        let known = Exchange::of(functions, Mode::Rtu, input.bytes())?;
-        if known.ambiguous && before == Some((known.unit, known.code)) {
+        let expected = Exchange::of(functions, Mode::Rtu, input.bytes())?;
+        if expected.ambiguous && last_answered == Some((expected.unit, expected.code)) {
             return None;
         }
-        let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
-        let (request, rest) = input.bytes().split_at_checked(asked)?;
-        let response = rest.get(..answered)?;
-        let familiar = self.search.model.familiar(known.unit, known.code, REQUEST);
-        let held = familiar && known.is_answered(request, response) && input.holds_exchange(Mode::Rtu, asked, answered, patience);
-        if !held || !crc_valid_at(rest, answered) || !crc_valid_at(input.bytes(), asked) {
+        let (request_bytes, response_bytes) = (expected.asked + CHECKSUM, expected.answered + CHECKSUM);
+        let (request, rest) = input.bytes().split_at_checked(request_bytes)?;
+        let response = rest.get(..response_bytes)?;
+        let is_familiar = self.search.model.familiar(expected.unit, expected.code, REQUEST);
+        let is_answered = is_familiar
+            && expected.is_answered(request, response)
+            && input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, patience);
+        if !is_answered || !crc_valid_at(rest, response_bytes) || !crc_valid_at(input.bytes(), request_bytes) {
             return None;
         }
-        (!known.mirrored || answers_itself(pause(asked), input.timed, rest, asked)).then_some(known)
+        let is_certain = !expected.mirrored || is_response(pause(request_bytes), input.timed, rest, request_bytes);
+        is_certain.then_some(expected)
     }
 
     /// Unit and function of the request that was answered last.
@@ -51,22 +54,24 @@ impl Rtu {
         Some((request.unit, *request.pdu.first()?))
     }
 
-    /// Takes note of a request and its answer, whose checksums are right. `mirrored`: they look the same.
+    /// Learns from a request and its response, whose CRCs are valid. `mirrored`: the two have the same bytes.
     #[inline]
     pub fn again(&mut self, request: &[u8], response: &[u8], mirrored: bool) {
         self.search.model.learn_exchange(request, response, if mirrored { Copy::Unclear } else { Copy::First });
     }
 
-    /// The last of such exchanges, whose bytes were forgotten just now.
-    pub fn resume(&mut self, input: &Input, known: &Exchange) {
-        let lengths = [known.asked, known.answered].map(|length| length + CHECKSUM);
+    /// Brings the search up to date behind a run of such exchanges. `expected` is the last one, whose bytes have just been
+    /// consumed.
+    pub fn resume(&mut self, input: &Input, expected: &Exchange) {
+        let lengths = [expected.asked, expected.answered].map(|length| length + CHECKSUM);
         let (request, response) = input.forgotten(lengths.iter().sum()).split_at(lengths[0]);
         self.after_damage = false;
         self.search.resume(request, response, input.offset());
     }
 }
 
-/// Whether a request and the same once more are an exchange, by the silence between or by what follows.
-fn answers_itself(pause: Pause, timed: bool, behind: &[u8], length: usize) -> bool {
-    pause <= SURELY_AN_ANSWER || (!timed && third_copy(behind, length) == Some(false))
+/// Whether the second of two equal frames is the response to the first and not a retry of it, by the pause between them or,
+/// without times, because no third copy follows. `from_second` are the bytes from the second frame on.
+fn is_response(pause: Pause, is_timed: bool, from_second: &[u8], length: usize) -> bool {
+    pause <= SURELY_AN_ANSWER || (!is_timed && third_copy(from_second, length) == Some(false))
 }

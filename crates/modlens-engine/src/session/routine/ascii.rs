@@ -1,11 +1,11 @@
-//! Plain exchanges in characters (serial line specification, 2.5.2).
+//! The fast path for ASCII (serial line specification, 2.5.2).
 
 use memchr::memchr;
 
 use crate::framer::ascii::LIMIT;
 use crate::framer::exchange::Exchange;
 use crate::session::bus::{said, BusState};
-use crate::session::routine::{both, unmarked, Found, Run};
+use crate::session::routine::{adjacent_spans, may_hold_no_map, BatchTotals, MatchedExchange};
 use crate::session::Session;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::Direction;
@@ -14,73 +14,81 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::hex::solid;
 use modlens_protocol::Ns;
 
-/// Colon, the characters of a checksum, and the line end.
-const AROUND: usize = 5;
+/// Characters around unit and PDU: the colon, two of the LRC, CR and LF.
+const FRAMING_CHARACTERS: usize = 5;
 
 /// Characters of a frame whose unit and PDU have so many bytes.
-fn characters(bytes: usize) -> usize {
-    AROUND + 2 * bytes
+fn frame_characters(bytes: usize) -> usize {
+    FRAMING_CHARACTERS + 2 * bytes
 }
 
-/// Unit and PDU of a frame of so many characters, if nothing is to be said of it.
-fn decode(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
+/// Decodes a frame of `length` characters into unit and PDU. False if it is not valid, or if a finding is due on it, as
+/// there is on lower-case digits.
+fn decode_clean(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
     adu.clear();
     let Some(([b':', digits @ ..], b"\r\n")) = text.get(..length).and_then(|text| text.split_last_chunk()) else { return false };
-    // Small letters are a finding.
-    let capital = digits.iter().fold(true, |all, digit| all & !digit.is_ascii_lowercase());
-    let right = capital && digits.len() % 2 == 0 && solid(digits, adu) && lrc(adu) == 0;
+    // Without a branch for each digit.
+    let is_upper_case = digits.iter().fold(true, |all, digit| all & !digit.is_ascii_lowercase());
+    let is_valid = is_upper_case && digits.len() % 2 == 0 && solid(digits, adu) && lrc(adu) == 0;
     adu.pop();
-    right
+    is_valid
 }
 
-/// The exchange at the head of a line, if nothing is to be said of it; `adus` gets the request and its answer.
-fn plain(state: &mut BusState, functions: &Functions, patience: Ns, adus: &mut [Vec<u8>; 2]) -> Option<Found> {
+/// The exchange at the head of a line, if there is no doubt and no finding about it. `adus` gets unit and PDU of the request
+/// and of its response.
+fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adus: &mut [Vec<u8>; 2]) -> Option<MatchedExchange> {
     let input = &state.lines[0].1.input;
     let text = input.bytes();
     let [request, response] = adus;
-    let asked = 2 + memchr(b'\r', &text[..text.len().min(LIMIT)])?;
-    let known = decode(text, asked, request)
+    let request_length = 2 + memchr(b'\r', &text[..text.len().min(LIMIT)])?;
+    let expected = decode_clean(text, request_length, request)
         .then(|| Exchange::of(functions, Mode::Ascii, request))?
-        .filter(|known| unmarked(known) && !known.ambiguous)?;
-    let answered = characters(known.answered);
-    let whole = request.len() == known.asked && decode(&text[asked..], answered, response);
-    if !whole || !known.is_answered(request, response) || !input.holds_exchange(Mode::Ascii, asked, answered, patience) {
+        .filter(|expected| may_hold_no_map(expected) && !expected.ambiguous)?;
+    let response_length = frame_characters(expected.answered);
+    let are_valid = request.len() == expected.asked && decode_clean(&text[request_length..], response_length, response);
+    if !are_valid
+        || !expected.is_answered(request, response)
+        || !input.holds_exchange(Mode::Ascii, request_length, response_length, patience)
+    {
         return None;
     }
-    if known.mirrored {
-        let said = |index| input.read(index).and_then(|read| read.side).map(|side| said(state.sides, side));
-        let pause = state.pairing.tempo.judge(input.pause_before(asked));
-        let doubtful = said(0) == Some(Direction::Response) || said(asked) == Some(Direction::Request) || pause > 0.0;
-        if doubtful {
+    if expected.mirrored {
+        // Request and response have the same bytes: the second may be a retry, if the recording or the pause says so.
+        let declared = |index| input.read(index).and_then(|read| read.side).map(|side| said(state.sides, side));
+        let timeout_log_odds = state.pairing.tempo.judge(input.pause_before(request_length));
+        let is_declared_otherwise =
+            declared(0) == Some(Direction::Response) || declared(request_length) == Some(Direction::Request);
+        if is_declared_otherwise || timeout_log_odds > 0.0 {
             return None;
         }
     }
-    let quiet = state.profiles.take(functions, request, known.block(response));
-    quiet.then_some(Found { known, mode: Mode::Ascii, id: None, lines: [0, 0], lengths: [asked, answered] })
+    let is_settled = state.profiles.take(functions, request, expected.block(response));
+    let lengths = [request_length, response_length];
+    is_settled.then_some(MatchedExchange { expected, mode: Mode::Ascii, mbap_id: None, lines: [0, 0], lengths })
 }
 
 impl Session {
-    /// On one line, request and answer follow each other.
+    /// Emits the ASCII exchanges at the head of the only line of a bus.
     pub(super) fn routine_ascii(&mut self, bus: usize) {
         let mut adus = std::mem::take(&mut self.adus);
         let state = &mut self.buses[bus];
-        let setting = state.setting(0);
-        let told_apart = 2 * state.coarsest();
-        let mut run = Run::default();
+        let timing = state.setting(0);
+        let min_measurable_ns = 2 * state.coarsest();
+        let mut totals = BatchTotals::default();
         loop {
             let state = &mut self.buses[bus];
-            let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
-            let Some(found) = plain(state, &self.functions, patience, &mut adus) else { break };
-            let whole = &state.lines[0].1.input.bytes()[..found.lengths[0] + found.lengths[1]];
-            let wires = both(self.batch.keep(whole).start as usize, found.lengths);
+            let patience = if timing.clocked { state.pairing.patience() } else { Ns::MAX };
+            let Some(matched) = match_exchange(state, &self.functions, patience, &mut adus) else { break };
+            let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
+            let wires = adjacent_spans(self.batch.keep(wire).start as usize, matched.lengths);
             let pdus = adus.each_ref().map(|adu| self.batch.keep(&adu[1..]));
-            self.exchange(bus, &found, wires, Some(pdus), &setting, told_apart, &mut run);
+            self.exchange(bus, &matched, wires, Some(pdus), &timing, min_measurable_ns, &mut totals);
             let response = &adus[1];
             self.buses[bus].pairing.resume(response[0], &response[1..]);
         }
         self.adus = adus;
-        if run.exchanges > 0 {
-            self.stats.run(self.buses[bus].counts, Mode::Ascii, run.exchanges, run.bytes as u64);
+        if totals.exchanges > 0 {
+            self.stats.run(self.buses[bus].counts, Mode::Ascii, totals.exchanges, totals.bytes as u64);
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Exchanges that need no thought.
+//! The fast path of the session: whole exchanges, from the bytes to the rows.
 //!
-//! Most traffic is plain reads and writes that are answered at once. Where a unit and a function are known, nothing is open, and a request
-//! that asks for what may be asked for is followed by just the answer it announces, there is nothing to search, to pair
-//! or to find. The rows are those of the long way, which every chunking that parts a request from its answer takes
-//! (`tests/properties.rs`).
+//! Most traffic is plain reads and writes that are answered at once. If nothing is open, a request of a familiar unit and
+//! function keeps the limits of the specification, and just the response follows that it determines, then there is nothing
+//! to search for, to pair or to find. The rows are those of the slow path, which every input takes that parts a request
+//! from its response (`tests/properties.rs` compares the two).
 
 mod ascii;
 mod rows;
@@ -23,21 +23,22 @@ use modlens_protocol::functions::Plain;
 use modlens_protocol::mbap::HEADER as MBAP;
 use modlens_protocol::Ns;
 
-use rows::Told;
+use rows::ExchangeRows;
 
-/// An exchange on the wire.
-struct Found {
-    known: Exchange,
+/// A request and its response at the heads of their lines.
+struct MatchedExchange {
+    /// The exchange as the request announces it; the response is the one expected.
+    expected: Exchange,
     mode: Mode,
-    /// Transaction identifier.
-    id: Option<u16>,
-    /// The lines of request and answer, and their lengths there.
+    mbap_id: Option<u16>,
+    /// Indices of the lines of request and response.
     lines: [usize; 2],
+    /// Lengths of request and response on their lines, in bytes or, for ASCII, characters.
     lengths: [usize; 2],
 }
 
 impl Session {
-    /// Tells exchanges at the head of the input, as long as each leaves no doubt.
+    /// Emits exchanges at the heads of the lines of a bus, as long as there is no doubt about each.
     pub(super) fn routine(&mut self, bus: usize) {
         let state = &self.buses[bus];
         if state.jumped || !state.pairing.idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
@@ -54,181 +55,188 @@ impl Session {
         }
     }
 
-    /// On one line, request and answer follow each other.
+    /// Emits the RTU exchanges at the head of the only line of a bus.
     fn routine_rtu(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
-        // What silences say is told of each frame.
+        // Where frames are checked against a rule of silence, the statistics of silences need each frame by itself.
         if state.lines[0].1.input.timed && state.options.rule().is_some() {
             return;
         }
-        let setting = state.setting(0);
-        let told_apart = 2 * state.coarsest();
-        let mut run = Run::default();
+        let timing = state.setting(0);
+        let min_measurable_ns = 2 * state.coarsest();
+        let mut totals = BatchTotals::default();
         let mut last: Option<Exchange> = None;
-        let mut before = state.lines[0].1.framer.routine().and_then(|framer| framer.before());
-        let first = self.batch.arena.len();
+        let mut last_answered = state.lines[0].1.framer.routine().and_then(|framer| framer.before());
+        let arena_start = self.batch.arena.len();
         loop {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
-            let patience = if setting.clocked { state.pairing.patience() } else { Ns::MAX };
+            let patience = if timing.clocked { state.pairing.patience() } else { Ns::MAX };
             let Some(framer) = line.framer.routine() else { break };
             let pause = |index| state.pairing.tempo.judge(line.input.pause_before(index));
-            let known = framer.exchange(&self.functions, &line.input, before, patience, pause).filter(unmarked);
-            let Some(known) = known else { break };
-            let (asked, answered) = (known.asked + CHECKSUM, known.answered + CHECKSUM);
-            let (request, response) = line.input.bytes()[..asked + answered].split_at(asked);
-            // From here on, note is taken of it.
-            if !state.profiles.take(&self.functions, request, known.block(&response[..known.answered])) {
+            let exchange = framer.exchange(&self.functions, &line.input, last_answered, patience, pause);
+            let Some(expected) = exchange.filter(may_hold_no_map) else { break };
+            let lengths @ [request_bytes, response_bytes] = [expected.asked + CHECKSUM, expected.answered + CHECKSUM];
+            let (request, response) = line.input.bytes()[..request_bytes + response_bytes].split_at(request_bytes);
+            if !state.profiles.take(&self.functions, request, expected.block(&response[..expected.answered])) {
                 break;
             }
-            framer.again(request, response, known.mirrored);
-            let found = Found { known, mode: Mode::Rtu, id: None, lines: [0, 0], lengths: [asked, answered] };
-            // Their bytes are kept at the end, all at once.
-            let wires = both(first + run.bytes, found.lengths);
-            self.exchange(bus, &found, wires, None, &setting, told_apart, &mut run);
-            before = Some((known.unit, known.code));
-            last = Some(known);
+            // From here on, the exchange changes the state of the session.
+            framer.again(request, response, expected.mirrored);
+            let matched = MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths };
+            // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
+            let wires = adjacent_spans(arena_start + totals.bytes, matched.lengths);
+            self.exchange(bus, &matched, wires, None, &timing, min_measurable_ns, &mut totals);
+            last_answered = Some((expected.unit, expected.code));
+            last = Some(expected);
         }
-        let Some(known) = last else { return };
+        let Some(last) = last else { return };
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
-        self.batch.arena.extend_from_slice(line.input.forgotten(run.bytes));
-        self.stats.run(state.counts, Mode::Rtu, run.exchanges, run.bytes as u64);
+        self.batch.arena.extend_from_slice(line.input.forgotten(totals.bytes));
+        self.stats.run(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
         if let Some(framer) = line.framer.routine() {
-            framer.resume(&line.input, &known);
+            framer.resume(&line.input, &last);
         }
-        let response = &line.input.forgotten(known.answered + CHECKSUM)[..known.answered];
+        let response = &line.input.forgotten(last.answered + CHECKSUM)[..last.answered];
         state.pairing.resume(response[0], &response[1..]);
     }
 
-    /// On a connection, each side has its own line, and a message comes in a packet.
+    /// Emits the exchanges at the head of a TCP connection, where each side has its own line and each message its own
+    /// packet. `lines`: indices of the client's line and of the server's.
     fn routine_tcp(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let state = &mut self.buses[bus];
-        let setting = state.setting(client);
-        let told_apart = 2 * state.coarsest();
-        let mut run = Run::default();
-        let mut last = None;
+        let timing = state.setting(client);
+        let min_measurable_ns = 2 * state.coarsest();
+        let mut totals = BatchTotals::default();
+        let mut last_response_bytes = None;
         loop {
             let state = &mut self.buses[bus];
-            let (asking, answering) = (&state.lines[client].1.input, &state.lines[server].1.input);
-            let Some((header, request)) = asking.bytes().split_first_chunk::<MBAP>() else { break };
-            let Some(known) = Exchange::of(&self.functions, Mode::Tcp, request).filter(unmarked) else { break };
-            let lengths = [MBAP + known.asked, MBAP + known.answered];
-            let Some((after, next)) = asking.packet(lengths[0]).zip(answering.packet(lengths[1])) else { break };
-            // In the order of time: no other request came before the answer.
-            let (sent, following) = after;
-            let in_turn = sent < next.0 && next.0 - sent < state.pairing.patience() && following.is_none_or(|time| time > next.0);
-            // A packet that is there is whole.
-            let (request, response) = (&request[..known.asked], &answering.bytes()[..lengths[1]]);
+            let (client_input, server_input) = (&state.lines[client].1.input, &state.lines[server].1.input);
+            let Some((header, request)) = client_input.bytes().split_first_chunk::<MBAP>() else { break };
+            let Some(expected) = Exchange::of(&self.functions, Mode::Tcp, request).filter(may_hold_no_map) else { break };
+            let lengths = [MBAP + expected.asked, MBAP + expected.answered];
+            let packets = client_input.packet(lengths[0]).zip(server_input.packet(lengths[1]));
+            let Some(((requested_at, next_request_at), (answered_at, _))) = packets else { break };
+            // The response comes behind the request, in time, and before the next request.
+            let is_in_turn = requested_at < answered_at
+                && answered_at - requested_at < state.pairing.patience()
+                && next_request_at.is_none_or(|time| time > answered_at);
+            // A packet always has all of its bytes.
+            let (request, response) = (&request[..expected.asked], &server_input.bytes()[..lengths[1]]);
             let id = [header[0], header[1]];
-            let begins = |head: &[u8], length: usize| *head == [id[0], id[1], 0, 0, 0, length as u8];
-            let framed = begins(header, known.asked) && begins(&response[..MBAP], known.answered);
+            let has_header = |mbap: &[u8], length: usize| *mbap == [id[0], id[1], 0, 0, 0, length as u8];
+            let are_framed = has_header(header, expected.asked) && has_header(&response[..MBAP], expected.answered);
             let response = &response[MBAP..];
-            if !(in_turn && framed && known.is_answered(request, response)) {
+            if !(is_in_turn && are_framed && expected.is_answered(request, response)) {
                 break;
             }
-            if !state.profiles.take(&self.functions, request, known.block(response)) {
+            if !state.profiles.take(&self.functions, request, expected.block(response)) {
                 break;
             }
-            let found = Found { known, mode: Mode::Tcp, id: Some(u16::from_be_bytes(id)), lines, lengths };
+            let mbap_id = Some(u16::from_be_bytes(id));
+            let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
             let wires = [0, 1].map(|at| self.batch.keep(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
-            self.exchange(bus, &found, wires, None, &setting, told_apart, &mut run);
-            last = Some(known.answered);
+            self.exchange(bus, &matched, wires, None, &timing, min_measurable_ns, &mut totals);
+            last_response_bytes = Some(expected.answered);
         }
-        let Some(answered) = last else { return };
+        let Some(response_bytes) = last_response_bytes else { return };
         let state = &mut self.buses[bus];
-        self.stats.run(state.counts, Mode::Tcp, run.exchanges, run.bytes as u64);
-        let response = state.lines[server].1.input.forgotten(answered);
+        self.stats.run(state.counts, Mode::Tcp, totals.exchanges, totals.bytes as u64);
+        let response = state.lines[server].1.input.forgotten(response_bytes);
         state.pairing.resume(response[0], &response[1..]);
     }
 
-    /// Tells an exchange at the heads of its lines, whose bytes are or will be in the arena at `wires`. `pdus`: where those
-    /// of both are, where the lines have characters.
+    /// Emits the rows of an exchange at the heads of its lines and consumes its bytes; pairing and statistics learn from it.
+    ///
+    /// `wires`: the places of its bytes in the arena, where they are already or will be put. `pdus`: the places of the
+    /// decoded PDUs, where the lines carry characters. Response times below `min_measurable_ns` are left out.
     #[inline(always)]
-    #[allow(clippy::inline_always, clippy::too_many_arguments)] // The body of three loops; apart, most of its time goes to its arguments.
+    #[allow(clippy::inline_always, clippy::too_many_arguments)] // The body of three loops: as a call, most of its time goes to passing the arguments.
     fn exchange(
         &mut self,
         bus: usize,
-        found: &Found,
+        matched: &MatchedExchange,
         wires: [Span; 2],
         pdus: Option<[Span; 2]>,
-        setting: &Setting,
-        told_apart: Ns,
-        run: &mut Run,
+        timing: &Setting,
+        min_measurable_ns: Ns,
+        totals: &mut BatchTotals,
     ) {
         let state = &mut self.buses[bus];
-        let Found { known, mode, id, lines: [client, server], lengths } = found;
-        let asked = taken(&mut state.lines[*client].1, lengths[0], setting);
-        let answered = taken(&mut state.lines[*server].1, lengths[1], setting);
-        learn_side(&mut state.sides, asked.side, Direction::Request);
-        learn_side(&mut state.sides, answered.side, Direction::Response);
-        let response_time = state.pairing.since(asked.end, answered.start, answered.clean_start);
-        state.pairing.again(known.unit, *id, known.mirrored, response_time);
-        let unit = usize::from(known.unit);
+        let MatchedExchange { expected, mode, mbap_id, lines: [client, server], lengths } = matched;
+        let request_moment = consume(&mut state.lines[*client].1, lengths[0], timing);
+        let response_moment = consume(&mut state.lines[*server].1, lengths[1], timing);
+        learn_side(&mut state.sides, request_moment.side, Direction::Request);
+        learn_side(&mut state.sides, response_moment.side, Direction::Response);
+        let response_time = state.pairing.since(request_moment.end, response_moment.start, response_moment.clean_start);
+        state.pairing.again(expected.unit, *mbap_id, expected.mirrored, response_time);
+        let unit = usize::from(expected.unit);
         (state.known_units[unit], state.paired_units[unit]) = (true, true);
-        let told = Told {
-            number: self.next_txn,
-            frame: self.next_frame,
+        let rows = ExchangeRows {
+            txn: self.next_txn,
+            request_frame: self.next_frame,
             bus: bus as u32,
             lines: [state.lines[*client].0, state.lines[*server].0],
-            found,
-            request: wires[0],
-            response: wires[1],
-            asked,
-            answered,
-            response_time: response_time.filter(|&ns| ns >= told_apart),
-            recording: self.origin,
+            matched,
+            request_wire: wires[0],
+            response_wire: wires[1],
+            request_moment,
+            response_moment,
+            response_time: response_time.filter(|&ns| ns >= min_measurable_ns),
+            recording_start: self.origin,
         };
-        let spans = [asked.span(), answered.span()];
-        let key = Key::plain(known.unit, known.code, known.address, known.quantity);
-        self.stats.again(state.counts, key, spans, told.response_time);
-        run.exchanges += 1;
-        run.bytes += lengths[0] + lengths[1];
+        let spans = [request_moment.span(), response_moment.span()];
+        let key = Key::plain(expected.unit, expected.code, expected.address, expected.quantity);
+        self.stats.again(state.counts, key, spans, rows.response_time);
+        totals.exchanges += 1;
+        totals.bytes += lengths[0] + lengths[1];
         self.next_txn += 1;
         self.next_frame += 2;
-        let findings = Span { start: self.batch.codes.len() as u32, length: 0 };
+        let no_findings = Span { start: self.batch.codes.len() as u32, length: 0 };
         if self.wanted.frames {
-            self.batch.frames.push(told.frame(Direction::Request, findings));
-            self.batch.frames.push(told.frame(Direction::Response, findings));
+            self.batch.frames.push(rows.frame(Direction::Request, no_findings));
+            self.batch.frames.push(rows.frame(Direction::Response, no_findings));
         }
         if self.wanted.transactions {
-            let inside = || [inside(*mode, wires[0], known.asked), inside(*mode, wires[1], known.answered)];
-            let points = state.profiles.of(known.unit);
-            self.held.push(told.transaction(points, pdus.unwrap_or_else(inside), findings));
+            let binary_pdus = || [pdu_span(*mode, wires[0], expected.asked), pdu_span(*mode, wires[1], expected.answered)];
+            let points = state.profiles.of(expected.unit);
+            self.held.push(rows.transaction(points, pdus.unwrap_or_else(binary_pdus), no_findings));
         }
     }
 }
 
-/// Exchanges one behind the other, and their bytes.
-#[derive(Clone, Copy, Debug, Default)]
-struct Run {
+/// What one run of the fast path has emitted: the exchanges, and their bytes on all lines.
+#[derive(Default)]
+struct BatchTotals {
     exchanges: u64,
     bytes: usize,
 }
 
-/// Whether no profile of a unit begins in what is read.
-fn unmarked(known: &Exchange) -> bool {
-    known.kind != Plain::ReadRegisters || !may_begin_in(known.address, usize::from(known.quantity))
+/// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
+/// exchange has to take the slow path, which looks for the map.
+fn may_hold_no_map(expected: &Exchange) -> bool {
+    expected.kind != Plain::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 
-/// The PDU in the bytes of a frame, behind its unit.
-fn inside(mode: Mode, wire: Span, length: usize) -> Span {
+/// The place of the PDU in the bytes of a binary frame. `length` is that of unit and PDU.
+fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
     let before = if mode == Mode::Tcp { MBAP + 1 } else { 1 };
     Span { start: wire.start + before as u32, length: length as u32 - 1 }
 }
 
-/// A request at this place of the arena, and its answer behind it.
-fn both(start: usize, [asked, answered]: [usize; 2]) -> [Span; 2] {
+/// The places of a request that starts here in the arena, and of the response behind it.
+fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -> [Span; 2] {
     let span = |start: usize, length: usize| Span { start: start as u32, length: length as u32 };
-    [span(start, asked), span(start + asked, answered)]
+    [span(start, request_length), span(start + request_length, response_length)]
 }
 
-/// The first bytes of a line, told.
+/// Consumes the first bytes of a line as a frame; returns when and where it was.
 #[inline(always)]
-#[allow(clippy::inline_always)] // See `Session::exchange`.
-fn taken(line: &mut LineState, length: usize, setting: &Setting) -> Moment {
-    let moment = Moment::of(&line.input, length, &Setting { last_end: line.last_end, ..*setting });
+#[allow(clippy::inline_always)] // The result is large, and `Session::exchange` takes it apart at once.
+fn consume(line: &mut LineState, length: usize, timing: &Setting) -> Moment {
+    let moment = Moment::of(&line.input, length, &Setting { last_end: line.last_end, ..*timing });
     line.input.consume(length);
     line.last_end = moment.end.or(line.last_end);
     moment

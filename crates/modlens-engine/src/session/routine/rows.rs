@@ -1,11 +1,11 @@
-//! The rows of an exchange that needed no thought.
+//! The rows of an exchange that the fast path has matched.
 
 use std::sync::Arc;
 
 use crate::framer::{ascii, rtu, tcp};
 use crate::records::{Frame, Half, Span, Transaction};
 use crate::session::moment::Moment;
-use crate::session::routine::Found;
+use crate::session::routine::MatchedExchange;
 use crate::session::rows::elapsed;
 use modlens_profiles::points::Bound;
 use modlens_protocol::direction::Direction;
@@ -13,36 +13,39 @@ use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// One exchange as its rows have it.
-pub(super) struct Told<'a> {
-    pub number: u64,
-    /// The request's; the answer has the next.
-    pub frame: u64,
+/// One exchange with all that its rows need.
+pub(super) struct ExchangeRows<'a> {
+    /// Number of the transaction.
+    pub txn: u64,
+    /// Number of the request's frame; the response's frame has the next one.
+    pub request_frame: u64,
     pub bus: u32,
-    /// Of the request and of the answer.
+    /// Lines of the request and of the response.
     pub lines: [u8; 2],
-    pub found: &'a Found,
-    pub request: Span,
-    pub response: Span,
-    pub asked: Moment,
-    pub answered: Moment,
+    pub matched: &'a MatchedExchange,
+    /// Places of the request and of the response in the arena of the batch.
+    pub request_wire: Span,
+    pub response_wire: Span,
+    pub request_moment: Moment,
+    pub response_moment: Moment,
+    /// `None` if the clock cannot measure it.
     pub response_time: Option<Ns>,
     /// When the recording began.
-    pub recording: Option<Ns>,
+    pub recording_start: Option<Ns>,
 }
 
-impl Told<'_> {
-    /// `pdus`: of the request and of the answer.
+impl ExchangeRows<'_> {
+    /// The row of the transaction. `pdus`: places of the PDUs of request and response in the arena.
     pub(super) fn transaction(&self, points: Option<Arc<Bound>>, pdus: [Span; 2], findings: Span) -> Transaction {
         let half = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| Half { frame, wire, pdu, start };
         Transaction {
-            number: self.number,
+            number: self.txn,
             bus: self.bus,
-            mode: self.found.mode,
-            start: self.asked.start,
-            elapsed: elapsed(self.recording, self.asked.start),
-            unit: self.found.known.unit,
-            function: self.found.known.code,
+            mode: self.matched.mode,
+            start: self.request_moment.start,
+            elapsed: elapsed(self.recording_start, self.request_moment.start),
+            unit: self.matched.expected.unit,
+            function: self.matched.expected.code,
             status: Status::Ok,
             exception: None,
             response_time: self.response_time,
@@ -50,22 +53,23 @@ impl Told<'_> {
             late_response: None,
             retry_of: None,
             late_for: None,
-            gap: self.asked.gap,
-            mbap_id: self.found.id,
-            request: half(self.frame, self.request, pdus[0], self.asked.start),
-            response: half(self.frame + 1, self.response, pdus[1], self.answered.start),
+            gap: self.request_moment.gap,
+            mbap_id: self.matched.mbap_id,
+            request: half(self.request_frame, self.request_wire, pdus[0], self.request_moment.start),
+            response: half(self.request_frame + 1, self.response_wire, pdus[1], self.response_moment.start),
             findings,
             points,
-            origin: self.asked.origin,
+            origin: self.request_moment.origin,
         }
     }
 
+    /// The row of the request's or of the response's frame.
     pub(super) fn frame(&self, direction: Direction, findings: Span) -> Frame {
         let (number, line, wire, moment) = match direction {
-            Direction::Request => (self.frame, self.lines[0], self.request, &self.asked),
-            _ => (self.frame + 1, self.lines[1], self.response, &self.answered),
+            Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_moment),
+            _ => (self.request_frame + 1, self.lines[1], self.response_wire, &self.response_moment),
         };
-        let (confidence, cut_by) = match self.found.mode {
+        let (confidence, cut_by) = match self.matched.mode {
             Mode::Rtu => (rtu::SURE, CutBy::Length),
             Mode::Ascii => (ascii::AGREES, CutBy::Delimiter),
             Mode::Tcp => (tcp::AGREES, CutBy::Length),
@@ -77,19 +81,19 @@ impl Told<'_> {
             offset: moment.offset,
             wire,
             start: moment.start,
-            elapsed: elapsed(self.recording, moment.start),
+            elapsed: elapsed(self.recording_start, moment.start),
             gap: moment.gap,
-            mode: self.found.mode,
+            mode: self.matched.mode,
             direction,
-            unit: Some(self.found.known.unit),
-            code: Some(self.found.known.code),
+            unit: Some(self.matched.expected.unit),
+            code: Some(self.matched.expected.code),
             exception: None,
             verdict: Verdict::Ok,
             tentative: false,
             confidence,
             cut_by,
-            txn: Some(self.number),
-            mbap_id: self.found.id,
+            txn: Some(self.txn),
+            mbap_id: self.matched.mbap_id,
             findings,
             origin: moment.origin,
             last_origin: moment.last_origin,

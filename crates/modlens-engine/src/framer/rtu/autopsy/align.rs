@@ -1,193 +1,233 @@
-//! How well bytes fit a template, once flipped bits, missing bytes and collisions are allowed for.
+//! How well bytes fit an expected frame when flipped bits, missing bytes, a doubled byte and collisions are allowed for.
+//!
+//! Each kind of damage has a cost in bits, each byte that agrees gains the information content of its value. The kind
+//! with the highest total is the alignment. Example: the expected request is `11 03 00 6B 00 03 76 87`, the bytes are
+//! `11 03 6B 00 03 76 87`. The first two bytes agree; with one byte missing behind them the other five agree, too, and
+//! are worth far more than `MISSING_INSIDE_BITS`. So one byte is missing at index 2.
 
 use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::template::Template;
-use crate::framer::rtu::autopsy::ROUNDING;
+use crate::framer::rtu::autopsy::template::ExpectedFrame;
+use crate::framer::rtu::autopsy::ROUNDING_BITS;
 use crate::framer::rtu::index::MOST_LOST;
 use crate::framer::rtu::model::Model;
 use crate::framer::rtu::sift::Costs;
 use modlens_protocol::checksum::{crc16, mending_bit, update};
 
-/// Flipped bits in unit and function code, where they are to be recognised.
-const MOST_FLIPS: u32 = 3;
+/// The most flipped bits in unit and function code together at which the two are still recognised.
+const MAX_HEADER_FLIPS: u32 = 3;
 
-/// Bits that it takes to say what happened, and where.
-const LOST_HEAD: f32 = 5.0;
-const LOST_INSIDE: f32 = 6.0;
-const DOUBLED: f32 = 8.0;
-const FLIPPED: [f32; 4] = [0.0, 9.0, 13.0, 17.0];
-const COLLIDED: f32 = 5.0;
+/// Bits that it takes to say what happened, and where: bytes missing in front, bytes missing inside, one byte received
+/// twice, and a second transmitter from some byte on.
+const MISSING_HEAD_BITS: f32 = 5.0;
+const MISSING_INSIDE_BITS: f32 = 6.0;
+const DOUBLED_BYTE_BITS: f32 = 8.0;
+const COLLISION_BITS: f32 = 5.0;
 
-/// A byte that does not fit what collided.
-const MISFIT: f32 = 4.0;
+/// Cost of a byte by the number of its flipped bits. Bytes with more flipped bits do not agree at all.
+const FLIPPED_BITS: [f32; 4] = [0.0, 9.0, 13.0, 17.0];
 
-/// What a flipped bit that mends the checksum is worth; less the bits that say which one it is.
-pub const CHECKSUM: f32 = 16.0;
-const MENDED: f32 = 13.0;
+/// Cost of a byte in which a collision seems to have set bits to 1, which it cannot do.
+const COLLISION_MISFIT_BITS: f32 = 4.0;
 
-/// One more byte of a run.
-const RUN: f32 = 0.3;
+/// Gain for a CRC that is valid once the damage is corrected.
+pub const CRC_MATCH_BITS: f32 = 16.0;
 
-/// Evidence so far behind its best is over.
-const DROP: f32 = 12.0;
+/// Gain for a single flipped bit that explains the wrong CRC. The bits that say which one it is are subtracted from it.
+const CRC_CORRECTABLE_BITS: f32 = 13.0;
 
-/// A template found.
+/// Gain for one more byte of a run of equal values, which was to be expected.
+const RUN_BYTE_BITS: f32 = 0.3;
+
+/// Comparison stops where the score has fallen so far below its maximum.
+const MAX_SCORE_DROP_BITS: f32 = 12.0;
+
+/// The best explanation of some bytes as an expected frame.
 #[derive(Clone, Debug)]
-pub struct Fit {
-    /// Bits.
+pub struct Alignment {
+    /// Bits in favour of the expected frame.
     pub score: f32,
-    /// Bytes that agree with the template: what comes next may begin behind them.
-    pub core: usize,
-    /// Bytes of the template missing in front.
-    pub head: usize,
-    /// So many of the first bytes agree without any change.
-    pub same: usize,
-    /// Bytes that are left of the frame, where its length is known.
+    /// Bytes from the first one to behind the last one that agrees: another frame may begin behind them.
+    pub core_bytes: usize,
+    /// Bytes of the expected frame that are missing in front.
+    pub missing_head_bytes: usize,
+    /// Number of leading bytes that agree without any change.
+    pub agreeing_bytes: usize,
+    /// Number of bytes that are left of the frame, where its length is known.
     pub length: Option<usize>,
-    /// What happened.
+    /// What happened to the frame.
     pub harm: Option<Harm>,
-    /// The checksum is right, once that is made good.
-    pub mended: bool,
-    /// All bytes that are known agree, but the checksum does not.
-    pub exact: bool,
+    /// The CRC is valid once the damage is corrected.
+    pub is_corrected: bool,
+    /// All bytes with a known value agree, but the CRC does not.
+    pub is_exact: bool,
 }
 
-/// What it costs that a template is not there as it should be.
-pub const COSTS: Costs = Costs { head: LOST_HEAD, inside: LOST_INSIDE, collided: COLLIDED };
+/// What each kind of damage costs, for the prefilter that selects the requests worth an alignment.
+pub const DAMAGE_COSTS: Costs = Costs { head: MISSING_HEAD_BITS, inside: MISSING_INSIDE_BITS, collided: COLLISION_BITS };
 
-/// The best way to see the template in bytes that begin here, if it is worth `need` bits.
-pub fn align(model: &Model, template: &Template<'_>, bytes: &[u8], need: f32) -> Option<Fit> {
-    // With a length, the checksum tells what nothing else is known of.
-    let known = template.bytes.len() - usize::from(template.length.is_none());
-    let most = MOST_LOST.min(known);
-    let fits = (0..=most).filter_map(|head| from(model, template, bytes, head, need));
-    fits.max_by(|a, b| a.score.total_cmp(&b.score))
+/// The best alignment of an expected frame with bytes that begin where it may begin, if it is worth `need` bits.
+pub fn align(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8], need: f32) -> Option<Alignment> {
+    // If all known bytes are missing, only the CRC is left to recognise the frame by, and that takes a known length.
+    let known = expected.bytes.len() - usize::from(expected.length.is_none());
+    let max_missing = MOST_LOST.min(known);
+    let alignments = (0..=max_missing).filter_map(|missing| align_without_head(model, expected, bytes, missing, need));
+    alignments.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// The same, with so many bytes of the template missing in front.
-fn from(model: &Model, template: &Template<'_>, bytes: &[u8], head: usize, need: f32) -> Option<Fit> {
-    let known = &template.bytes[head..];
-    let same = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
-    // Nearly everywhere nearly nothing fits: that has to be seen at once.
-    let run = same > 1 && bytes[..same].iter().all(|&byte| byte == bytes[0]);
-    let hopeless = if head > 0 { run || same < 2.min(known.len()) } else { same == 0 && !nearly(known, bytes) };
-    if hopeless {
+/// The best alignment if `missing` bytes of the expected frame are missing in front.
+fn align_without_head(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8], missing: usize, need: f32) -> Option<Alignment> {
+    let known = &expected.bytes[missing..];
+    let agreeing = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
+    // At nearly all places nothing fits, which has to be noticed with as little work as possible.
+    let is_run = agreeing > 1 && bytes[..agreeing].iter().all(|&byte| byte == bytes[0]);
+    let is_hopeless =
+        if missing > 0 { is_run || agreeing < 2.min(known.len()) } else { agreeing == 0 && !header_nearly_agrees(known, bytes) };
+    if is_hopeless {
         return None;
     }
-    // Bytes that agree are worth so much at most, whatever happened between them.
-    let most: f32 = model.bits_of(&bytes[..bytes.len().min(known.len() + 1)]) - template.cost + template.checksum_at_most();
-    if most < need - ROUNDING {
+    // An upper bound: no damage makes the bytes that agree worth more than this.
+    let bytes_compared = bytes.len().min(known.len() + 1);
+    let max_score: f32 = model.bits_of(&bytes[..bytes_compared]) - expected.selection_cost + expected.max_crc_bits();
+    if max_score < need - ROUNDING_BITS {
         return None;
     }
-    let broken = same > 0 && same < known.len() && head == 0 && most - COLLIDED >= need;
-    let begun = if broken { flipped(model, &known[..same], bytes, 0).0 } else { 0.0 };
-    let losses = (1..=MOST_LOST).filter(|_| broken).filter_map(|count| lost(model, known, bytes, (same, begun), count));
-    let others = [doubled, collided].into_iter().filter(|_| broken).filter_map(|way| way(model, known, bytes, (same, begun)));
-    let ways = std::iter::once(straight(model, known, bytes, head)).chain(losses).chain(others);
-    let fits = ways.map(|way| {
-        // Bytes of the template that are not there, or there twice.
-        let short = match way.harm {
+    let may_break = agreeing > 0 && agreeing < known.len() && missing == 0 && max_score - COLLISION_BITS >= need;
+    let agreeing_score = if may_break { score_with_flips(model, &known[..agreeing], bytes, 0).0 } else { 0.0 };
+    let prefix = Prefix { length: agreeing, score: agreeing_score };
+    let losses = (1..=MOST_LOST).filter(|_| may_break).filter_map(|count| missing_inside(model, known, bytes, prefix, count));
+    let breaks = [doubled_byte, collision].into_iter().filter(|_| may_break);
+    let others = breaks.filter_map(|explain| explain(model, known, bytes, prefix));
+    let unbroken = std::iter::once(without_break(model, known, bytes, missing));
+    let alignments = unbroken.chain(losses).chain(others).map(|explanation| {
+        // Bytes of the expected frame that are not there; -1 if one is there twice.
+        let shortfall = match explanation.harm {
             Some(Harm::Lost { count, .. }) => count as isize,
             Some(Harm::Doubled { .. }) => -1,
             _ => 0,
         };
-        let length = template.length.map(|length| length.saturating_add_signed(-short));
-        let mended = checksum(template, bytes, length, short);
-        let exact = mended == 0.0 && head == 0 && same == known.len();
-        let core = if mended > 0.0 { way.core.max(length.unwrap_or(0)) } else { way.core };
-        Fit { score: way.score - template.cost + mended, core, head, same, length, harm: way.harm, mended: mended > 0.0, exact }
+        let length = expected.length.map(|length| length.saturating_add_signed(-shortfall));
+        let crc_score = crc_score(expected, bytes, length, shortfall);
+        let is_corrected = crc_score > 0.0;
+        let core_bytes = if is_corrected { explanation.core_bytes.max(length.unwrap_or(0)) } else { explanation.core_bytes };
+        Alignment {
+            score: explanation.score - expected.selection_cost + crc_score,
+            core_bytes,
+            missing_head_bytes: missing,
+            agreeing_bytes: agreeing,
+            length,
+            harm: explanation.harm,
+            is_corrected,
+            is_exact: crc_score == 0.0 && missing == 0 && agreeing == known.len(),
+        }
     });
-    fits.filter(|fit| fit.score > 0.0 && fit.score >= need).max_by(|a, b| a.score.total_cmp(&b.score))
+    alignments.filter(|alignment| alignment.score > 0.0 && alignment.score >= need).max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// Whether one of unit and function code is right, and the other differs in a few bits only.
-fn nearly(known: &[u8], bytes: &[u8]) -> bool {
+/// Whether one of unit and function code agrees, and the other differs in a few bits only.
+fn header_nearly_agrees(known: &[u8], bytes: &[u8]) -> bool {
     let flips = || known.iter().zip(bytes).take(2).map(|(a, b)| (a ^ b).count_ones());
-    bytes.len() >= 3 && flips().any(|flips| flips == 0) && flips().sum::<u32>() <= MOST_FLIPS
+    bytes.len() >= 3 && flips().any(|flips| flips == 0) && flips().sum::<u32>() <= MAX_HEADER_FLIPS
 }
 
-/// One way to read the known bytes.
-struct Way {
+/// The leading bytes that agree without any change, and the bits they are worth.
+#[derive(Clone, Copy)]
+struct Prefix {
+    length: usize,
     score: f32,
-    core: usize,
+}
+
+/// One kind of damage that would explain how the bytes differ from the known ones.
+struct Explanation {
+    score: f32,
+    core_bytes: usize,
     harm: Option<Harm>,
 }
 
-/// Without a loss but in front.
-fn straight(model: &Model, known: &[u8], bytes: &[u8], head: usize) -> Way {
-    let (score, core) = flipped(model, known, bytes, 0);
-    let harm = (head > 0).then_some(Harm::Lost { at: 0, count: head });
-    Way { score: if head > 0 { score - LOST_HEAD } else { score }, core, harm }
+/// Explains the bytes by flipped bits only, with or without bytes missing in front.
+fn without_break(model: &Model, known: &[u8], bytes: &[u8], missing: usize) -> Explanation {
+    let (score, core_bytes) = score_with_flips(model, known, bytes, 0);
+    let harm = (missing > 0).then_some(Harm::Lost { at: 0, count: missing });
+    Explanation { score: if missing > 0 { score - MISSING_HEAD_BITS } else { score }, core_bytes, harm }
 }
 
-/// The best beginning that agrees but for flipped bits: bits and bytes.
-fn flipped(model: &Model, known: &[u8], bytes: &[u8], from: usize) -> (f32, usize) {
+/// Compares bytes one by one and allows for flipped bits. Returns the highest score that any number of leading bytes
+/// reaches, and the index behind those bytes, where the first byte has the index `from`.
+fn score_with_flips(model: &Model, known: &[u8], bytes: &[u8], from: usize) -> (f32, usize) {
     let (mut score, mut best) = (0.0, (0.0, 0));
     for (at, (&wanted, &byte)) in known.iter().zip(bytes).enumerate() {
         let flips = (wanted ^ byte).count_ones() as usize;
-        let Some(&cost) = FLIPPED.get(flips) else { break };
-        // In a run of one value each byte but the first was to be expected.
-        let run = at > 0 && known[at - 1] == wanted && flips == 0;
-        score += if run { RUN } else { model.bits(byte) - cost };
+        let Some(&cost) = FLIPPED_BITS.get(flips) else { break };
+        // In a run of one value, each byte but the first was to be expected and proves little.
+        let continues_run = at > 0 && known[at - 1] == wanted && flips == 0;
+        score += if continues_run { RUN_BYTE_BITS } else { model.bits(byte) - cost };
         if score > best.0 && flips == 0 {
             best = (score, from + at + 1);
         }
-        if score < best.0 - DROP {
+        if score < best.0 - MAX_SCORE_DROP_BITS {
             break;
         }
     }
     best
 }
 
-/// So many bytes missing behind the first `same` ones, which are worth `begun`.
-fn lost(model: &Model, known: &[u8], bytes: &[u8], (same, begun): (usize, f32), count: usize) -> Option<Way> {
-    let rest = known.get(same + count..)?;
-    let (score, core) = flipped(model, rest, &bytes[same..], same);
-    let score = begun + score - LOST_INSIDE;
-    // Where nothing that is known is left behind the loss, the checksum has to tell.
-    (core > same || rest.is_empty()).then_some(Way { score, core, harm: Some(Harm::Lost { at: same, count }) })
+/// Explains the bytes by `count` bytes that are missing behind the prefix.
+fn missing_inside(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix, count: usize) -> Option<Explanation> {
+    let rest = known.get(prefix.length + count..)?;
+    let (score, core_bytes) = score_with_flips(model, rest, &bytes[prefix.length..], prefix.length);
+    let score = prefix.score + score - MISSING_INSIDE_BITS;
+    let harm = Some(Harm::Lost { at: prefix.length, count });
+    // If no known byte is left behind the loss, only the CRC can confirm it.
+    (core_bytes > prefix.length || rest.is_empty()).then_some(Explanation { score, core_bytes, harm })
 }
 
-/// One byte twice behind the first `same` ones.
-fn doubled(model: &Model, known: &[u8], bytes: &[u8], (same, begun): (usize, f32)) -> Option<Way> {
-    if bytes.get(same) != bytes.get(same - 1) {
+/// Explains the bytes by a repetition of the last byte of the prefix.
+fn doubled_byte(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
+    let at = prefix.length;
+    if bytes.get(at) != bytes.get(at - 1) {
         return None;
     }
-    let (score, core) = flipped(model, &known[same..], bytes.get(same + 1..)?, same + 1);
-    let score = begun + score - DOUBLED;
-    (core > same + 1).then_some(Way { score, core, harm: Some(Harm::Doubled { at: same }) })
+    let (score, core_bytes) = score_with_flips(model, &known[at..], bytes.get(at + 1..)?, at + 1);
+    let score = prefix.score + score - DOUBLED_BYTE_BITS;
+    (core_bytes > at + 1).then_some(Explanation { score, core_bytes, harm: Some(Harm::Doubled { at }) })
 }
 
-/// The driver that pulls to 0 wins: from the first wrong byte on, bits of the template are missing, and none is added.
-fn collided(model: &Model, known: &[u8], bytes: &[u8], (same, begun): (usize, f32)) -> Option<Way> {
-    let mut score = begun - COLLIDED;
-    let mut core = same;
-    let mut wrong = 0;
-    for (&wanted, &byte) in known.iter().zip(bytes).skip(same) {
+/// Explains the bytes by a second transmitter behind the prefix. On RS-485 the driver that pulls to 0 wins: bits that
+/// were sent as 1 may arrive as 0, but no bit that was sent as 0 arrives as 1.
+fn collision(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
+    let mut score = prefix.score - COLLISION_BITS;
+    let mut core_bytes = prefix.length;
+    let mut wrong_bytes = 0;
+    for (&wanted, &byte) in known.iter().zip(bytes).skip(prefix.length) {
         if byte & !wanted == 0 {
+            // A byte pays for each of its ones, because each might have been pulled to 0.
             score += model.bits(byte) - wanted.count_ones() as f32 - 0.5;
-            wrong += usize::from(byte != wanted);
+            wrong_bytes += usize::from(byte != wanted);
         } else {
-            score -= MISFIT;
+            score -= COLLISION_MISFIT_BITS;
         }
-        core += 1;
+        core_bytes += 1;
     }
-    (wrong > 1).then_some(Way { score, core, harm: Some(Harm::Collided { at: same }) })
+    (wrong_bytes > 1).then_some(Explanation { score, core_bytes, harm: Some(Harm::Collided { at: prefix.length }) })
 }
 
-/// What the checksum says of the bytes behind those known, once those are mended.
-fn checksum(template: &Template<'_>, bytes: &[u8], length: Option<usize>, short: isize) -> f32 {
-    let known = template.bytes.len();
-    let behind = known.saturating_add_signed(-short);
-    let Some(length) = length.filter(|&length| length >= 4 && length <= bytes.len() && behind <= length) else { return 0.0 };
-    if template.length.is_some_and(|whole| whole <= known) {
+/// Bits that the CRC adds once the damage of the known bytes is corrected.
+///
+/// `length`: bytes that are left of the frame. `shortfall`: bytes of the known part that are missing, -1 if one is there
+/// twice. Nothing is added if the CRC is itself among the known bytes, because `score_with_flips` has counted it.
+fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, shortfall: isize) -> f32 {
+    let known = expected.bytes.len();
+    let known_end = known.saturating_add_signed(-shortfall);
+    let is_there = |&length: &usize| length >= 4 && length <= bytes.len() && known_end <= length;
+    let Some(length) = length.filter(is_there) else { return 0.0 };
+    if expected.length.is_some_and(|whole| whole <= known) {
         return 0.0;
     }
-    if update(crc16(&template.bytes), &bytes[behind..length]) == 0 {
-        return CHECKSUM;
+    // The CRC over the known bytes as they were sent and the unknown bytes as they came.
+    if update(crc16(&expected.bytes), &bytes[known_end..length]) == 0 {
+        return CRC_MATCH_BITS;
     }
     match mending_bit(&bytes[..length]) {
-        Some(_) if short == 0 => (MENDED - (8.0 * length as f32).log2()).max(0.0),
+        Some(_) if shortfall == 0 => (CRC_CORRECTABLE_BITS - (8.0 * length as f32).log2()).max(0.0),
         _ => 0.0,
     }
 }
@@ -195,12 +235,12 @@ fn checksum(template: &Template<'_>, bytes: &[u8], length: Option<usize>, short:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::autopsy::template::{poll, POLL};
+    use crate::framer::rtu::autopsy::template::{poll_request, POLL_REQUEST_BITS};
     use crate::framer::rtu::sift::Sift;
     use proptest::prelude::*;
 
-    /// What may happen to a frame: bytes missing, one twice, bits flipped, bits lost.
-    fn spoil(frame: &[u8], how: u8, at: usize, bits: u8) -> Vec<u8> {
+    /// A frame damaged in one of five ways: bytes removed, one doubled, bits flipped, bits pulled to 0, or not at all.
+    fn damaged(frame: &[u8], how: u8, at: usize, bits: u8) -> Vec<u8> {
         let mut bytes = frame.to_vec();
         let at = at % bytes.len();
         match how {
@@ -215,7 +255,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_sift_keeps_all_that_fit(
+        fn the_prefilter_keeps_every_request_that_aligns(
             body in proptest::collection::vec(0u8..5, 3..7),
             how in 0u8..5,
             at in any::<usize>(),
@@ -223,20 +263,21 @@ mod tests {
             behind in proptest::collection::vec(0u8..5, 0..6),
         ) {
             let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
-            let bytes = [spoil(&frame, how, at, bits), behind].concat();
+            let bytes = [damaged(&frame, how, at, bits), behind].concat();
             let model = Model::default();
-            let Some(fit) = align(&model, &poll(&frame), &bytes, 0.0) else { return Ok(()) };
+            let Some(alignment) = align(&model, &poll_request(&frame), &bytes, 0.0) else { return Ok(()) };
             let mut sift = Sift::default();
             sift.add(5, &frame);
-            let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), fit.score + POLL, &COSTS);
-            prop_assert_eq!(kept, 1 << 5, "{:02x?} in {:02x?}: {:?}", frame, bytes, fit);
+            let need = alignment.score + POLL_REQUEST_BITS;
+            let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), need, &DAMAGE_COSTS);
+            prop_assert_eq!(kept, 1 << 5, "{:02x?} in {:02x?}: {:?}", frame, bytes, alignment);
         }
     }
 
     #[test]
-    fn a_frame_of_which_unit_and_function_are_wrong_is_not_recognised() {
-        // One lost bit in each; the sift looks for one of the two.
-        let fit = align(&Model::default(), &poll(&[3, 3, 2, 0, 0xF1]), &[2, 2, 2, 0, 0x70], 0.0);
-        assert!(fit.is_none(), "{fit:?}");
+    fn a_frame_with_wrong_unit_and_wrong_function_is_not_recognised() {
+        // One bit is lost in each of the two; the prefilter needs one of them to be right.
+        let alignment = align(&Model::default(), &poll_request(&[3, 3, 2, 0, 0xF1]), &[2, 2, 2, 0, 0x70], 0.0);
+        assert!(alignment.is_none(), "{alignment:?}");
     }
 }

@@ -1,9 +1,11 @@
-//! What a gap may hold: damaged frames by the templates that they fit, and strangers by their header.
+//! Candidates for damaged frames: alignments with expected frames, and unpredicted frames that only their header supports.
 
 use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::align::{self, align, Fit};
-use crate::framer::rtu::autopsy::template::{self, Template};
-use crate::framer::rtu::autopsy::{Scene, ENDS_WELL, ENOUGH, MOST_STRAYS, ROUNDING, STRAY};
+use crate::framer::rtu::autopsy::align::{self, align, Alignment};
+use crate::framer::rtu::autopsy::template::{self, ExpectedFrame};
+use crate::framer::rtu::autopsy::{
+    UnframedRegion, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, ROUNDING_BITS, STRAY_BYTE_BITS,
+};
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::index::{may_be, possible, Set};
@@ -11,79 +13,94 @@ use crate::framer::rtu::AROUND;
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
+/// Unit, function code with the exception bit, exception code and CRC.
+const EXCEPTION_BYTES: usize = 5;
+
+/// A damaged frame that a region may hold. Indices count from the first byte of the region.
 pub(super) struct Candidate {
+    /// Index of its first byte.
     pub(super) start: usize,
-    /// The next one may begin here.
-    pub(super) core: usize,
-    /// Where it should end.
+    /// Index behind the bytes that agree with it: the next candidate of a chain may begin here.
+    pub(super) core_end: usize,
+    /// Index where it should end, if its length is known.
     pub(super) end: Option<usize>,
+    /// Bits in favour of it.
     pub(super) score: f32,
+    /// `REQUEST` or `RESPONSE`.
     pub(super) direction: usize,
     /// Unit and function code.
     pub(super) header: [u8; 2],
-    /// What unit and function cost: nothing where the request before says them.
-    pub(super) novelty: f32,
+    /// Cost in bits of its unit and function; 0 where a request in front predicts them.
+    pub(super) header_cost: f32,
+    /// Its missing first bytes.
     pub(super) head: Vec<u8>,
+    /// What happened to it.
     pub(super) harm: Option<Harm>,
-    /// With what is known of it, the checksum is right.
-    pub(super) mended: bool,
-    /// What is known of it agrees, but the checksum is wrong.
-    pub(super) exact: bool,
-    /// All of it is known, and it agrees up to here.
-    pub(super) open_at: Option<usize>,
+    /// Its CRC is valid once the damage is corrected.
+    pub(super) is_corrected: bool,
+    /// All bytes with a known value agree, but the CRC does not.
+    pub(super) is_exact: bool,
+    /// Number of leading bytes that agree, where the expected value of every byte is known.
+    pub(super) agreeing_bytes: Option<usize>,
 }
 
-impl Scene<'_, '_> {
-    /// What the frames around let one expect.
-    pub(super) fn expected(&self, around: &[Template<'_>], start: usize, candidates: &mut Vec<Candidate>) {
+impl UnframedRegion<'_, '_> {
+    /// Adds the expected frames that may begin at `start`.
+    pub(super) fn add_expected(&self, expected: &[ExpectedFrame<'_>], start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
-        let has = |place: usize, byte: u8| {
-            let of = around.iter().enumerate();
-            of.fold(0, |set: Set, (at, template)| set | Set::from(may_be(&template.bytes, place, byte)) << at)
+        // As a set, one bit per expected frame: those that may have this byte at this place.
+        let with_byte = |place: usize, byte: u8| {
+            let frames = expected.iter().enumerate();
+            frames.fold(0, |set: Set, (at, frame)| set | Set::from(may_be(&frame.bytes, place, byte)) << at)
         };
-        for at in members(possible(bytes, has)) {
-            candidates.extend(self.candidate(&around[at], start));
+        for at in members(possible(bytes, with_byte)) {
+            candidates.extend(self.aligned_candidate(&expected[at], start));
         }
     }
 
-    /// What the poll cycle, and the units and functions of the line let one expect.
-    pub(super) fn candidates(&self, start: usize, candidates: &mut Vec<Candidate>) {
+    /// Adds what the poll cycle and the units and functions seen on this line suggest at `start`.
+    pub(super) fn add_familiar(&self, start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
         let polls = &self.model.polls;
         let mut likely = if polls.is_empty() { 0 } else { polls.possible(bytes) };
         if likely != 0 {
-            let need = ENOUGH + self.place(start) - ENDS_WELL + template::POLL;
-            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &align::COSTS);
+            let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + template::POLL_REQUEST_BITS;
+            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &align::DAMAGE_COSTS);
         }
         for at in members(likely) {
-            candidates.extend(self.candidate(&template::poll(polls.get(at)), start));
+            candidates.extend(self.aligned_candidate(&template::poll_request(polls.get(at)), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
-            candidates.extend([REQUEST, RESPONSE].into_iter().filter_map(|direction| self.stranger(start, direction)));
+            let directions = [REQUEST, RESPONSE].into_iter();
+            candidates.extend(directions.filter_map(|direction| self.unpredicted_candidate(start, direction)));
         }
     }
 
-    /// The frame of this template that may begin here.
-    pub(super) fn candidate(&self, template: &Template<'_>, start: usize) -> Option<Candidate> {
-        let place = self.place(start);
-        let least = enough(template.direction, 0.0);
-        let fit = align(self.model, template, &self.bytes()[start..], least + place - ENDS_WELL - ROUNDING)?;
-        let end = fit.length.map(|length| start + length);
-        let score = fit.score - place + self.ends_well(end);
-        (score > 0.0 && score >= least).then(|| Candidate::new(template, &fit, start, end, score))
+    /// The expected frame as a candidate that begins at `start`, if it can change the result.
+    pub(super) fn aligned_candidate(&self, expected: &ExpectedFrame<'_>, start: usize) -> Option<Candidate> {
+        let start_cost = self.start_cost(start);
+        let min_score = min_score(expected.direction, 0.0);
+        let need = min_score + start_cost - FRAME_END_BITS - ROUNDING_BITS;
+        let alignment = align(self.model, expected, &self.bytes()[start..], need)?;
+        let end = alignment.length.map(|length| start + length);
+        let score = alignment.score - start_cost + self.end_bonus(end);
+        (score > 0.0 && score >= min_score).then(|| Candidate::new(expected, &alignment, start, end, score))
     }
 
-    /// A frame that nothing lets one expect, from a unit and with a function that the line has shown.
-    pub(super) fn stranger(&self, start: usize, direction: usize) -> Option<Candidate> {
+    /// A frame that no context predicts, if its unit and function are likely on this line and the frame would end well.
+    ///
+    /// Example: with unit 17 and function 3 familiar, `11 03 04 00 07 00 09 12 34` scores for the two header bytes and,
+    /// if a pause follows byte 9, for ending where the byte count says; no CRC is needed.
+    pub(super) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        let other_line = self.context.speaker.is_some_and(|speaker| speaker != gain::direction(direction));
-        if function == 0 || other_line || (code != function && direction == REQUEST) {
+        let is_other_side = self.context.speaker.is_some_and(|speaker| speaker != gain::direction(direction));
+        if function == 0 || is_other_side || (code != function && direction == REQUEST) {
             return None;
         }
-        let novelty = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
-        let mut score = self.model.bits(unit) + self.model.bits(code) - novelty - self.place(start);
-        if direction == RESPONSE && !self.is_by_itself() {
+        let header_cost = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
+        let mut score = self.model.bits(unit) + self.model.bits(code) - header_cost - self.start_cost(start);
+        if direction == RESPONSE && !self.is_framed_independently() {
             score -= costs::ORPHAN;
         }
         let row = self.context.functions.row(function, body);
@@ -95,68 +112,73 @@ impl Scene<'_, '_> {
             }
         } else {
             score -= costs::EXCEPTION;
-            Some(5)
+            Some(EXCEPTION_BYTES)
         };
         if let Some(row) = row.filter(|_| code == function) {
             score += row.permits[direction].iter().map(|permit| gain::permitted(self.model, permit, body)).sum::<f32>();
         }
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
-        score += self.ends_well(end);
+        score += self.end_bonus(end);
         let header = [unit, code];
-        (score > 0.0 && score >= enough(direction, novelty)).then_some(Candidate {
+        (score > 0.0 && score >= min_score(direction, header_cost)).then_some(Candidate {
             start,
-            core: (start + 3).min(self.length),
+            core_end: (start + 3).min(self.length),
             end,
             score,
             direction,
             header,
-            novelty,
+            header_cost,
             head: Vec::new(),
             harm: None,
-            mended: false,
-            exact: true,
-            open_at: None,
+            is_corrected: false,
+            is_exact: true,
+            agreeing_bytes: None,
         })
     }
 
-    /// What it costs to begin here.
-    pub(super) fn place(&self, start: usize) -> f32 {
+    /// Cost in bits of a frame that begins at `start`: stray bytes in front of it cost, a pause in front of it pays.
+    pub(super) fn start_cost(&self, start: usize) -> f32 {
         if start == 0 {
-            let alone = self.context.speaker.is_some() && self.stops(0);
-            return if alone { -costs::PAUSE_BEFORE } else { 0.0 };
+            // On a line that one side has to itself, the pause at the beginning of the region separates two of its frames.
+            let follows_pause = self.context.speaker.is_some() && self.has_frame_gap(0);
+            return if follows_pause { -costs::PAUSE_BEFORE } else { 0.0 };
         }
-        let strays = (STRAY * start as f32).min(MOST_STRAYS);
-        let paused = self.input.pause_before(start).is_some_and(|pause| pause >= self.silence);
-        if paused {
+        let strays = (STRAY_BYTE_BITS * start as f32).min(MAX_STRAY_BITS);
+        let follows_pause = self.input.pause_before(start).is_some_and(|pause| pause >= self.frame_gap_ns);
+        if follows_pause {
             strays - costs::PAUSE_BEFORE
         } else {
             strays
         }
     }
 
-    pub(super) fn ends_well(&self, end: Option<usize>) -> f32 {
-        let well = end.is_some_and(|end| {
-            (end == self.length && !self.announced)
-                || (end <= self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.silence))
+    /// Bits for a frame that should end at this index, where a pause or the end of the region really is.
+    pub(super) fn end_bonus(&self, end: Option<usize>) -> f32 {
+        let ends_well = end.is_some_and(|end| {
+            (end == self.length && !self.ends_as_announced)
+                || (end <= self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.frame_gap_ns))
         });
-        if well {
-            ENDS_WELL
+        if ends_well {
+            FRAME_END_BITS
         } else {
             0.0
         }
     }
 }
 
-/// What a candidate has to be worth to change anything. An answer counts for more behind its request.
-fn enough(direction: usize, novelty: f32) -> f32 {
+/// The lowest score in bits at which a candidate can change the result.
+///
+/// A response may still gain what its header costs, and what a response without request costs, if a chain puts its
+/// damaged request in front of it; so less is enough for it here.
+fn min_score(direction: usize, header_cost: f32) -> f32 {
     if direction == RESPONSE {
-        ENOUGH - novelty - costs::ORPHAN - ROUNDING
+        MIN_DAMAGED_FRAME_BITS - header_cost - costs::ORPHAN - ROUNDING_BITS
     } else {
-        ENOUGH
+        MIN_DAMAGED_FRAME_BITS
     }
 }
 
-/// The numbers in a set, the lowest first.
+/// The numbers in a set, in ascending order.
 fn members(mut set: Set) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let at = (set != 0).then(|| set.trailing_zeros() as usize);
@@ -166,20 +188,22 @@ fn members(mut set: Set) -> impl Iterator<Item = usize> {
 }
 
 impl Candidate {
-    fn new(template: &Template<'_>, fit: &Fit, start: usize, end: Option<usize>, score: f32) -> Self {
+    fn new(expected: &ExpectedFrame<'_>, alignment: &Alignment, start: usize, end: Option<usize>, score: f32) -> Self {
+        // Known byte for byte: nothing is missing in front, and the known bytes are the whole frame.
+        let is_known = |&length: &usize| alignment.missing_head_bytes == 0 && length == expected.bytes.len();
         Self {
             start,
-            core: start + fit.core,
+            core_end: start + alignment.core_bytes,
             end,
             score,
-            direction: template.direction,
-            header: [template.bytes[0], template.bytes[1]],
-            novelty: 0.0,
-            head: template.bytes[..fit.head].to_vec(),
-            harm: fit.harm,
-            mended: fit.mended,
-            exact: fit.exact,
-            open_at: fit.length.filter(|&length| fit.head == 0 && length == template.bytes.len()).map(|_| fit.same),
+            direction: expected.direction,
+            header: [expected.bytes[0], expected.bytes[1]],
+            header_cost: 0.0,
+            head: expected.bytes[..alignment.missing_head_bytes].to_vec(),
+            harm: alignment.harm,
+            is_corrected: alignment.is_corrected,
+            is_exact: alignment.is_exact,
+            agreeing_bytes: alignment.length.filter(is_known).map(|_| alignment.agreeing_bytes),
         }
     }
 }

@@ -1,18 +1,18 @@
-//! Which single change would make a checksum right: a byte put in, a byte taken out.
+//! Which single inserted or removed byte makes the CRC of a damaged frame valid.
 //!
-//! The register over what stands before a place, and the one that what stands behind it needs to end in zero, are
-//! both worked out in one pass; a change at a place fits if it leads from the one to the other. So all places of a
-//! frame are tried in time that is linear in its length.
+//! Two CRC registers are computed for every place in one pass: the register over the bytes before the place, and the one
+//! that would make the register over all bytes end in zero, given the bytes behind the place. A change at a place fits if
+//! it leads from the first register to the second. So all places are tried in time that is linear in the frame's length.
 
-use crate::framer::rtu::join::back as back_a_bit;
+use crate::framer::rtu::join::back as step_back_bit;
 use modlens_protocol::checksum::{step, INIT};
 
-/// The register before a zero byte.
-fn back(state: u16) -> u16 {
-    (0..8).fold(state, |state, _| back_a_bit(state))
+/// The register that a step over a zero byte turns into this one.
+fn step_back(state: u16) -> u16 {
+    (0..8).fold(state, |state, _| step_back_bit(state))
 }
 
-/// For each place: the register before it, and the one needed there.
+/// For each place: the register before it, and the register that is needed there for the CRC to be valid.
 fn registers(bytes: &[u8]) -> (Vec<u16>, Vec<u16>) {
     let mut before = Vec::with_capacity(bytes.len() + 1);
     before.push(INIT);
@@ -21,19 +21,20 @@ fn registers(bytes: &[u8]) -> (Vec<u16>, Vec<u16>) {
     }
     let mut needed = vec![0; bytes.len() + 1];
     for (at, &byte) in bytes.iter().enumerate().rev() {
-        needed[at] = back(needed[at + 1]) ^ u16::from(byte);
+        needed[at] = step_back(needed[at + 1]) ^ u16::from(byte);
     }
     (before, needed)
 }
 
-/// Where one byte could be missing: the last of those places. By chance there is one in a frame of 256 bytes.
+/// The last index at which one inserted byte would make the CRC valid. In a frame of 256 random bytes one such index
+/// exists by chance.
 pub fn missing_byte(bytes: &[u8]) -> Option<usize> {
     let (before, needed) = registers(bytes);
-    // A byte changes the low half of the register only, before the step.
-    (0..=bytes.len()).rev().find(|&at| (before[at] ^ back(needed[at])) >> 8 == 0)
+    // Before the step, a byte changes only the low half of the register; so the high halves have to agree.
+    (0..=bytes.len()).rev().find(|&at| (before[at] ^ step_back(needed[at])) >> 8 == 0)
 }
 
-/// Which byte stands there twice: without it the checksum is right.
+/// The index of a byte that equals the one before it and without which the CRC is valid.
 pub fn doubled_byte(bytes: &[u8]) -> Option<usize> {
     let (before, needed) = registers(bytes);
     (1..bytes.len()).find(|&at| bytes[at] == bytes[at - 1] && before[at] == needed[at + 1])
@@ -51,14 +52,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_missing_byte_is_found_where_putting_one_in_mends(body in proptest::collection::vec(any::<u8>(), 3..40), at in any::<usize>()) {
+        fn a_missing_byte_is_found_where_an_inserted_one_makes_the_crc_valid(body in proptest::collection::vec(any::<u8>(), 3..40), at in any::<usize>()) {
             let mut frame = framed(&body);
             frame.remove(at % frame.len());
             let place = missing_byte(&frame);
             prop_assert!(place.is_some());
             let place = place.unwrap();
-            let mended = |byte: u8| crc_valid(&[&frame[..place], &[byte], &frame[place..]].concat());
-            prop_assert!((0..=255).any(mended));
+            let is_valid_with = |byte: u8| crc_valid(&[&frame[..place], &[byte], &frame[place..]].concat());
+            prop_assert!((0..=255).any(is_valid_with));
         }
 
         #[test]
@@ -73,8 +74,9 @@ mod tests {
         }
 
         #[test]
-        fn nothing_is_missing_where_no_byte_mends(bytes in proptest::collection::vec(any::<u8>(), 3..12)) {
-            let any = (0..=bytes.len()).any(|at| (0..=255u8).any(|byte| crc_valid(&[&bytes[..at], &[byte], &bytes[at..]].concat())));
+        fn no_byte_is_missing_where_none_makes_the_crc_valid(bytes in proptest::collection::vec(any::<u8>(), 3..12)) {
+            let with = |at: usize, byte: u8| [&bytes[..at], &[byte], &bytes[at..]].concat();
+            let any = (0..=bytes.len()).any(|at| (0..=255u8).any(|byte| crc_valid(&with(at, byte))));
             prop_assert_eq!(missing_byte(&bytes).is_some(), any);
         }
     }

@@ -1,8 +1,10 @@
-//! What stood in bytes that begin no frame: damaged frames where the traffic around them says so, noise elsewhere.
+//! Finds damaged frames among the bytes that no valid frame claims, and leaves the rest as noise.
 //!
-//! Before a gap stands perhaps a request that waits, behind it perhaps the same request again, or an answer to nobody;
-//! the poll cycle is known, and so are units and functions. Each of these is a template, and a damaged frame is
-//! reported where one of them fits with enough bits to spare. Bytes that fit nothing are noise.
+//! The traffic around such a region says which frames may have stood in it: an outstanding request before it makes its
+//! response likely, the same request behind it makes a damaged first attempt likely, and a response that nobody asked for
+//! makes its request likely. The poll cycle and the units and functions seen on the line add further candidates. Each
+//! expected frame is aligned with the bytes, and a damaged frame is reported where an alignment is worth clearly more
+//! bits than chance would give. Bytes that fit nothing are noise.
 
 mod align;
 mod candidate;
@@ -24,58 +26,58 @@ use modlens_protocol::Ns;
 use candidate::Candidate;
 pub use pick::is_glitch;
 
-/// Bits that a damaged frame must be worth to be reported: the chance that noise looks so is about 2 to the minus this.
-const ENOUGH: f32 = 10.0;
+/// Score that a damaged frame needs to be reported. Noise looks like one with a probability of about 2 to the minus this.
+const MIN_DAMAGED_FRAME_BITS: f32 = 10.0;
 
-/// Sums of the same numbers in another order differ by less.
-const ROUNDING: f32 = 0.01;
+/// Tolerance for sums of the same numbers that were added in a different order.
+const ROUNDING_BITS: f32 = 0.01;
 
-/// Damaged frames are seldom: two of them need more than one.
-const SELDOM: f32 = 8.0;
+/// Cost of a further damaged frame in the same region: damage is rare, so two damaged frames need more evidence than one.
+const FURTHER_DAMAGED_FRAME_BITS: f32 = 8.0;
 
-/// Longer gaps are noise: frames are looked for near their ends only, in so many bytes.
-const NEAR: usize = 320;
+/// Damaged frames are searched for in so many bytes at each end of a region; what lies between in a longer one is noise.
+const SEARCHED_BYTES: usize = 320;
 
-/// A frame that ends just where a pause, a frame or the recording's end is.
-const ENDS_WELL: f32 = 4.0;
+/// Bonus for a candidate that ends exactly where a pause, a valid frame or the end of the recording is.
+const FRAME_END_BITS: f32 = 4.0;
 
-/// Strays before a frame cost so much each, and so much at most.
-const STRAY: f32 = 1.2;
-const MOST_STRAYS: f32 = 6.8;
+/// Cost of each stray byte in front of a candidate, and the most that all of them cost together.
+const STRAY_BYTE_BITS: f32 = 1.2;
+const MAX_STRAY_BITS: f32 = 6.8;
 
-/// In longer frames, too many places admit one byte more by chance.
-const SHORT: usize = 40;
+/// In a longer frame, one inserted byte makes the CRC valid by chance in too many places to mean anything.
+const MAX_INSERTION_CHECK_BYTES: usize = 40;
 
-/// So many strays of one value a driver leaves behind a frame, at most.
-const MOST_GLITCH: usize = 3;
+/// A line driver that is switched leaves at most so many stray bytes of one value behind a frame.
+const MAX_GLITCH_BYTES: usize = 3;
 
-/// Adapters and schedulers seldom hold the rest of a frame back for longer.
-const COARSE_STOP: Ns = 45_000_000;
+/// USB adapters and schedulers seldom delay the rest of a frame for longer than this.
+const COARSE_FRAME_GAP_NS: Ns = 45_000_000;
 
-/// One frame that begins inside the length that another one announces.
-const CUT_OFF: f32 = 3.0;
+/// Cost of a frame that begins before the announced end of the damaged frame in front of it.
+const OVERLAP_BITS: f32 = 3.0;
 
-/// A place where it is unknown what stood there, and what is known of it.
-pub struct Scene<'a, 'c> {
-    /// What the line has shown.
+/// Bytes between two frames that no valid frame claims, and what is known about them.
+pub struct UnframedRegion<'a, 'c> {
+    /// Statistics of the line.
     pub model: &'a Model,
-    /// What the session knows: the request before the gap.
+    /// What the session knows, the outstanding request in front of the region among it.
     pub context: &'a Context<'c>,
-    /// The bytes.
+    /// The input, whose first byte is the first one of the region.
     pub input: &'a Input,
-    /// How many of them are in the gap.
+    /// Length of the region in bytes.
     pub length: usize,
-    /// The frame behind the gap.
-    pub after: Option<(&'a [u8], Direction)>,
-    /// A damaged frame stands before the gap.
-    pub behind_damage: bool,
-    /// The shortest pause between frames.
-    pub silence: Ns,
-    /// It ends where a header announces an end, not where anything else begins.
-    pub announced: bool,
+    /// The frame that follows the region.
+    pub next_frame: Option<(&'a [u8], Direction)>,
+    /// A damaged frame was reported right in front of the region.
+    pub follows_damaged_frame: bool,
+    /// The shortest pause between two frames.
+    pub frame_gap_ns: Ns,
+    /// The region ends at the length that a header announces, and not where another frame begins.
+    pub ends_as_announced: bool,
 }
 
-/// A damaged frame in the gap.
+/// A damaged frame in a region.
 #[derive(Clone, Debug)]
 pub struct Piece {
     /// Index of its first byte.
@@ -84,34 +86,36 @@ pub struct Piece {
     pub end: usize,
     /// Who sent it.
     pub direction: Direction,
-    /// Its first bytes, if they are missing.
+    /// Its first bytes as they were sent, where those are missing or wrong.
     pub head: Vec<u8>,
-    /// It is shorter than it should be.
-    pub short: bool,
+    /// It has fewer bytes than it should have.
+    pub is_short: bool,
     /// What happened to it.
     pub harm: Option<Harm>,
-    /// Unit and function are not there.
-    pub unknown: bool,
-    /// So many of its first bytes are others than those sent, which `head` holds.
-    pub wrong: usize,
+    /// Its unit and function are unknown.
+    pub is_unidentified: bool,
+    /// Number of leading bytes on the wire that are wrong; `head` holds those that were sent.
+    pub wrong_head_bytes: usize,
 }
 
-impl Scene<'_, '_> {
+impl UnframedRegion<'_, '_> {
     fn bytes(&self) -> &[u8] {
         &self.input.bytes()[..self.length]
     }
 
-    /// The damaged frames of this gap, in order.
-    pub fn pieces(&self) -> Vec<Piece> {
-        let mut pieces = if self.is_nothing() { Vec::new() } else { self.pick(&self.all_candidates()) };
-        // What somebody shows by itself begins where it begins.
-        if self.is_alone() && pieces.first().is_some_and(|piece| !is_glitch(&self.bytes()[..piece.start])) {
-            pieces.clear();
+    /// The damaged frames of this region, in order; all other bytes of it are noise.
+    pub fn damaged_frames(&self) -> Vec<Piece> {
+        let mut frames = if self.is_too_short() { Vec::new() } else { self.best_chain(&self.all_candidates()) };
+        // If the region is the entire input (somebody pasted one damaged frame), the frame starts at the first byte: a
+        // candidate that starts later is discarded, unless only glitch bytes of a line driver precede it.
+        if self.is_entire_input() && frames.first().is_some_and(|frame| !is_glitch(&self.bytes()[..frame.start])) {
+            frames.clear();
         }
-        let first = pieces.first().map_or(self.length, |piece| piece.start);
-        pieces.splice(0..0, self.remains(first, pieces.is_empty()));
-        match pieces.last_mut() {
-            Some(last) if self.ends_in_one(last) && self.goes_on(last) => {
+        let first = frames.first().map_or(self.length, |frame| frame.start);
+        frames.splice(0..0, self.leading_fragment(first, frames.is_empty()));
+        match frames.last_mut() {
+            // The rest of the frame follows a loss in its middle: the frame extends to the end of the region.
+            Some(last) if self.is_one_burst_behind(last) && self.resumes_after_loss(last) => {
                 let at = last.end - last.start;
                 let count = match last.harm {
                     Some(Harm::Lost { count, .. }) => count + last.end - self.length,
@@ -119,55 +123,58 @@ impl Scene<'_, '_> {
                 };
                 (last.end, last.harm) = (self.length, Some(Harm::Lost { at, count }));
             }
-            Some(last) if self.runs_on(last) => {
+            Some(last) if self.lost_bytes_behind(last) => {
                 let at = last.end - last.start;
-                (last.short, last.harm) = (true, Some(Harm::Lost { at, count: 0 }));
+                (last.is_short, last.harm) = (true, Some(Harm::Lost { at, count: 0 }));
             }
-            _ => pieces.extend(self.tail(&pieces)),
+            _ => frames.extend(self.trailing_fragment(&frames)),
         }
-        pieces
+        frames
     }
 
-    /// Whether this line is framed by itself, as those of a two-line tap without a clock are: which requests wait is not
-    /// known, and an answer needs none.
-    fn is_by_itself(&self) -> bool {
+    /// Whether this line is framed independently of the other one, as the lines of a two-line tap without a clock are.
+    /// Outstanding requests are unknown then, so a response does not need one.
+    fn is_framed_independently(&self) -> bool {
         self.context.speaker.is_some() && self.context.asked.is_none() && !self.input.timed
     }
 
-    /// Whether there is nothing else in the recording.
-    fn is_alone(&self) -> bool {
-        self.input.offset() == 0 && self.after.is_none() && self.input.ended && self.length == self.input.bytes().len()
+    /// Whether the recording holds nothing but this region.
+    fn is_entire_input(&self) -> bool {
+        let is_all = self.input.ended && self.length == self.input.bytes().len();
+        self.input.offset() == 0 && self.next_frame.is_none() && is_all
     }
 
-    /// Whether more than a few strays are no frame on this line.
-    fn is_clean(&self) -> bool {
+    /// Whether stray bytes are so rare on this line that more than a few unframed bytes must belong to a frame.
+    fn has_few_strays(&self) -> bool {
         self.model.strays_at_most() < AROUND
     }
 
-    /// Whether the bytes are too few to be worth enough, whatever they agree with.
+    /// Whether so few bytes are left (at most `MAX_GLITCH_BYTES`) that no candidate can reach `MIN_DAMAGED_FRAME_BITS`.
     ///
-    /// Fewer than a frame has cannot have a right checksum, nor end where one should without bytes missing, which costs more
-    /// than that is worth; to be chosen among all templates costs more than a pause in front is worth. No unit sends what
-    /// drivers leave as its number and its function.
-    fn is_nothing(&self) -> bool {
-        let worthless = || self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - STRAY < ENOUGH;
-        self.length <= MOST_GLITCH && (is_glitch(self.bytes()) || worthless())
+    /// Their CRC cannot match, because they are fewer than any frame has. The bonus for ending at a frame boundary is
+    /// smaller than the cost of the missing bytes, and the bonus for a preceding pause is smaller than the cost of
+    /// choosing one of the expected frames. Glitch bytes of a line driver are never a unit and a function code.
+    fn is_too_short(&self) -> bool {
+        let max_bits = || self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - STRAY_BYTE_BITS;
+        self.length <= MAX_GLITCH_BYTES && (is_glitch(self.bytes()) || max_bits() < MIN_DAMAGED_FRAME_BITS)
     }
 
+    /// All candidates of the region, ordered by the index of their first byte.
     fn all_candidates(&self) -> Vec<Candidate> {
-        let around = template::around(self);
+        let expected = template::expected_frames(self);
+        // Which values the first two bytes of any expected frame can have: a cheap test that fails nearly everywhere.
         let mut values = Values::default();
-        for template in &around {
-            values.add(&template.bytes);
+        for frame in &expected {
+            values.add(&frame.bytes);
         }
         let mut candidates = Vec::new();
-        let near_the_end = NEAR.max(self.length.saturating_sub(NEAR));
-        for start in (0..NEAR.min(self.length)).chain(near_the_end..self.length) {
+        let searched_again_from = SEARCHED_BYTES.max(self.length.saturating_sub(SEARCHED_BYTES));
+        for start in (0..SEARCHED_BYTES.min(self.length)).chain(searched_again_from..self.length) {
             let bytes = &self.bytes()[start..];
-            if !around.is_empty() && values.admit(bytes) {
-                self.expected(&around, start, &mut candidates);
+            if !expected.is_empty() && values.admit(bytes) {
+                self.add_expected(&expected, start, &mut candidates);
             }
-            self.candidates(start, &mut candidates);
+            self.add_familiar(start, &mut candidates);
         }
         candidates
     }

@@ -1,8 +1,11 @@
-//! Which of the candidates are told, where they end, and what happened to them.
+//! Which candidates of a region are reported, where each ends, and what happened to it.
 
 use crate::framer::harm::Harm;
 use crate::framer::rtu::autopsy::candidate::Candidate;
-use crate::framer::rtu::autopsy::{mend, Piece, Scene, COARSE_STOP, CUT_OFF, ENOUGH, MOST_GLITCH, SELDOM, SHORT};
+use crate::framer::rtu::autopsy::{
+    mend, Piece, UnframedRegion, COARSE_FRAME_GAP_NS, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES,
+    MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
+};
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::AROUND;
@@ -11,98 +14,116 @@ use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
-impl Scene<'_, '_> {
-    /// The best chain of candidates.
-    pub(super) fn pick(&self, candidates: &[Candidate]) -> Vec<Piece> {
+impl UnframedRegion<'_, '_> {
+    /// The damaged frames of the chain of candidates with the highest total score, in order.
+    ///
+    /// A chain is built from left to right by dynamic programming: for each candidate, `chains` keeps the best total of a
+    /// chain that ends with it and the index of the candidate before it. Every candidate of a chain but its last needs
+    /// `MIN_DAMAGED_FRAME_BITS` for itself; a response behind its own damaged request gets back what its header cost.
+    pub(super) fn best_chain(&self, candidates: &[Candidate]) -> Vec<Piece> {
         let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
         for candidate in candidates {
             let mut best = (candidate.score, None);
             for (at, before) in candidates.iter().enumerate().take(chains.len()) {
-                if before.core > candidate.start || before.start == candidate.start || before.score < ENOUGH {
+                if before.core_end > candidate.start || before.start == candidate.start || before.score < MIN_DAMAGED_FRAME_BITS {
                     continue;
                 }
-                let over = before.end.is_some_and(|end| end > candidate.start);
-                let answers = before.direction == REQUEST && candidate.direction == RESPONSE;
-                let ours = answers && before.header[0] == candidate.header[0] && before.header[1] == candidate.header[1] & 0x7F;
-                let own = candidate.score - if over { CUT_OFF } else { 0.0 }
-                    + if ours { candidate.novelty + costs::ORPHAN } else { 0.0 };
-                if own >= ENOUGH && chains[at].0 + own - SELDOM > best.0 {
-                    best = (chains[at].0 + own - SELDOM, Some(at));
+                let score = score_behind(candidate, before);
+                let total = chains[at].0 + score - FURTHER_DAMAGED_FRAME_BITS;
+                if score >= MIN_DAMAGED_FRAME_BITS && total > best.0 {
+                    best = (total, Some(at));
                 }
             }
             chains.push(best);
         }
-        let ends = (0..candidates.len()).filter(|&at| chains[at].1.is_some() || candidates[at].score >= ENOUGH);
-        let mut at = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
-        let mut pieces: Vec<Piece> = Vec::new();
-        while let Some(here) = at {
-            let next = pieces.last().map_or(self.length, |piece| piece.start);
-            let piece = self.piece(&candidates[here], next);
-            at = chains[here].1;
-            let before = at.map_or(0, |at| candidates[at].end.unwrap_or(candidates[at].core));
-            pieces.push(self.begun(piece, before));
+        let may_end_with = |&at: &usize| chains[at].1.is_some() || candidates[at].score >= MIN_DAMAGED_FRAME_BITS;
+        let ends = (0..candidates.len()).filter(may_end_with);
+        let mut next = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
+        let mut frames: Vec<Piece> = Vec::new();
+        while let Some(at) = next {
+            let limit = frames.last().map_or(self.length, |frame| frame.start);
+            let frame = self.damaged_frame(&candidates[at], limit);
+            next = chains[at].1;
+            let previous_end = next.map_or(0, |before| candidates[before].end.unwrap_or(candidates[before].core_end));
+            frames.push(self.extend_over_wrong_head(frame, previous_end));
         }
-        pieces.reverse();
-        pieces
+        frames.reverse();
+        frames
     }
 
-    /// Where just so many bytes stand before a piece as seem to be missing from it, they are its own, and wrong.
-    pub(super) fn begun(&self, piece: Piece, before: usize) -> Piece {
-        let count = piece.head.len();
-        let Some(start) = piece.start.checked_sub(count).filter(|&start| count > 0 && start >= before) else { return piece };
-        let has_checksum = piece.end - piece.start >= 2;
-        if !has_checksum || (start != before && !self.stops(start)) || (start + 1..=piece.start).any(|at| self.stops(at)) {
-            return piece;
+    /// Extends a frame whose first bytes seem to be missing over as many bytes in front of it, if those are free: then
+    /// nothing is missing, and the bytes in front are the first ones of the frame with wrong values.
+    fn extend_over_wrong_head(&self, frame: Piece, previous_end: usize) -> Piece {
+        let count = frame.head.len();
+        let Some(start) = frame.start.checked_sub(count).filter(|&start| count > 0 && start >= previous_end) else {
+            return frame;
+        };
+        let has_crc = frame.end - frame.start >= 2;
+        let is_interrupted = (start + 1..=frame.start).any(|at| self.has_frame_gap(at));
+        if !has_crc || (start != previous_end && !self.has_frame_gap(start)) || is_interrupted {
+            return frame;
         }
-        Piece { start, short: false, harm: None, wrong: count, ..piece }
+        Piece { start, is_short: false, harm: None, wrong_head_bytes: count, ..frame }
     }
 
-    pub(super) fn piece(&self, candidate: &Candidate, next: usize) -> Piece {
-        let room = next - candidate.start;
-        let said = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced(candidate, next));
-        let mut should = said.unwrap_or(room);
+    /// Decides where a candidate ends and what happened to it. `limit` is the index where the next frame begins.
+    fn damaged_frame(&self, candidate: &Candidate, limit: usize) -> Piece {
+        let room = limit - candidate.start;
+        let announced = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced_length(candidate, limit));
+        let mut should = announced.unwrap_or(room);
         let mut length = should.min(room).min(RTU_LIMIT);
         let mut harm = candidate.harm;
-        if harm.is_none() && candidate.exact && room > should && should < RTU_LIMIT {
+        if harm.is_none() && candidate.is_exact && room > should && should < RTU_LIMIT {
             let longer = &self.bytes()[candidate.start..=candidate.start + should];
             harm = mend::doubled_byte(longer).map(|at| Harm::Doubled { at });
             length += usize::from(harm.is_some());
         }
-        if let Some(pause) = self.stops_at(candidate, candidate.start + length) {
-            length = pause - candidate.start;
-            should = said.unwrap_or(length);
+        if let Some(gap) = self.gap_inside(candidate, candidate.start + length) {
+            length = gap - candidate.start;
+            should = announced.unwrap_or(length);
         }
         let bytes = &self.bytes()[candidate.start..candidate.start + length];
-        // A flipped bit may be in the byte that announces the length.
-        let flipped = length < should && mending_bit(bytes).is_some();
-        if flipped {
+        // The flipped bit may be in the byte that announces the length, so a correctable frame has the right length.
+        let is_correctable = length < should && mending_bit(bytes).is_some();
+        if is_correctable {
             should = length;
         } else if harm.is_none() && length < should {
             let count = should - length;
-            harm = Some(if self.asked_again(candidate) { Harm::Truncated { count } } else { Harm::Lost { at: length, count } });
-        } else if harm.is_none() && candidate.end.is_some() && (candidate.exact || candidate.open_at.is_some()) {
-            harm = match candidate.open_at {
-                Some(at) => strays_instead(bytes, at),
-                None => fewer(bytes, self.ends_well(candidate.end) > 0.0),
-            };
-            harm = harm.filter(|harm| match harm {
-                Harm::Lost { count, .. } => self.over_behind(candidate.start + length - count),
-                _ => true,
-            });
+            let is_truncated = self.is_followed_by_retry(candidate);
+            harm = Some(if is_truncated { Harm::Truncated { count } } else { Harm::Lost { at: length, count } });
+        } else if harm.is_none() && candidate.end.is_some() {
+            harm = self.strays_for_lost_bytes(candidate, bytes);
             length -= match harm {
                 Some(Harm::Lost { count, .. }) => count,
                 _ => 0,
             };
         }
-        let short = length < should || matches!(harm, Some(Harm::Lost { .. }));
+        let is_short = length < should || matches!(harm, Some(Harm::Lost { .. }));
         let direction = gain::direction(candidate.direction);
         let (start, end) = (candidate.start, candidate.start + length);
-        Piece { start, end, direction, head: candidate.head.clone(), short, harm, unknown: false, wrong: 0 }
+        let head = candidate.head.clone();
+        Piece { start, end, direction, head, is_short, harm, is_unidentified: false, wrong_head_bytes: 0 }
     }
 
-    /// The length that the header of a piece announces, where its template says none.
-    pub(super) fn announced(&self, candidate: &Candidate, next: usize) -> Option<usize> {
-        let bytes = &self.bytes()[candidate.start..next];
+    /// Whether a frame of the right length is really a shorter one, whose lost bytes have been replaced by as many stray
+    /// bytes of a line driver behind it.
+    fn strays_for_lost_bytes(&self, candidate: &Candidate, bytes: &[u8]) -> Option<Harm> {
+        if !candidate.is_exact && candidate.agreeing_bytes.is_none() {
+            return None;
+        }
+        let harm = match candidate.agreeing_bytes {
+            Some(agreeing) => strays_behind_known_bytes(bytes, agreeing),
+            None => strays_behind_unknown_bytes(bytes, self.end_bonus(candidate.end) > 0.0),
+        };
+        harm.filter(|harm| match harm {
+            Harm::Lost { count, .. } => self.is_silent_behind_strays(candidate.start + bytes.len() - count),
+            _ => true,
+        })
+    }
+
+    /// The length in bytes that the header of a candidate announces, where its expected frame does not say it.
+    fn announced_length(&self, candidate: &Candidate, limit: usize) -> Option<usize> {
+        let bytes = &self.bytes()[candidate.start..limit];
         if candidate.header[..] != bytes[..2.min(bytes.len())] || candidate.header[1] & EXCEPTION_BIT != 0 {
             return None;
         }
@@ -114,69 +135,84 @@ impl Scene<'_, '_> {
         }
     }
 
-    /// Where the line falls silent inside a frame whose checksum nothing mends: there it was over.
-    pub(super) fn stops_at(&self, candidate: &Candidate, end: usize) -> Option<usize> {
-        let usual = !self.input.coarse && self.model.pauses_inside();
-        if candidate.mended || usual || self.ends_well(candidate.end) > 0.0 {
+    /// The index of the first pause inside a frame that no correction makes valid: the frame ended there.
+    fn gap_inside(&self, candidate: &Candidate, end: usize) -> Option<usize> {
+        let pauses_are_usual = !self.input.coarse && self.model.pauses_inside();
+        if candidate.is_corrected || pauses_are_usual || self.end_bonus(candidate.end) > 0.0 {
             return None;
         }
-        (candidate.core.max(candidate.start + 1)..end).find(|&at| self.stops(at))
+        (candidate.core_end.max(candidate.start + 1)..end).find(|&at| self.has_frame_gap(at))
     }
 
-    /// Whether a pause before this byte ends a frame, as far as the clock can tell.
-    pub(super) fn stops(&self, at: usize) -> bool {
-        let least = if self.input.coarse { self.silence.max(COARSE_STOP) } else { self.silence };
-        self.input.pause_before(at).is_some_and(|pause| pause >= least)
+    /// Whether there is a pause before this byte that ends a frame, as far as the clock can tell.
+    pub(super) fn has_frame_gap(&self, at: usize) -> bool {
+        let min_gap_ns = if self.input.coarse { self.frame_gap_ns.max(COARSE_FRAME_GAP_NS) } else { self.frame_gap_ns };
+        self.input.pause_before(at).is_some_and(|pause| pause >= min_gap_ns)
     }
 
-    /// Whether the same request follows: then nobody received this.
-    pub(super) fn asked_again(&self, candidate: &Candidate) -> bool {
-        let Some((frame, Direction::Request)) = self.after else { return false };
+    /// Whether the request follows the region once more, so that the unit has not received the candidate, or the master
+    /// has not: then the sender stopped, and the tap has lost nothing.
+    fn is_followed_by_retry(&self, candidate: &Candidate) -> bool {
+        let Some((frame, Direction::Request)) = self.next_frame else { return false };
         if candidate.direction == REQUEST {
-            let there = self.bytes().get(candidate.start..candidate.core).unwrap_or(&[]);
-            let agrees = there.iter().zip(frame).all(|(a, b)| a == b);
+            let core = self.bytes().get(candidate.start..candidate.core_end).unwrap_or(&[]);
+            let agrees = core.iter().zip(frame).all(|(a, b)| a == b);
             return frame[..2] == candidate.header && (agrees || !candidate.head.is_empty());
         }
-        self.repeats(self.context.asked)
+        self.is_followed_by(self.context.asked)
     }
 
-    /// Whether the frame behind the gap is this request once more.
-    pub(super) fn repeats(&self, asked: Option<Asked<'_>>) -> bool {
-        let frame = self.after.map_or(&[][..], |(frame, _)| frame);
+    /// Whether the frame behind the region is this request.
+    pub(super) fn is_followed_by(&self, asked: Option<Asked<'_>>) -> bool {
+        let frame = self.next_frame.map_or(&[][..], |(frame, _)| frame);
         asked.is_some_and(|asked| frame.len() > 2 && asked.unit == frame[0] && asked.pdu == &frame[1..frame.len() - 2])
     }
 }
 
-/// What is wrong with a frame of the right length whose checksum no flipped bit mends: perhaps it is a shorter one, and
-/// its last bytes are strays behind it.
-fn fewer(bytes: &[u8], ends_well: bool) -> Option<Harm> {
+/// The score of a candidate in bits if another one stands before it in the chain.
+fn score_behind(candidate: &Candidate, before: &Candidate) -> f32 {
+    let overlaps = before.end.is_some_and(|end| end > candidate.start);
+    let is_response_to_it = before.direction == REQUEST
+        && candidate.direction == RESPONSE
+        && before.header[0] == candidate.header[0]
+        && before.header[1] == candidate.header[1] & !EXCEPTION_BIT;
+    candidate.score - if overlaps { OVERLAP_BITS } else { 0.0 }
+        + if is_response_to_it { candidate.header_cost + costs::ORPHAN } else { 0.0 }
+}
+
+/// Whether a frame of the right length, whose CRC no single flipped bit explains, is a shorter one with stray bytes behind
+/// it; for frames whose content is unknown.
+fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<Harm> {
     let length = bytes.len();
-    let last = *bytes.last().filter(|&&last| length > 5 && glitch(last))?;
+    let last = *bytes.last().filter(|&&last| length > 5 && is_glitch_byte(last))?;
     let count = bytes.iter().rev().take_while(|&&byte| byte == last).count();
     match count {
-        // One byte of that kind may as well belong to the frame; then no byte put in mends the rest.
-        1 if !ends_well && length <= SHORT => {
+        // A single byte like that may as well belong to the frame. It is a stray byte if one byte inserted into the rest
+        // makes the CRC valid, and one flipped bit does not.
+        1 if !ends_well && length <= MAX_INSERTION_CHECK_BYTES => {
             let at = mend::missing_byte(&bytes[..length - 1]).filter(|_| mending_bit(bytes).is_none())?;
             Some(Harm::Lost { at, count })
         }
-        2..=MOST_GLITCH if mending_bit(bytes).is_none() => Some(Harm::Lost { at: length - count, count }),
+        2..=MAX_GLITCH_BYTES if mending_bit(bytes).is_none() => Some(Harm::Lost { at: length - count, count }),
         _ => None,
     }
 }
 
-/// Whether the last bytes of a frame that is known are strays in the place of what was lost; here it agrees up to `at`.
-fn strays_instead(bytes: &[u8], at: usize) -> Option<Harm> {
-    let rest = bytes.get(at..).filter(|rest| (1..=MOST_GLITCH).contains(&rest.len()))?;
-    let strays = rest.iter().all(|&byte| byte == rest[0]) && glitch(rest[0]) && mending_bit(bytes).is_none();
-    strays.then_some(Harm::Lost { at, count: rest.len() })
+/// Whether the last bytes of a frame are stray bytes in the place of lost ones; for frames whose content is known, of
+/// which the first `agreeing` bytes are as expected.
+fn strays_behind_known_bytes(bytes: &[u8], agreeing: usize) -> Option<Harm> {
+    let rest = bytes.get(agreeing..).filter(|rest| (1..=MAX_GLITCH_BYTES).contains(&rest.len()))?;
+    let are_strays = rest.iter().all(|&byte| byte == rest[0]) && is_glitch_byte(rest[0]) && mending_bit(bytes).is_none();
+    are_strays.then_some(Harm::Lost { at: agreeing, count: rest.len() })
 }
 
-/// A driver that is switched holds the line for some bits: the byte begins or ends in ones, or is all of one kind.
-pub(super) fn glitch(byte: u8) -> bool {
+/// Whether a line driver that is switched on or off can leave this byte. The line changes its level at most once, and the
+/// low bit comes first, so the byte has zeros in its low bits and ones in the others: `00`, `80`, `C0` ... `FE`, `FF`.
+pub(super) fn is_glitch_byte(byte: u8) -> bool {
     byte.leading_ones() + byte.trailing_zeros() >= 8
 }
 
-/// Whether these strays are what a driver leaves when it is switched: few, of one such value.
+/// Whether these stray bytes are what a line driver leaves when it is switched: at most three, all of one such value.
 pub fn is_glitch(strays: &[u8]) -> bool {
-    strays.len() <= MOST_GLITCH && strays.iter().all(|&byte| glitch(byte) && byte == strays[0])
+    strays.len() <= MAX_GLITCH_BYTES && strays.iter().all(|&byte| is_glitch_byte(byte) && byte == strays[0])
 }

@@ -1,8 +1,8 @@
-//! What stands in front of the damaged frames of a gap and behind them: the remains of others.
+//! Fragments of frames in front of the damaged frames of a region and behind them, which only their place gives away.
 
 use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::pick::glitch;
-use crate::framer::rtu::autopsy::{template, Piece, Scene, COARSE_STOP, MOST_GLITCH};
+use crate::framer::rtu::autopsy::pick::is_glitch_byte;
+use crate::framer::rtu::autopsy::{template, Piece, UnframedRegion, COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
 use crate::framer::rtu::AROUND;
 use modlens_protocol::checksum::mending_bit;
 use modlens_protocol::direction::{Asked, Direction};
@@ -10,135 +10,159 @@ use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
-impl Scene<'_, '_> {
-    /// Whether the bytes behind a piece came in one go.
-    pub(super) fn ends_in_one(&self, piece: &Piece) -> bool {
-        let (start, end) = (piece.end, self.length);
-        start < end && self.stops(start) && !(start + 1..end).any(|at| self.stops(at))
+impl UnframedRegion<'_, '_> {
+    /// Whether a pause separates the bytes behind a frame from it, and those bytes have no pause among themselves.
+    pub(super) fn is_one_burst_behind(&self, frame: &Piece) -> bool {
+        let (start, end) = (frame.end, self.length);
+        start < end && self.has_frame_gap(start) && !(start + 1..end).any(|at| self.has_frame_gap(at))
     }
 
-    /// What stands behind a frame that lost its end, between two pauses: the rest of a frame that lost its beginning.
-    pub(super) fn tail(&self, pieces: &[Piece]) -> Option<Piece> {
-        let last = pieces.last().filter(|last| matches!(last.harm, Some(Harm::Lost { .. })))?;
-        let (_, after) = self.after?;
+    /// The fragment behind a frame that lost its end, between two pauses: the end of a frame that lost its beginning.
+    pub(super) fn trailing_fragment(&self, frames: &[Piece]) -> Option<Piece> {
+        let last = frames.last().filter(|last| matches!(last.harm, Some(Harm::Lost { .. })))?;
+        let (_, next_direction) = self.next_frame?;
         let (start, end) = (last.end, self.length);
-        if !self.ends_in_one(last) || end - start <= self.model.strays_at_most() || end - start > RTU_LIMIT {
+        let is_plausible = end - start > self.model.strays_at_most() && end - start <= RTU_LIMIT;
+        if !self.is_one_burst_behind(last) || !is_plausible {
             return None;
         }
-        let direction = if after == Direction::Request { Direction::Response } else { Direction::Request };
+        // Requests and responses alternate.
+        let direction = if next_direction == Direction::Request { Direction::Response } else { Direction::Request };
         let harm = Some(Harm::Lost { at: 0, count: 0 });
-        Some(Piece { start, end, direction, head: Vec::new(), short: true, harm, unknown: true, wrong: 0 })
+        Some(unidentified(start, end, direction, harm))
     }
 
-    /// What stands before all that was recognised: the rest of a frame, where one must have been.
+    /// The fragment in front of the first damaged frame, which ends at index `end`, where a frame must have stood.
     ///
-    /// A recording begins in the middle of a frame more often than not. Elsewhere, a request or its answer is missing,
-    /// and more bytes than strays would be stand in the place.
-    pub(super) fn remains(&self, to: usize, alone: bool) -> Option<Piece> {
-        let begins = self.input.offset() == 0 && self.after.is_some();
-        let after = self.after.map(|(_, direction)| direction);
-        let (due, asked) = match (after, self.context.asked) {
-            // A line that one side has for itself.
-            _ if self.context.speaker.is_some() && self.quiet(to) => (self.context.speaker.unwrap_or(Direction::Unknown), None),
-            _ if self.context.speaker.is_some() && !begins => return None,
-            (Some(Direction::Request), Some(asked)) => (Direction::Response, Some(asked)),
-            (Some(Direction::Response), None) => (Direction::Request, None),
-            _ if begins => (Direction::Unknown, None),
-            _ => return None,
-        };
-        if !(alone || begins) || self.behind_damage || to > RTU_LIMIT {
+    /// A recording begins in the middle of a frame more often than not. Elsewhere a fragment is reported only if the
+    /// direction of the next frame shows that a request or a response is missing, and if there are more bytes than stray
+    /// bytes account for. `is_alone`: no damaged frame was recognised in the region.
+    pub(super) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<Piece> {
+        let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
+        let (direction, asked) = self.due_in_front(end, starts_recording)?;
+        if !(is_alone || starts_recording) || self.follows_damaged_frame || end > RTU_LIMIT {
             return None;
         }
-        let bytes = &self.bytes()[..to];
-        if let Some(asked) = asked.filter(|&asked| to == self.length && self.is_clean() && begun(bytes, asked)) {
-            let unknown = bytes.len() < 2;
-            let again = self.repeats(Some(asked));
-            let harm = again.then_some(Harm::Truncated { count: 0 });
-            return Some(Piece { start: 0, end: to, direction: due, head: Vec::new(), short: true, harm, unknown, wrong: 0 });
+        let bytes = &self.bytes()[..end];
+        let is_beginning = |&asked: &Asked<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, asked);
+        if let Some(asked) = asked.filter(is_beginning) {
+            let is_unidentified = bytes.len() < 2;
+            let harm = self.is_followed_by(Some(asked)).then_some(Harm::Truncated { count: 0 });
+            return Some(Piece { is_unidentified, ..unidentified(0, end, direction, harm) });
         }
-        // On a line with few strays, zeros are data.
-        let clean = begins || (self.context.speaker.is_some() && self.is_clean());
-        let strays = if clean { 0 } else { bytes.iter().take(MOST_GLITCH).take_while(|&&byte| glitch(byte)).count() };
-        let least = if begins { 2 } else { self.model.strays_at_most() + 1 };
-        if to - strays < least {
+        // On a line with few stray bytes, zeros at the beginning are data.
+        let has_no_strays = starts_recording || (self.context.speaker.is_some() && self.has_few_strays());
+        let strays =
+            if has_no_strays { 0 } else { bytes.iter().take(MAX_GLITCH_BYTES).take_while(|&&byte| is_glitch_byte(byte)).count() };
+        let min_length = if starts_recording { 2 } else { self.model.strays_at_most() + 1 };
+        let length = end - strays;
+        if length < min_length {
             return None;
         }
-        let expected = asked.and_then(|asked| template::answer_length(self, asked));
-        let length = to - strays;
-        let again = self.repeats(asked);
-        let harm = match expected {
-            Some(expected) if expected > length && expected - length <= length && !again => {
+        let expected_length = asked.and_then(|asked| template::response_length(self, asked));
+        let is_repeated = self.is_followed_by(asked);
+        let harm = match expected_length {
+            Some(expected) if expected > length && expected - length <= length && !is_repeated => {
                 Some(Harm::Lost { at: 0, count: expected - length })
             }
             Some(expected) if expected < length => return None,
-            // Who is heard here begins with unit and function, unless those were lost.
-            None if self.context.speaker.is_some() && !begins && self.lacks_something(&bytes[strays..]) => {
+            // The frames of this side begin with a unit and a function of the line, unless those two were lost.
+            None if self.context.speaker.is_some() && !starts_recording && self.lacks_header(&bytes[strays..]) => {
                 Some(Harm::Lost { at: 0, count: 0 })
             }
             _ => None,
         };
-        Some(Piece { start: strays, end: to, direction: due, head: Vec::new(), short: true, harm, unknown: true, wrong: 0 })
+        Some(unidentified(strays, end, direction, harm))
     }
 
-    /// Whether the bytes up to here are nothing but a piece of a frame: in one go, by the clock, on a line with few strays.
-    pub(super) fn quiet(&self, to: usize) -> bool {
-        let known = self.input.timed || self.is_by_itself();
-        known && self.is_clean() && self.model.strays_at_most() < to && !(1..to).any(|at| self.stops(at))
+    /// The direction of the frame that must have stood in the first `end` bytes, and the request it answers, if known.
+    fn due_in_front(&self, end: usize, starts_recording: bool) -> Option<(Direction, Option<Asked<'_>>)> {
+        let next_direction = self.next_frame.map(|(_, direction)| direction);
+        match (next_direction, self.context.asked) {
+            // A line that one side has to itself.
+            _ if self.context.speaker.is_some() && self.is_lone_fragment(end) => {
+                Some((self.context.speaker.unwrap_or(Direction::Unknown), None))
+            }
+            _ if self.context.speaker.is_some() && !starts_recording => None,
+            (Some(Direction::Request), Some(asked)) => Some((Direction::Response, Some(asked))),
+            (Some(Direction::Response), None) => Some((Direction::Request, None)),
+            _ if starts_recording => Some((Direction::Unknown, None)),
+            _ => None,
+        }
     }
 
-    /// Whether the bytes behind a piece are neither strays nor a frame that was recognised, on a line where bytes go
-    /// missing: how many between the piece's beginning and their end, nobody knows. An intruder goes on behind a frame, too.
-    pub(super) fn runs_on(&self, piece: &Piece) -> bool {
-        let behind = self.length - piece.end;
-        let whole = mending_bit(&self.bytes()[piece.start..piece.end]).is_some();
-        let loses = self.is_by_itself() || (self.model.loses_bytes() && !self.announced);
-        loses && self.is_clean() && piece.harm.is_none() && behind > self.model.strays_at_most() && !whole
+    /// Whether the first `end` bytes must be part of a frame: they came without a pause, and stray bytes are rare here.
+    fn is_lone_fragment(&self, end: usize) -> bool {
+        let has_pauses = self.input.timed || self.is_framed_independently();
+        let is_frame_part = self.has_few_strays() && self.model.strays_at_most() < end;
+        has_pauses && is_frame_part && !(1..end).any(|at| self.has_frame_gap(at))
     }
 
-    /// Whether the line is silent behind the strays that begin here, as behind those of a driver; who collides goes on.
-    pub(super) fn over_behind(&self, strays: usize) -> bool {
+    /// Whether a frame has lost an unknown number of bytes, because the bytes behind it are neither stray bytes nor part of
+    /// a recognised frame, on a line where bytes go missing. Where another transmitter may have collided with the frame
+    /// instead, the bytes behind it may be that transmitter's, which does not stop where the frame ends.
+    pub(super) fn lost_bytes_behind(&self, frame: &Piece) -> bool {
+        let behind = self.length - frame.end;
+        let is_correctable = mending_bit(&self.bytes()[frame.start..frame.end]).is_some();
+        let loses_bytes = self.is_framed_independently() || (self.model.loses_bytes() && !self.ends_as_announced);
+        let is_undamaged = frame.harm.is_none() && !is_correctable;
+        loses_bytes && self.has_few_strays() && is_undamaged && behind > self.model.strays_at_most()
+    }
+
+    /// Whether the line is silent behind the stray bytes that begin at index `strays`, as it is behind those of a line
+    /// driver. A second transmitter would keep sending.
+    pub(super) fn is_silent_behind_strays(&self, strays: usize) -> bool {
         let bytes = self.input.bytes();
-        let end = strays + bytes[strays..].iter().take(MOST_GLITCH).take_while(|&&byte| byte == bytes[strays]).count();
-        let behind = if self.announced { bytes.len() } else { self.length };
-        if end >= behind {
+        let is_same = |&&byte: &&u8| byte == bytes[strays];
+        let end = strays + bytes[strays..].iter().take(MAX_GLITCH_BYTES).take_while(is_same).count();
+        let limit = if self.ends_as_announced { bytes.len() } else { self.length };
+        if end >= limit {
             return true;
         }
         if self.input.timed {
-            self.input.pause_before(end).is_some_and(|pause| pause >= self.silence)
+            self.input.pause_before(end).is_some_and(|pause| pause >= self.frame_gap_ns)
         } else {
             self.model.has_unit(bytes[end])
         }
     }
 
-    /// Whether no unit of this line begins these bytes, or one does, and not so many are announced.
-    pub(super) fn lacks_something(&self, bytes: &[u8]) -> bool {
+    /// Whether these bytes begin in the middle of a frame: their first byte is no unit of this line, and their number is
+    /// not the one that their first bytes would announce as a header.
+    fn lacks_header(&self, bytes: &[u8]) -> bool {
         let &[unit, code, ref body @ ..] = bytes else { return true };
         let row = self.context.functions.row(code & !EXCEPTION_BIT, body);
-        let lengths = row.map(|row| [&row.request, &row.response].map(|layout| layout.extent(body)));
-        let announced = lengths.into_iter().flatten().any(|length| match length {
-            Extent::Exactly(length) => (length + AROUND..=length + AROUND + MOST_GLITCH).contains(&bytes.len()),
+        let extents = row.map(|row| [&row.request, &row.response].map(|layout| layout.extent(body)));
+        let is_announced = extents.into_iter().flatten().any(|extent| match extent {
+            Extent::Exactly(length) => (length + AROUND..=length + AROUND + MAX_GLITCH_BYTES).contains(&bytes.len()),
             _ => false,
         });
-        let fixed = lengths.is_some_and(|lengths| lengths.iter().all(|length| matches!(length, Extent::Exactly(_))));
-        let begins = self.model.has_unit(unit) && !(self.is_by_itself() && fixed);
-        !begins && !announced
+        // If both directions have a fixed length and it is not that of these bytes, they are no header.
+        let is_fixed = extents.is_some_and(|extents| extents.iter().all(|extent| matches!(extent, Extent::Exactly(_))));
+        let has_header = self.model.has_unit(unit) && !(self.is_framed_independently() && is_fixed);
+        !has_header && !is_announced
     }
 
-    /// Whether the bytes behind a frame that lost its end are its own last ones: the silence before them is as long as
-    /// what is missing between.
-    pub(super) fn goes_on(&self, piece: &Piece) -> bool {
-        let (Some(Harm::Lost { count, .. }), Some(char_ns)) = (piece.harm, self.input.char_ns) else { return false };
-        let Some(missing) = count.checked_sub(self.length - piece.end).filter(|&missing| missing > 0) else { return false };
-        let expected = missing as Ns * char_ns;
-        let late = if self.input.coarse { COARSE_STOP / 2 } else { 2 * char_ns };
-        let pause = self.input.pause_before(piece.end);
-        pause.is_some_and(|pause| (pause - expected).abs() <= late.max(expected / 8))
+    /// Whether the bytes behind a frame that lost some are its own last ones: the pause before them is as long as the
+    /// transmission of the missing bytes.
+    pub(super) fn resumes_after_loss(&self, frame: &Piece) -> bool {
+        let (Some(Harm::Lost { count, .. }), Some(char_ns)) = (frame.harm, self.input.char_ns) else { return false };
+        let Some(missing) = count.checked_sub(self.length - frame.end).filter(|&missing| missing > 0) else { return false };
+        let expected_ns = missing as Ns * char_ns;
+        let tolerance_ns = if self.input.coarse { COARSE_FRAME_GAP_NS / 2 } else { 2 * char_ns };
+        let pause = self.input.pause_before(frame.end);
+        pause.is_some_and(|pause| (pause - expected_ns).abs() <= tolerance_ns.max(expected_ns / 8))
     }
 }
 
-/// Whether these are the first bytes of the answer, and no strays: on a line with few of those, one byte in 256 is the unit
-/// that was asked.
-fn begun(bytes: &[u8], asked: Asked<'_>) -> bool {
-    let code = || bytes.get(1).is_none_or(|code| asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
-    bytes.len() <= 2 && !glitch(bytes[0]) && bytes[0] == asked.unit && code()
+/// A fragment of a frame whose unit and function are unknown.
+fn unidentified(start: usize, end: usize, direction: Direction, harm: Option<Harm>) -> Piece {
+    let head = Vec::new();
+    Piece { start, end, direction, head, is_short: true, harm, is_unidentified: true, wrong_head_bytes: 0 }
+}
+
+/// Whether these one or two bytes are the first ones of the response and no stray bytes. That one byte is the unit of the
+/// request happens by chance once in 256 times, which is good enough on a line with few stray bytes.
+fn begins_response(bytes: &[u8], asked: Asked<'_>) -> bool {
+    let has_function = || bytes.get(1).is_none_or(|code| asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
+    bytes.len() <= 2 && !is_glitch_byte(bytes[0]) && bytes[0] == asked.unit && has_function()
 }

@@ -1,9 +1,9 @@
-//! What may have stood here: frames that the traffic around a gap lets one expect, as far as their bytes are known.
+//! Frames that the traffic around an unframed region makes likely, as far as their bytes are known.
 
 use std::borrow::Cow;
 
-use crate::framer::rtu::autopsy::align::CHECKSUM;
-use crate::framer::rtu::autopsy::Scene;
+use crate::framer::rtu::autopsy::align::CRC_MATCH_BITS;
+use crate::framer::rtu::autopsy::UnframedRegion;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::AROUND;
 use modlens_protocol::checksum::crc16;
@@ -11,128 +11,137 @@ use modlens_protocol::direction::{expected_block, Asked, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 /// A frame of which the first bytes are known, or all of them.
-pub struct Template<'a> {
-    /// The bytes known: the first ones.
+pub struct ExpectedFrame<'a> {
+    /// The known bytes, from the unit on.
     pub bytes: Cow<'a, [u8]>,
-    /// How long the frame is, where that is known.
+    /// Length of the whole frame in bytes, where it is known.
     pub length: Option<usize>,
-    /// 0 for requests, 1 for responses.
+    /// `REQUEST` or `RESPONSE`.
     pub direction: usize,
-    /// Bits that choose this template among those that may stand here.
-    pub cost: f32,
+    /// Bits that it takes to choose this frame among all that may stand here.
+    pub selection_cost: f32,
 }
 
-impl Template<'_> {
-    /// What the checksum may add to the bytes known: nothing, where it is one of them, or where it is unknown where it stands.
-    pub fn checksum_at_most(&self) -> f32 {
+impl ExpectedFrame<'_> {
+    /// The most bits that the CRC can add to those of the known bytes. It adds nothing if it is itself among the known
+    /// bytes, or if its place in the frame is unknown.
+    pub fn max_crc_bits(&self) -> f32 {
         if self.length.is_some_and(|length| length > self.bytes.len()) {
-            CHECKSUM
+            CRC_MATCH_BITS
         } else {
             0.0
         }
     }
 }
 
-/// The answer that is due, or a retry of the request behind the gap.
-const DUE: f32 = 1.0;
+/// Selection cost of the response to the outstanding request, or of the frame that the next one repeats or answers.
+const DUE_FRAME_BITS: f32 = 1.0;
 
-/// The request that waits, once more.
-const RETRY: f32 = 4.0;
+/// Selection cost of a retry of the outstanding request.
+const RETRY_BITS: f32 = 4.0;
 
-/// One of the requests of the poll cycle.
-pub const POLL: f32 = 5.0;
+/// Selection cost of any request of the poll cycle.
+pub const POLL_REQUEST_BITS: f32 = 5.0;
 
-/// An exception is one answer in twenty.
-const EXCEPTION: f32 = 4.0;
+/// Selection cost of an exception response: about one response in twenty is one.
+const EXCEPTION_BITS: f32 = 4.0;
 
-/// Bytes that a response repeats from its request: address, and value or quantity.
-const REPEATED: usize = 4;
+/// Bytes that a write response repeats from its request: the address, and the value or the quantity.
+const ECHOED_BYTES: usize = 4;
 
-/// What the frames around a gap let one expect in it.
-pub fn around<'a>(scene: &Scene<'a, '_>) -> Vec<Template<'a>> {
-    let mut templates = Vec::with_capacity(4);
-    if let Some(asked) = scene.context.asked {
-        templates.extend(answers(scene, asked).into_iter().flatten());
-        templates.push(again(asked));
+/// The frames that the traffic around a region makes likely inside it.
+///
+/// Example: request `11 03 00 6B 00 03` is outstanding, and the same request follows the region. Then the region may hold
+/// its response `11 03 06 ...`, its exception response `11 83 ...`, or the request itself as a damaged retry.
+pub fn expected_frames<'a>(region: &UnframedRegion<'a, '_>) -> Vec<ExpectedFrame<'a>> {
+    let mut frames = Vec::with_capacity(4);
+    if let Some(asked) = region.context.asked {
+        frames.extend(responses(region, asked).into_iter().flatten());
+        frames.push(retry(asked));
     }
-    match scene.after {
-        Some((frame, Direction::Request)) => templates.push(whole(frame, DUE)),
-        Some((frame, Direction::Response)) if !answers_asked(scene, frame) => templates.push(request_of(scene, frame)),
+    match region.next_frame {
+        Some((frame, Direction::Request)) => frames.push(whole_request(frame, DUE_FRAME_BITS)),
+        Some((frame, Direction::Response)) if !answers_outstanding(region, frame) => frames.push(request_of(region, frame)),
         _ => {}
     }
-    templates
+    frames
 }
 
 /// A request of the poll cycle.
-pub fn poll(frame: &[u8]) -> Template<'_> {
-    whole(frame, POLL)
+pub fn poll_request(frame: &[u8]) -> ExpectedFrame<'_> {
+    whole_request(frame, POLL_REQUEST_BITS)
 }
 
-fn whole(frame: &[u8], cost: f32) -> Template<'_> {
-    Template { bytes: Cow::Borrowed(frame), length: Some(frame.len()), direction: REQUEST, cost }
+fn whole_request(frame: &[u8], selection_cost: f32) -> ExpectedFrame<'_> {
+    ExpectedFrame { bytes: Cow::Borrowed(frame), length: Some(frame.len()), direction: REQUEST, selection_cost }
 }
 
-/// The request that waits, once more.
-fn again<'a>(asked: Asked<'_>) -> Template<'a> {
+/// The outstanding request, sent once more.
+fn retry<'a>(asked: Asked<'_>) -> ExpectedFrame<'a> {
     let mut bytes = vec![asked.unit];
     bytes.extend_from_slice(asked.pdu);
     bytes.extend(crc16(&bytes).to_le_bytes());
-    Template { length: Some(bytes.len()), bytes: Cow::Owned(bytes), direction: REQUEST, cost: RETRY }
+    ExpectedFrame { length: Some(bytes.len()), bytes: Cow::Owned(bytes), direction: REQUEST, selection_cost: RETRY_BITS }
 }
 
-/// The request that a response answers, as far as it repeats it.
-fn request_of<'a>(scene: &Scene<'a, '_>, response: &[u8]) -> Template<'a> {
+/// The request that this response answers, as far as the response repeats it.
+fn request_of<'a>(region: &UnframedRegion<'a, '_>, response: &[u8]) -> ExpectedFrame<'a> {
     let (unit, code, body) = (response[0], response[1], &response[2..response.len() - 2]);
     let mut bytes = vec![unit, code & !EXCEPTION_BIT];
     let mut length = None;
-    if let Some(row) = scene.context.functions.row(bytes[1], body) {
+    if let Some(row) = region.context.functions.row(bytes[1], body) {
         if code & EXCEPTION_BIT == 0 && !row.echo.is_empty() {
-            let repeated = if row.mirrored { body.len() } else { body.len().min(REPEATED) };
-            bytes.extend_from_slice(&body[..repeated]);
+            let echoed = if row.mirrored { body.len() } else { body.len().min(ECHOED_BYTES) };
+            bytes.extend_from_slice(&body[..echoed]);
         }
         if let Extent::Exactly(body) = row.request.extent(&bytes[2..]) {
             length = Some(body + AROUND);
         }
-        if length == Some(bytes.len() + 2) {
-            bytes.extend(crc16(&bytes).to_le_bytes());
-        }
+        append_crc_if_complete(&mut bytes, length);
     }
-    Template { bytes: Cow::Owned(bytes), length, direction: REQUEST, cost: DUE }
+    ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: REQUEST, selection_cost: DUE_FRAME_BITS }
 }
 
-fn answers_asked(scene: &Scene<'_, '_>, frame: &[u8]) -> bool {
-    let asked = scene.context.asked;
+/// Appends the CRC if only the CRC is missing from a frame of this length.
+fn append_crc_if_complete(bytes: &mut Vec<u8>, length: Option<usize>) {
+    if length == Some(bytes.len() + 2) {
+        let crc = crc16(bytes);
+        bytes.extend(crc.to_le_bytes());
+    }
+}
+
+/// Whether a response has the unit and the function of the outstanding request.
+fn answers_outstanding(region: &UnframedRegion<'_, '_>, frame: &[u8]) -> bool {
+    let asked = region.context.asked;
     asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&(frame[1] & !EXCEPTION_BIT)))
 }
 
-/// How long the answer to this request is, where the request says it.
-pub fn answer_length(scene: &Scene<'_, '_>, asked: Asked<'_>) -> Option<usize> {
-    answers(scene, asked)?[0].length
+/// Length in bytes of the normal response to this request, where the request determines it.
+pub fn response_length(region: &UnframedRegion<'_, '_>, asked: Asked<'_>) -> Option<usize> {
+    responses(region, asked)?[0].length
 }
 
-/// The answer to a request, and its refusal; a request without function has none.
-fn answers<'a>(scene: &Scene<'a, '_>, asked: Asked<'_>) -> Option<[Template<'a>; 2]> {
+/// The normal response and the exception response to a request; `None` if the request has no function code.
+fn responses<'a>(region: &UnframedRegion<'a, '_>, asked: Asked<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
     let (&code, body) = asked.pdu.split_first()?;
     let mut bytes = vec![asked.unit, code];
     let mut length = None;
-    if let Some(row) = scene.context.functions.row(code, body) {
+    if let Some(row) = region.context.functions.row(code, body) {
         if row.mirrored && !row.echo.is_empty() {
             bytes.extend_from_slice(body);
         } else if let Some(block) = expected_block(row, asked.pdu).and_then(|block| u8::try_from(block).ok()) {
             bytes.push(block);
-        } else if !row.echo.is_empty() && body.len() >= REPEATED {
-            bytes.extend_from_slice(&body[..REPEATED]);
+        } else if !row.echo.is_empty() && body.len() >= ECHOED_BYTES {
+            bytes.extend_from_slice(&body[..ECHOED_BYTES]);
         }
         if let Extent::Exactly(body) = row.response.extent(&bytes[2..]) {
             length = Some(body + AROUND);
         }
-        if length == Some(bytes.len() + 2) {
-            bytes.extend(crc16(&bytes).to_le_bytes());
-        }
+        append_crc_if_complete(&mut bytes, length);
     }
-    let refusal = vec![asked.unit, code | EXCEPTION_BIT];
+    let exception = vec![asked.unit, code | EXCEPTION_BIT];
     Some([
-        Template { bytes: Cow::Owned(bytes), length, direction: RESPONSE, cost: DUE },
-        Template { bytes: Cow::Owned(refusal), length: Some(5), direction: RESPONSE, cost: EXCEPTION },
+        ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS },
+        ExpectedFrame { bytes: Cow::Owned(exception), length: Some(5), direction: RESPONSE, selection_cost: EXCEPTION_BITS },
     ])
 }
