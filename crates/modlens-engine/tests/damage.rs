@@ -1,4 +1,4 @@
-//! Frames that did not arrive whole: where they are, and what happened to them.
+//! Frames that did not arrive whole: where they are reported, and what is said to have happened to them.
 
 mod wire;
 
@@ -11,7 +11,7 @@ use modlens_readers::chunk::Chunk;
 
 use wire::{answer, frame, read};
 
-/// A poll cycle of two units, often enough to be known.
+/// A poll cycle of two units, repeated until the framer is familiar with both.
 fn cycle() -> Vec<u8> {
     let once = [read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]), read(2, 7, 1), answer(2, &[0x4321])].concat();
     once.repeat(6)
@@ -25,29 +25,30 @@ fn decode(bytes: &[u8]) -> Batch {
     session.take()
 }
 
-/// Offset behind the poll cycle, verdict and findings of what is neither good nor noise.
-fn damaged(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Finding>)> {
+/// Offset behind `before`, verdict and findings of all frames that are neither valid nor noise.
+fn damaged_frames(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Finding>)> {
     let rows = batch.frames.iter().filter(|row| !matches!(row.verdict, Verdict::Ok | Verdict::Noise));
     rows.map(|row| (row.offset as usize - before.len(), row.verdict, row.findings.of(&batch.codes).to_vec())).collect()
 }
 
-/// Request, answer and the next request, after something was done to the first two.
-fn around(spoil: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) {
-    let (mut ask, mut tell) = (read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]));
-    spoil(&mut ask, &mut tell);
+/// Decodes a poll cycle and one more round of it, in which `damage` changes the first request and its response. Returns the
+/// bytes of the poll cycle, and all rows.
+fn with_damage(damage: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) {
+    let (mut request, mut response) = (read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]));
+    damage(&mut request, &mut response);
     let before = cycle();
-    let bytes = [&before[..], &ask, &tell, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+    let bytes = [&before[..], &request, &response, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
     let batch = decode(&bytes);
     let good = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).count();
-    assert!(good >= 27, "the neighbours stay whole: {good} good frames");
+    assert!(good >= 27, "the frames around it stay valid: {good} valid frames");
     (before, batch)
 }
 
 #[test]
 fn a_flipped_bit_is_found_and_named_in_every_byte_of_a_response() {
     for at in 0..9 {
-        let (before, batch) = around(|_, tell| tell[at] ^= 0x04);
-        let found = damaged(&before, &batch);
+        let (before, batch) = with_damage(|_, response| response[at] ^= 0x04);
+        let found = damaged_frames(&before, &batch);
         assert_eq!(found.len(), 1, "byte {at}: {found:?}");
         assert_eq!((found[0].0, found[0].1), (8, Verdict::BadChecksum), "byte {at}");
         assert!(found[0].2.contains(&Finding::BitFlip), "byte {at}: {:?}", found[0].2);
@@ -55,7 +56,7 @@ fn a_flipped_bit_is_found_and_named_in_every_byte_of_a_response() {
 }
 
 #[test]
-fn a_damaged_frame_that_somebody_shows_by_itself_begins_where_it_begins() {
+fn a_damaged_frame_that_is_the_whole_input_starts_at_its_first_byte() {
     // Examples of the specification (V1.1b3, section 6): requests and responses of 1, 3, 4, 15, 16, 43.
     let pdus: [&[u8]; 10] = [
         &[0x01, 0x00, 0x13, 0x00, 0x13],
@@ -75,7 +76,7 @@ fn a_damaged_frame_that_somebody_shows_by_itself_begins_where_it_begins() {
             bytes[bit / 8] ^= 1 << (bit % 8);
             bytes
         });
-        // A unit that has become 0 may as well be a driver's stray.
+        // A unit that has become 0 may as well be a glitch byte of a line driver.
         for bytes in flipped.filter(|bytes| bytes[0] != 0).chain([whole[..whole.len() - 1].to_vec()]) {
             let batch = decode(&bytes);
             let first = &batch.frames[0];
@@ -85,10 +86,10 @@ fn a_damaged_frame_that_somebody_shows_by_itself_begins_where_it_begins() {
 }
 
 #[test]
-fn bytes_lost_in_front_inside_and_behind_are_counted() {
+fn missing_bytes_at_the_start_inside_and_at_the_end_are_counted() {
     for (at, count) in [(0, 1), (0, 2), (1, 1), (4, 1), (5, 2), (6, 3), (8, 1)] {
-        let (before, batch) = around(|_, tell| drop(tell.drain(at..at + count)));
-        let found = damaged(&before, &batch);
+        let (before, batch) = with_damage(|_, response| drop(response.drain(at..at + count)));
+        let found = damaged_frames(&before, &batch);
         assert_eq!((found.len(), found[0].0, found[0].1), (1, 8, Verdict::Incomplete), "{count} at {at}: {found:?}");
         assert!(found[0].2.contains(&Finding::LostBytes), "{count} at {at}: {:?}", found[0].2);
         let detail = &batch.findings.iter().find(|row| row.finding == Finding::LostBytes).expect("found above").detail;
@@ -97,62 +98,62 @@ fn bytes_lost_in_front_inside_and_behind_are_counted() {
 }
 
 #[test]
-fn a_request_of_the_poll_cycle_is_known_without_its_first_bytes() {
+fn a_request_of_the_poll_cycle_is_recognised_without_its_first_bytes() {
     for count in 1..=3 {
-        let (before, batch) = around(|ask, _| drop(ask.drain(..count)));
-        let found = damaged(&before, &batch);
+        let (before, batch) = with_damage(|request, _| drop(request.drain(..count)));
+        let found = damaged_frames(&before, &batch);
         assert_eq!((found.len(), found[0].0), (1, 0), "{count}: {found:?}");
         assert!(found[0].2.contains(&Finding::LostBytes));
-        assert_eq!(batch.frames[24].unit, Some(1), "the unit is known all the same");
+        assert_eq!(batch.frames[24].unit, Some(1), "the poll cycle tells the missing unit");
     }
 }
 
 #[test]
-fn a_truncated_request_is_one_where_the_same_request_follows() {
-    let (before, ask) = (cycle(), read(1, 9, 4));
-    let whole = [&ask[..], &answer(1, &[1, 2, 3, 4])].concat();
+fn a_request_without_its_end_is_truncated_and_not_lost_where_the_same_request_follows() {
+    let (before, request) = (cycle(), read(1, 9, 4));
+    let whole = [&request[..], &answer(1, &[1, 2, 3, 4])].concat();
     for length in 3..7 {
-        let bytes = [&before[..], &ask[..length], &whole, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
-        let found = damaged(&before, &decode(&bytes));
+        let bytes = [&before[..], &request[..length], &whole, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+        let found = damaged_frames(&before, &decode(&bytes));
         assert_eq!(found, [(0, Verdict::Incomplete, vec![Finding::Incomplete])], "{length}");
     }
 }
 
 #[test]
-fn a_collision_is_one_where_only_ones_are_missing() {
-    let (before, batch) = around(|ask, _| {
-        for (byte, other) in ask[3..].iter_mut().zip([0x12, 0x00, 0x41, 0x35, 0x42]) {
+fn a_frame_in_which_bits_only_changed_from_1_to_0_collided() {
+    let (before, batch) = with_damage(|request, _| {
+        for (byte, other) in request[3..].iter_mut().zip([0x12, 0x00, 0x41, 0x35, 0x42]) {
             *byte &= other;
         }
     });
-    let found = damaged(&before, &batch);
+    let found = damaged_frames(&before, &batch);
     assert_eq!((found.len(), found[0].0), (1, 0), "{found:?}");
     assert!(found[0].2.contains(&Finding::Collision), "{:?}", found[0].2);
 }
 
 #[test]
-fn strays_of_a_switched_driver_are_glitches_and_others_are_noise() {
+fn stray_bytes_that_a_switched_line_driver_can_leave_are_glitches_and_others_are_noise() {
     let before = cycle();
     for (strays, glitch) in [(&[0u8][..], true), (&[0xFF, 0xFF], true), (&[0xF8], true), (&[0x37], false), (&[0x00, 0x9C], false)]
     {
         let bytes = [&before[..], &read(1, 0x6B, 2), strays, &answer(1, &[1, 2]), &read(2, 7, 1), &answer(2, &[3])].concat();
         let batch = decode(&bytes);
-        assert_eq!(damaged(&before, &batch), []);
+        assert_eq!(damaged_frames(&before, &batch), []);
         assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::Glitch), glitch, "{strays:02x?}");
     }
 }
 
 #[test]
-fn noise_between_whole_frames_is_no_damaged_frame() {
+fn noise_between_valid_frames_is_no_damaged_frame() {
     let before = cycle();
     for strays in [&[0x5A, 0x91, 0x3C, 0xE7][..], &[1], &[3, 0, 0], &[0x77; 40]] {
         let bytes = [&before[..], &read(1, 0x6B, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
-        assert_eq!(damaged(&before, &decode(&bytes)), [], "{strays:02x?}");
+        assert_eq!(damaged_frames(&before, &decode(&bytes)), [], "{strays:02x?}");
     }
 }
 
 #[test]
-fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_answer() {
+fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_response() {
     let (request, response) = (read(1, 10, 2), answer(1, &[7, 8]));
     let bytes = [&cycle()[..], &request[..5], &response, &read(2, 20, 1), &answer(2, &[1])].concat();
     let batch = decode(&bytes);
@@ -162,32 +163,30 @@ fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_answer()
     assert!(bad[0].request.frame > 0);
 }
 
-/// Two lines without a clock, requests on the first and answers on the second, the bytes as they are.
-fn two_lines(requests: &[u8], answers: &[u8]) -> Batch {
+/// Decodes two lines without a clock: requests on the first, responses on the second.
+fn two_lines(requests: &[u8], responses: &[u8]) -> Batch {
     let mut session = Session::default();
     let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
     session.feed(bus, &Chunk { line: 1, bytes: requests, ..Chunk::default() });
-    session.feed(bus, &Chunk { line: 2, bytes: answers, ..Chunk::default() });
+    session.feed(bus, &Chunk { line: 2, bytes: responses, ..Chunk::default() });
     session.flush();
     session.take()
 }
 
 #[test]
-fn what_is_missing_on_one_of_two_lines_without_a_clock_is_said() {
-    let asks = [read(1, 0x6B, 2), read(2, 7, 1), read(1, 9, 4)];
-    let told = [answer(1, &[0x1234, 0x5678]), answer(2, &[0x4321]), answer(1, &[0x1111, 0x2222, 0x3333, 0x4444])];
-    let requests = asks.concat().repeat(12);
-    let whole = told.concat();
-    // Inside an answer, before one, and from the end of one into the next but one.
-    for gone in [22..24, 0..2, 16..18, 5..20] {
-        let mut once = whole.clone();
-        once.drain(gone.clone());
-        let answers = [whole.repeat(8), once, whole.repeat(3)].concat();
-        let batch = two_lines(&requests, &answers);
-        let place = (8 * whole.len() + gone.start) as u64;
-        let said = batch.frames.iter().filter(|row| row.findings.of(&batch.codes).contains(&Finding::LostBytes));
-        let said: Vec<(u64, u64)> = said.map(|row| (row.offset, row.offset + u64::from(row.wire.length))).collect();
-        assert_eq!(said.len(), 1, "{gone:?}: {said:?}");
-        assert!((said[0].0..=said[0].1).contains(&place), "{gone:?}: {said:?}");
+fn bytes_missing_on_one_of_two_lines_without_a_clock_are_reported_where_they_are_missing() {
+    let requests = [read(1, 0x6B, 2), read(2, 7, 1), read(1, 9, 4)].concat().repeat(12);
+    let responses = [answer(1, &[0x1234, 0x5678]), answer(2, &[0x4321]), answer(1, &[0x1111, 0x2222, 0x3333, 0x4444])];
+    let round = responses.concat();
+    // Inside a response, at the beginning of one, at the end of one, and from the end of the first into the third.
+    for missing in [22..24, 0..2, 16..18, 5..20] {
+        let mut damaged_round = round.clone();
+        damaged_round.drain(missing.clone());
+        let batch = two_lines(&requests, &[round.repeat(8), damaged_round, round.repeat(3)].concat());
+        let place = (8 * round.len() + missing.start) as u64;
+        let reported = batch.frames.iter().filter(|row| row.findings.of(&batch.codes).contains(&Finding::LostBytes));
+        let reported: Vec<(u64, u64)> = reported.map(|row| (row.offset, row.offset + u64::from(row.wire.length))).collect();
+        assert_eq!(reported.len(), 1, "{missing:?}: {reported:?}");
+        assert!((reported[0].0..=reported[0].1).contains(&place), "{missing:?}: {reported:?}");
     }
 }

@@ -27,7 +27,7 @@
 //! | 21 | noise, cold and warm; a noisy start | `random_noise_is_noise`; `taps.rs`: `a_noisy_start_teaches_no_units`; `crates/modlens-bench/tests/engine.rs`: `noise_gives_no_frames_that_are_sold_as_facts` |
 //! | 22 | units and baud rates that change | `taps.rs`: `units_change_after_hours_and_are_believed_at_once`, `the_baud_rate_changes_in_the_middle_of_a_recording` |
 //! | 23 | live is as offline, and soon | `taps.rs`: `live_frames_come_with_their_last_byte_and_are_those_of_the_recording`, `silence_bounds_the_wait_of_a_live_tap` |
-//! | 24 | pieces change nothing, short way as long way | `properties.rs`: `untimed_bytes_tile_and_chunk_sizes_change_nothing`, `what_came_before_is_told_as_if_it_never_had` |
+//! | 24 | pieces change nothing, the fast path gives the rows of the slow path | `properties.rs`: `untimed_bytes_tile_and_chunk_sizes_change_nothing`, `the_fast_path_gives_the_rows_of_the_slow_path` |
 //! | 25 | ASCII | `streams.rs`: `ascii_is_found_again_behind_every_kind_of_damage`, `lower_case_digits_and_another_delimiter`, `ascii_characters_may_come_a_second_apart`, `rtu_data_that_holds_colons_stays_rtu` |
 //! | 26 | clocks that stand still, step or fail | `taps.rs`: `clocks_that_stand_still_step_back_or_fail_lose_no_frame` |
 //! | 27 | offsets beyond 4 GiB, memory | `crates/modlens-engine/src/session/bus.rs`: `offsets_beyond_four_gib_are_told_whole`; `make speed` (memory over 1 GB of noise) |

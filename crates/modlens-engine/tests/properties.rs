@@ -128,16 +128,17 @@ fn traffic() -> impl Strategy<Value = Vec<u8>> {
     proptest::collection::vec(prop_oneof![3 => poll, 2 => frame, 1 => ascii, 1 => noise], 0..12).prop_map(|parts| parts.concat())
 }
 
-/// Everything that is told of these bytes, given in such pieces: rows with their bytes, and the statistics.
-fn all_told(data: &[u8], mode: Mode, piece: usize) -> Vec<String> {
+/// All rows of these bytes, given `piece` bytes at a time: frames, transactions and findings with their bytes, and the
+/// statistics.
+fn all_rows(data: &[u8], mode: Mode, piece: usize) -> Vec<String> {
     let mut session = Session::default();
     let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
     data.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
-    told(session)
+    rows_and_statistics(session)
 }
 
-/// The same of a log with a record a line, given so many lines at once.
-fn all_logged(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
+/// All rows of a log with one record a line, given `lines` lines at a time.
+fn all_rows_of_log(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
     let mut session = Session::default();
     let bus = session.add_bus(BusOptions { mode: Some(mode), ..BusOptions::named("bus") });
     let dialect = if mode == Mode::Ascii { "ascii-lines" } else { "hex" };
@@ -145,10 +146,11 @@ fn all_logged(log: &[String], mode: Mode, lines: usize) -> Vec<String> {
     session.open_text(bus, Reader::new(rows, None, Arc::default()), b"");
     log.chunks(lines).for_each(|lines| session.feed_text(bus, lines.concat().as_bytes(), false));
     session.feed_text(bus, b"", true);
-    told(session)
+    rows_and_statistics(session)
 }
 
-fn told(mut session: Session) -> Vec<String> {
+/// All rows of a session and its statistics as text, without what only names places in the batch.
+fn rows_and_statistics(mut session: Session) -> Vec<String> {
     session.flush();
     let batch = session.take();
     let (bytes, codes) = (|span: Span| span.of(&batch.arena), |span: Span| span.of(&batch.codes));
@@ -172,7 +174,7 @@ fn framed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
 }
 
-/// A request that reads or writes in a plain way, and its answer.
+/// A plain read or write request and its response.
 fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u8>, Vec<u8>) {
     let [high, low] = address.to_be_bytes();
     let head = [unit, code, high, low, 0, quantity];
@@ -188,8 +190,8 @@ fn exchange(unit: u8, code: u8, address: u16, quantity: u8, value: u8) -> (Vec<u
     (framed(&request), framed(if response.is_empty() { &request } else { &response }))
 }
 
-/// A poll cycle with what may happen to one exchange of it in five; what each side sends, and how long it waits before.
-/// The adapters of some lines hear themselves.
+/// A poll cycle in which one exchange in five is disturbed: the bytes that each side sends, and the milliseconds of pause
+/// before them. On some lines the adapter echoes each request.
 fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
     let code = prop_oneof![4 => 1u8..5, 1 => prop_oneof![Just(5u8), Just(6), Just(15), Just(16)]];
     let poll = (1u8..4, code, prop_oneof![0u16..4, 0x2FE..0x301u16], 1u8..20);
@@ -226,7 +228,7 @@ fn cycle() -> impl Strategy<Value = Vec<(Vec<u8>, u32)>> {
     })
 }
 
-/// The same in characters; what is no frame stays as it is.
+/// The same bursts in ASCII framing; bytes that are no frame stay as they are.
 fn in_ascii(bursts: &[(Vec<u8>, u32)]) -> Vec<(Vec<u8>, u32)> {
     let frame = |bytes: &[u8]| {
         let content = bytes.split_last_chunk::<2>().filter(|(content, sum)| crc16(content).to_le_bytes() == **sum)?.0;
@@ -272,25 +274,25 @@ proptest! {
         }
     }
 
-    // A request that stands in the same piece as its answer may be told with it, without search and pairing; where they
-    // are parted, each is told by itself.
+    // The oracle of the fast path. A request and its response that come in one piece may take the fast path; if they come
+    // byte by byte, each frame takes the slow path.
     #[test]
-    fn what_came_before_is_told_as_if_it_never_had(bursts in cycle(), piece in 2usize..70) {
+    fn the_fast_path_gives_the_rows_of_the_slow_path(bursts in cycle(), piece in 2usize..70) {
         for (mode, bursts) in [(Mode::Rtu, bursts.clone()), (Mode::Ascii, in_ascii(&bursts))] {
             let data = bytes_of(&bursts);
-            let apart = all_told(&data, mode, 1);
-            prop_assert_eq!(&all_told(&data, mode, usize::MAX), &apart);
-            prop_assert_eq!(&all_told(&data, mode, piece), &apart);
+            let slow = all_rows(&data, mode, 1);
+            prop_assert_eq!(&all_rows(&data, mode, usize::MAX), &slow);
+            prop_assert_eq!(&all_rows(&data, mode, piece), &slow);
         }
     }
 
     #[test]
-    fn records_of_a_log_are_told_alike_however_many_come_at_once(bursts in cycle(), lines in 2usize..9, stamped in any::<bool>()) {
+    fn the_fast_path_gives_the_rows_of_the_slow_path_for_logs(bursts in cycle(), lines in 2usize..9, stamped in any::<bool>()) {
         for (mode, bursts) in [(Mode::Rtu, bursts.clone()), (Mode::Ascii, in_ascii(&bursts))] {
             let log = log_of(&bursts, stamped);
-            let apart = all_logged(&log, mode, 1);
-            prop_assert_eq!(&all_logged(&log, mode, usize::MAX), &apart);
-            prop_assert_eq!(&all_logged(&log, mode, lines), &apart);
+            let slow = all_rows_of_log(&log, mode, 1);
+            prop_assert_eq!(&all_rows_of_log(&log, mode, usize::MAX), &slow);
+            prop_assert_eq!(&all_rows_of_log(&log, mode, lines), &slow);
         }
     }
 
