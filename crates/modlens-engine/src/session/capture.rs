@@ -15,7 +15,7 @@ use modlens_protocol::line::Line;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
-use modlens_readers::pcap::own::{Port, Segment};
+use modlens_readers::pcap::own::{PortMetadata, RecordingSegment};
 use modlens_readers::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
 
 /// Times below this are not of our days: the clock started with the recording.
@@ -144,7 +144,9 @@ impl Session {
                 let side = content.side.filter(|_| by.own.is_none());
                 self.content(bus, line, &Content { side, ..content }, &errors, packet, time);
             }
-            Event::Told { by, told, packet, time, .. } => self.retell(&mut state.retold, &state.options, by, &told, packet, time),
+            Event::Reimported { by, metadata, packet, time, .. } => {
+                self.retell(&mut state.retold, &state.options, by, &metadata, packet, time)
+            }
         }
     }
 
@@ -224,7 +226,7 @@ impl Session {
         if let Some(bus) = state.lines[interface] {
             return bus;
         }
-        let bus = if let Some(port @ Port { recording: Some(segment), .. }) = &by.own {
+        let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &by.own {
             self.recorded_bus(state, port, segment)
         } else {
             let name = by.name.clone().unwrap_or_else(|| state.options.source.clone());
@@ -241,7 +243,7 @@ impl Session {
     }
 
     /// The bus of a port of a raw recording: the lines of a bus are one, and the files of a recording go on.
-    fn recorded_bus(&mut self, state: &CaptureState, port: &Port, segment: &Segment) -> usize {
+    fn recorded_bus(&mut self, state: &CaptureState, port: &PortMetadata, segment: &RecordingSegment) -> usize {
         let line = state.options.line.or(port.settings);
         let known = self.recorded.iter_mut().find(|(of, _)| of.session == segment.session && of.bus == segment.bus);
         if let Some((of, bus)) = known {

@@ -97,7 +97,7 @@ pub struct Session {
     /// The bus whose bytes wait to be decided.
     waiting: Option<usize>,
     /// The buses of raw recordings, with the segment that was read last.
-    recorded: Vec<(modlens_readers::pcap::own::Segment, usize)>,
+    recorded: Vec<(modlens_readers::pcap::own::RecordingSegment, usize)>,
 }
 impl Default for Session {
     fn default() -> Self {

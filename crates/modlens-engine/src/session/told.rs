@@ -17,7 +17,7 @@ use modlens_protocol::source::Place;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
-use modlens_readers::pcap::own::{self, micros, named, number, unhex, value, Told};
+use modlens_readers::pcap::own::{self, micros, named, number, unhex, value, PacketMetadata};
 use modlens_readers::pcap::Interface;
 
 /// Frames that wait for the words on their transaction; in a file that was cut some wait for ever.
@@ -80,7 +80,7 @@ impl Session {
         retold: &mut Retold,
         options: &CaptureOptions,
         by: &Interface,
-        told: &Told<'_>,
+        told: &PacketMetadata<'_>,
         packet: u64,
         time: Option<Ns>,
     ) {
@@ -133,11 +133,11 @@ impl Session {
         &mut self,
         retold: &Retold,
         (bus, line_number): (usize, u8),
-        told: &Told<'_>,
+        told: &PacketMetadata<'_>,
         packet: u64,
         time: Option<Ns>,
     ) -> Frame {
-        let (text, words) = (told.frame, &told.words);
+        let (text, words) = (told.frame, &told.fields);
         let mut scratch = Vec::new();
         let adu = if words.verdict.good() { unwrap(words.mode, words.verdict, &told.bytes, &mut scratch).0 } else { &[][..] };
         let said = |key: &str| number(text, key).map(|value| value as u8);
@@ -184,7 +184,7 @@ impl Session {
             exception,
             verdict: words.verdict,
             tentative: seen.tentative,
-            confidence: said("confidence").unwrap_or(own::USUAL.confidence),
+            confidence: said("confidence").unwrap_or(own::DEFAULTS.confidence),
             cut_by: words.cut_by,
             txn: own::number(text, "txn").map(|txn| retold.txns_before + txn),
             mbap_id: seen.mbap_id,
@@ -212,8 +212,8 @@ impl Session {
     }
 
     /// Keeps a frame until its transaction is told.
-    fn keep_waiting(&mut self, retold: &mut Retold, frame: &Frame, told: &Told<'_>, notes: Vec<(Finding, String)>) {
-        let words = &told.words;
+    fn keep_waiting(&mut self, retold: &mut Retold, frame: &Frame, told: &PacketMetadata<'_>, notes: Vec<(Finding, String)>) {
+        let words = &told.fields;
         let Some(txn) = frame.txn else {
             for note in notes {
                 self.retold_finding(frame, note);
@@ -248,7 +248,7 @@ impl Session {
         };
         let (request, response) = (half("request"), half("response"));
         let Some(first) = request.as_ref().or(response.as_ref()) else { return };
-        let status = own::unusual(words, "status", own::USUAL.status, |name| named(&Status::ALL, Status::text, name));
+        let status = own::value_or_default(words, "status", own::DEFAULTS.status, |name| named(&Status::ALL, Status::text, name));
         let Some(status) = status else { return };
         let other = |key: &str| number(words, key).map(|txn| retold.txns_before + txn);
         let mut exchange = Box::new(Exchange {

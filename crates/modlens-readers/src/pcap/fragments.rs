@@ -1,4 +1,4 @@
-//! IP fragments put together again. How many are kept is bounded.
+//! Reassembles fragmented IP packets, with a bound on how many are kept.
 
 use std::collections::VecDeque;
 use std::net::IpAddr;
@@ -6,60 +6,67 @@ use std::net::IpAddr;
 use etherparse::defrag::IpDefragBuf;
 use etherparse::{IpFragOffset, IpNumber};
 
-/// Packets that may wait for their other fragments at once; the oldest is given up for a further one.
-const WAITING: usize = 64;
+/// How many packets may wait for further fragments; when there are more, the oldest is given up.
+const MAX_INCOMPLETE_PACKETS: usize = 64;
 
-/// Where a fragment belongs.
+/// Which packet a fragment belongs to, and which part of it the fragment is.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
-    /// What all fragments of a packet have in common.
+pub struct FragmentPosition {
+    /// The identification that all fragments of a packet share.
     pub ident: u32,
-    /// How far into the packet it begins.
+    /// Where in the packet the fragment begins.
     pub offset: IpFragOffset,
-    /// Whether it is not the last.
-    pub more: bool,
+    /// Further fragments follow this one.
+    pub has_more: bool,
 }
 
-type Key = ((IpAddr, IpAddr), IpNumber, u32);
+/// Addresses, protocol and identification, which together name a packet.
+type PacketKey = ((IpAddr, IpAddr), IpNumber, u32);
 
-/// Fragments that wait.
+/// Packets of which not all fragments have arrived.
 #[derive(Debug, Default)]
 pub struct Fragments {
-    waiting: VecDeque<(Key, IpDefragBuf)>,
-    /// Packets of which a fragment is missing.
+    incomplete: VecDeque<(PacketKey, IpDefragBuf)>,
+    /// The number of packets that were given up because a fragment is missing.
     pub lost: u64,
-    /// Fragments that the capture has cut short.
+    /// The number of fragments of which the capture kept only a part.
     pub cut: u64,
 }
 
 impl Fragments {
-    /// Takes a fragment; gives the packet's payload when it is whole.
-    pub fn take(&mut self, ends: (IpAddr, IpAddr), protocol: IpNumber, place: Place, payload: &[u8]) -> Option<Vec<u8>> {
+    /// Takes a fragment; returns the payload of the packet if it is complete now.
+    pub fn take(
+        &mut self,
+        ends: (IpAddr, IpAddr),
+        protocol: IpNumber,
+        place: FragmentPosition,
+        payload: &[u8],
+    ) -> Option<Vec<u8>> {
         let key = (ends, protocol, place.ident);
-        let at = self.waiting.iter().position(|(other, _)| *other == key).unwrap_or_else(|| {
-            if self.waiting.len() == WAITING {
-                self.waiting.pop_front();
+        let at = self.incomplete.iter().position(|(other, _)| *other == key).unwrap_or_else(|| {
+            if self.incomplete.len() == MAX_INCOMPLETE_PACKETS {
+                self.incomplete.pop_front();
                 self.lost += 1;
             }
-            self.waiting.push_back((key, IpDefragBuf::new(protocol, Vec::new(), Vec::new())));
-            self.waiting.len() - 1
+            self.incomplete.push_back((key, IpDefragBuf::new(protocol, Vec::new(), Vec::new())));
+            self.incomplete.len() - 1
         });
-        let buffer = &mut self.waiting[at].1;
-        if buffer.add(place.offset, place.more, payload).is_err() {
-            // Fragments that contradict each other are of two packets with one number: the newer one counts.
+        let buffer = &mut self.incomplete[at].1;
+        if buffer.add(place.offset, place.has_more, payload).is_err() {
+            // Fragments that contradict each other belong to two packets with the same identification: keep the newer one.
             *buffer = IpDefragBuf::new(protocol, Vec::new(), Vec::new());
             self.lost += 1;
-            buffer.add(place.offset, place.more, payload).ok()?;
+            buffer.add(place.offset, place.has_more, payload).ok()?;
         }
         if !buffer.is_complete() {
             return None;
         }
-        let (_, buffer) = self.waiting.remove(at)?;
+        let (_, buffer) = self.incomplete.remove(at)?;
         Some(buffer.take_bufs().0)
     }
 
-    /// Packets that still wait.
-    pub fn open(&self) -> u64 {
-        self.waiting.len() as u64
+    /// The number of packets that are incomplete now.
+    pub fn incomplete(&self) -> u64 {
+        self.incomplete.len() as u64
     }
 }

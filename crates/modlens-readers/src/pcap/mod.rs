@@ -1,9 +1,9 @@
-//! Captures: pcap and pcapng of networks and of serial lines, in blocks of bytes, to streams of Modbus.
+//! Reads captures (pcap and pcapng) of networks and of serial lines, and turns them into byte streams of Modbus.
 //!
-//! In the order of the way: `file` (records and blocks to packets), `net` (a packet to its segment, through tunnels;
-//! `fragments` puts IP together), `table` (connections), `stream` (TCP's bytes in order and once), `evidence` (is it
-//! Modbus, and in what framing), `serial` (link types of serial lines), `own` (what modlens has written there itself). Frames are made of the streams by the framers,
-//! like those of any other source: `session/capture.rs` stands between.
+//! In the order in which data passes through: `file` cuts the file into packets, `net` finds the TCP or UDP segment in a
+//! packet through all tunnels (`fragments` reassembles IP packets), `table` finds its connection, `stream` puts the bytes of
+//! TCP in order, and `evidence` decides whether a connection carries Modbus and in which framing. `serial` reads the link
+//! types of serial lines, and `own` the metadata that modlens itself has written. The engine makes frames of the streams.
 
 pub mod adu;
 mod evidence;
@@ -31,179 +31,182 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-use own::Told;
+use own::PacketMetadata;
 
-/// What a capture shows, in its order. Slots are numbers that are used again when their connection is closed.
+/// What is found in a capture, in order. A slot is the number of a connection; it is reused once the connection is closed.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A packet: the clock has come to here.
+    /// The time of a packet of any kind, which moves the clock of the capture on.
     Time(Ns, &'a Interface),
-    /// A connection carries Modbus.
+    /// A connection turned out to carry Modbus.
     Opened {
-        /// Its slot.
+        /// Slot of the connection.
         slot: usize,
-        /// Who asks.
+        /// The end that sends requests.
         client: Endpoint,
-        /// Who answers.
+        /// The end that sends responses.
         server: Endpoint,
         /// The framing.
         mode: Mode,
     },
-    /// Its bytes, in order.
+    /// Bytes of a Modbus connection, in order.
     Bytes {
-        /// Its slot.
+        /// Slot of the connection.
         slot: usize,
-        /// Who sent them.
+        /// The client has sent them.
         from_client: bool,
-        /// The bytes and where they stand.
+        /// The bytes, with their packet and what is missing before them.
         piece: Piece<'a>,
-        /// They are a message of their own.
+        /// They are a whole message, because they came in a datagram of their own.
         record: bool,
-        /// Anything was captured of the server.
+        /// Anything that the server has sent was captured, so that a missing response means something.
         heard: bool,
     },
-    /// Something is odd about it.
+    /// A finding about a Modbus connection.
     Found {
-        /// Its slot.
+        /// Slot of the connection.
         slot: usize,
-        /// What.
+        /// The finding.
         finding: Finding,
-        /// In words.
+        /// Its detail, as shown to users.
         detail: String,
-        /// In which packet.
+        /// Number of the packet that it is about.
         packet: u64,
-        /// When.
+        /// Time of the packet.
         time: Option<Ns>,
     },
-    /// It is over; its slot will be used again.
+    /// A Modbus connection was closed; its slot will be reused.
     Closed {
-        /// Its slot.
+        /// Slot of the connection.
         slot: usize,
     },
-    /// A frame that modlens has decoded before, and what it said of it.
-    Told {
-        /// Which of the file's interfaces.
+    /// A frame that modlens has decoded and exported before, which is imported again as it was decoded then.
+    Reimported {
+        /// Index of the interface in the file.
         interface: usize,
-        /// What captured it.
+        /// The interface.
         by: &'a Interface,
-        /// The words.
-        told: Told<'a>,
-        /// Packet number.
+        /// The frame with its metadata.
+        metadata: PacketMetadata<'a>,
+        /// Number of the packet.
         packet: u64,
-        /// When.
+        /// Time of the packet.
         time: Option<Ns>,
     },
     /// Bytes of a serial line.
     Line {
-        /// Which of the file's interfaces.
+        /// Index of the interface in the file.
         interface: usize,
-        /// What captured them.
+        /// The interface.
         by: &'a Interface,
-        /// The bytes and what is known of them.
+        /// The bytes and what the packet says about them.
         content: Content<'a>,
-        /// Which of them the receiver marked, where that is told.
+        /// Positions of the bytes for which the receiver reported an error, where they are known.
         errors: Vec<u32>,
-        /// Packet number.
+        /// Number of the packet.
         packet: u64,
-        /// When.
+        /// Time of the packet.
         time: Option<Ns>,
     },
 }
 
-/// What was not decoded, in packets, by reason; and what is missing.
+/// The number of packets that were not decoded, by reason, and of bytes that are missing.
 #[derive(Clone, Debug, Default)]
 pub struct LeftOut {
-    /// Of other ports, or no TCP or UDP at all.
+    /// Packets of ports that are not listed, or without TCP and UDP.
     pub other: u64,
-    /// On Modbus ports, but not Modbus.
+    /// Packets on Modbus ports that do not carry Modbus.
     pub not_modbus: u64,
-    /// The connections of these.
+    /// The number of connections of these packets.
     pub other_connections: u64,
-    /// Port 802: Modbus over TLS.
+    /// Packets on port 802, Modbus over TLS.
     pub encrypted: u64,
-    /// Acknowledgements and the like.
+    /// Packets without payload, such as acknowledgements.
     pub without_data: u64,
-    /// Captured twice.
-    pub twice: u64,
-    /// Sent again by TCP.
-    pub again: u64,
-    /// Of link types that are not read.
+    /// Packets that were captured twice.
+    pub duplicates: u64,
+    /// Packets with bytes that TCP transmitted again.
+    pub retransmissions: u64,
+    /// Packets of link types that cannot be parsed.
     pub unknown_link: u64,
-    /// Cut short by the capture.
+    /// Packets of which the capture kept only a part.
     pub cut: u64,
     /// Bytes of streams that are not in the capture.
     pub missing: u64,
-    /// Headers of capturing programs in front of serial frames.
+    /// Headers of capturing programs that were removed in front of serial frames.
     pub headers: u64,
 }
 
-/// Reads a capture.
+/// Reads a capture that arrives in blocks.
 #[derive(Debug, Default)]
 pub struct Capture {
     file: CaptureFile,
     fragments: Fragments,
     table: Table,
-    left: LeftOut,
-    /// Packets seen by link type that nothing reads.
-    strange_link: Option<u16>,
+    skipped: LeftOut,
+    /// The last link type that could not be parsed.
+    unknown_link_type: Option<u16>,
 }
 
 impl Capture {
-    /// A reader that looks for Modbus on these ports.
+    /// A reader that expects Modbus on these ports.
     pub fn new(ports: Ports) -> Self {
         Self { table: Table::new(ports), ..Self::default() }
     }
 
-    /// Takes the next block of the file, cut anywhere.
+    /// Takes the next block of the file, cut anywhere; `each` is called with everything that it shows.
     pub fn push(&mut self, functions: &Functions, block: &[u8], each: &mut dyn FnMut(Event<'_>)) {
-        let Self { file, fragments, table, left, strange_link } = self;
+        let Self { file, fragments, table, skipped, unknown_link_type } = self;
         file.push(block, &mut |packet| {
             if let Some(time) = packet.time {
                 each(Event::Time(time, packet.by));
             }
             let at = (packet.number, packet.time);
-            if net::knows(packet.by.link) {
-                let mut seen = false;
+            if net::is_known_link(packet.by.link) {
+                let mut has_segment = false;
                 net::segments(packet.by.link, packet.data, fragments, &mut |segment| {
-                    seen = true;
-                    table.take(functions, segment, at, left, each);
+                    has_segment = true;
+                    table.take(functions, segment, at, skipped, each);
                 });
-                left.other += u64::from(!seen);
-            } else if serial::knows(packet.by.link) {
-                line(functions, table, &packet, left, each);
+                skipped.other += u64::from(!has_segment);
+            } else if serial::is_known_link(packet.by.link) {
+                read_serial_packet(functions, table, &packet, skipped, each);
             } else {
-                left.unknown_link += 1;
-                *strange_link = Some(packet.by.link);
+                skipped.unknown_link += 1;
+                *unknown_link_type = Some(packet.by.link);
             }
         });
     }
 
-    /// The file has ended.
+    /// Ends all connections, because the file has ended.
     pub fn finish(&mut self, functions: &Functions, each: &mut dyn FnMut(Event<'_>)) {
-        self.table.finish(functions, &mut self.left, each);
+        self.table.finish(functions, &mut self.skipped, each);
     }
 
-    /// Packets so far.
+    /// The number of packets so far.
     pub fn packets(&self) -> u64 {
         self.file.packets
     }
 
-    /// What was left out or is missing, in words, with how often.
+    /// What was skipped or is missing, in the words shown to users, with the number of packets or bytes.
     pub fn left_out(&self) -> Vec<(String, u64)> {
-        let left = &self.left;
-        let link = self.strange_link.map_or(String::new(), |link| format!(" ({link})"));
+        let skipped = &self.skipped;
+        let link = self.unknown_link_type.map_or(String::new(), |link| format!(" ({link})"));
         let mut all = vec![
-            (String::from("packets of other traffic"), left.other),
-            (String::from("packets without data"), left.without_data),
-            (format!("packets on Modbus ports that are not Modbus, of {} connections", left.other_connections), left.not_modbus),
-            (String::from("encrypted packets (Modbus over TLS, port 802)"), left.encrypted),
-            (String::from("packets captured twice"), left.twice),
-            (String::from("packets that TCP sent again"), left.again),
-            (format!("packets of a link type that is not read{link}"), left.unknown_link),
-            (String::from("headers of the capturing program"), left.headers),
-            (String::from("bytes of streams that are not in the capture"), left.missing),
-            (String::from("packets cut short by the capture"), left.cut),
-            (String::from("packets of which IP fragments are missing"), self.fragments.lost + self.fragments.open()),
+            (String::from("packets of other traffic"), skipped.other),
+            (String::from("packets without data"), skipped.without_data),
+            (
+                format!("packets on Modbus ports that are not Modbus, of {} connections", skipped.other_connections),
+                skipped.not_modbus,
+            ),
+            (String::from("encrypted packets (Modbus over TLS, port 802)"), skipped.encrypted),
+            (String::from("packets captured twice"), skipped.duplicates),
+            (String::from("packets that TCP sent again"), skipped.retransmissions),
+            (format!("packets of a link type that is not read{link}"), skipped.unknown_link),
+            (String::from("headers of the capturing program"), skipped.headers),
+            (String::from("bytes of streams that are not in the capture"), skipped.missing),
+            (String::from("packets cut short by the capture"), skipped.cut),
+            (String::from("packets of which IP fragments are missing"), self.fragments.lost + self.fragments.incomplete()),
             (String::from("IP fragments cut short by the capture"), self.fragments.cut),
             (String::from("damaged blocks of pcapng"), self.file.damaged_blocks),
         ];
@@ -216,28 +219,29 @@ impl Capture {
     }
 }
 
-fn line(
+/// Reads a packet of a serial line: an exported frame with its metadata, bytes of the line, or an exported Modbus/TCP frame.
+fn read_serial_packet(
     functions: &Functions,
     table: &mut Table,
     packet: &CapturedPacket<'_>,
-    left: &mut LeftOut,
+    skipped: &mut LeftOut,
     each: &mut dyn FnMut(Event<'_>),
 ) {
     let decoded = packet.by.own.as_ref().is_some_and(|port| port.recording.is_none());
-    if let Some(told) = decoded.then(|| serial::told(packet)).flatten() {
+    if let Some(metadata) = decoded.then(|| serial::exported_metadata(packet)).flatten() {
         let (interface, by) = (packet.interface, packet.by);
-        each(Event::Told { interface, by, told, packet: packet.number, time: packet.time });
+        each(Event::Reimported { interface, by, metadata, packet: packet.number, time: packet.time });
         return;
     }
     match serial::read(packet) {
         Serial::Line(content) => {
-            left.headers += u64::from(content.header);
-            left.cut += u64::from(packet.length > packet.data.len());
+            skipped.headers += u64::from(content.header);
+            skipped.cut += u64::from(packet.length > packet.data.len());
             let (interface, by) = (packet.interface, packet.by);
             let errors = if by.own.is_some() { own::errors(packet.options) } else { Vec::new() };
             each(Event::Line { interface, by, content, errors, packet: packet.number, time: packet.time });
         }
-        Serial::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), left, each),
-        Serial::Nothing => left.other += 1,
+        Serial::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), skipped, each),
+        Serial::Nothing => skipped.other += 1,
     }
 }

@@ -1,73 +1,75 @@
-//! Captures of serial lines: link types 147 (bare frames), 250 (RTAC serial) and 252 (Wireshark's exported PDUs).
+//! Reads captured packets of serial lines: link types 147 (plain RTU frames), 250 (RTAC serial) and 252 (Wireshark's
+//! exported PDUs).
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use crate::chunk::Side;
 use crate::pcap::file::CapturedPacket;
 use crate::pcap::net::{Endpoint, Segment};
-use crate::pcap::own::{self, Told};
+use crate::pcap::own::{self, PacketMetadata};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::mbap::HEADER as MBAP;
 
-/// USER0: by agreement, bare RTU frames.
+/// `LINKTYPE_USER0`, which by convention holds plain RTU frames.
 const USER0: u16 = 147;
-/// RTAC serial: reads with a header that says who sent and what the receiver marked.
+/// `LINKTYPE_RTAC_SERIAL`: reads with a header that states the sender and errors of the receiver.
 const RTAC: u16 = 250;
-/// Exported PDUs: tags that name a dissector, then its bytes.
-const UPPER_PDU: u16 = 252;
+/// `LINKTYPE_WIRESHARK_UPPER_PDU`: tags that name a dissector, followed by the bytes for it.
+const WIRESHARK_UPPER_PDU: u16 = 252;
 
-/// Bytes of the RTAC header.
-const RTAC_HEADER: usize = 12;
+/// The length of the RTAC header.
+const RTAC_HEADER_BYTES: usize = 12;
 
-/// The port that stands for the slaves in exported serial frames.
-const SLAVES: u32 = 502;
+/// The port that stands for the slaves in exported frames of a serial line.
+const SLAVE_PORT: u32 = 502;
 
 /// What a packet of a serial line holds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Content<'a> {
-    /// The bytes of the line.
+    /// The bytes that were on the line.
     pub bytes: &'a [u8],
-    /// Who sent them: the side that asks has sent.
+    /// Who sent them: the master counts as the logging side, so requests were sent and responses received.
     pub side: Option<Side>,
-    /// The packet is a frame of its own.
+    /// The packet is a whole frame.
     pub record: bool,
-    /// The receiver marked an error.
+    /// The receiver reported a parity, framing or break error.
     pub line_error: bool,
-    /// Bytes were lost before.
+    /// Bytes were lost before these.
     pub hole: bool,
-    /// The frame stands here without its checksum.
+    /// The frame was captured without its checksum.
     pub no_checksum: bool,
-    /// Bytes in front that are not of the line: a header of the program that captured.
+    /// A header of the capturing program was removed from in front of the bytes.
     pub header: bool,
 }
 
-/// What the packet of a serial link type is.
+/// What a packet of a serial link type holds.
 #[derive(Debug)]
 pub enum Serial<'a> {
-    /// Bytes of a line.
+    /// Bytes of a serial line.
     Line(Content<'a>),
-    /// Modbus/TCP that was exported without its packets.
+    /// A frame of Modbus/TCP that was exported without the headers of its packet.
     Network(Segment<'a>),
-    /// Neither.
+    /// Nothing that can be decoded.
     Nothing,
 }
 
-/// Whether packets of this link type are read here.
-pub fn knows(link: u16) -> bool {
-    matches!(link, USER0 | RTAC | UPPER_PDU)
+/// Whether packets of this link type come from a serial line and can be parsed here.
+pub fn is_known_link(link: u16) -> bool {
+    matches!(link, USER0 | RTAC | WIRESHARK_UPPER_PDU)
 }
 
-/// Reads a packet.
+/// Parses a packet of one of the known link types.
 pub fn read<'a>(packet: &CapturedPacket<'a>) -> Serial<'a> {
     let found = match packet.by.link {
-        USER0 => Serial::Line(bare(packet.data)),
-        RTAC => rtac(packet.data),
-        _ => exported(packet.data),
+        USER0 => Serial::Line(plain_frame(packet.data)),
+        RTAC => rtac_read(packet.data),
+        _ => exported_pdu(packet.data),
     };
-    let flags = flags(packet);
+    let flags = packet_flags(packet);
     match found {
         Serial::Line(content) => Serial::Line(Content {
-            // Bits 28 to 31 are errors of the receiver: unaligned, start and preamble, symbol.
+            // Bits 28 to 31 of `epb_flags` are errors of the receiver: unaligned frame, wrong start delimiter, preamble
+            // error, symbol error.
             line_error: content.line_error || flags >> 28 != 0,
             side: content.side.or(match flags & 3 {
                 1 => Some(Side::Received),
@@ -80,42 +82,45 @@ pub fn read<'a>(packet: &CapturedPacket<'a>) -> Serial<'a> {
     }
 }
 
-/// The frame of an exported PDU as modlens has told it; `None` where it has not.
-pub fn told<'a>(packet: &CapturedPacket<'a>) -> Option<Told<'a>> {
-    let (tags, pdu) = tags(packet.data).filter(|_| packet.by.link == UPPER_PDU)?;
-    let bytes = if tags.dissector == b"mbudp" { wrapped(pdu)?.0 } else { pdu };
-    own::told(packet.options, bytes)
+/// The frame that modlens itself has exported in this packet, with its metadata; `None` for packets of other programs.
+pub fn exported_metadata<'a>(packet: &CapturedPacket<'a>) -> Option<PacketMetadata<'a>> {
+    let (tags, pdu) = parse_tags(packet.data).filter(|_| packet.by.link == WIRESHARK_UPPER_PDU)?;
+    let bytes = if tags.dissector == b"mbudp" { unwrap_udp_export(pdu)?.0 } else { pdu };
+    own::packet_metadata(packet.options, bytes)
 }
 
-/// What pcapng says of a packet, in the order of the machine that wrote it (option `epb_flags`).
-fn flags(packet: &CapturedPacket<'_>) -> u32 {
+/// The value of the pcapng option `epb_flags`, which is in the byte order of the section; 0 where it is missing.
+fn packet_flags(packet: &CapturedPacket<'_>) -> u32 {
     let option = packet.options.iter().find(|option| option.code.0 == 2);
     let bytes = option.and_then(|option| option.as_bytes().ok()?.first_chunk().copied());
     bytes.map_or(0, if packet.big_endian { u32::from_be_bytes } else { u32::from_le_bytes })
 }
 
-/// A frame; one program puts a header of four bytes in front, which the checksum tells.
-fn bare(data: &[u8]) -> Content<'_> {
+/// A plain RTU frame. One capturing program puts a header of four bytes in front: if the CRC is valid only without them,
+/// they are removed.
+fn plain_frame(data: &[u8]) -> Content<'_> {
     let header = !crc_valid(data) && data.get(4..).is_some_and(crc_valid);
     let bytes = if header { &data[4..] } else { data };
     Content { bytes, record: true, header, ..Content::default() }
 }
 
-fn rtac(data: &[u8]) -> Serial<'_> {
-    let Some((header, bytes)) = data.split_at_checked(RTAC_HEADER) else { return Serial::Nothing };
+/// A read with the RTAC header, whose event type is in its ninth byte: data sent or received, lost data, receiver errors,
+/// or a change of modem lines.
+fn rtac_read(data: &[u8]) -> Serial<'_> {
+    let Some((header, bytes)) = data.split_at_checked(RTAC_HEADER_BYTES) else { return Serial::Nothing };
     let content = Content { bytes, ..Content::default() };
     Serial::Line(match header[8] {
         1 | 3 => Content { side: Some(Side::Sent), ..content },
         2 | 4 => Content { side: Some(Side::Received), ..content },
         5 | 6 => Content { hole: true, ..content },
         7..=10 => Content { line_error: true, ..content },
-        // Modem lines that changed.
+        // A change of modem lines carries no data.
         _ if bytes.is_empty() => return Serial::Nothing,
         _ => content,
     })
 }
 
-/// The tags of an exported PDU that matter here.
+/// The tags of an exported PDU that are needed.
 #[derive(Default)]
 struct Tags<'a> {
     dissector: &'a [u8],
@@ -123,8 +128,9 @@ struct Tags<'a> {
     ports: [Option<u32>; 2],
 }
 
-/// Tags are two bytes of number, two of length, the value; what is behind tag 0 is the PDU.
-fn tags(mut data: &[u8]) -> Option<(Tags<'_>, &[u8])> {
+/// Parses the tags of an exported PDU, each of which is a 2-byte number, a 2-byte length and a value. The PDU stands behind
+/// tag 0 and is returned beside them.
+fn parse_tags(mut data: &[u8]) -> Option<(Tags<'_>, &[u8])> {
     let mut tags = Tags::default();
     loop {
         let tag = u16::from_be_bytes(*data.first_chunk()?);
@@ -147,17 +153,18 @@ fn tags(mut data: &[u8]) -> Option<(Tags<'_>, &[u8])> {
     }
 }
 
-fn exported(data: &[u8]) -> Serial<'_> {
-    let Some((tags, pdu)) = tags(data) else { return Serial::Nothing };
+/// Reads an exported PDU, for which the name of the dissector tells the framing.
+fn exported_pdu(data: &[u8]) -> Serial<'_> {
+    let Some((tags, pdu)) = parse_tags(data) else { return Serial::Nothing };
     let side = match tags.ports {
-        [_, Some(SLAVES)] => Some(Side::Sent),
-        [Some(SLAVES), _] => Some(Side::Received),
+        [_, Some(SLAVE_PORT)] => Some(Side::Sent),
+        [Some(SLAVE_PORT), _] => Some(Side::Received),
         _ => None,
     };
     let content = Content { side, record: true, ..Content::default() };
     match tags.dissector {
         b"mbrtu" | b"data" | b"data-text-lines" => Serial::Line(Content { bytes: pdu, ..content }),
-        b"mbudp" => match wrapped(pdu) {
+        b"mbudp" => match unwrap_udp_export(pdu) {
             Some((bytes, no_checksum)) => Serial::Line(Content { bytes, no_checksum, ..content }),
             None => Serial::Nothing,
         },
@@ -172,14 +179,16 @@ fn exported(data: &[u8]) -> Serial<'_> {
     }
 }
 
-/// The frame behind the MBAP header that stands for it: with its CRC, as the text of an ASCII frame, or without checksum.
-fn wrapped(pdu: &[u8]) -> Option<(&[u8], bool)> {
+/// Unwraps a frame that was exported as Modbus/UDP: an MBAP header and the unit and PDU, followed by what the frame had
+/// beside them. That is the CRC of an RTU frame, the whole text of an ASCII frame, or nothing. Returns the bytes of the
+/// frame and whether they lack a checksum.
+fn unwrap_udp_export(pdu: &[u8]) -> Option<(&[u8], bool)> {
     let announced = usize::from(u16::from_be_bytes(*pdu.get(4..)?.first_chunk()?));
     let adu = pdu.get(MBAP..)?;
-    let behind = adu.get(announced..)?;
-    Some(match behind {
-        // Two bytes are a CRC, whichever they are.
-        [b':', _, _, ..] => (behind, false),
+    let trailer = adu.get(announced..)?;
+    Some(match trailer {
+        // Text of an ASCII frame has more than two bytes, so that a CRC that begins with a colon is not taken for it.
+        [b':', _, _, ..] => (trailer, false),
         [] => (adu, true),
         _ => (adu, false),
     })

@@ -1,84 +1,87 @@
-//! The two byte streams of a TCP connection, in order and once, with what is missing said.
+//! Reassembles the two byte streams of a TCP connection: in order, without duplicates, and with missing bytes counted.
 //!
-//! A segment is handed on when its direction is complete up to it, and when everything that its sender had seen of the
-//! other direction (the acknowledgement) has been handed on: so answers never come before their questions, however the
-//! capture has mixed them up. What does not come within limits is given up as missing.
+//! A segment is delivered once its own direction is complete up to it and everything that its sender has acknowledged of
+//! the other direction has been delivered. So a response never comes before its request, however the capture has mixed the
+//! packets. Bytes that do not arrive within limits are given up and counted as missing.
 
 use crate::pcap::net::Tcp;
 use modlens_protocol::Ns;
 
-/// So many segments may wait for one that is missing.
-const MOST_WAITING: usize = 64;
+/// The most segments that wait for a missing one.
+const MAX_WAITING_SEGMENTS: usize = 64;
 
-/// So many bytes may wait.
-const MOST_BYTES: usize = 64 << 10;
+/// The most bytes that wait for a missing segment.
+const MAX_WAITING_BYTES: usize = 64 << 10;
 
-/// So long a retransmission may take.
-const LONGEST_WAIT: Ns = 5_000_000_000;
+/// A segment waits so long for a retransmission of a missing one.
+const MAX_WAIT_NS: Ns = 5_000_000_000;
 
-/// A segment this far from where its direction stands is of another connection.
-const FAR: i32 = 1 << 24;
+/// A sequence number this far from the expected one belongs to another connection between the same ports.
+const MAX_SEQUENCE_DISTANCE: i32 = 1 << 24;
 
-/// Without identification in the IP header, a packet is told from a retransmission by time: no sender is so quick.
-const AT_ONCE: Ns = 2_000_000;
+/// Where the IP header has no identification, a segment that is repeated within this time was captured twice: no sender
+/// retransmits so quickly.
+const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
 
-/// A side of which so many runs of bytes are missing one after the other is not in the capture.
-const DEAF_AFTER: u8 = 3;
+/// After so many runs of missing bytes without any data between them, a side counts as not captured, and its sequence
+/// numbers are no longer waited for.
+const MAX_LOSSES_WITHOUT_DATA: u8 = 3;
 
-/// Segments remembered to know them again.
-const RECENT: usize = 8;
+/// How many segments of a side are remembered to recognise duplicates.
+const RECENT_SEGMENTS: usize = 8;
 
-/// What came of a segment.
+/// What `Stream::take` has done with a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Its bytes were handed on or wait.
+    /// It brought new bytes, which were delivered or wait for others.
     New,
-    /// It has none.
+    /// It has no payload.
     Empty,
-    /// The capture has it twice.
-    Twice,
-    /// Its sender sent it again.
-    Again,
-    /// It cannot be of this connection.
-    Foreign,
+    /// The same packet was captured twice.
+    Duplicate,
+    /// Its sender has transmitted the bytes again.
+    Retransmission,
+    /// Its sequence number is too far away: it belongs to another connection between the same ports.
+    OtherConnection,
 }
 
-/// Bytes in order.
+/// Bytes of one direction, delivered in order.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece<'a> {
     /// Who sent them: 0 or 1.
     pub side: usize,
     /// The bytes.
     pub bytes: &'a [u8],
-    /// The packet they came in.
+    /// Number of the packet that they came in.
     pub packet: u64,
-    /// When it was captured.
+    /// When the packet was captured.
     pub time: Option<Ns>,
-    /// So many bytes are missing before them.
+    /// How many bytes are missing before them.
     pub missing: u32,
-    /// Some of this packet's bytes were cut off by the capture.
+    /// The capture kept only a part of the packet.
     pub cut: bool,
 }
 
-/// A segment, as far as it matters here.
+/// A captured segment, as input of the reassembly.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival<'a> {
     /// Who sent it: 0 or 1.
     pub side: usize,
-    /// TCP's part.
+    /// Fields of the TCP header.
     pub tcp: Tcp,
-    /// What was kept of its payload.
+    /// The payload, as far as the capture kept it.
     pub payload: &'a [u8],
-    /// The payload's length on the wire.
+    /// The length of the payload on the wire.
     pub length: usize,
-    /// IPv4's identification.
+    /// Identification in the IPv4 header.
     pub ident: Option<u16>,
-    /// Packet number.
+    /// Number of the packet.
     pub packet: u64,
-    /// When.
+    /// When it was captured.
     pub time: Option<Ns>,
 }
 
+/// What a segment is recognised by when it comes again.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fingerprint {
     start: u32,
@@ -87,19 +90,24 @@ struct Fingerprint {
     time: Option<Ns>,
 }
 
+/// One direction of a connection.
 #[derive(Debug, Default)]
-struct Side {
-    /// Number of the next byte.
+struct StreamDirection {
+    /// Sequence number of the next byte; `None` until the first segment, and where the side is not captured.
     next: Option<u32>,
-    /// It has said that it ends, behind this byte.
+    /// Sequence number behind the last byte, once a FIN has announced it.
     end: Option<u32>,
+    /// Missing bytes that are still to be reported with the next ones delivered.
     missing: u32,
-    /// Runs of missing bytes since the last byte that came.
-    silent_losses: u8,
-    recent: [Fingerprint; RECENT],
-    newest: usize,
+    /// Runs of missing bytes since the last data.
+    losses_without_data: u8,
+    /// A ring of the last segments.
+    recent: [Fingerprint; RECENT_SEGMENTS],
+    /// Index in `recent` of the next one to be replaced.
+    oldest: usize,
 }
 
+/// A segment that waits for bytes before it.
 #[derive(Debug)]
 struct Waiting {
     side: usize,
@@ -114,42 +122,43 @@ struct Waiting {
 /// Both directions of a connection.
 #[derive(Debug, Default)]
 pub struct Stream {
-    sides: [Side; 2],
+    sides: [StreamDirection; 2],
     waiting: Vec<Waiting>,
-    bytes: usize,
+    /// The number of bytes in `waiting`.
+    waiting_bytes: usize,
 }
 
-/// How far `a` is ahead of `b` in sequence space.
+/// How far the sequence number `a` is ahead of `b`, modulo 2^32 (RFC 9293, 3.4).
 fn ahead(a: u32, b: u32) -> i32 {
     a.wrapping_sub(b) as i32
 }
 
 impl Stream {
-    /// Takes a segment; `each` gets what is in order now.
+    /// Takes a segment; `each` is called with all bytes that are in order now.
     pub fn take(&mut self, it: &Arrival<'_>, each: &mut dyn FnMut(Piece<'_>)) -> Outcome {
         let side = &mut self.sides[it.side];
-        let start = it.tcp.sequence.wrapping_add(u32::from(it.tcp.opens));
+        let start = it.tcp.sequence.wrapping_add(u32::from(it.tcp.syn));
         let next = *side.next.get_or_insert(start);
-        let early = ahead(start, next);
-        if early.abs() > FAR {
-            return Outcome::Foreign;
+        let distance = ahead(start, next);
+        if distance.abs() > MAX_SEQUENCE_DISTANCE {
+            return Outcome::OtherConnection;
         }
-        if it.tcp.ends {
+        if it.tcp.fin {
             side.end = Some(start.wrapping_add(it.length as u32));
         }
         let mut outcome = Outcome::Empty;
         if it.length > 0 {
-            outcome = side.known(it, start);
+            outcome = side.check_and_remember(it, start);
             if outcome == Outcome::New && ahead(start.wrapping_add(it.length as u32), next) <= 0 {
-                // A byte before the next one, alone, asks whether the other side is still there.
-                outcome = if it.length == 1 && early == -1 { Outcome::Empty } else { Outcome::Again };
+                // A single byte before the expected one is a keep-alive probe (RFC 9293, 3.8.4).
+                outcome = if it.length == 1 && distance == -1 { Outcome::Empty } else { Outcome::Retransmission };
             }
         }
         if outcome == Outcome::New {
-            if self.waiting.is_empty() && early <= 0 && !self.blocked(it.side, it.tcp.acknowledged) {
+            if self.waiting.is_empty() && distance <= 0 && !self.is_blocked(it.side, it.tcp.acknowledged) {
                 self.deliver(it.side, start, it.payload, it.length, (it.packet, it.time), each);
             } else {
-                self.bytes += it.payload.len();
+                self.waiting_bytes += it.payload.len();
                 self.waiting.push(Waiting {
                     side: it.side,
                     start,
@@ -162,34 +171,37 @@ impl Stream {
             }
         }
         if !self.waiting.is_empty() {
-            self.settle(it.time, each);
+            self.deliver_or_give_up(it.time, each);
         }
         outcome
     }
 
-    /// Nothing more comes: hands on what waits.
+    /// Delivers what waits, because no further segment comes.
     pub fn finish(&mut self, each: &mut dyn FnMut(Piece<'_>)) {
         while !self.waiting.is_empty() {
             self.give_up();
-            self.in_order(each);
+            self.deliver_in_order(each);
         }
     }
 
-    /// Whether both directions have come to their end.
+    /// Whether both directions have been delivered up to their FIN.
     pub fn ended(&self) -> bool {
         self.waiting.is_empty() && self.sides.iter().all(|side| side.end.is_some() && side.end == side.next)
     }
 
-    /// Whether the sender had seen bytes of the other side that have not come yet.
-    fn blocked(&self, side: usize, acknowledged: Option<u32>) -> bool {
+    /// Whether the sender of a segment has acknowledged bytes of the other side that have not been delivered yet.
+    fn is_blocked(&self, side: usize, acknowledged: Option<u32>) -> bool {
         let other = &self.sides[1 - side];
         match (acknowledged, other.next) {
-            // The end of a direction counts as a byte.
-            (Some(seen), Some(next)) => (u32::from(other.end.is_some()) as i32) < ahead(seen, next) && ahead(seen, next) <= FAR,
+            // A FIN takes up one sequence number.
+            (Some(seen), Some(next)) => {
+                (u32::from(other.end.is_some()) as i32) < ahead(seen, next) && ahead(seen, next) <= MAX_SEQUENCE_DISTANCE
+            }
             _ => false,
         }
     }
 
+    /// Delivers those bytes of a segment that are new, and moves its direction on behind it.
     fn deliver(
         &mut self,
         side: usize,
@@ -199,107 +211,113 @@ impl Stream {
         (packet, time): (u64, Option<Ns>),
         each: &mut dyn FnMut(Piece<'_>),
     ) {
-        let half = &mut self.sides[side];
-        let next = half.next.unwrap_or(start);
+        let direction = &mut self.sides[side];
+        let next = direction.next.unwrap_or(start);
         let old = ahead(next, start).max(0) as usize;
         if old >= length {
             return;
         }
         let fresh = bytes.get(old..).unwrap_or(&[]);
         let cut = length.saturating_sub(bytes.len());
-        half.next = Some(start.wrapping_add(length as u32));
-        half.silent_losses = 0;
-        let missing = std::mem::take(&mut half.missing);
-        half.missing = cut.min(length - old) as u32;
+        direction.next = Some(start.wrapping_add(length as u32));
+        direction.losses_without_data = 0;
+        let missing = std::mem::take(&mut direction.missing);
+        direction.missing = cut.min(length - old) as u32;
         if fresh.is_empty() {
-            half.missing += missing;
+            direction.missing += missing;
         } else {
             each(Piece { side, bytes: fresh, packet, time, missing, cut: cut > 0 });
         }
     }
 
-    fn settle(&mut self, now: Option<Ns>, each: &mut dyn FnMut(Piece<'_>)) {
-        self.in_order(each);
-        while self.waiting.len() > MOST_WAITING || self.bytes > MOST_BYTES || self.overdue(now) {
+    /// Delivers what is in order, and gives up missing bytes for which segments have waited too long.
+    fn deliver_or_give_up(&mut self, now: Option<Ns>, each: &mut dyn FnMut(Piece<'_>)) {
+        self.deliver_in_order(each);
+        while self.waiting.len() > MAX_WAITING_SEGMENTS || self.waiting_bytes > MAX_WAITING_BYTES || self.is_overdue(now) {
             self.give_up();
-            self.in_order(each);
+            self.deliver_in_order(each);
         }
     }
 
-    fn overdue(&self, now: Option<Ns>) -> bool {
+    /// Whether the oldest waiting segment has waited too long.
+    fn is_overdue(&self, now: Option<Ns>) -> bool {
         let oldest = self.waiting.first().and_then(|first| first.time);
-        oldest.zip(now).is_some_and(|(oldest, now)| now - oldest > LONGEST_WAIT)
+        oldest.zip(now).is_some_and(|(oldest, now)| now - oldest > MAX_WAIT_NS)
     }
 
-    /// Hands on what waits and can be handed on.
-    fn in_order(&mut self, each: &mut dyn FnMut(Piece<'_>)) {
+    /// Delivers all waiting segments that are in order now.
+    fn deliver_in_order(&mut self, each: &mut dyn FnMut(Piece<'_>)) {
         let ready = |stream: &Self, it: &Waiting| {
             let next = stream.sides[it.side].next.unwrap_or(it.start);
-            ahead(it.start, next) <= 0 && !stream.blocked(it.side, it.acknowledged)
+            ahead(it.start, next) <= 0 && !stream.is_blocked(it.side, it.acknowledged)
         };
         while let Some(at) = self.waiting.iter().position(|it| ready(self, it)) {
             let it = self.waiting.remove(at);
-            self.bytes -= it.bytes.len();
+            self.waiting_bytes -= it.bytes.len();
             self.deliver(it.side, it.start, &it.bytes, it.length, (it.packet, it.time), each);
         }
     }
 
-    /// Gives up bytes that the oldest waiting segment waits for.
+    /// Gives up the bytes that the oldest waiting segment waits for: bytes of its own direction, or bytes of the other one
+    /// that its sender has acknowledged.
     fn give_up(&mut self) {
         let Some(oldest) = self.waiting.first() else { return };
         let (side, acknowledged) = (oldest.side, oldest.acknowledged);
-        let lacks = |side: usize, stream: &Self| {
+        let first_gap_end = |side: usize, stream: &Self| {
             let starts = stream.waiting.iter().filter(|it| it.side == side).map(|it| it.start);
             let next = stream.sides[side].next?;
             starts.min_by_key(|&start| ahead(start, next)).filter(|&start| ahead(start, next) > 0)
         };
-        if let Some(start) = lacks(side, self) {
-            self.skip(side, start);
-        } else if let Some(start) = lacks(1 - side, self) {
-            self.skip(1 - side, start);
+        if let Some(start) = first_gap_end(side, self) {
+            self.skip_to(side, start);
+        } else if let Some(start) = first_gap_end(1 - side, self) {
+            self.skip_to(1 - side, start);
         } else if let Some(seen) = acknowledged {
-            self.skip(1 - side, seen);
+            self.skip_to(1 - side, seen);
             let other = &mut self.sides[1 - side];
-            other.silent_losses = other.silent_losses.saturating_add(1);
-            if other.silent_losses >= DEAF_AFTER {
+            other.losses_without_data = other.losses_without_data.saturating_add(1);
+            if other.losses_without_data >= MAX_LOSSES_WITHOUT_DATA {
                 other.next = None;
             }
         }
     }
 
-    fn skip(&mut self, side: usize, to: u32) {
-        let half = &mut self.sides[side];
-        if let Some(next) = half.next {
-            half.missing = half.missing.saturating_add(ahead(to, next).max(0) as u32);
+    /// Counts the bytes up to the sequence number `to` as missing.
+    fn skip_to(&mut self, side: usize, to: u32) {
+        let direction = &mut self.sides[side];
+        if let Some(next) = direction.next {
+            direction.missing = direction.missing.saturating_add(ahead(to, next).max(0) as u32);
         }
-        half.next = Some(to);
+        direction.next = Some(to);
     }
 }
 
-impl Side {
-    /// Whether this segment was here before; remembers it.
-    fn known(&mut self, it: &Arrival<'_>, start: u32) -> Outcome {
+impl StreamDirection {
+    /// Whether this segment is new, a duplicate of the capture or a retransmission; it is remembered for the next ones.
+    fn check_and_remember(&mut self, it: &Arrival<'_>, start: u32) -> Outcome {
         let this = Fingerprint { start, length: it.length as u32, ident: it.ident.filter(|&id| id != 0), time: it.time };
         let same = |old: &&Fingerprint| (old.start, old.length) == (this.start, this.length);
         let outcome = match self.recent.iter().rfind(same) {
             None => return self.remember(this),
             Some(old) if old.ident.is_some() || this.ident.is_some() => {
                 if self.recent.iter().filter(same).any(|old| old.ident == this.ident) {
-                    Outcome::Twice
+                    Outcome::Duplicate
                 } else {
-                    Outcome::Again
+                    Outcome::Retransmission
                 }
             }
-            Some(old) if old.time.zip(this.time).is_some_and(|(old, new)| (new - old).abs() < AT_ONCE) => Outcome::Twice,
-            Some(_) => Outcome::Again,
+            Some(old) if old.time.zip(this.time).is_some_and(|(old, new)| (new - old).abs() < MAX_DUPLICATE_DELAY_NS) => {
+                Outcome::Duplicate
+            }
+            Some(_) => Outcome::Retransmission,
         };
         self.remember(this);
         outcome
     }
 
     fn remember(&mut self, this: Fingerprint) -> Outcome {
-        self.recent[self.newest] = this;
-        self.newest = (self.newest + 1) % RECENT;
+        self.recent[self.oldest] = this;
+        self.oldest = (self.oldest + 1) % RECENT_SEGMENTS;
         Outcome::New
     }
 }

@@ -1,4 +1,5 @@
-//! The connections of a capture: who talks to whom, what it is, in what order.
+//! Keeps the connections of a capture: finds the connection of each segment, decides what it carries, and reports the
+//! bytes of Modbus connections in order.
 
 use std::collections::HashMap;
 
@@ -13,24 +14,24 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-/// Connections that are known at once. When there are more, the quarter that has been silent for longest is closed.
-const LIMIT: usize = 4096;
+/// The most connections that are kept. When there are more, the quarter that has been silent for longest is closed.
+const MAX_CONNECTIONS: usize = 4096;
 
-/// Where Modbus is looked for.
+/// The ports on which Modbus is expected.
 #[derive(Clone, Debug)]
 pub enum Ports {
-    /// Everywhere, by evidence.
+    /// Any port: only the bytes decide.
     Any,
-    /// On these.
+    /// These ports.
     Listed(Vec<u16>),
 }
 
-/// Modbus over TLS (MODBUS/TCP Security, 2.1).
-const SECURE: u16 = 802;
+/// The port of Modbus over TLS (MODBUS/TCP Security, 2.1).
+const MODBUS_SECURITY_PORT: u16 = 802;
 
 impl Default for Ports {
     fn default() -> Self {
-        // Registered for Modbus with IANA.
+        // The port that IANA has registered for Modbus.
         Self::Listed(vec![502])
     }
 }
@@ -41,148 +42,161 @@ impl Ports {
     }
 }
 
+/// Both ends of a connection, the lower one first, so that both directions have the same key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Key {
+struct ConnectionKey {
     low: Endpoint,
     high: Endpoint,
-    udp: bool,
+    is_udp: bool,
 }
 
+/// What is known about the content of a connection.
 #[derive(Debug)]
-enum State {
+enum ConversationState {
+    /// Not enough bytes yet, which are kept until the decision.
     Undecided(Vec<Held>),
+    /// It carries Modbus.
     Modbus,
+    /// It carries something else.
     Other,
-    /// Closed; what still comes are copies.
+    /// It was closed; segments that still come are normally duplicates.
     Over,
 }
 
-/// The last datagrams, to know copies again: identification, bytes, time.
+/// A datagram that is remembered to recognise duplicates: the side that sent it, IP identification, payload, time.
 type Datagram = (usize, Option<u16>, Vec<u8>, Option<Ns>);
 
+/// Segments and datagrams between two ends. It may hold several TCP connections one after the other.
 #[derive(Debug)]
 struct Connection {
     stream: Stream,
     datagrams: Vec<Datagram>,
-    /// Who sent the first SYN, and its number.
+    /// The side that sent the SYN which opened the connection, and its sequence number.
     opened: Option<(usize, u32)>,
+    /// Packets so far.
     packets: u64,
-    last: u64,
-    talk: Talk,
+    /// Number of the last packet.
+    last_packet: u64,
+    conversation: Conversation,
 }
 
-/// What is said on a connection.
+/// The content of a connection, once its segments are in order.
 #[derive(Debug)]
-struct Talk {
+struct Conversation {
     slot: usize,
-    key: Key,
+    key: ConnectionKey,
+    /// The side of the client: 0 for the lower end of the key, 1 for the higher one.
     client: usize,
+    /// One of the ports is listed as a port of Modbus.
     is_known_port: bool,
-    /// The opening was captured: it says who asks.
-    seen_opening: bool,
-    state: State,
-    told_twice: bool,
-    heard: [bool; 2],
+    /// The SYN was captured, which shows who the client is.
+    has_seen_opening: bool,
+    state: ConversationState,
+    /// A finding about duplicates has been reported; further ones are only counted.
+    has_reported_duplicates: bool,
+    /// Whether anything of each side was captured.
+    side_recorded: [bool; 2],
 }
 
-/// What a talk needs of its surroundings.
-struct Around<'a, 'b> {
+/// What a conversation reads from and reports to.
+struct CaptureContext<'a, 'b> {
     functions: &'a Functions,
-    left: &'a mut LeftOut,
+    skipped: &'a mut LeftOut,
     each: &'a mut (dyn FnMut(Event<'_>) + 'b),
 }
 
-/// All connections.
+/// All connections of a capture.
 #[derive(Debug, Default)]
 pub struct Table {
     ports: Ports,
-    index: HashMap<Key, usize, RandomState>,
+    index: HashMap<ConnectionKey, usize, RandomState>,
     slots: Vec<Option<Connection>>,
     free: Vec<usize>,
-    /// Where the last packet belonged: the next one mostly does, too.
-    latest: Option<(Key, usize)>,
+    /// The connection of the last packet, which is mostly that of the next one, too.
+    latest: Option<(ConnectionKey, usize)>,
 }
 
-/// Datagrams remembered of a pair of hosts.
-const REMEMBERED: usize = 8;
+/// How many datagrams of a connection are remembered to recognise duplicates.
+const REMEMBERED_DATAGRAMS: usize = 8;
 
-/// A datagram with the same bytes and no identification is a copy if it comes within this time.
-const AT_ONCE: Ns = 2_000_000;
+/// A datagram without IP identification that repeats another one within this time was captured twice.
+const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
 
 impl Table {
-    /// A table that looks at these ports.
+    /// A table of connections that expects Modbus on these ports.
     pub fn new(ports: Ports) -> Self {
         Self { ports, ..Self::default() }
     }
 
-    /// Takes the segment or datagram of a packet.
+    /// Takes a segment or datagram with the number and time of its packet; `each` is called with what becomes known.
     pub fn take(
         &mut self,
         functions: &Functions,
         it: &Segment<'_>,
         (packet, time): (u64, Option<Ns>),
-        left: &mut LeftOut,
+        skipped: &mut LeftOut,
         each: &mut dyn FnMut(Event<'_>),
     ) {
         let listed = [self.ports.listed(it.from.port), self.ports.listed(it.to.port)];
         if listed == [false; 2] && !matches!(self.ports, Ports::Any) {
-            let secure = it.tcp.is_some() && (it.from.port == SECURE || it.to.port == SECURE);
-            *(if secure { &mut left.encrypted } else { &mut left.other }) += 1;
+            let secure = it.tcp.is_some() && (it.from.port == MODBUS_SECURITY_PORT || it.to.port == MODBUS_SECURITY_PORT);
+            *(if secure { &mut skipped.encrypted } else { &mut skipped.other }) += 1;
             return;
         }
-        let around = &mut Around { functions, left, each };
+        let context = &mut CaptureContext { functions, skipped, each };
         let side = usize::from(it.from > it.to);
         let ends = if side == 0 { [it.from, it.to] } else { [it.to, it.from] };
-        let key = Key { low: ends[0], high: ends[1], udp: it.tcp.is_none() };
-        let at = self.connection(key, side, listed, around);
+        let key = ConnectionKey { low: ends[0], high: ends[1], is_udp: it.tcp.is_none() };
+        let at = self.connection(key, side, listed, context);
         let connection = self.slots[at].as_mut().expect("indexed");
-        if let Some(tcp) = it.tcp.filter(|tcp| tcp.opens && tcp.acknowledged.is_none()) {
-            connection.opening(side, tcp.sequence, listed, around);
+        if let Some(tcp) = it.tcp.filter(|tcp| tcp.syn && tcp.acknowledged.is_none()) {
+            connection.opening(side, tcp.sequence, listed, context);
         }
-        connection.last = packet;
+        connection.last_packet = packet;
         connection.packets += 1;
-        connection.talk.heard[side] = true;
+        connection.conversation.side_recorded[side] = true;
         if it.length == 0 {
-            around.left.without_data += 1;
+            context.skipped.without_data += 1;
         }
         match it.tcp {
             Some(tcp) => {
                 let (payload, length, ident) = (it.payload, it.length, it.ident);
-                connection.segment(&Arrival { side, tcp, payload, length, ident, packet, time }, around);
+                connection.segment(&Arrival { side, tcp, payload, length, ident, packet, time }, context);
             }
-            None if it.length > 0 => connection.datagram(it, side, (packet, time), around),
+            None if it.length > 0 => connection.datagram(it, side, (packet, time), context),
             None => {}
         }
     }
 
-    /// The capture is over.
-    pub fn finish(&mut self, functions: &Functions, left: &mut LeftOut, each: &mut dyn FnMut(Event<'_>)) {
-        let around = &mut Around { functions, left, each };
+    /// Ends all connections, because the capture has ended.
+    pub fn finish(&mut self, functions: &Functions, skipped: &mut LeftOut, each: &mut dyn FnMut(Event<'_>)) {
+        let context = &mut CaptureContext { functions, skipped, each };
         let mut open: Vec<usize> = self.index.values().copied().collect();
         open.sort_unstable();
         for at in open {
-            self.close(at, around);
+            self.close(at, context);
         }
     }
 
-    /// The slot of a connection, made where it is new.
-    fn connection(&mut self, key: Key, side: usize, listed: [bool; 2], around: &mut Around<'_, '_>) -> usize {
+    /// The slot of a connection; a new connection gets a free one.
+    fn connection(&mut self, key: ConnectionKey, side: usize, listed: [bool; 2], context: &mut CaptureContext<'_, '_>) -> usize {
         if let Some((_, at)) = self.latest.filter(|(latest, _)| *latest == key) {
             return at;
         }
         let at = if let Some(&at) = self.index.get(&key) {
             at
         } else {
-            if self.index.len() >= LIMIT {
-                self.make_room(around);
+            if self.index.len() >= MAX_CONNECTIONS {
+                self.make_room(context);
             }
             let at = self.free.pop().unwrap_or_else(|| {
                 self.slots.push(None);
                 self.slots.len() - 1
             });
-            // The port says who serves; where both or none are listed, the first packet's sender asks.
+            // The listed port is that of the server. If both or none are listed, the sender of the first packet counts as
+            // the client.
             let client = if listed == [true, false] { 1 - side } else { side };
-            self.slots[at] = Some(Connection::new(Talk::new(at, key, client, listed != [false; 2])));
+            self.slots[at] = Some(Connection::new(Conversation::new(at, key, client, listed != [false; 2])));
             self.index.insert(key, at);
             at
         };
@@ -190,19 +204,21 @@ impl Table {
         at
     }
 
-    fn make_room(&mut self, around: &mut Around<'_, '_>) {
+    /// Closes the quarter of the connections that have been silent for longest.
+    fn make_room(&mut self, context: &mut CaptureContext<'_, '_>) {
         let mut ages: Vec<(u64, usize)> =
-            self.index.values().filter_map(|&at| Some((self.slots[at].as_ref()?.last, at))).collect();
+            self.index.values().filter_map(|&at| Some((self.slots[at].as_ref()?.last_packet, at))).collect();
         ages.sort_unstable();
-        for (_, at) in ages.into_iter().take(LIMIT / 4) {
-            self.close(at, around);
+        for (_, at) in ages.into_iter().take(MAX_CONNECTIONS / 4) {
+            self.close(at, context);
         }
     }
 
-    fn close(&mut self, at: usize, around: &mut Around<'_, '_>) {
+    /// Ends a connection and frees its slot.
+    fn close(&mut self, at: usize, context: &mut CaptureContext<'_, '_>) {
         if let Some(mut connection) = self.slots[at].take() {
-            connection.end(around);
-            self.index.remove(&connection.talk.key);
+            connection.end(context);
+            self.index.remove(&connection.conversation.key);
             self.free.push(at);
             self.latest = None;
         }
@@ -210,115 +226,127 @@ impl Table {
 }
 
 impl Connection {
-    fn new(talk: Talk) -> Self {
-        Self { stream: Stream::default(), datagrams: Vec::new(), opened: None, packets: 0, last: 0, talk }
+    fn new(conversation: Conversation) -> Self {
+        Self { stream: Stream::default(), datagrams: Vec::new(), opened: None, packets: 0, last_packet: 0, conversation }
     }
 
-    /// A SYN: the beginning, or that of another connection between the same ports.
-    fn opening(&mut self, side: usize, sequence: u32, listed: [bool; 2], around: &mut Around<'_, '_>) {
-        let again = self.opened == Some((side, sequence));
-        if !again && self.packets > 0 {
-            self.restart(around);
+    /// Handles a SYN, which opens the connection, or a new one between the same ports. Its sender is the client, unless
+    /// only the other side has a listed port.
+    fn opening(&mut self, side: usize, sequence: u32, listed: [bool; 2], context: &mut CaptureContext<'_, '_>) {
+        let is_repeated = self.opened == Some((side, sequence));
+        if !is_repeated && self.packets > 0 {
+            self.restart(context);
         }
         self.opened = Some((side, sequence));
-        self.talk.seen_opening = true;
-        if !self.talk.is_known_port || listed == [true; 2] {
-            self.talk.client = side;
+        self.conversation.has_seen_opening = true;
+        if !self.conversation.is_known_port || listed == [true; 2] {
+            self.conversation.client = side;
         }
     }
 
-    fn segment(&mut self, arrival: &Arrival<'_>, around: &mut Around<'_, '_>) {
-        let talk = &mut self.talk;
-        let mut outcome = self.stream.take(arrival, &mut |piece| talk.piece(piece, around));
-        if outcome == Outcome::Foreign {
-            self.restart(around);
-            let talk = &mut self.talk;
-            outcome = self.stream.take(arrival, &mut |piece| talk.piece(piece, around));
+    /// Takes a TCP segment.
+    fn segment(&mut self, arrival: &Arrival<'_>, context: &mut CaptureContext<'_, '_>) {
+        let conversation = &mut self.conversation;
+        let mut outcome = self.stream.take(arrival, &mut |piece| conversation.take_bytes(piece, context));
+        if outcome == Outcome::OtherConnection {
+            self.restart(context);
+            let conversation = &mut self.conversation;
+            outcome = self.stream.take(arrival, &mut |piece| conversation.take_bytes(piece, context));
         }
-        self.talk.copies(outcome, arrival.packet, arrival.time, around);
-        if arrival.tcp.resets || self.stream.ended() {
-            self.end(around);
+        self.conversation.note_repetition(outcome, arrival.packet, arrival.time, context);
+        if arrival.tcp.rst || self.stream.ended() {
+            self.end(context);
         }
     }
 
-    fn datagram(&mut self, it: &Segment<'_>, side: usize, (packet, time): (u64, Option<Ns>), around: &mut Around<'_, '_>) {
+    /// Takes a UDP datagram, unless it was captured twice.
+    fn datagram(
+        &mut self,
+        it: &Segment<'_>,
+        side: usize,
+        (packet, time): (u64, Option<Ns>),
+        context: &mut CaptureContext<'_, '_>,
+    ) {
         let ident = it.ident.filter(|&ident| ident != 0);
-        let copy = self.datagrams.iter().any(|(other, id, bytes, then)| {
-            let soon = || then.zip(time).is_some_and(|(then, now)| (now - then).abs() < AT_ONCE);
+        let is_duplicate = self.datagrams.iter().any(|(other, id, bytes, then)| {
+            let soon = || then.zip(time).is_some_and(|(then, now)| (now - then).abs() < MAX_DUPLICATE_DELAY_NS);
             *other == side && *id == ident && (ident.is_some() || soon()) && bytes == it.payload
         });
-        if copy {
-            return self.talk.copies(Outcome::Twice, packet, time, around);
+        if is_duplicate {
+            return self.conversation.note_repetition(Outcome::Duplicate, packet, time, context);
         }
-        if self.datagrams.len() == REMEMBERED {
+        if self.datagrams.len() == REMEMBERED_DATAGRAMS {
             self.datagrams.remove(0);
         }
         self.datagrams.push((side, ident, it.payload.to_vec(), time));
         let cut = it.payload.len() < it.length;
-        self.talk.piece(Piece { side, bytes: it.payload, packet, time, missing: 0, cut }, around);
+        self.conversation.take_bytes(Piece { side, bytes: it.payload, packet, time, missing: 0, cut }, context);
     }
 
-    /// Another connection begins between the same ports.
-    fn restart(&mut self, around: &mut Around<'_, '_>) {
-        self.end(around);
-        let old = &self.talk;
-        let talk = Talk::new(old.slot, old.key, old.client, old.is_known_port);
-        *self = Self { packets: self.packets, last: self.last, ..Self::new(talk) };
+    /// Ends the current connection, because another one begins between the same ports.
+    fn restart(&mut self, context: &mut CaptureContext<'_, '_>) {
+        self.end(context);
+        let old = &self.conversation;
+        let conversation = Conversation::new(old.slot, old.key, old.client, old.is_known_port);
+        *self = Self { packets: self.packets, last_packet: self.last_packet, ..Self::new(conversation) };
     }
 
-    /// It is over. It stays, to know what comes again.
-    fn end(&mut self, around: &mut Around<'_, '_>) {
-        let talk = &mut self.talk;
-        self.stream.finish(&mut |piece| talk.piece(piece, around));
-        self.talk.end(around);
+    /// Delivers what waits and ends the conversation. The connection stays in the table, so that duplicates of its last
+    /// segments are recognised.
+    fn end(&mut self, context: &mut CaptureContext<'_, '_>) {
+        let conversation = &mut self.conversation;
+        self.stream.finish(&mut |piece| conversation.take_bytes(piece, context));
+        self.conversation.end(context);
     }
 }
 
-impl Talk {
-    fn new(slot: usize, key: Key, client: usize, is_known_port: bool) -> Self {
+impl Conversation {
+    fn new(slot: usize, key: ConnectionKey, client: usize, is_known_port: bool) -> Self {
         Self {
             slot,
             key,
             client,
             is_known_port,
-            seen_opening: false,
-            state: State::Undecided(Vec::new()),
-            told_twice: false,
-            heard: [false; 2],
+            has_seen_opening: false,
+            state: ConversationState::Undecided(Vec::new()),
+            has_reported_duplicates: false,
+            side_recorded: [false; 2],
         }
     }
 
-    fn copies(&mut self, outcome: Outcome, packet: u64, time: Option<Ns>, around: &mut Around<'_, '_>) {
+    /// Counts a duplicate or a retransmission, and reports it as a finding of the connection.
+    fn note_repetition(&mut self, outcome: Outcome, packet: u64, time: Option<Ns>, context: &mut CaptureContext<'_, '_>) {
         let (finding, detail) = match outcome {
-            Outcome::Twice => {
-                around.left.twice += 1;
-                if std::mem::replace(&mut self.told_twice, true) {
+            Outcome::Duplicate => {
+                context.skipped.duplicates += 1;
+                if std::mem::replace(&mut self.has_reported_duplicates, true) {
                     return;
                 }
                 let detail = format!("packet {packet} is one of those before, captured again; further ones are counted");
                 (Finding::PacketTwice, detail)
             }
-            Outcome::Again => {
-                around.left.again += 1;
+            Outcome::Retransmission => {
+                context.skipped.retransmissions += 1;
                 (Finding::Retransmission, format!("packet {packet} repeats bytes that had come"))
             }
             _ => return,
         };
-        if matches!(self.state, State::Modbus) {
-            (around.each)(Event::Found { slot: self.slot, finding, detail, packet, time });
+        if matches!(self.state, ConversationState::Modbus) {
+            (context.each)(Event::Found { slot: self.slot, finding, detail, packet, time });
         }
     }
 
-    fn piece(&mut self, piece: Piece<'_>, around: &mut Around<'_, '_>) {
+    /// Takes bytes in order: they are delivered, counted as other traffic, or kept until the decision.
+    fn take_bytes(&mut self, piece: Piece<'_>, context: &mut CaptureContext<'_, '_>) {
         match self.state {
-            State::Modbus => self.deliver(piece, around),
-            State::Other => around.left.not_modbus += 1,
-            State::Undecided(_) | State::Over => {
-                // Bytes behind a reset or an end: the ports are used again, or the reset was meant for another.
-                if matches!(self.state, State::Over) {
-                    self.state = State::Undecided(Vec::new());
+            ConversationState::Modbus => self.deliver(piece, context),
+            ConversationState::Other => context.skipped.not_modbus += 1,
+            ConversationState::Undecided(_) | ConversationState::Over => {
+                // Bytes behind a RST or FIN mean that the ports are used again, or that the RST was for another connection.
+                if matches!(self.state, ConversationState::Over) {
+                    self.state = ConversationState::Undecided(Vec::new());
                 }
-                let State::Undecided(held) = &mut self.state else { return };
+                let ConversationState::Undecided(held) = &mut self.state else { return };
                 held.push(Held {
                     side: piece.side,
                     bytes: piece.bytes.to_vec(),
@@ -327,36 +355,38 @@ impl Talk {
                     missing: piece.missing,
                     cut: piece.cut,
                 });
-                self.decide(false, around);
+                self.decide(false, context);
             }
         }
     }
 
-    fn decide(&mut self, ended: bool, around: &mut Around<'_, '_>) {
-        let State::Undecided(held) = &mut self.state else { return };
-        let Some(found) = classify(around.functions, held, self.is_known_port, ended) else { return };
+    /// Decides what the connection carries, once its bytes show it, and delivers those that were kept for that.
+    fn decide(&mut self, ended: bool, context: &mut CaptureContext<'_, '_>) {
+        let ConversationState::Undecided(held) = &mut self.state else { return };
+        let Some(found) = classify(context.functions, held, self.is_known_port, ended) else { return };
         let held = std::mem::take(held);
-        let Found::Modbus(mode, asking) = found else {
-            around.left.not_modbus += held.len() as u64;
-            around.left.other_connections += u64::from(!held.is_empty());
-            self.state = State::Other;
+        let Found::Modbus(mode, client_side) = found else {
+            context.skipped.not_modbus += held.len() as u64;
+            context.skipped.other_connections += u64::from(!held.is_empty());
+            self.state = ConversationState::Other;
             return;
         };
-        // Serial devices behind TCP may dial in to their master: there the frames say who asks.
-        let doubtful = mode != Mode::Tcp || !(self.seen_opening || self.is_known_port);
-        if let Some(asking) = asking.filter(|_| doubtful) {
-            self.client = asking;
+        // A serial device behind TCP may connect to its master, so there only the frames show which side sends requests.
+        let is_client_doubtful = mode != Mode::Tcp || !(self.has_seen_opening || self.is_known_port);
+        if let Some(side) = client_side.filter(|_| is_client_doubtful) {
+            self.client = side;
         }
-        self.state = State::Modbus;
-        let (client, server) = (self.end_of(self.client), self.end_of(1 - self.client));
-        (around.each)(Event::Opened { slot: self.slot, client, server, mode });
+        self.state = ConversationState::Modbus;
+        let (client, server) = (self.endpoint_of(self.client), self.endpoint_of(1 - self.client));
+        (context.each)(Event::Opened { slot: self.slot, client, server, mode });
         for it in held {
             let Held { side, packet, time, missing, cut, .. } = it;
-            self.deliver(Piece { side, bytes: &it.bytes, packet, time, missing, cut }, around);
+            self.deliver(Piece { side, bytes: &it.bytes, packet, time, missing, cut }, context);
         }
     }
 
-    fn end_of(&self, side: usize) -> Endpoint {
+    /// Address and port of a side.
+    fn endpoint_of(&self, side: usize) -> Endpoint {
         if side == 0 {
             self.key.low
         } else {
@@ -364,19 +394,19 @@ impl Talk {
         }
     }
 
-    fn deliver(&mut self, piece: Piece<'_>, around: &mut Around<'_, '_>) {
-        around.left.missing += u64::from(piece.missing);
-        around.left.cut += u64::from(piece.cut);
+    fn deliver(&mut self, piece: Piece<'_>, context: &mut CaptureContext<'_, '_>) {
+        context.skipped.missing += u64::from(piece.missing);
+        context.skipped.cut += u64::from(piece.cut);
         let from_client = piece.side == self.client;
-        let heard = self.heard[1 - self.client];
-        (around.each)(Event::Bytes { slot: self.slot, from_client, piece, record: self.key.udp, heard });
+        let server_recorded = self.side_recorded[1 - self.client];
+        (context.each)(Event::Bytes { slot: self.slot, from_client, piece, record: self.key.is_udp, heard: server_recorded });
     }
 
-    fn end(&mut self, around: &mut Around<'_, '_>) {
-        self.decide(true, around);
-        if matches!(self.state, State::Modbus) {
-            (around.each)(Event::Closed { slot: self.slot });
-            self.state = State::Over;
+    fn end(&mut self, context: &mut CaptureContext<'_, '_>) {
+        self.decide(true, context);
+        if matches!(self.state, ConversationState::Modbus) {
+            (context.each)(Event::Closed { slot: self.slot });
+            self.state = ConversationState::Over;
         }
     }
 }

@@ -12,7 +12,7 @@ use modlens_protocol::hex::hex;
 use modlens_protocol::line::Line;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
-use modlens_readers::pcap::own::USUAL;
+use modlens_readers::pcap::own::DEFAULTS;
 use modlens_tables::cell_text::push_us;
 use modlens_tables::columns::exception_name;
 
@@ -91,16 +91,16 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
     }
     number(" offset=", frame.offset, out);
     word(" direction=", frame.direction.text(), out);
-    if frame.mode != USUAL.mode {
+    if frame.mode != DEFAULTS.mode {
         word(" mode=", frame.mode.text(), out);
     }
-    if frame.verdict != USUAL.verdict {
+    if frame.verdict != DEFAULTS.verdict {
         word(" verdict=", frame.verdict.text(), out);
     }
-    if frame.cut_by != USUAL.cut_by {
+    if frame.cut_by != DEFAULTS.cut_by {
         word(" cut_by=", frame.cut_by.text(), out);
     }
-    if frame.confidence != USUAL.confidence {
+    if frame.confidence != DEFAULTS.confidence {
         number(" confidence=", u64::from(frame.confidence), out);
     }
     if frame.tentative {
@@ -139,7 +139,7 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
 /// The same of a transaction, for the packet of its last frame.
 pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
     number("transaction=", row.number, out);
-    if row.status != USUAL.status {
+    if row.status != DEFAULTS.status {
         word(" status=", row.status.text(), out);
     }
     let halves = [(" request=", " request_pdu=", &row.request), (" response=", " response_pdu=", &row.response)];
