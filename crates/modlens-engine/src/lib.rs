@@ -1,6 +1,7 @@
 //! Bytes and times in, rows out: framing, pairing, findings, statistics. No I/O, no clock, no failure on bytes.
 
 pub mod check;
+pub mod damage;
 pub mod framer;
 pub mod input;
 pub mod pairing;

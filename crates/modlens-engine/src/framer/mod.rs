@@ -6,11 +6,11 @@
 pub mod ascii;
 pub mod auto;
 pub mod exchange;
-pub mod harm;
 pub mod rtu;
 pub mod silence;
 pub mod tcp;
 
+use crate::damage::kind::Harm;
 use crate::input::Input;
 use modlens_protocol::direction::{Asked, Direction, Pause};
 use modlens_protocol::finding::Finding;
@@ -42,7 +42,7 @@ pub struct Cut {
     /// A finding on the framing itself.
     pub finding: Option<Finding>,
     /// What happened to a frame that did not arrive whole.
-    pub harm: Option<harm::Harm>,
+    pub harm: Option<Harm>,
 }
 
 impl Cut {

@@ -4,7 +4,7 @@
 //! 2.4.1). So what follows a damaged request without an answer is nearly always the same one: it only has to be seen that
 //! the damaged bytes may have been it, and the checksum, which differs in every other request, helps.
 
-use crate::framer::rtu::is_glitch;
+use crate::damage::chain::is_glitch;
 
 /// Flipped bits, as many as disturb a frame now and then; chance has eight of the sixteen in another checksum.
 const MOST_FLIPS: u32 = 3;

@@ -2,10 +2,10 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
+use crate::framer::rtu::announced_length::{AROUND, LONGEST};
 use crate::framer::rtu::gain::REQUEST;
 use crate::framer::rtu::pending::Request;
 use crate::framer::rtu::search::Search;
-use crate::framer::rtu::{AROUND, LONGEST};
 use crate::framer::Context;
 use crate::input::Input;
 use modlens_protocol::checksum::crc_valid_at;

@@ -1,6 +1,6 @@
 //! What a substring with a right CRC is worth as a request or as a response.
 
-use crate::framer::rtu::announced;
+use crate::framer::rtu::announced_length::announced;
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::model::{Model, Setting};

@@ -4,36 +4,34 @@
 //! response, `search` finds the best way through all of them. Traffic that leaves no doubt goes past the search.
 //! Bytes between frames are named here: a damaged frame where header or silences say so, noise elsewhere.
 
-mod autopsy;
-mod bits;
-mod certain;
-mod costs;
-mod ends;
-mod gain;
-mod hints;
-mod index;
-mod join;
-mod model;
-mod pending;
-mod polls;
-mod remains;
-mod routine;
-mod search;
-mod shapes;
-mod sift;
+pub(crate) mod announced_length;
+pub(crate) mod bits;
+pub(crate) mod certain;
+pub(crate) mod costs;
+pub(crate) mod gain;
+pub(crate) mod hints;
+pub(crate) mod index;
+pub(crate) mod join;
+pub(crate) mod model;
+pub(crate) mod pending;
+pub(crate) mod polls;
+pub(crate) mod routine;
+pub(crate) mod search;
+pub(crate) mod shapes;
+pub(crate) mod sift;
 
 use std::collections::VecDeque;
 
+use crate::damage::region::Piece;
 use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::direction::{judge, Direction};
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
-use modlens_protocol::functions::{Extent, Layout, EXCEPTION_BIT};
+use modlens_protocol::functions::Extent;
 use modlens_protocol::line::Line;
 use modlens_protocol::Ns;
 
-pub(crate) use autopsy::is_glitch;
-use autopsy::Piece;
+use announced_length::announced;
 use certain::{Certain, Length};
 use pending::set_first;
 use search::{Search, Told};
@@ -47,34 +45,28 @@ const AHEAD: u64 = NOISE_LIMIT as u64;
 /// The longest pause that may stand inside a frame: USB adapters and schedulers hold bytes back that long.
 const BREAK: Ns = 90_000_000;
 
-/// Some masters announce more than the 256 bytes of the specification; a byte count cannot say more than this.
-const LONGEST: usize = join::REACH as usize;
-
 /// The most that `Cut::confidence` says.
 pub const SURE: u8 = 60;
 
-/// Unit, function code and checksum: bytes of a frame beside its body.
-const AROUND: usize = 4;
-
 /// The framer of an RTU line.
 pub struct Rtu {
-    search: Search,
+    pub(crate) search: Search,
     /// What the search decided and is not given out yet.
-    told: Option<Told>,
+    pub(crate) told: Option<Told>,
     /// Where a frame begins that was not certain.
-    doubted: Option<u64>,
+    pub(crate) doubted: Option<u64>,
     /// The same of one behind a few strays, by the offset of the first of them.
-    doubted_behind: Option<u64>,
+    pub(crate) doubted_behind: Option<u64>,
     /// What was found in the bytes before it: damaged frames with their stream offsets.
-    pieces: VecDeque<(u64, Piece)>,
+    pub(crate) pieces: VecDeque<(u64, Piece)>,
     /// Up to here the bytes were looked through.
-    dissected: u64,
+    pub(crate) dissected: u64,
     /// The last frame given out was damaged.
-    after_damage: bool,
+    pub(crate) after_damage: bool,
     /// An answer without its end was told, and not yet what the master made of it.
-    open_end: bool,
+    pub(crate) open_end: bool,
     /// Shortest pause between frames.
-    silence: Ns,
+    pub(crate) silence: Ns,
 }
 
 impl Rtu {
@@ -93,7 +85,7 @@ impl Rtu {
         }
     }
 
-    fn silence(&self, input: &Input) -> Ns {
+    pub(crate) fn silence(&self, input: &Input) -> Ns {
         if input.coarse {
             self.silence.max(COARSE_SILENCE)
         } else {
@@ -302,29 +294,4 @@ impl Framer for Rtu {
 fn in_records(input: &Input, to: u64) -> bool {
     let begins = |index: usize| input.starts_read(index) && input.read(index).is_some_and(|read| read.record);
     input.first_read().is_some_and(|read| read.record) || begins((to - input.offset()) as usize)
-}
-
-/// The whole-frame lengths that a header announces, the likelier direction first.
-fn announced(context: &Context<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
-    let (code, body) = (frame[1], &frame[2..]);
-    if code & EXCEPTION_BIT != 0 {
-        let function = code & !EXCEPTION_BIT;
-        return if function == 0 { [None, None] } else { [Some((Direction::Response, Extent::Exactly(5))), None] };
-    }
-    let around = |layout: &Layout| match layout.extent(body) {
-        Extent::Exactly(length) => Extent::Exactly(length + AROUND),
-        Extent::AtLeast(length) => Extent::AtLeast(length + AROUND),
-        Extent::Open(length) => Extent::Open(length + AROUND),
-    };
-    let Some(row) = context.functions.row(code, body) else {
-        // No code 0 in the specification: a run of zeros is no frame.
-        return if code == 0 { [None, None] } else { [Some((Direction::Unknown, Extent::Open(AROUND))), None] };
-    };
-    let request = Some((Direction::Request, around(&row.request)));
-    let response = (row.response != Layout::Silent).then(|| (Direction::Response, around(&row.response)));
-    if context.asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
-        [response, request]
-    } else {
-        [request, response]
-    }
 }

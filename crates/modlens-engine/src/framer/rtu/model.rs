@@ -1,6 +1,6 @@
 //! What one line has shown so far, counted, and what evidence is worth there.
 
-use crate::framer::harm::Harm;
+use crate::damage::kind::Harm;
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs::{
     function_prior, unit_prior, usual_bits, AFTER_STRAYS, BEFORE_STRAYS, FIRST_COPIES, FIRST_JUNK, FIRST_LATES, FIRST_ORPHANS,

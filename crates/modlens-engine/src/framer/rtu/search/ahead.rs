@@ -5,12 +5,12 @@
 
 use std::ops::Range;
 
+use crate::framer::rtu::announced_length::{announced, LONGEST};
 use crate::framer::rtu::certain::{Certain, Length};
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::search::decide::{COMING, DUE, ROUNDING, SURE, THETA_AHEAD, THREAT_AHEAD};
 use crate::framer::rtu::search::paths::Node;
 use crate::framer::rtu::search::Search;
-use crate::framer::rtu::{announced, LONGEST};
 use crate::framer::Context;
 use crate::input::Input;
 use modlens_protocol::checksum::{crc_valid_at, first_right};

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::framer::rtu::announced;
+use crate::framer::rtu::announced_length::announced;
 use crate::framer::rtu::costs::MAY_HOLD_A_FRAME;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;

@@ -1,7 +1,7 @@
 //! What the bytes may be: frames with a right checksum, and damaged ones of the right length, each behind every path that
 //! ends before it.
 
-use crate::framer::rtu::announced;
+use crate::framer::rtu::announced_length::announced;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::join::REACH;

@@ -1,10 +1,9 @@
 //! ASCII: colon, hex characters, LRC, CR LF (serial line specification, 2.5.2).
 
-mod autopsy;
-
 use memchr::{memchr, memchr3_iter};
 
-use crate::framer::harm::Harm;
+use crate::damage::ascii;
+use crate::damage::kind::Harm;
 use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::checksum::lrc;
@@ -85,12 +84,12 @@ impl Ascii {
     fn without_colon(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
         let bytes = input.bytes();
         let there = &bytes[..bytes.len().min(NOISE_LIMIT)];
-        match autopsy::find_colonless(there, input.closed, context.known_units) {
+        match ascii::find_colonless(there, input.closed, context.known_units) {
             Some(message) if message.start > 0 => return Some(Cut::noise(message.start, CutBy::Restart)),
             Some(message) => {
                 let has_lrc = decode_hex(&there[message.hex_start..message.hex_end], adu) && message.is_complete;
                 adu.truncate(adu.len() - usize::from(has_lrc));
-                let direction = autopsy::direction(context, adu);
+                let direction = ascii::direction(context, adu);
                 let cut = Cut::noise(message.end, CutBy::Delimiter);
                 return Some(Cut { verdict: Verdict::Incomplete, direction, harm: message.harm, ..cut });
             }
@@ -117,16 +116,16 @@ impl Ascii {
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
         if !no_checksum && end.cut_by != CutBy::Delimiter && !has_valid_lrc {
-            cut.direction = autopsy::direction(context, adu);
+            cut.direction = ascii::direction(context, adu);
             // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd
             // number of characters and exactly one byte missing.
             let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
-            let lost_end = is_odd && autopsy::missing_bytes(context, adu) == Some(1);
+            let lost_end = is_odd && ascii::missing_bytes(context, adu) == Some(1);
             cut.harm = lost_end.then_some(Harm::Lost { at: text.len() + 1, count: 3 });
             return cut;
         }
-        if let Some(harm) = autopsy::explain_odd_digits(text).filter(|_| !no_checksum) {
-            let direction = autopsy::direction(context, adu);
+        if let Some(harm) = ascii::explain_odd_digits(text).filter(|_| !no_checksum) {
+            let direction = ascii::direction(context, adu);
             return Cut { direction, harm: Some(harm), ..cut };
         }
         cut.verdict = match is_hex {
@@ -134,8 +133,8 @@ impl Ascii {
             true if has_valid_lrc => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
-        if cut.verdict == Verdict::BadChecksum && is_hex && autopsy::missing_bytes(context, adu) == Some(1) {
-            let direction = autopsy::direction(context, adu);
+        if cut.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
+            let direction = ascii::direction(context, adu);
             let harm = Some(Harm::Lost { at: text.len() + 1, count: 2 });
             return Cut { verdict: Verdict::Incomplete, direction, harm, ..cut };
         }
@@ -145,7 +144,7 @@ impl Ascii {
         if cut.verdict.good() && adu.len() >= 2 {
             self.complete_valid(&mut cut, input, context, text, adu);
         } else {
-            cut.direction = autopsy::direction(context, adu);
+            cut.direction = ascii::direction(context, adu);
         }
         cut
     }

@@ -1,15 +1,15 @@
 //! Candidates for damaged frames: alignments with expected frames, and unpredicted frames that only their header supports.
 
-use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::align::{self, align, Alignment};
-use crate::framer::rtu::autopsy::template::{self, ExpectedFrame};
-use crate::framer::rtu::autopsy::{
+use crate::damage::alignment::{self, align, Alignment};
+use crate::damage::expected_frame::{self, ExpectedFrame};
+use crate::damage::kind::Harm;
+use crate::damage::region::{
     UnframedRegion, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, ROUNDING_BITS, STRAY_BYTE_BITS,
 };
+use crate::framer::rtu::announced_length::AROUND;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::index::{may_be, possible, Set};
-use crate::framer::rtu::AROUND;
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
@@ -17,36 +17,36 @@ use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 const EXCEPTION_BYTES: usize = 5;
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
-pub(super) struct Candidate {
+pub(crate) struct Candidate {
     /// Index of its first byte.
-    pub(super) start: usize,
+    pub(crate) start: usize,
     /// Index behind the bytes that agree with it: the next candidate of a chain may begin here.
-    pub(super) core_end: usize,
+    pub(crate) core_end: usize,
     /// Index where it should end, if its length is known.
-    pub(super) end: Option<usize>,
+    pub(crate) end: Option<usize>,
     /// Bits in favour of it.
-    pub(super) score: f32,
+    pub(crate) score: f32,
     /// `REQUEST` or `RESPONSE`.
-    pub(super) direction: usize,
+    pub(crate) direction: usize,
     /// Unit and function code.
-    pub(super) header: [u8; 2],
+    pub(crate) header: [u8; 2],
     /// Cost in bits of its unit and function; 0 where a request in front predicts them.
-    pub(super) header_cost: f32,
+    pub(crate) header_cost: f32,
     /// Its missing first bytes.
-    pub(super) head: Vec<u8>,
+    pub(crate) head: Vec<u8>,
     /// What happened to it.
-    pub(super) harm: Option<Harm>,
+    pub(crate) harm: Option<Harm>,
     /// Its CRC is valid once the damage is corrected.
-    pub(super) is_corrected: bool,
+    pub(crate) is_corrected: bool,
     /// All bytes with a known value agree, but the CRC does not.
-    pub(super) is_exact: bool,
+    pub(crate) is_exact: bool,
     /// Number of leading bytes that agree, where the expected value of every byte is known.
-    pub(super) agreeing_bytes: Option<usize>,
+    pub(crate) agreeing_bytes: Option<usize>,
 }
 
 impl UnframedRegion<'_, '_> {
     /// Adds the expected frames that may begin at `start`.
-    pub(super) fn add_expected(&self, expected: &[ExpectedFrame<'_>], start: usize, candidates: &mut Vec<Candidate>) {
+    pub(crate) fn add_expected(&self, expected: &[ExpectedFrame<'_>], start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
         // As a set, one bit per expected frame: those that may have this byte at this place.
         let with_byte = |place: usize, byte: u8| {
@@ -59,16 +59,16 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Adds what the poll cycle and the units and functions seen on this line suggest at `start`.
-    pub(super) fn add_familiar(&self, start: usize, candidates: &mut Vec<Candidate>) {
+    pub(crate) fn add_familiar(&self, start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
         let polls = &self.model.polls;
         let mut likely = if polls.is_empty() { 0 } else { polls.possible(bytes) };
         if likely != 0 {
-            let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + template::POLL_REQUEST_BITS;
-            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &align::DAMAGE_COSTS);
+            let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + expected_frame::POLL_REQUEST_BITS;
+            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &alignment::DAMAGE_COSTS);
         }
         for at in members(likely) {
-            candidates.extend(self.aligned_candidate(&template::poll_request(polls.get(at)), start));
+            candidates.extend(self.aligned_candidate(&expected_frame::poll_request(polls.get(at)), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
             let directions = [REQUEST, RESPONSE].into_iter();
@@ -77,7 +77,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// The expected frame as a candidate that begins at `start`, if it can change the result.
-    pub(super) fn aligned_candidate(&self, expected: &ExpectedFrame<'_>, start: usize) -> Option<Candidate> {
+    pub(crate) fn aligned_candidate(&self, expected: &ExpectedFrame<'_>, start: usize) -> Option<Candidate> {
         let start_cost = self.start_cost(start);
         let min_score = min_score(expected.direction, 0.0);
         let need = min_score + start_cost - FRAME_END_BITS - ROUNDING_BITS;
@@ -91,7 +91,7 @@ impl UnframedRegion<'_, '_> {
     ///
     /// Example: with unit 17 and function 3 familiar, `11 03 04 00 07 00 09 12 34` scores for the two header bytes and,
     /// if a pause follows byte 9, for ending where the byte count says; no CRC is needed.
-    pub(super) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
+    pub(crate) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
         let is_other_side = self.context.speaker.is_some_and(|speaker| speaker != gain::direction(direction));
@@ -137,7 +137,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Cost in bits of a frame that begins at `start`: stray bytes in front of it cost, a pause in front of it pays.
-    pub(super) fn start_cost(&self, start: usize) -> f32 {
+    pub(crate) fn start_cost(&self, start: usize) -> f32 {
         if start == 0 {
             // On a line that one side has to itself, the pause at the beginning of the region separates two of its frames.
             let follows_pause = self.context.speaker.is_some() && self.has_frame_gap(0);
@@ -153,7 +153,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Bits for a frame that should end at this index, where a pause or the end of the region really is.
-    pub(super) fn end_bonus(&self, end: Option<usize>) -> f32 {
+    pub(crate) fn end_bonus(&self, end: Option<usize>) -> f32 {
         let ends_well = end.is_some_and(|end| {
             (end == self.length && !self.ends_as_announced)
                 || (end <= self.length && self.input.pause_before(end).is_some_and(|pause| pause >= self.frame_gap_ns))

@@ -1,9 +1,10 @@
 //! Fragments of frames in front of the damaged frames of a region and behind them, which only their place gives away.
 
-use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::pick::is_glitch_byte;
-use crate::framer::rtu::autopsy::{template, Piece, UnframedRegion, COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
-use crate::framer::rtu::AROUND;
+use crate::damage::chain::is_glitch_byte;
+use crate::damage::expected_frame;
+use crate::damage::kind::Harm;
+use crate::damage::region::{Piece, UnframedRegion, COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
+use crate::framer::rtu::announced_length::AROUND;
 use modlens_protocol::checksum::mending_bit;
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::framing::RTU_LIMIT;
@@ -12,13 +13,13 @@ use modlens_protocol::Ns;
 
 impl UnframedRegion<'_, '_> {
     /// Whether a pause separates the bytes behind a frame from it, and those bytes have no pause among themselves.
-    pub(super) fn is_one_burst_behind(&self, frame: &Piece) -> bool {
+    pub(crate) fn is_one_burst_behind(&self, frame: &Piece) -> bool {
         let (start, end) = (frame.end, self.length);
         start < end && self.has_frame_gap(start) && !(start + 1..end).any(|at| self.has_frame_gap(at))
     }
 
     /// The fragment behind a frame that lost its end, between two pauses: the end of a frame that lost its beginning.
-    pub(super) fn trailing_fragment(&self, frames: &[Piece]) -> Option<Piece> {
+    pub(crate) fn trailing_fragment(&self, frames: &[Piece]) -> Option<Piece> {
         let last = frames.last().filter(|last| matches!(last.harm, Some(Harm::Lost { .. })))?;
         let (_, next_direction) = self.next_frame?;
         let (start, end) = (last.end, self.length);
@@ -37,7 +38,7 @@ impl UnframedRegion<'_, '_> {
     /// A recording begins in the middle of a frame more often than not. Elsewhere a fragment is reported only if the
     /// direction of the next frame shows that a request or a response is missing, and if there are more bytes than stray
     /// bytes account for. `is_alone`: no damaged frame was recognised in the region.
-    pub(super) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<Piece> {
+    pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<Piece> {
         let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
         let (direction, asked) = self.due_in_front(end, starts_recording)?;
         if !(is_alone || starts_recording) || self.follows_damaged_frame || end > RTU_LIMIT {
@@ -59,7 +60,7 @@ impl UnframedRegion<'_, '_> {
         if length < min_length {
             return None;
         }
-        let expected_length = asked.and_then(|asked| template::response_length(self, asked));
+        let expected_length = asked.and_then(|asked| expected_frame::response_length(self, asked));
         let is_repeated = self.is_followed_by(asked);
         let harm = match expected_length {
             Some(expected) if expected > length && expected - length <= length && !is_repeated => {
@@ -101,7 +102,7 @@ impl UnframedRegion<'_, '_> {
     /// Whether a frame has lost an unknown number of bytes, because the bytes behind it are neither stray bytes nor part of
     /// a recognised frame, on a line where bytes go missing. Where another transmitter may have collided with the frame
     /// instead, the bytes behind it may be that transmitter's, which does not stop where the frame ends.
-    pub(super) fn lost_bytes_behind(&self, frame: &Piece) -> bool {
+    pub(crate) fn lost_bytes_behind(&self, frame: &Piece) -> bool {
         let behind = self.length - frame.end;
         let is_correctable = mending_bit(&self.bytes()[frame.start..frame.end]).is_some();
         let loses_bytes = self.is_framed_independently() || (self.model.loses_bytes() && !self.ends_as_announced);
@@ -111,7 +112,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the line is silent behind the stray bytes that begin at index `strays`, as it is behind those of a line
     /// driver. A second transmitter would keep sending.
-    pub(super) fn is_silent_behind_strays(&self, strays: usize) -> bool {
+    pub(crate) fn is_silent_behind_strays(&self, strays: usize) -> bool {
         let bytes = self.input.bytes();
         let is_same = |&&byte: &&u8| byte == bytes[strays];
         let end = strays + bytes[strays..].iter().take(MAX_GLITCH_BYTES).take_while(is_same).count();
@@ -144,7 +145,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the bytes behind a frame that lost some are its own last ones: the pause before them is as long as the
     /// transmission of the missing bytes.
-    pub(super) fn resumes_after_loss(&self, frame: &Piece) -> bool {
+    pub(crate) fn resumes_after_loss(&self, frame: &Piece) -> bool {
         let (Some(Harm::Lost { count, .. }), Some(char_ns)) = (frame.harm, self.input.char_ns) else { return false };
         let Some(missing) = count.checked_sub(self.length - frame.end).filter(|&missing| missing > 0) else { return false };
         let expected_ns = missing as Ns * char_ns;

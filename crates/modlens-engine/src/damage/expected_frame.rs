@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use crate::framer::rtu::autopsy::align::CRC_MATCH_BITS;
-use crate::framer::rtu::autopsy::UnframedRegion;
+use crate::damage::alignment::CRC_MATCH_BITS;
+use crate::damage::region::UnframedRegion;
+use crate::framer::rtu::announced_length::AROUND;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
-use crate::framer::rtu::AROUND;
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::{expected_block, Asked, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};

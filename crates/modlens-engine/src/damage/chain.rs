@@ -1,14 +1,15 @@
 //! Which candidates of a region are reported, where each ends, and what happened to it.
 
-use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::candidate::Candidate;
-use crate::framer::rtu::autopsy::{
-    mend, Piece, UnframedRegion, COARSE_FRAME_GAP_NS, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES,
+use crate::damage::candidates::Candidate;
+use crate::damage::crc_correction;
+use crate::damage::kind::Harm;
+use crate::damage::region::{
+    Piece, UnframedRegion, COARSE_FRAME_GAP_NS, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES,
     MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
 };
+use crate::framer::rtu::announced_length::AROUND;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::AROUND;
 use modlens_protocol::checksum::mending_bit;
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::framing::RTU_LIMIT;
@@ -20,7 +21,7 @@ impl UnframedRegion<'_, '_> {
     /// A chain is built from left to right by dynamic programming: for each candidate, `chains` keeps the best total of a
     /// chain that ends with it and the index of the candidate before it. Every candidate of a chain but its last needs
     /// `MIN_DAMAGED_FRAME_BITS` for itself; a response behind its own damaged request gets back what its header cost.
-    pub(super) fn best_chain(&self, candidates: &[Candidate]) -> Vec<Piece> {
+    pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<Piece> {
         let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
         for candidate in candidates {
             let mut best = (candidate.score, None);
@@ -75,7 +76,7 @@ impl UnframedRegion<'_, '_> {
         let mut harm = candidate.harm;
         if harm.is_none() && candidate.is_exact && room > should && should < RTU_LIMIT {
             let longer = &self.bytes()[candidate.start..=candidate.start + should];
-            harm = mend::doubled_byte(longer).map(|at| Harm::Doubled { at });
+            harm = crc_correction::doubled_byte(longer).map(|at| Harm::Doubled { at });
             length += usize::from(harm.is_some());
         }
         if let Some(gap) = self.gap_inside(candidate, candidate.start + length) {
@@ -145,7 +146,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether there is a pause before this byte that ends a frame, as far as the clock can tell.
-    pub(super) fn has_frame_gap(&self, at: usize) -> bool {
+    pub(crate) fn has_frame_gap(&self, at: usize) -> bool {
         let min_gap_ns = if self.input.coarse { self.frame_gap_ns.max(COARSE_FRAME_GAP_NS) } else { self.frame_gap_ns };
         self.input.pause_before(at).is_some_and(|pause| pause >= min_gap_ns)
     }
@@ -163,7 +164,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether the frame behind the region is this request.
-    pub(super) fn is_followed_by(&self, asked: Option<Asked<'_>>) -> bool {
+    pub(crate) fn is_followed_by(&self, asked: Option<Asked<'_>>) -> bool {
         let frame = self.next_frame.map_or(&[][..], |(frame, _)| frame);
         asked.is_some_and(|asked| frame.len() > 2 && asked.unit == frame[0] && asked.pdu == &frame[1..frame.len() - 2])
     }
@@ -190,7 +191,7 @@ fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<Harm> {
         // A single byte like that may as well belong to the frame. It is a stray byte if one byte inserted into the rest
         // makes the CRC valid, and one flipped bit does not.
         1 if !ends_well && length <= MAX_INSERTION_CHECK_BYTES => {
-            let at = mend::missing_byte(&bytes[..length - 1]).filter(|_| mending_bit(bytes).is_none())?;
+            let at = crc_correction::missing_byte(&bytes[..length - 1]).filter(|_| mending_bit(bytes).is_none())?;
             Some(Harm::Lost { at, count })
         }
         2..=MAX_GLITCH_BYTES if mending_bit(bytes).is_none() => Some(Harm::Lost { at: length - count, count }),
@@ -208,7 +209,7 @@ fn strays_behind_known_bytes(bytes: &[u8], agreeing: usize) -> Option<Harm> {
 
 /// Whether a line driver that is switched on or off can leave this byte. The line changes its level at most once, and the
 /// low bit comes first, so the byte has zeros in its low bits and ones in the others: `00`, `80`, `C0` ... `FE`, `FF`.
-pub(super) fn is_glitch_byte(byte: u8) -> bool {
+pub(crate) fn is_glitch_byte(byte: u8) -> bool {
     byte.leading_ones() + byte.trailing_zeros() >= 8
 }
 

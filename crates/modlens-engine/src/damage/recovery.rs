@@ -2,10 +2,12 @@
 
 use std::collections::VecDeque;
 
-use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::{is_glitch, Piece, UnframedRegion};
+use crate::damage::chain::is_glitch;
+use crate::damage::kind::Harm;
+use crate::damage::region::{Piece, UnframedRegion};
+use crate::framer::rtu::announced_length::{announced, AROUND, LONGEST};
 use crate::framer::rtu::search::Told;
-use crate::framer::rtu::{announced, Rtu, AROUND, LONGEST};
+use crate::framer::rtu::Rtu;
 use crate::framer::{Context, Cut, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::direction::Direction;
@@ -14,7 +16,7 @@ use modlens_protocol::functions::Extent;
 
 impl Rtu {
     /// The first piece of the bytes up to `to`, which begin no whole frame: a damaged one, or noise.
-    pub(super) fn piece(&mut self, input: &Input, context: &Context<'_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+    pub(crate) fn piece(&mut self, input: &Input, context: &Context<'_>, to: u64, adu: &mut Vec<u8>) -> Cut {
         let offset = input.offset();
         if self.dissected < to {
             self.dissected = to;
@@ -52,7 +54,7 @@ impl Rtu {
     }
 
     /// A frame with a wrong checksum that the search found by its length, and what happened to it.
-    pub(super) fn spoilt(
+    pub(crate) fn spoilt(
         &mut self,
         input: &Input,
         context: &Context<'_>,

@@ -6,56 +6,49 @@
 //! expected frame is aligned with the bytes, and a damaged frame is reported where an alignment is worth clearly more
 //! bits than chance would give. Bytes that fit nothing are noise.
 
-mod align;
-mod candidate;
-mod mend;
-mod pick;
-mod rest;
-mod template;
-
-use crate::framer::harm::Harm;
+use crate::damage::candidates::Candidate;
+use crate::damage::chain::is_glitch;
+use crate::damage::expected_frame;
+use crate::damage::kind::Harm;
+use crate::framer::rtu::announced_length::AROUND;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::index::Values;
 use crate::framer::rtu::model::Model;
-use crate::framer::rtu::AROUND;
 use crate::framer::Context;
 use crate::input::Input;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::Ns;
 
-use candidate::Candidate;
-pub use pick::is_glitch;
-
 /// Score that a damaged frame needs to be reported. Noise looks like one with a probability of about 2 to the minus this.
-const MIN_DAMAGED_FRAME_BITS: f32 = 10.0;
+pub const MIN_DAMAGED_FRAME_BITS: f32 = 10.0;
 
 /// Tolerance for sums of the same numbers that were added in a different order.
-const ROUNDING_BITS: f32 = 0.01;
+pub const ROUNDING_BITS: f32 = 0.01;
 
 /// Cost of a further damaged frame in the same region: damage is rare, so two damaged frames need more evidence than one.
-const FURTHER_DAMAGED_FRAME_BITS: f32 = 8.0;
+pub const FURTHER_DAMAGED_FRAME_BITS: f32 = 8.0;
 
 /// Damaged frames are searched for in so many bytes at each end of a region; what lies between in a longer one is noise.
-const SEARCHED_BYTES: usize = 320;
+pub const SEARCHED_BYTES: usize = 320;
 
 /// Bonus for a candidate that ends exactly where a pause, a valid frame or the end of the recording is.
-const FRAME_END_BITS: f32 = 4.0;
+pub const FRAME_END_BITS: f32 = 4.0;
 
 /// Cost of each stray byte in front of a candidate, and the most that all of them cost together.
-const STRAY_BYTE_BITS: f32 = 1.2;
-const MAX_STRAY_BITS: f32 = 6.8;
+pub const STRAY_BYTE_BITS: f32 = 1.2;
+pub const MAX_STRAY_BITS: f32 = 6.8;
 
 /// In a longer frame, one inserted byte makes the CRC valid by chance in too many places to mean anything.
-const MAX_INSERTION_CHECK_BYTES: usize = 40;
+pub const MAX_INSERTION_CHECK_BYTES: usize = 40;
 
 /// A line driver that is switched leaves at most so many stray bytes of one value behind a frame.
-const MAX_GLITCH_BYTES: usize = 3;
+pub const MAX_GLITCH_BYTES: usize = 3;
 
 /// USB adapters and schedulers seldom delay the rest of a frame for longer than this.
-const COARSE_FRAME_GAP_NS: Ns = 45_000_000;
+pub const COARSE_FRAME_GAP_NS: Ns = 45_000_000;
 
 /// Cost of a frame that begins before the announced end of the damaged frame in front of it.
-const OVERLAP_BITS: f32 = 3.0;
+pub const OVERLAP_BITS: f32 = 3.0;
 
 /// Bytes between two frames that no valid frame claims, and what is known about them.
 pub struct UnframedRegion<'a, 'c> {
@@ -99,7 +92,7 @@ pub struct Piece {
 }
 
 impl UnframedRegion<'_, '_> {
-    fn bytes(&self) -> &[u8] {
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.input.bytes()[..self.length]
     }
 
@@ -134,7 +127,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether this line is framed independently of the other one, as the lines of a two-line tap without a clock are.
     /// Outstanding requests are unknown then, so a response does not need one.
-    fn is_framed_independently(&self) -> bool {
+    pub(crate) fn is_framed_independently(&self) -> bool {
         self.context.speaker.is_some() && self.context.asked.is_none() && !self.input.timed
     }
 
@@ -145,7 +138,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether stray bytes are so rare on this line that more than a few unframed bytes must belong to a frame.
-    fn has_few_strays(&self) -> bool {
+    pub(crate) fn has_few_strays(&self) -> bool {
         self.model.strays_at_most() < AROUND
     }
 
@@ -161,7 +154,7 @@ impl UnframedRegion<'_, '_> {
 
     /// All candidates of the region, ordered by the index of their first byte.
     fn all_candidates(&self) -> Vec<Candidate> {
-        let expected = template::expected_frames(self);
+        let expected = expected_frame::expected_frames(self);
         // Which values the first two bytes of any expected frame can have: a cheap test that fails nearly everywhere.
         let mut values = Values::default();
         for frame in &expected {

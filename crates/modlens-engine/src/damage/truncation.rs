@@ -3,7 +3,7 @@
 //! What the line has shown decides. A master that did not get its answer asks again, one that did goes on; in a recording
 //! that is known before anything is told.
 
-use crate::framer::harm::Harm;
+use crate::damage::kind::Harm;
 use crate::framer::rtu::search::Told;
 use crate::framer::rtu::Rtu;
 use crate::framer::Context;
@@ -11,7 +11,7 @@ use modlens_protocol::direction::Direction;
 
 impl Rtu {
     /// Says so of the last piece that was found, if it is such an answer.
-    pub(super) fn blame(&mut self) {
+    pub(crate) fn blame(&mut self) {
         if matches!(self.told, Some(Told::Frame { .. } | Told::Damaged { .. })) {
             return;
         }
@@ -27,7 +27,7 @@ impl Rtu {
 
     /// A frame behind such an answer: does the master ask again?
     #[inline]
-    pub(super) fn learn_end(&mut self, context: &Context<'_>, frame: &[u8], direction: Direction) {
+    pub(crate) fn learn_end(&mut self, context: &Context<'_>, frame: &[u8], direction: Direction) {
         if std::mem::take(&mut self.open_end) && direction == Direction::Request {
             if let Some(asked) = context.asked {
                 let again = frame[0] == asked.unit && &frame[1..frame.len() - 2] == asked.pdu;

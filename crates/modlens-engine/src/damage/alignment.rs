@@ -5,9 +5,9 @@
 //! `11 03 6B 00 03 76 87`. The first two bytes agree; with one byte missing behind them the other five agree, too, and
 //! are worth far more than `MISSING_INSIDE_BITS`. So one byte is missing at index 2.
 
-use crate::framer::harm::Harm;
-use crate::framer::rtu::autopsy::template::ExpectedFrame;
-use crate::framer::rtu::autopsy::ROUNDING_BITS;
+use crate::damage::expected_frame::ExpectedFrame;
+use crate::damage::kind::Harm;
+use crate::damage::region::ROUNDING_BITS;
 use crate::framer::rtu::index::MOST_LOST;
 use crate::framer::rtu::model::Model;
 use crate::framer::rtu::sift::Costs;
@@ -235,7 +235,7 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::autopsy::template::{poll_request, POLL_REQUEST_BITS};
+    use crate::damage::expected_frame::{poll_request, POLL_REQUEST_BITS};
     use crate::framer::rtu::sift::Sift;
     use proptest::prelude::*;
 

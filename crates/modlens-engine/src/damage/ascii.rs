@@ -6,7 +6,7 @@
 
 use memchr::{memchr, memchr2_iter};
 
-use crate::framer::harm::Harm;
+use crate::damage::kind::Harm;
 use crate::framer::Context;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::{judge, Direction};
@@ -24,7 +24,7 @@ const MAX_COLON_FLIPS: u32 = 1;
 
 /// A message without a colon. Indices count from the first byte that was searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ColonlessMessage {
+pub(crate) struct ColonlessMessage {
     /// Index of its first character.
     pub start: usize,
     /// Index of its first hex character.
@@ -42,7 +42,7 @@ pub(super) struct ColonlessMessage {
 /// The first message without a colon in front of the first colon.
 ///
 /// `is_final`: no more bytes will follow. `known_units`: the units that took part in a valid frame.
-pub(super) fn find_colonless(bytes: &[u8], is_final: bool, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
+pub(crate) fn find_colonless(bytes: &[u8], is_final: bool, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
     let before_colon = &bytes[..memchr(b':', bytes).unwrap_or(bytes.len())];
     let mut line_start = 0;
     for line_end in memchr2_iter(b'\r', b'\n', before_colon) {
@@ -107,7 +107,7 @@ fn has_valid_lrc(text: &[u8]) -> bool {
 
 /// What happened to a message with an odd number of hex characters between colon and line end: one of them was received
 /// twice, or an unknown number is missing. `None` for an even number.
-pub(super) fn explain_odd_digits(text: &[u8]) -> Option<Harm> {
+pub(crate) fn explain_odd_digits(text: &[u8]) -> Option<Harm> {
     let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
     if !is_odd || text.len() + 1 < MIN_HEX_CHARACTERS {
         return None;
@@ -130,7 +130,7 @@ pub(super) fn explain_odd_digits(text: &[u8]) -> Option<Harm> {
 /// announces no length.
 ///
 /// `adu` has the LRC of the message, if it has a line end. A byte of which only one character came does not count as there.
-pub(super) fn missing_bytes(context: &Context<'_>, adu: &[u8]) -> Option<usize> {
+pub(crate) fn missing_bytes(context: &Context<'_>, adu: &[u8]) -> Option<usize> {
     let &[_, code, ref rest @ ..] = adu else { return None };
     let row = context.functions.row(code & !EXCEPTION_BIT, rest).filter(|_| code & EXCEPTION_BIT == 0)?;
     let lengths = [&row.request, &row.response].map(|layout| match layout.extent(rest) {
@@ -145,7 +145,7 @@ pub(super) fn missing_bytes(context: &Context<'_>, adu: &[u8]) -> Option<usize> 
 }
 
 /// Who sent a damaged message, as far as its unit and function tell.
-pub(super) fn direction(context: &Context<'_>, adu: &[u8]) -> Direction {
+pub(crate) fn direction(context: &Context<'_>, adu: &[u8]) -> Direction {
     let &[unit, code, ..] = adu else { return Direction::Unknown };
     let function = code & !EXCEPTION_BIT;
     let is_due = context.asked.is_some_and(|asked| asked.unit == unit && asked.pdu.first() == Some(&function));
