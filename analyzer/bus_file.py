@@ -27,7 +27,7 @@ from typing import Any
 from analyzer.line import Line, parse_line
 from analyzer.profiles import Binding, load, parse_units, read
 from dissectors.errors import ModlensError, ProfileError, UsageError
-from dissectors.function_lookup import near
+from dissectors.function_lookup import similar_name
 
 __all__ = ["Bus", "choose_bus", "choose_buses", "load_bus_file"]
 
@@ -71,7 +71,7 @@ def choose_buses(text: str) -> list[Bus]:
     for bus in buses:
         if bus.name == name:
             return [bus]
-    hint = near(name, names)
+    hint = similar_name(name, names)
     question = f"did you mean {hint!r}?" if hint else f"it has {', '.join(names)}"
     raise UsageError(f"--bus {path}: no bus {name!r}; {question}")
 
@@ -146,5 +146,5 @@ def _check_keys(
 ) -> None:
     for key in table:
         if key not in known:
-            hint = near(key, known)
+            hint = similar_name(key, known)
             mistakes.append(ProfileError("no such key", path=path, key=f"{prefix}{key}", hint=hint))

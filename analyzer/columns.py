@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from dissectors.errors import UsageError
-from dissectors.function_lookup import near
+from dissectors.function_lookup import similar_name
 from dissectors.vocabulary import vocabulary
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
@@ -67,7 +67,7 @@ def pick(table: str, text: str | None) -> tuple[str, ...]:
         raise UsageError(f"--columns names no column; those of {table} are {', '.join(known)}")
     for key in wanted:
         if key not in known:
-            hint = near(key, known)
+            hint = similar_name(key, known)
             question = f"; did you mean {hint!r}?" if hint else f"; there are {', '.join(known)}"
             raise UsageError(f"no column {key!r} in {table}{question}")
     return tuple(wanted)

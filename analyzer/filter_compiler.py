@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from analyzer import addresses
 from analyzer.times import parse_ns
 from dissectors.errors import FilterError
-from dissectors.function_lookup import near
+from dissectors.function_lookup import similar_name
 
 __all__ = ["Compiler", "Tree"]
 
@@ -262,7 +262,7 @@ class Compiler:
                 f"{self._table} have no column {node.id!r}",
                 text=self._text,
                 column=self._offset_of(node),
-                hint=near(node.id, list(self._column_types)),
+                hint=similar_name(node.id, list(self._column_types)),
             )
         return _Term(_KIND_OF_TYPE[self._column_types[node.id]], ["col", node.id], node)
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import _modlens
 from dissectors.errors import ProfileError, SourceError, UsageError
-from dissectors.function_lookup import near
+from dissectors.function_lookup import similar_name
 from dissectors.profile import FORMS, Profile, parse, shipped, shipped_names
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def load(word: str) -> Profile:
         if point.name == word:
             return _from_entry_point(point)
     names = [one.name for one in available_profiles()]
-    hint = near(word, names)
+    hint = similar_name(word, names)
     question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(names)}"
     raise UsageError(f"no profile {word!r}; {question}")
 

@@ -5,9 +5,9 @@ registers, then the number from 1: four digits (40108) as far as they reach, fiv
 65,536. Not part of the specification (which only says that numbers count from 1, 4.4), but every
 manual uses it.
 
->>> both(107, "holding_register")
+>>> modicon_address(107, "holding_register")
 '400108 (40108)'
->>> both(20000, "coil")
+>>> modicon_address(20000, "coil")
 '020001'
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["LEADING_DIGIT", "NOUNS", "both", "five_digit", "six_digit"]
+__all__ = ["LEADING_DIGIT", "NOUNS", "five_digit", "modicon_address", "six_digit"]
 
 LEADING_DIGIT: Mapping[str, int] = {
     "coil": 0,
@@ -32,7 +32,7 @@ NOUNS: Mapping[str, str] = {
 }
 """What one item is called in a sentence."""
 
-LAST_OF_FIVE = 9999
+MAX_FIVE_DIGIT_NUMBER = 9999
 
 
 def six_digit(address: int, register_type: str) -> str:
@@ -50,12 +50,12 @@ def five_digit(address: int, register_type: str) -> str | None:
     >>> five_digit(19, "coil"), five_digit(9999, "coil")
     ('00020', None)
     """
-    if address >= LAST_OF_FIVE:
+    if address >= MAX_FIVE_DIGIT_NUMBER:
         return None
     return f"{LEADING_DIGIT[register_type]}{address + 1:04d}"
 
 
-def both(address: int, register_type: str) -> str:
+def modicon_address(address: int, register_type: str) -> str:
     """Long notation, and the short one in brackets where it reaches."""
     short = five_digit(address, register_type)
     long = six_digit(address, register_type)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dissectors.pdu import Part, Pdu
+from dissectors.pdu import DecodedField, Pdu
 from dissectors.table import Direction, Function
 
 __all__ = ["LAST_ADDRESS", "Context", "Meaning"]
@@ -21,7 +21,7 @@ class Meaning:
     """Words, and whether all is well."""
 
     text: str
-    sound: bool = True
+    is_valid: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Context:
         return self.pdu.row
 
     @property
-    def asked(self) -> Mapping[str, int]:
+    def request_numbers(self) -> Mapping[str, int]:
         """The numbers of the request that this PDU answers; empty if that is not known."""
         if self.request is None or self.request.function != self.pdu.function:
             return {}
@@ -55,21 +55,21 @@ class Context:
             name = row.name if row.label == row.name else f"{row.name} ({row.label})"
         if self.pdu.exception is not None:
             return Meaning(f"{name}: refused, exception response")
-        if row is not None and not row.answered and self.direction == "response":
-            return Meaning(f"{name}: response, but this is never answered", sound=False)
+        if row is not None and not row.has_response and self.direction == "response":
+            return Meaning(f"{name}: response, but this is never answered", is_valid=False)
         return Meaning(f"{name}, {self.direction}{' by its layout' if guessed else ''}")
 
-    def following(self, part: Part) -> int | None:
+    def bytes_after(self, part: DecodedField) -> int | None:
         """How many bytes come after a field; None for a field inside a group."""
         inside = part.path != part.name
         return None if inside else self.size - part.offset - part.length
 
-    def block(self, name: str) -> tuple[str | None, int | None, int | None]:
+    def register_block(self, name: str) -> tuple[str | None, int | None, int | None]:
         """Register type, first address and quantity of the list called `name`, as far as known."""
         if self.row is None or self.row.register_type is None:
             return None, None, None
         prefix = name[: name.rfind("_") + 1]
-        known = self.pdu.numbers if self.direction == "request" else self.asked
+        known = self.pdu.numbers if self.direction == "request" else self.request_numbers
         if f"{prefix}address" not in known:
             known = self.pdu.numbers
         start, quantity = known.get(f"{prefix}address"), known.get(f"{prefix}quantity")

@@ -20,7 +20,7 @@ from typing import Literal
 
 import _modlens
 from dissectors.errors import UsageError
-from dissectors.function_lookup import choose, near, number, plain
+from dissectors.function_lookup import find_function, normalized, parse_number, similar_name
 from dissectors.pdu import default_functions
 from dissectors.table import EXCEPTION_BIT, Direction, Field, Function, function, functions
 from dissectors.values import Json, coil_state, to_json
@@ -28,9 +28,9 @@ from dissectors.vocabulary import names
 
 __all__ = ["craft", "craft_pdu", "frame"]
 
-HIGHEST_UNIT = 255
-HIGHEST_EXCEPTION = 255
-HIGHEST_MBAP_ID = 0xFFFF
+MAX_UNIT = 255
+MAX_EXCEPTION = 255
+MAX_MBAP_ID = 0xFFFF
 
 
 def craft(  # noqa: PLR0913 - all by keyword, as the command has them
@@ -65,7 +65,7 @@ def craft_pdu(
     >>> craft_pdu(43, values={"mei_type": 14, "read_device_id_code": 1, "object_id": 0}).hex(" ")
     '2b 0e 01 00'
     """
-    choice = choose(function, source=functions)
+    choice = find_function(function, source=functions)
     given = _merged(choice.preset, values or {})
     for key in ("exception", "exception_code"):
         if key in given:
@@ -73,7 +73,7 @@ def craft_pdu(
     row = _row(choice.code, given, functions)
     if row is None or not row.has_layout(direction):
         return _without_layout(choice.code, row, direction, given)
-    filled = _filled(row, direction, given)
+    filled = _with_implied_values(row, direction, given)
     fields = [field for field in row.fields(direction) if field.name in filled]
     tree = {field.name: _value(row, field, filled[field.name]) for field in fields}
     try:
@@ -90,10 +90,10 @@ def frame(
     >>> frame(b"\x07", unit=1, mode="tcp", mbap_id=5).hex(" ")
     '00 05 00 00 00 02 01 07'
     """
-    if not 0 <= unit <= HIGHEST_UNIT:
-        raise UsageError(f"unit {unit} is not from 0 to {HIGHEST_UNIT}")
-    if not 0 <= mbap_id <= HIGHEST_MBAP_ID:
-        raise UsageError(f"transaction identifier {mbap_id} is not from 0 to {HIGHEST_MBAP_ID}")
+    if not 0 <= unit <= MAX_UNIT:
+        raise UsageError(f"unit {unit} is not from 0 to {MAX_UNIT}")
+    if not 0 <= mbap_id <= MAX_MBAP_ID:
+        raise UsageError(f"transaction identifier {mbap_id} is not from 0 to {MAX_MBAP_ID}")
     body = bytes([unit]) + pdu
     if mode == "tcp":
         return mbap_id.to_bytes(2, "big") + b"\0\0" + len(body).to_bytes(2, "big") + body
@@ -115,7 +115,7 @@ def _row(
 ) -> Function | None:
     leading = next((row.when[0] for row in functions(source) if row.code == code and row.when), "")
     chosen = given.get(leading)
-    when = chosen if isinstance(chosen, int) else number(str(chosen))
+    when = chosen if isinstance(chosen, int) else parse_number(str(chosen))
     try:
         return function(code, when=when, source=source)
     except KeyError:
@@ -127,7 +127,7 @@ def _without_layout(
 ) -> bytes:
     """The code and bare bytes: for vendors' functions of which only the name is known."""
     name = f"function {code}" if row is None else row.label
-    if row is not None and not row.answered and direction == "response":
+    if row is not None and not row.has_response and direction == "response":
         raise UsageError(f"{name} is never answered")
     if set(given) - {"data"}:
         raise UsageError(f"the layout of {name} is not known; give its bytes as data=HEX")
@@ -135,26 +135,28 @@ def _without_layout(
     return bytes([code]) + bytes.fromhex(str(raw))
 
 
-def _filled(row: Function, direction: Direction, given: Mapping[str, object]) -> dict[str, object]:
+def _with_implied_values(
+    row: Function, direction: Direction, given: Mapping[str, object]
+) -> dict[str, object]:
     """The values with those that the table implies; refuses unknown and missing ones."""
     body = row.fields(direction)
     known = [field.name for field in body]
     for name in given:
         if name not in known:
-            hint = near(name, known)
+            hint = similar_name(name, known)
             takes = ", ".join(known) or "no fields"
             end = f"it takes {takes}" if hint is None else f"did you mean {hint!r}?"
             raise UsageError(f"{row.label} ({direction}) has no field {name!r}; {end}")
-    filled = {**_implied(row, body), **given}
+    filled = {**_implied_values(row, body), **given}
     derived = row.quantities(direction)
     for field in body:
-        needed = field.word in ("u8", "u16") and field.name not in filled
+        needed = field.field_type in ("u8", "u16") and field.name not in filled
         if needed and derived.get(field.name) not in given:
             raise UsageError(f"{row.label} ({direction}) needs {field.name}, a number")
     return filled
 
 
-def _implied(row: Function, body: tuple[Field, ...]) -> dict[str, int]:
+def _implied_values(row: Function, body: tuple[Field, ...]) -> dict[str, int]:
     """The leading field's value, and fields that have only one permitted value."""
     single = {name: values[0] for name, values in row.allowed.items() if len(values) == 1}
     if row.when is not None:
@@ -166,22 +168,22 @@ def _value(row: Function, field: Field, value: object) -> Json:
     if field.name == "value" and row.register_type == "coil":
         value = coil_state(value)
     found = to_json(field, value)
-    if field.word != "group" or not isinstance(found, list):
+    if field.field_type != "group" or not isinstance(found, list):
         return found
-    implied = _implied(row, field.children)
+    implied = _implied_values(row, field.children)
     return [{**implied, **item} for item in found if isinstance(item, dict)]
 
 
 def _exception(value: object) -> int:
-    code = value if isinstance(value, int) else number(str(value))
+    code = value if isinstance(value, int) else parse_number(str(value))
     if code is not None:
-        if not 0 <= code <= HIGHEST_EXCEPTION:
-            raise UsageError(f"exception code {code} is not from 0 to {HIGHEST_EXCEPTION}")
+        if not 0 <= code <= MAX_EXCEPTION:
+            raise UsageError(f"exception code {code} is not from 0 to {MAX_EXCEPTION}")
         return code
-    known = {plain(entry.name): entry for entry in names("exceptions")}
-    entry = known.get(plain(str(value)))
+    known = {normalized(entry.name): entry for entry in names("exceptions")}
+    entry = known.get(normalized(str(value)))
     if entry is not None:
         return entry.code
-    hint = near(str(value), (entry.name for entry in known.values()))
+    hint = similar_name(str(value), (entry.name for entry in known.values()))
     end = "a code or a name is needed" if hint is None else f"did you mean {hint!r}?"
     raise UsageError(f"no exception {value!r}; {end}")

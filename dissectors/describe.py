@@ -22,9 +22,9 @@ from typing import Literal
 
 import _modlens
 from dissectors.context import Context, Meaning
-from dissectors.field_meaning import about
-from dissectors.pdu import Part, decode, guess_direction
-from dissectors.table import EXCEPTION_BIT, LISTS, Direction
+from dissectors.field_meaning import field_meaning
+from dissectors.pdu import DecodedField, decode, guess_direction
+from dissectors.table import EXCEPTION_BIT, LIST_ITEM_BYTES, Direction
 
 __all__ = ["Layer", "Mode", "Piece", "describe"]
 
@@ -32,10 +32,10 @@ Mode = Literal["rtu", "ascii", "tcp", "pdu"]
 
 Layer = Literal["frame", "mbap", "pdu", "checksum"]
 
-SHORTEST_RTU = 4
+MIN_RTU_BYTES = 4
 """Unit, function and CRC (serial line specification, 2.5.1)."""
 
-MBAP_SIZE = 7
+MBAP_BYTES = 7
 """Transaction, protocol, length and unit identifiers (messaging on TCP/IP, 3.1.3)."""
 
 RESERVED_UNITS = range(248, 256)
@@ -53,7 +53,7 @@ class Piece:
     - `value`: the value as text, in the base that fits it
     - `meaning`: in words, may be empty
     - `layer`: `frame` (unit, delimiters, noise), `mbap`, `pdu` or `checksum`
-    - `sound`: False where something is wrong with it; `meaning` then says what
+    - `is_valid`: False where something is wrong with it; `meaning` then says what
     """
 
     offset: int
@@ -62,7 +62,7 @@ class Piece:
     value: str
     meaning: str
     layer: Layer = "pdu"
-    sound: bool = True
+    is_valid: bool = True
 
 
 def describe(  # noqa: PLR0913 - all but the frame by keyword
@@ -85,7 +85,7 @@ def describe(  # noqa: PLR0913 - all but the frame by keyword
     >>> [piece.value for piece in pieces]
     ['0x83', '2']
     """
-    body = _Body(direction, request, functions, on_serial_line=mode != "tcp")
+    body = _PduContext(direction, request, functions, on_serial_line=mode != "tcp")
     if mode == "pdu":
         return list(body.pieces(data, 0))
     if mode == "tcp":
@@ -96,7 +96,7 @@ def describe(  # noqa: PLR0913 - all but the frame by keyword
 
 
 @dataclass(frozen=True, slots=True)
-class _Body:
+class _PduContext:
     """What is known of the PDU before its bytes are looked at."""
 
     direction: Direction | Literal["unknown"]
@@ -108,25 +108,25 @@ class _Body:
         """The pieces of a PDU that starts at `start` on the wire."""
         if not pdu:
             text = "no function code: the frame is cut short"
-            yield Piece(start, b"", "function", "", text, sound=False)
+            yield Piece(start, b"", "function", "", text, is_valid=False)
             return
-        direction = self._settle(pdu)
+        direction = self._resolved_direction(pdu)
         decoded = decode(pdu, direction, functions=self.functions)
-        asked = None
+        decoded_request = None
         if self.request is not None and direction == "response":
-            asked = decode(self.request, "request", functions=self.functions)
-        context = Context(decoded, len(pdu), direction, asked)
+            decoded_request = decode(self.request, "request", functions=self.functions)
+        context = Context(decoded, len(pdu), direction, decoded_request)
         code = pdu[0]
         value = f"0x{code:02X}" if code & EXCEPTION_BIT else str(code)
         meaning = context.title(guessed=self.direction == "unknown")
-        yield Piece(start, pdu[:1], "function", value, meaning.text, sound=meaning.sound)
+        yield Piece(start, pdu[:1], "function", value, meaning.text, is_valid=meaning.is_valid)
         for part in decoded.fields:
             yield from _field(part, pdu, context, start)
         if not decoded.complete:
             text = "bytes are missing: the layout goes on here"
-            yield Piece(start + len(pdu), b"", "missing", "", text, sound=False)
+            yield Piece(start + len(pdu), b"", "missing", "", text, is_valid=False)
 
-    def _settle(self, pdu: bytes) -> Direction:
+    def _resolved_direction(self, pdu: bytes) -> Direction:
         if self.direction != "unknown":
             return self.direction
         guessed = guess_direction(pdu, functions=self.functions)
@@ -134,36 +134,36 @@ class _Body:
 
     def unit(self, unit: int, offset: int, layer: Layer = "frame") -> Piece:
         """The piece of a unit number; broadcast and reserved numbers are serial notions."""
-        text, sound = f"unit {unit}", True
+        text, is_valid = f"unit {unit}", True
         if self.on_serial_line and unit == 0:
             text = "broadcast: all units, none answers"
         elif self.on_serial_line and unit in RESERVED_UNITS:
-            text, sound = f"unit {unit}, a reserved number", False
-        return Piece(offset, bytes([unit]), "unit", str(unit), text, layer, sound)
+            text, is_valid = f"unit {unit}, a reserved number", False
+        return Piece(offset, bytes([unit]), "unit", str(unit), text, layer, is_valid)
 
 
-def _field(part: Part, pdu: bytes, context: Context, start: int) -> Iterator[Piece]:
+def _field(part: DecodedField, pdu: bytes, context: Context, start: int) -> Iterator[Piece]:
     """One field's piece; lists of numbers give one per item, bits one per byte."""
     at, stop = part.offset, part.offset + part.length
-    if part.word in LISTS or part.word == "bits":
-        step = LISTS.get(part.word, 1)
+    if part.field_type in LIST_ITEM_BYTES or part.field_type == "bits":
+        step = LIST_ITEM_BYTES.get(part.field_type, 1)
         for index, here in enumerate(range(at, stop, step)):
             raw = pdu[here : here + step]
             number = int.from_bytes(raw, "big")
-            shown = f"{number:08b}" if part.word == "bits" else str(number)
-            meaning = about(part, context, index=index, number=number)
+            shown = f"{number:08b}" if part.field_type == "bits" else str(number)
+            meaning = field_meaning(part, context, index=index, number=number)
             name = f"{part.path}[{index}]"
-            yield Piece(start + here, raw, name, shown, meaning.text, sound=meaning.sound)
+            yield Piece(start + here, raw, name, shown, meaning.text, is_valid=meaning.is_valid)
         return
-    meaning = about(part, context)
+    meaning = field_meaning(part, context)
     shown = part.value.hex(" ") if isinstance(part.value, bytes) else str(part.value)
-    yield Piece(start + at, pdu[at:stop], part.path, shown, meaning.text, sound=meaning.sound)
+    yield Piece(start + at, pdu[at:stop], part.path, shown, meaning.text, is_valid=meaning.is_valid)
 
 
-def _rtu(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
-    shortest = SHORTEST_RTU if has_checksum else SHORTEST_RTU - 2
-    if len(data) < shortest:
-        yield _noise(data, f"{len(data)} bytes: too short for a frame of at least {shortest}")
+def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piece]:
+    min_bytes = MIN_RTU_BYTES if has_checksum else MIN_RTU_BYTES - 2
+    if len(data) < min_bytes:
+        yield _noise(data, f"{len(data)} bytes: too short for a frame of at least {min_bytes}")
         return
     end = len(data) - 2 if has_checksum else len(data)
     yield body.unit(data[0], 0)
@@ -172,12 +172,12 @@ def _rtu(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
         found = int.from_bytes(data[end:], "little")
         meaning = _checksum("CRC-16", found, _modlens.crc16(data[:end]), width=4)
         shown = f"0x{found:04X}"
-        yield Piece(end, data[end:], "checksum", shown, meaning.text, "checksum", meaning.sound)
+        yield Piece(end, data[end:], "checksum", shown, meaning.text, "checksum", meaning.is_valid)
 
 
-def _tcp(data: bytes, body: _Body) -> Iterator[Piece]:
-    if len(data) < MBAP_SIZE:
-        yield _noise(data, f"{len(data)} bytes: too short for the MBAP header of {MBAP_SIZE}")
+def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
+    if len(data) < MBAP_BYTES:
+        yield _noise(data, f"{len(data)} bytes: too short for the MBAP header of {MBAP_BYTES}")
         return
     mbap_id, protocol, length = (int.from_bytes(data[i : i + 2], "big") for i in (0, 2, 4))
     yield Piece(0, data[:2], "mbap_id", str(mbap_id), "transaction identifier", "mbap")
@@ -189,14 +189,14 @@ def _tcp(data: bytes, body: _Body) -> Iterator[Piece]:
         text = f"{length} bytes announced, {follow} follow"
     yield Piece(4, data[4:6], "length", str(length), text, "mbap", length == follow)
     yield body.unit(data[6], 6, "mbap")
-    end = min(len(data), max(MBAP_SIZE, 6 + length))
-    yield from body.pieces(data[MBAP_SIZE:end], MBAP_SIZE)
+    end = min(len(data), max(MBAP_BYTES, 6 + length))
+    yield from body.pieces(data[MBAP_BYTES:end], MBAP_BYTES)
     if data[end:]:
         text = "beyond the length that the header announces"
-        yield Piece(end, data[end:], "extra", data[end:].hex(" "), text, "frame", sound=False)
+        yield Piece(end, data[end:], "extra", data[end:].hex(" "), text, "frame", is_valid=False)
 
 
-def _ascii(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
+def _ascii(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piece]:
     """The byte at i stands in the two characters from 1 + 2i (serial line specification, 2.5.2)."""
     text = data.removesuffix(b"\n").removesuffix(b"\r")
     try:
@@ -212,7 +212,9 @@ def _ascii(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
     if has_checksum:
         meaning = _checksum("LRC", binary[end], _modlens.lrc(binary[:end]), width=2)
         shown = f"0x{binary[end]:02X}"
-        last = Piece(end, binary[end:], "checksum", shown, meaning.text, "checksum", meaning.sound)
+        last = Piece(
+            end, binary[end:], "checksum", shown, meaning.text, "checksum", meaning.is_valid
+        )
         pieces.append(last)
     for piece in pieces:
         at = 1 + 2 * piece.offset
@@ -222,17 +224,17 @@ def _ascii(data: bytes, body: _Body, *, has_checksum: bool) -> Iterator[Piece]:
 
 def _delimiter(tail: bytes, offset: int) -> Piece:
     shown = {b"\r\n": "CR LF", b"\r": "CR", b"\n": "LF"}.get(tail, "")
-    sound = tail == b"\r\n"
-    meaning = "end of frame" if sound else "the frame should end in CR LF"
-    return Piece(offset, tail, "end", shown, meaning, "frame", sound)
+    is_valid = tail == b"\r\n"
+    meaning = "end of frame" if is_valid else "the frame should end in CR LF"
+    return Piece(offset, tail, "end", shown, meaning, "frame", is_valid)
 
 
 def _checksum(kind: str, found: int, expected: int, *, width: int) -> Meaning:
     if found == expected:
         return Meaning(f"{kind} right")
     text = f"{kind} wrong: 0x{expected:0{width}X} expected, 0x{found:0{width}X} found"
-    return Meaning(text, sound=False)
+    return Meaning(text, is_valid=False)
 
 
 def _noise(data: bytes, why: str) -> Piece:
-    return Piece(0, data, "noise", data.hex(" "), why, "frame", sound=False)
+    return Piece(0, data, "noise", data.hex(" "), why, "frame", is_valid=False)

@@ -25,7 +25,14 @@ from dissectors import vocabulary
 from dissectors.craft import craft_pdu
 from dissectors.describe import describe
 from dissectors.errors import UsageError
-from dissectors.function_lookup import Choice, code_of, function_names, near, number, plain
+from dissectors.function_lookup import (
+    FunctionChoice,
+    function_names,
+    normalized,
+    parse_code,
+    parse_number,
+    similar_name,
+)
 from dissectors.table import (
     DIRECTIONS,
     EXCEPTION_BIT,
@@ -40,17 +47,19 @@ __all__ = ["Explanation", "explain", "known_words"]
 
 ENCAPSULATED = 0x2B
 DIAGNOSTICS = 0x08
-REFUSED = range(EXCEPTION_BIT, 0x100)
+EXCEPTION_RESPONSE_CODES = range(EXCEPTION_BIT, 0x100)
 
 _EXCEPTION = re.compile(r"(?:ex|exc|exception)\s*(?:code)?\s*(0x[0-9a-f]+|\d+)")
 # Without 0x only 8 and 9 may lead: `fc 99` is a function.
-_REFUSAL = re.compile(r"(?:0x(?=[89a-f])|(?=[89]))([0-9a-f]{2})h?[\s/:]+(0x[0-9a-f]+|\d+)")
+_EXCEPTION_RESPONSE = re.compile(
+    r"(?:0x(?=[89a-f])|(?=[89]))([0-9a-f]{2})h?[\s/:]+(0x[0-9a-f]+|\d+)"
+)
 _SUB = re.compile(
     r"(?:fc|function|diagnostics?|sub-?function)?\s*(0x[0-9a-f]+|\d+)[\s/.:]+(0x[0-9a-f]+|\d+)"
 )
 _BARE_SUB = re.compile(r"(?:diagnostics?|sub-?function)\s*(0x[0-9a-f]+|\d+)")
 
-_WORDS = {
+_FIELD_TYPE_TEXTS = {
     "u8": "1 byte",
     "u16": "2 bytes",
     "len8": "1 byte: how many bytes follow",
@@ -89,7 +98,7 @@ class Explanation:
 
 
 def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanation:
-    """What `word` means; `UsageError` with the nearest known words if it means nothing.
+    """What `field_type` means; `UsageError` with the nearest known words if it means nothing.
 
     A function: `3`, `0x03`, `fc3`, `Read Holding Registers`. An exception: `exception 2`, `ex2`,
     `0x83 2` or its name. A sub-function of Diagnostics: `8/11`, `diagnostics 11` or its name. An
@@ -101,10 +110,10 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
         found = reading(text, source)
         if found is not None:
             return found
-    named = _named(source).get(plain(text))
+    named = _named(source).get(normalized(text))
     if named is not None:
         return _explanation(named, source)
-    hint = near(word, known_words(source=source))
+    hint = similar_name(word, known_words(source=source))
     end = "try a code such as 3, 'exception 2' or a finding"
     if hint is not None:
         end = f"did you mean {hint!r}?"
@@ -125,17 +134,19 @@ def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-Named = Choice | vocabulary.Name | vocabulary.Finding
+Named = FunctionChoice | vocabulary.Name | vocabulary.Finding
 
 
 def _named(source: _modlens.Functions | None) -> dict[str, Named]:
     """What each name stands for; later entries win, but a finding never hides a function."""
     found: dict[str, Named] = {}
     for kind in ("object_ids", "exceptions"):
-        found.update({plain(entry.name): entry for entry in vocabulary.names(kind)})
-    found.update({plain(name): choice for name, choice in function_names(source=source).items()})
+        found.update({normalized(entry.name): entry for entry in vocabulary.names(kind)})
+    found.update(
+        {normalized(name): choice for name, choice in function_names(source=source).items()}
+    )
     for finding in vocabulary.findings():
-        found.setdefault(plain(finding.code), finding)
+        found.setdefault(normalized(finding.code), finding)
     return found
 
 
@@ -156,29 +167,29 @@ def _explanation(named: Named, source: _modlens.Functions | None) -> Explanation
 def _as_exception(text: str, source: _modlens.Functions | None) -> Explanation | None:
     alone = _EXCEPTION.fullmatch(text)
     if alone is not None:
-        return _exception(number(alone[1]) or 0, None)
-    refusal = _REFUSAL.fullmatch(text)
-    if refusal is None:
+        return _exception(parse_number(alone[1]) or 0, None)
+    response = _EXCEPTION_RESPONSE.fullmatch(text)
+    if response is None:
         return None
-    return _exception(number(refusal[2]) or 0, int(refusal[1], 16) & ~EXCEPTION_BIT)
+    return _exception(parse_number(response[2]) or 0, int(response[1], 16) & ~EXCEPTION_BIT)
 
 
 def _as_pair(text: str, source: _modlens.Functions | None) -> Explanation | None:
     bare = _BARE_SUB.fullmatch(text)
     if bare is not None:
-        return _sub_function(DIAGNOSTICS, number(bare[1]) or 0, source)
+        return _sub_function(DIAGNOSTICS, parse_number(bare[1]) or 0, source)
     pair = _SUB.fullmatch(text)
     if pair is None:
         return None
-    return _sub_function(number(pair[1]) or 0, number(pair[2]) or 0, source)
+    return _sub_function(parse_number(pair[1]) or 0, parse_number(pair[2]) or 0, source)
 
 
 def _as_function(text: str, source: _modlens.Functions | None) -> Explanation | None:
-    code = code_of(text)
+    code = parse_code(text)
     if code is None:
         return None
     # 0x83 is what function 3 becomes when it is refused.
-    return _function(code & ~EXCEPTION_BIT if code in REFUSED else code, source)
+    return _function(code & ~EXCEPTION_BIT if code in EXCEPTION_RESPONSE_CODES else code, source)
 
 
 def _function(code: int, source: _modlens.Functions | None) -> Explanation:
@@ -192,7 +203,7 @@ def _function(code: int, source: _modlens.Functions | None) -> Explanation:
     if chosen:
         text.append(f"Its first field chooses: {'; '.join(chosen)}.")
     title = f"{row.name} (function {code}, 0x{code:02X})"
-    section = _specified(row.section)
+    section = _section_text(row.section)
     return Explanation("function", title, section, tuple(text), _example(row, source))
 
 
@@ -204,18 +215,20 @@ def _sub_function(code: int, value: int, source: _modlens.Functions | None) -> E
     look_up = {DIAGNOSTICS: vocabulary.diagnostic, ENCAPSULATED: vocabulary.mei_type}.get(code)
     entry = None if look_up is None else look_up(value)
     if entry is None:
-        return _own_row(row, value, source)
+        return _unnamed_value(row, value, source)
     text = (_sentence(entry.meaning), *_layout(row))
-    section = _specified(entry.section)
+    section = _section_text(entry.section)
     if code == ENCAPSULATED:
         title = f"{entry.name} (function {code}, MEI type {value})"
         return Explanation("mei_type", title, section, text, _example(row, source))
     title = f"{entry.name} (function {code}, sub-function {value})"
-    example = _example(row, source) if row.when else _drawn(_query(value), "request", source)
+    example = (
+        _example(row, source) if row.when else _described_pdu(_query(value), "request", source)
+    )
     return Explanation("diagnostic", title, section, text, tuple(example))
 
 
-def _own_row(row: Function, value: int, source: _modlens.Functions | None) -> Explanation:
+def _unnamed_value(row: Function, value: int, source: _modlens.Functions | None) -> Explanation:
     """A value of the leading field that the vocabulary has no name for, but the table may have."""
     if row.when is None:
         known = ", ".join(str(code) for code in _values(row.code, source))
@@ -223,7 +236,7 @@ def _own_row(row: Function, value: int, source: _modlens.Functions | None) -> Ex
         raise UsageError(f"{row.name} has no sub-function {value} in the table; {end}")
     title = f"{row.label} ({row.name}, {row.when[0]} {value})"
     text = (_sentence(row.summary), *_layout(row))
-    return Explanation("function", title, _specified(row.section), text, _example(row, source))
+    return Explanation("function", title, _section_text(row.section), text, _example(row, source))
 
 
 def _values(code: int, source: _modlens.Functions | None) -> dict[int, str]:
@@ -238,16 +251,18 @@ def _query(sub_function: int) -> bytes:
     return craft_pdu(DIAGNOSTICS, values={"sub_function": sub_function, "data": 0})
 
 
-def _exception(code: int, refused: int | None) -> Explanation:
+def _exception(code: int, function_code: int | None) -> Explanation:
     entry = vocabulary.exception(code)
-    pdu = bytes([(refused or 0x03) | EXCEPTION_BIT, code & 0xFF])
-    example = tuple(_drawn(pdu, "response", None))
+    pdu = bytes([(function_code or 0x03) | EXCEPTION_BIT, code & 0xFF])
+    example = tuple(_described_pdu(pdu, "response", None))
     if entry is None:
         unknown = "The specification has no such code: the vendor's manual may explain it."
-        return Explanation("exception", f"Exception {code}", _specified("7"), (unknown,), example)
+        return Explanation(
+            "exception", f"Exception {code}", _section_text("7"), (unknown,), example
+        )
     text = (_sentence(entry.meaning), f"Check: {entry.check}")
     title = f"{entry.name} (exception {code})"
-    return Explanation("exception", title, _specified(entry.section), text, example)
+    return Explanation("exception", title, _section_text(entry.section), text, example)
 
 
 def _object(entry: vocabulary.Name) -> Explanation:
@@ -256,20 +271,20 @@ def _object(entry: vocabulary.Name) -> Explanation:
         span = f"{span} to 0x{entry.last:02X}"
     title = f"{entry.name} (object {span} of Read Device Identification)"
     text = (_sentence(entry.meaning), f"Category: {entry.category}.")
-    return Explanation("object_id", title, _specified(entry.section), text)
+    return Explanation("object_id", title, _section_text(entry.section), text)
 
 
 def _finding(entry: vocabulary.Finding) -> Explanation:
     title = f"{entry.code} (finding, {entry.severity})"
     text = (_sentence(entry.title), entry.why, f"Check: {entry.advice}")
-    return Explanation("finding", title, _specified(entry.section), text)
+    return Explanation("finding", title, _section_text(entry.section), text)
 
 
 def _layout(row: Function) -> Iterator[str]:
     """The fields of both directions, in sentences."""
     lines = []
     for direction in DIRECTIONS:
-        if direction == "response" and not row.answered:
+        if direction == "response" and not row.has_response:
             lines.append("There is no response.")
         elif not row.has_layout(direction):
             lines.append(f"The layout of the {direction} is not public.")
@@ -290,20 +305,20 @@ def _layout(row: Function) -> Iterator[str]:
 
 
 def _field(field: Field) -> str:
-    if field.word == "group":
+    if field.field_type == "group":
         return f"{field.name} (groups of {', '.join(map(_field, field.children))})"
-    return f"{field.name} ({_WORDS[field.word]})"
+    return f"{field.name} ({_FIELD_TYPE_TEXTS[field.field_type]})"
 
 
 def _example(row: Function, source: _modlens.Functions | None) -> tuple[str, ...]:
-    lines = list(_drawn(row.example_request, "request", source))
+    lines = list(_described_pdu(row.example_request, "request", source))
     if row.example_response is not None:
         asked = row.example_request
-        lines += ["", *_drawn(row.example_response, "response", source, request=asked)]
+        lines += ["", *_described_pdu(row.example_response, "response", source, request=asked)]
     return tuple(lines)
 
 
-def _drawn(
+def _described_pdu(
     pdu: bytes,
     direction: Direction,
     source: _modlens.Functions | None,
@@ -317,7 +332,7 @@ def _drawn(
         yield f"  {piece.name}: {words}"
 
 
-def _specified(section: str) -> str:
+def _section_text(section: str) -> str:
     """The section with its document; the table's plain numbers are the application protocol's."""
     if section in ("", "vendor"):
         return "" if not section else "not in the specification; the vendor's own"

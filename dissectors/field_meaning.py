@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 
 from dissectors import address, vocabulary
 from dissectors.context import LAST_ADDRESS, Context, Meaning
-from dissectors.pdu import Part
-from dissectors.table import LISTS
-from dissectors.validation import doubts
+from dissectors.pdu import DecodedField
+from dissectors.table import LIST_ITEM_BYTES
+from dissectors.validation import violations
 
-__all__ = ["about"]
+__all__ = ["field_meaning"]
 
 DIAGNOSTICS = 0x08
 ENCAPSULATED = 0x2B
@@ -23,32 +23,34 @@ BITS = 8
 PRINTABLE = range(0x20, 0x7F)
 
 
-def about(part: Part, context: Context, *, index: int = 0, number: int | None = None) -> Meaning:
+def field_meaning(
+    part: DecodedField, context: Context, *, index: int = 0, number: int | None = None
+) -> Meaning:
     """What a field means; `index` and `number` choose one item of a list."""
-    if part.word == "bits":
+    if part.field_type == "bits":
         return _bits(part, context, index, number or 0)
-    if part.word in LISTS:
+    if part.field_type in LIST_ITEM_BYTES:
         return Meaning(_item(part, context, index, number or 0))
     if isinstance(part.value, bytes):
         return _extra(context) if part.name == "extra" else Meaning(_text(part, part.value))
     value = part.value if isinstance(part.value, int) else 0
     text = _number(part, value, context)
-    wrong = doubts(part, value, context)
-    return Meaning("; ".join(filter(None, (text, *wrong))), sound=not wrong)
+    wrong = violations(part, value, context)
+    return Meaning("; ".join(filter(None, (text, *wrong))), is_valid=not wrong)
 
 
-def _number(part: Part, value: int, context: Context) -> str:
-    if part.word.startswith("len"):
+def _number(part: DecodedField, value: int, context: Context) -> str:
+    if part.field_type.startswith("len"):
         return _length(part, value, context)
     named = _named(part, context)
     if named is not None:
         return named(value)
-    kind, start, _ = context.block(part.name)
+    kind, start, _ = context.register_block(part.name)
     last_word = part.name.rpartition("_")[2]
     if kind is None or last_word not in ("value", "address", "quantity"):
         return f"0x{value:0{2 * part.length}X}"
     if last_word == "address":
-        return f"{value} = 0x{value:04X}, {address.both(value, kind)}"
+        return f"{value} = 0x{value:04X}, {address.modicon_address(value, kind)}"
     if last_word == "quantity":
         return _quantity(value, kind, start)
     return _single(value, kind, start, context)
@@ -62,21 +64,21 @@ def _single(value: int, kind: str, start: int | None, context: Context) -> str:
     return state if start is None else f"coil {start + 1} {state}"
 
 
-def _length(part: Part, value: int, context: Context) -> str:
-    follow = context.following(part)
+def _length(part: DecodedField, value: int, context: Context) -> str:
+    follow = context.bytes_after(part)
     if follow not in (None, value):
         return f"{value} {_plural('byte', value)} announced, {follow} there"
     return f"{value} {_plural('byte', value)} {'follows' if value == 1 else 'follow'}"
 
 
-def _named(part: Part, context: Context) -> Callable[[int], str] | None:
+def _named(part: DecodedField, context: Context) -> Callable[[int], str] | None:
     """The text that belongs to one field of one function."""
     if part.name == "exception_code":
         return _exception
     found = _TEXTS.get((context.pdu.function, part.name))
     if found is not None and context.row is not None and context.row.vendor is None:
         return found
-    return _counted if part.word.startswith("count") else None
+    return _counted if part.field_type.startswith("count") else None
 
 
 def _counted(value: int) -> str:
@@ -153,17 +155,17 @@ def _quantity(value: int, kind: str, start: int | None) -> str:
     return f"{counted}, {address.six_digit(first, kind)} to {address.six_digit(last, kind)}"
 
 
-def _item(part: Part, context: Context, index: int, number: int) -> str:
+def _item(part: DecodedField, context: Context, index: int, number: int) -> str:
     if part.name == "events":
         return _event(number)
-    if part.word == "u16[]":
+    if part.field_type == "u16[]":
         return _register(context, part.name, index, number)
     return f"0x{number:02X}"
 
 
 def _register(context: Context, name: str, index: int, number: int) -> str:
     """A register as unsigned, signed and hex, in front of it its number."""
-    kind, start, _ = context.block(name)
+    kind, start, _ = context.register_block(name)
     signed = number - 0x10000 if number & 0x8000 else number
     text = f"u16 {number}, s16 {signed}, 0x{number:04X}"
     if kind is None or start is None or start + index > LAST_ADDRESS:
@@ -171,9 +173,9 @@ def _register(context: Context, name: str, index: int, number: int) -> str:
     return f"{address.six_digit(start + index, kind)}: {text}"
 
 
-def _bits(part: Part, context: Context, index: int, byte: int) -> Meaning:
+def _bits(part: DecodedField, context: Context, index: int, byte: int) -> Meaning:
     """Eight bits by number, lowest first; those beyond the quantity are padding (section 6.1)."""
-    kind, start, quantity = context.block(part.name)
+    kind, start, quantity = context.register_block(part.name)
     first = BITS * index
     count = BITS if quantity is None else max(0, min(BITS, quantity - first))
     noun = "bit" if kind is None or start is None else address.NOUNS[kind]
@@ -186,7 +188,7 @@ def _bits(part: Part, context: Context, index: int, byte: int) -> Meaning:
     clean = byte >> count == 0
     padding = f"{BITS - count} padding {_plural('bit', BITS - count)}"
     ending = padding if clean else f"{padding} that should be 0"
-    return Meaning(f"{text}; {ending}" if text else ending, sound=clean)
+    return Meaning(f"{text}; {ending}" if text else ending, is_valid=clean)
 
 
 def _event(event: int) -> str:
@@ -210,7 +212,7 @@ def _event(event: int) -> str:
     return ", ".join([kind, *(text for bit, text in flags.items() if event >> bit & 1)])
 
 
-def _text(part: Part, value: bytes) -> str:
+def _text(part: DecodedField, value: bytes) -> str:
     if part.name == "server_id" and value[-1:] in (b"\xff", b"\x00"):
         state = "on" if value[-1] else "off"
         return f"{_quoted(value[:-1])}, run indicator {state}".lstrip(", ")
@@ -225,12 +227,12 @@ def _quoted(value: bytes) -> str:
 
 def _extra(context: Context) -> Meaning:
     if context.pdu.exception is not None:
-        return Meaning("an exception response has one byte only", sound=False)
+        return Meaning("an exception response has one byte only", is_valid=False)
     if not context.pdu.complete:
-        return Meaning("part of a value whose other bytes are missing", sound=False)
+        return Meaning("part of a value whose other bytes are missing", is_valid=False)
     if context.row is None or not context.row.has_layout(context.direction):
         return Meaning("the table does not describe this content")
-    return Meaning("beyond the layout of this function", sound=False)
+    return Meaning("beyond the layout of this function", is_valid=False)
 
 
 def _plural(noun: str, count: int) -> str:

@@ -26,10 +26,10 @@ from dissectors import table
 
 __all__ = ["BitsField", "BytesField", "CountField", "LengthField", "NumbersField", "build_fields"]
 
-Limit = Callable[[Packet], int]
+SizeOf = Callable[[Packet], int]
 
 FORMATS = {1: ">B", 2: ">H"}
-MOST_GROUPS = 256
+MAX_GROUP_ITEMS = 256
 """More than a count of one byte can say, and more than a PDU can hold."""
 
 
@@ -44,8 +44,8 @@ class LengthField(Field[int | None, int]):
     def addfield(self, pkt: Packet, s: bytes, val: int | None) -> bytes:
         """`s` with the value behind it."""
         if val is None:
-            behind = _behind(pkt, self.name)
-            built = (field.addfield(pkt, b"", pkt.getfieldval(field.name)) for field in behind)
+            following = _fields_after(pkt, self.name)
+            built = (field.addfield(pkt, b"", pkt.getfieldval(field.name)) for field in following)
             val = sum(map(len, built))
         return s + struct.pack(self.fmt, val)
 
@@ -72,7 +72,7 @@ class NumbersField(Field[list[int], bytes]):
     __slots__ = ("size", "width")
     islist = 1
 
-    def __init__(self, name: str, width: int, *, size: Limit) -> None:
+    def __init__(self, name: str, width: int, *, size: SizeOf) -> None:
         super().__init__(name, [], "s")
         self.width = width
         self.size = size
@@ -94,7 +94,7 @@ class BitsField(Field[list[int], bytes]):
     __slots__ = ("size",)
     islist = 1
 
-    def __init__(self, name: str, *, size: Limit) -> None:
+    def __init__(self, name: str, *, size: SizeOf) -> None:
         super().__init__(name, [], "s")
         self.size = size
 
@@ -116,7 +116,7 @@ class BytesField(Field[bytes, bytes]):
 
     __slots__ = ("size",)
 
-    def __init__(self, name: str, *, size: Limit) -> None:
+    def __init__(self, name: str, *, size: SizeOf) -> None:
         super().__init__(name, b"", "s")
         self.size = size
 
@@ -162,17 +162,17 @@ def build_fields(
     0; `named`: numbers whose values have names; `group` makes the packet class of a group's items.
     """
     found: list[AnyField] = []
-    for item, size, count in _with_limits(body):
-        width = table.NUMBERS.get(item.word, 0)
-        if item.word.startswith("len"):
+    for item, size, count in _with_sizes(body):
+        width = table.NUMBER_BYTES.get(item.field_type, 0)
+        if item.field_type.startswith("len"):
             found.append(LengthField(item.name, width))
-        elif item.word.startswith("count"):
+        elif item.field_type.startswith("count"):
             found.append(CountField(item.name, width, counted=_next_list(body, item)))
         elif item.name in derived:
             found.append(CountField(item.name, width, counted=derived[item.name]))
         elif width:
             found.append(_number(item, width, defaults.get(item.name, 0), named.get(item.name)))
-        elif item.word == "group":
+        elif item.field_type == "group":
             found.append(_groups(item, group(item), size, count))
         else:
             found.append(_list(item, size))
@@ -197,60 +197,68 @@ def _number(
     return ByteField(item.name, default) if width == 1 else ShortField(item.name, default)
 
 
-def _list(item: table.Field, size: Limit) -> AnyField:
-    if item.word == "bits":
+def _list(item: table.Field, size: SizeOf) -> AnyField:
+    if item.field_type == "bits":
         return BitsField(item.name, size=size)
-    if item.word == "bytes":
+    if item.field_type == "bytes":
         return BytesField(item.name, size=size)
-    return NumbersField(item.name, table.LISTS[item.word], size=size)
+    return NumbersField(item.name, table.LIST_ITEM_BYTES[item.field_type], size=size)
 
 
-def _groups(item: table.Field, packet: type[Packet], size: Limit, count: str | None) -> AnyField:
+def _groups(item: table.Field, packet: type[Packet], size: SizeOf, count: str | None) -> AnyField:
     if count is None:
-        return GroupsField(item.name, [], packet, length_from=size, max_count=MOST_GROUPS)
+        return GroupsField(item.name, [], packet, length_from=size, max_count=MAX_GROUP_ITEMS)
 
     def counted(pkt: Packet) -> int:
         return int(pkt.getfieldval(count))
 
-    return GroupsField(item.name, [], packet, count_from=counted, max_count=MOST_GROUPS)
+    return GroupsField(item.name, [], packet, count_from=counted, max_count=MAX_GROUP_ITEMS)
 
 
-def _with_limits(
+def _with_sizes(
     body: Sequence[table.Field],
-) -> Iterator[tuple[table.Field, Limit, str | None]]:
+) -> Iterator[tuple[table.Field, SizeOf, str | None]]:
     """Each field with the most bytes it may take, and the count in front of it if there is one."""
     length: str | None = None
-    between = 0
+    bytes_since_length = 0
     count: str | None = None
     for item in body:
-        yield item, _limit(item, length, between, count), count
-        width = table.NUMBERS.get(item.word, 0)
-        count = item.name if item.word.startswith("count") else None
-        if item.word.startswith("len"):
-            length, between = item.name, 0
+        yield item, _size_of(item, length, bytes_since_length, count), count
+        width = table.NUMBER_BYTES.get(item.field_type, 0)
+        count = item.name if item.field_type.startswith("count") else None
+        if item.field_type.startswith("len"):
+            length, bytes_since_length = item.name, 0
         else:
-            between += width
+            bytes_since_length += width
 
 
-def _limit(item: table.Field, length: str | None, between: int, count: str | None) -> Limit:
+def _size_of(
+    item: table.Field, length: str | None, bytes_since_length: int, count: str | None
+) -> SizeOf:
     """The size in bytes by count, by length, or without end, as the core has it."""
 
     def size(pkt: Packet) -> int:
-        most = 0x10000 if length is None else max(0, int(pkt.getfieldval(length)) - between)
+        most = (
+            0x10000 if length is None else max(0, int(pkt.getfieldval(length)) - bytes_since_length)
+        )
         if count is None:
             return most
         items = int(pkt.getfieldval(count))
-        counted = -(-items // 8) if item.word == "bits" else items * table.LISTS.get(item.word, 1)
+        counted = (
+            -(-items // 8)
+            if item.field_type == "bits"
+            else items * table.LIST_ITEM_BYTES.get(item.field_type, 1)
+        )
         return min(most, counted)
 
     return size
 
 
 def _next_list(body: Sequence[table.Field], count: table.Field) -> str:
-    behind = body[body.index(count) + 1 :]
-    return next(item.name for item in behind if item.word not in table.NUMBERS)
+    following = body[body.index(count) + 1 :]
+    return next(item.name for item in following if item.field_type not in table.NUMBER_BYTES)
 
 
-def _behind(pkt: Packet, name: str) -> list[AnyField]:
+def _fields_after(pkt: Packet, name: str) -> list[AnyField]:
     names = [field.name for field in pkt.fields_desc]
     return list(pkt.fields_desc)[names.index(name) + 1 :]

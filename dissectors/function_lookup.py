@@ -1,10 +1,10 @@
 """The words in which people name a function: a code (3, 0x03, fc3) or a name, right or nearly.
 
->>> choose("Read Holding Registers").code, choose("fc 0x10").code
+>>> find_function("Read Holding Registers").code, find_function("fc 0x10").code
 (3, 16)
->>> choose("Return Bus Message Count")
-Choice(code=8, preset={'sub_function': 11})
->>> choose("read coil")
+>>> find_function("Return Bus Message Count")
+FunctionChoice(code=8, preset={'sub_function': 11})
+>>> find_function("read coil")
 Traceback (most recent call last):
 ...
 dissectors.errors.UsageError: no function 'read coil'; did you mean 'Read Coils'?
@@ -22,7 +22,7 @@ from dissectors import vocabulary
 from dissectors.errors import UsageError
 from dissectors.table import functions
 
-__all__ = ["Choice", "choose", "near", "number", "plain"]
+__all__ = ["FunctionChoice", "find_function", "normalized", "parse_number", "similar_name"]
 
 DIAGNOSTICS = 0x08
 HIGHEST_CODE = 127
@@ -32,17 +32,17 @@ _CODE = re.compile(r"(?:fc|function(?:\s+code)?)?\s*(0x[0-9a-f]+|[0-9][0-9a-f]*h
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class FunctionChoice:
     """A function code, and the leading field's value where the name says more than the code."""
 
     code: int
     preset: dict[str, int] = field(default_factory=dict, hash=False)
 
 
-def number(text: str) -> int | None:
+def parse_number(text: str) -> int | None:
     """The number that `107`, `0x6B` or `6Bh` says, or None.
 
-    >>> number("0x6B"), number("6Bh"), number("six")
+    >>> parse_number("0x6B"), parse_number("6Bh"), parse_number("six")
     (107, 107, None)
     """
     match = _NUMBER.fullmatch(text.strip().casefold().replace("_", ""))
@@ -52,60 +52,60 @@ def number(text: str) -> int | None:
     return int(match["decimal"]) if digits is None else int(digits, 16)
 
 
-def code_of(text: str) -> int | None:
+def parse_code(text: str) -> int | None:
     """The function code that `3`, `0x03`, `fc3` or `function 3` says, or None."""
     match = _CODE.fullmatch(text.strip().casefold())
-    return None if match is None else number(match[1])
+    return None if match is None else parse_number(match[1])
 
 
-def plain(text: str) -> str:
+def normalized(text: str) -> str:
     """A name without case, spaces and punctuation, so that `read_coils` is `Read Coils`.
 
-    >>> plain("Read/Write Multiple Registers")
+    >>> normalized("Read/Write Multiple Registers")
     'readwritemultipleregisters'
     """
     return re.sub(r"[^a-z0-9]", "", text.casefold())
 
 
-def near(text: str, known: Iterable[str]) -> str | None:
+def similar_name(text: str, known: Iterable[str]) -> str | None:
     """The known name that is nearest to a wrong one, if any is near.
 
-    >>> near("quantitty", ["address", "quantity"])
+    >>> similar_name("quantitty", ["address", "quantity"])
     'quantity'
     """
-    by_plain = {plain(name): name for name in known}
-    found = difflib.get_close_matches(plain(text), by_plain, n=1, cutoff=0.6)
+    by_plain = {normalized(name): name for name in known}
+    found = difflib.get_close_matches(normalized(text), by_plain, n=1, cutoff=0.6)
     return by_plain[found[0]] if found else None
 
 
-def choose(word: int | str, *, source: _modlens.Functions | None = None) -> Choice:
+def find_function(word: int | str, *, source: _modlens.Functions | None = None) -> FunctionChoice:
     """The function that a code or a name means; `UsageError` with a near name otherwise."""
-    code = word if isinstance(word, int) else code_of(word)
+    code = word if isinstance(word, int) else parse_code(word)
     if code is not None:
         if not 1 <= code <= HIGHEST_CODE:
             raise UsageError(f"function code {code} is not from 1 to {HIGHEST_CODE}")
-        return Choice(code)
+        return FunctionChoice(code)
     named = function_names(source=source)
-    by_plain = {plain(name): choice for name, choice in named.items()}
-    found = by_plain.get(plain(str(word)))
+    by_plain = {normalized(name): choice for name, choice in named.items()}
+    found = by_plain.get(normalized(str(word)))
     if found is not None:
         return found
-    hint = near(str(word), named)
+    hint = similar_name(str(word), named)
     advice = "`modlens explain` lists the names" if hint is None else f"did you mean {hint!r}?"
     raise UsageError(f"no function {word!r}; {advice}")
 
 
-def function_names(*, source: _modlens.Functions | None = None) -> dict[str, Choice]:
+def function_names(*, source: _modlens.Functions | None = None) -> dict[str, FunctionChoice]:
     """Every name that a function goes by, those of its sub-functions included.
 
     >>> function_names()["Read Device Identification"]
-    Choice(code=43, preset={'mei_type': 14})
+    FunctionChoice(code=43, preset={'mei_type': 14})
     """
-    found: dict[str, Choice] = {}
+    found: dict[str, FunctionChoice] = {}
     for entry in vocabulary.names("diagnostics"):
-        found[entry.name] = Choice(DIAGNOSTICS, {"sub_function": entry.code})
+        found[entry.name] = FunctionChoice(DIAGNOSTICS, {"sub_function": entry.code})
     for row in functions(source):
-        found[row.label] = Choice(row.code, dict([row.when] if row.when else []))
+        found[row.label] = FunctionChoice(row.code, dict([row.when] if row.when else []))
     for row in functions(source):
-        found[row.name] = Choice(row.code)
+        found[row.name] = FunctionChoice(row.code)
     return found

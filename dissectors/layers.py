@@ -102,11 +102,11 @@ class _Adu(Packet):
     """What the three kinds of frame share: a unit, and a PDU that is read by its direction."""
 
     modbus_direction: ClassVar[Direction | None] = None
-    shortest: ClassVar[int] = 2
+    min_bytes: ClassVar[int] = 2
 
     def __init_subclass__(cls) -> None:
         # scapy looks for the hook in the class itself, not in its bases.
-        cls.dispatch_hook = classmethod(_whole_or_raw)  # type: ignore[attr-defined]
+        cls.dispatch_hook = classmethod(_class_or_raw)  # type: ignore[attr-defined]
 
     def guess_payload_class(self, payload: bytes) -> type[Packet]:
         """The class of the PDU, by function code, leading field and direction."""
@@ -117,23 +117,23 @@ class _Adu(Packet):
         return None
 
     @classmethod
-    def readable(cls, data: bytes) -> bool:
+    def can_be_read(cls, data: bytes) -> bool:
         """Whether the bytes are long enough to be such a frame."""
-        return len(data) >= cls.shortest
+        return len(data) >= cls.min_bytes
 
 
-def _whole_or_raw(
+def _class_or_raw(
     cls: type[_Adu], /, _pkt: bytes = b"", *_: object, **_fields: object
 ) -> type[Packet]:
     """The hook by which scapy chooses another class: a frame too short to be one stays `Raw`."""
-    return cls if not _pkt or cls.readable(_pkt) else Raw
+    return cls if not _pkt or cls.can_be_read(_pkt) else Raw
 
 
 class ModbusRTU(_Adu):
     """A serial frame: unit, PDU, CRC with its low byte first (serial line specification, 2.5.1)."""
 
     name = "Modbus RTU"
-    shortest = 4
+    min_bytes = 4
     fields_desc: ClassVar[list[AnyField]] = [
         ByteField("unit", 1),
         _Checksum("checksum", None, "<H"),
@@ -175,7 +175,7 @@ class ModbusASCII(_Adu):
     ]
 
     @classmethod
-    def readable(cls, data: bytes) -> bool:
+    def can_be_read(cls, data: bytes) -> bool:
         """Whether these are a colon and pairs of hex digits, for three bytes at least."""
         digits = data.rstrip(b"\r\n")[1:]
         return data[:1] == b":" and re.fullmatch(rb"([0-9A-Fa-f]{2}){3,}", digits) is not None
@@ -209,7 +209,7 @@ class ModbusTCP(_Adu):
     """
 
     name = "Modbus TCP"
-    shortest = 8
+    min_bytes = 8
     fields_desc: ClassVar[list[AnyField]] = [
         ShortField("mbap_id", 1),
         ShortField("protocol", 0),

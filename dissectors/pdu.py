@@ -15,11 +15,11 @@ from typing import Any, Literal
 import _modlens
 from dissectors.table import EXCEPTION_BIT, Direction, Function, row_of
 
-__all__ = ["Part", "Pdu", "decode", "default_functions", "guess_direction"]
+__all__ = ["DecodedField", "Pdu", "decode", "default_functions", "guess_direction"]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DecodedField:
     """One field where it stands.
 
     `offset` counts from the function code; `path` says where in a group the field is. `value` is a
@@ -28,7 +28,7 @@ class Part:
 
     name: str
     path: str
-    word: str
+    field_type: str
     offset: int
     length: int
     value: int | tuple[int, ...] | bytes
@@ -47,7 +47,7 @@ class Pdu:
     row: Function | None
     exception: int | None
     complete: bool
-    fields: tuple[Part, ...]
+    fields: tuple[DecodedField, ...]
 
     @property
     def numbers(self) -> dict[str, int]:
@@ -55,14 +55,14 @@ class Pdu:
         return {f.path: f.value for f in self.fields if isinstance(f.value, int)}
 
     @property
-    def fits(self) -> bool:
+    def is_valid(self) -> bool:
         """Whether the layout covers the bytes exactly and the row permits every number."""
         if not self.complete or any(part.name == "extra" for part in self.fields):
             return False
-        return self.row is None or all(permitted(self.row, part) for part in self.fields)
+        return self.row is None or all(is_permitted(self.row, part) for part in self.fields)
 
 
-def permitted(row: Function, part: Part) -> bool:
+def is_permitted(row: Function, part: DecodedField) -> bool:
     """Whether the specification permits this value in this field."""
     if not isinstance(part.value, int):
         return True
@@ -110,14 +110,14 @@ def guess_direction(
     """
     if pdu and pdu[0] & EXCEPTION_BIT:
         return "response"
-    asked = decode(pdu, "request", functions=functions).fits
-    answered = decode(pdu, "response", functions=functions).fits
-    if asked == answered:
+    fits_request = decode(pdu, "request", functions=functions).is_valid
+    fits_response = decode(pdu, "response", functions=functions).is_valid
+    if fits_request == fits_response:
         return "unknown"
-    return "request" if asked else "response"
+    return "request" if fits_request else "response"
 
 
-def _parts(nodes: Any, pdu: bytes, *, prefix: str) -> Iterator[Part]:
+def _parts(nodes: Any, pdu: bytes, *, prefix: str) -> Iterator[DecodedField]:
     for node in nodes:
         path = f"{prefix}{node['name']}"
         if node["word"] == "group":
@@ -126,7 +126,7 @@ def _parts(nodes: Any, pdu: bytes, *, prefix: str) -> Iterator[Part]:
             continue
         offset, length = node["offset"], node["length"]
         raw = pdu[offset : offset + length]
-        yield Part(node["name"], path, node["word"], offset, length, _value(node, raw))
+        yield DecodedField(node["name"], path, node["word"], offset, length, _value(node, raw))
 
 
 def _value(node: Any, raw: bytes) -> int | tuple[int, ...] | bytes:

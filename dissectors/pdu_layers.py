@@ -32,7 +32,7 @@ __all__ = [
     "pdu_classes",
 ]
 
-_NAMED: Mapping[int, Mapping[str, vocabulary.Kind]] = {
+_NAMED_FIELDS: Mapping[int, Mapping[str, vocabulary.Kind]] = {
     0x08: {"sub_function": "diagnostics"},
     0x2B: {
         "mei_type": "mei_types",
@@ -49,7 +49,7 @@ _functions = _modlens.Functions()
 _classes: dict[tuple[int, int | None, Direction], type[ModbusPDU]] = {}
 
 
-def _refused() -> dict[int, str]:
+def _exception_function_names() -> dict[int, str]:
     return {row.code | EXCEPTION_BIT: f"{row.name}, refused" for row in table.functions()}
 
 
@@ -69,7 +69,7 @@ class ModbusExceptionResponse(ModbusPDU):
 
     name = "Modbus exception response"
     fields_desc: ClassVar[list[AnyField]] = [
-        ByteEnumField("function", 0x80, _refused()),
+        ByteEnumField("function", 0x80, _exception_function_names()),
         ByteEnumField("exception_code", 1, _names_of("exceptions")),
     ]
 
@@ -152,7 +152,7 @@ def _group_class(row: Function, owner: str, field: table.Field) -> type[Packet]:
 
 
 def _safe(field: table.Field) -> table.Field:
-    return table.Field(safe_name(field.name), field.word, field.children)
+    return table.Field(safe_name(field.name), field.field_type, field.children)
 
 
 def _camel(label: str) -> str:
@@ -169,7 +169,7 @@ def _defaults(row: Function) -> dict[str, int]:
 
 def _names(row: Function) -> dict[str, dict[int, str]]:
     """Names for the numbers of the two functions that have some."""
-    kinds = _NAMED.get(row.code, {}) if row.vendor is None else {}
+    kinds = _NAMED_FIELDS.get(row.code, {}) if row.vendor is None else {}
     return {field: _names_of(kind) for field, kind in kinds.items()}
 
 

@@ -29,7 +29,7 @@ from typing import Any
 
 import _modlens
 from dissectors.errors import ProfileError, UsageError
-from dissectors.function_lookup import near
+from dissectors.function_lookup import similar_name
 
 __all__ = ["FORMS", "Profile", "form_of", "from_model", "parse", "shipped", "shipped_names"]
 
@@ -103,7 +103,7 @@ def shipped(name: str) -> Profile:
     """A shipped profile by its name; `UsageError` with a near one otherwise."""
     texts = dict(_modlens.shipped_profiles())
     if name not in texts:
-        hint = near(name, texts)
+        hint = similar_name(name, texts)
         question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(texts)}"
         raise UsageError(f"no shipped profile {name!r}; {question}")
     return _checked(texts[name], "toml", name)

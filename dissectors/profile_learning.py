@@ -9,18 +9,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.importers.profile_builder import WIDTHS
+from dissectors.importers.profile_builder import REGISTERS_OF_TYPE
 from dissectors.profile import Profile
 
-__all__ = ["Score", "evidence", "score", "skeleton"]
+__all__ = ["ProfileScore", "evidence_lines", "profile_skeleton", "score_profile"]
 
 Tables = Sequence[Mapping[str, Any]]
 
-FITS = 60
+MIN_PERCENT = 60
 """Per cent from which on a profile is said to fit."""
 
 
-def skeleton(tables: Tables, source: str) -> dict[str, Any]:
+def profile_skeleton(tables: Tables, source: str) -> dict[str, Any]:
     """A model with a point for every register or group of them that was seen.
 
     What is sure has its type and order; the rest are single registers, the guess in the note.
@@ -35,14 +35,14 @@ def skeleton(tables: Tables, source: str) -> dict[str, Any]:
         for register in table["registers"]:
             address = register["address"]
             if address in sure:
-                registers.append(_claimed(table, sure[address], register))
+                registers.append(_typed_point(table, sure[address], register))
             elif address not in taken:
-                registers.append(_single(table, register, guesses.get(address)))
+                registers.append(_single_register(table, register, guesses.get(address)))
     device = {"source": f"learnt from {source}", "address_base": 0}
     return {"profile": 1, "device": device, "registers": registers}
 
 
-def evidence(tables: Tables) -> Iterator[str]:
+def evidence_lines(tables: Tables) -> Iterator[str]:
     """The evidence in lines: blocks, what belongs together and how sure, what moves together."""
     for table in tables:
         head = f"unit {table['unit']} {table['space']}"
@@ -66,10 +66,10 @@ def _block(block: Mapping[str, Any]) -> str:
     return f"{block['first']}-{last} ({', '.join(words)})"
 
 
-def _claimed(
+def _typed_point(
     table: Mapping[str, Any], point: Mapping[str, Any], register: Mapping[str, Any]
 ) -> dict[str, Any]:
-    found = {**_place(table, register), "type": point["type"]}
+    found = {**_address_keys(table, register), "type": point["type"]}
     if point["type"] == "str":
         found["count"] = point["count"]
     if point["order"] != "ABCD":
@@ -77,10 +77,10 @@ def _claimed(
     return {**found, "note": point["reason"]}
 
 
-def _single(
+def _single_register(
     table: Mapping[str, Any], register: Mapping[str, Any], guess: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    found = _place(table, register)
+    found = _address_keys(table, register)
     if register["looks"] == "signed":
         found["type"] = "s16"
     note = f"{register['looks']}, {register['min']} to {register['max']}"
@@ -93,7 +93,7 @@ def _single(
     return {**found, "note": note}
 
 
-def _place(table: Mapping[str, Any], register: Mapping[str, Any]) -> dict[str, Any]:
+def _address_keys(table: Mapping[str, Any], register: Mapping[str, Any]) -> dict[str, Any]:
     space, address = table["space"], register["address"]
     found = {"at": f"{space}:{address}", "name": f"{space}_{address}"}
     if register["written"]:
@@ -102,7 +102,7 @@ def _place(table: Mapping[str, Any], register: Mapping[str, Any]) -> dict[str, A
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class ProfileScore:
     """How well a profile fits, in per cent, and why."""
 
     points: int
@@ -111,43 +111,46 @@ class Score:
     @property
     def fits(self) -> bool:
         """Whether one should try it."""
-        return self.points >= FITS
+        return self.points >= MIN_PERCENT
 
 
-def score(tables: Tables, profile: Profile) -> Score:
+def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     """Coverage of what the master asked for, refusals, blocks that cut a value, odd values."""
     points = [_Point.of(point) for point in profile.points]
-    known = {place for point in points for place in point.places}
-    asked = {
+    known = {place for point in points for place in point.addresses}
+    requested = {
         (table["space"], address)
         for table in tables
         for block in table["blocks"]
         for address in range(block["first"], block["first"] + block["count"])
     }
-    if not asked or not known:
-        return Score(0, ("nothing to compare",))
-    hit = asked & known
-    coverage = len(hit) / len(asked)
+    if not requested or not known:
+        return ProfileScore(0, ("nothing to compare",))
+    covered = requested & known
+    coverage = len(covered) / len(requested)
     refused = sum(
         count for table in tables for block in table["blocks"]
-        if _places(table, block) & known for count in block["exceptions"].values()
+        if _addresses(table, block) & known for count in block["exceptions"].values()
     )  # fmt: skip
     answered = sum(
         block["reads"] + block["writes"] for table in tables for block in table["blocks"]
-        if _places(table, block) & known
+        if _addresses(table, block) & known
     )  # fmt: skip
-    cut = [point.name for point in points if _is_cut(point, tables)]
-    odd = [point.name for point in points if point.is_odd(tables)]
-    reasons = [f"{len(hit)} of {len(asked)} addresses asked for are in it"]
+    split_by_requests = [point.name for point in points if _is_split_by_requests(point, tables)]
+    with_unknown_values = [point.name for point in points if point.has_unknown_values(tables)]
+    reasons = [f"{len(covered)} of {len(requested)} addresses asked for are in it"]
     total = coverage
     if answered and refused:
         total *= 1 - refused / answered
         reasons.append(f"{refused} of {answered} requests for them were refused")
-    for names, words in ((cut, "cut by requests"), (odd, "with values that it does not know")):
+    for names, words in (
+        (split_by_requests, "cut by requests"),
+        (with_unknown_values, "with values that it does not know"),
+    ):
         if names:
             total *= 0.5 ** min(len(names), 3)
             reasons.append(f"{', '.join(names[:3])} {words}")
-    return Score(round(100 * total), tuple(reasons))
+    return ProfileScore(round(100 * total), tuple(reasons))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,16 +167,16 @@ class _Point:
     def of(cls, point: Mapping[str, Any]) -> _Point:
         space, _, place = point["at"].partition(":")
         address, _, bits = place.partition(".")
-        width = point.get("count") or WIDTHS[point["type"]]
-        one = not bits and WIDTHS.get(point["type"]) == 1 and "scale" not in point
+        width = point.get("count") or REGISTERS_OF_TYPE[point["type"]]
+        one = not bits and REGISTERS_OF_TYPE.get(point["type"]) == 1 and "scale" not in point
         labels = frozenset(map(int, point.get("enum", ()))) if one else frozenset()
         return cls(point["name"], space, int(address), width, labels)
 
     @property
-    def places(self) -> Iterable[tuple[str, int]]:
+    def addresses(self) -> Iterable[tuple[str, int]]:
         return [(self.space, self.address + offset) for offset in range(self.width)]
 
-    def is_odd(self, tables: Tables) -> bool:
+    def has_unknown_values(self, tables: Tables) -> bool:
         """Whether a register with labels had a value without one."""
         registers = [
             register for table in tables if table["space"] == self.space
@@ -185,17 +188,17 @@ class _Point:
         )
 
 
-def _places(table: Mapping[str, Any], block: Mapping[str, Any]) -> set[tuple[str, int]]:
+def _addresses(table: Mapping[str, Any], block: Mapping[str, Any]) -> set[tuple[str, int]]:
     return {(table["space"], block["first"] + offset) for offset in range(block["count"])}
 
 
-def _is_cut(point: _Point, tables: Tables) -> bool:
+def _is_split_by_requests(point: _Point, tables: Tables) -> bool:
     """Whether requests took a part of it, and none ever the whole."""
-    mine = set(point.places)
+    own = set(point.addresses)
     parts = [
-        len(mine & _places(table, block))
+        len(own & _addresses(table, block))
         for table in tables
         if table["space"] == point.space
         for block in table["blocks"]
     ]
-    return any(parts) and max(parts) < point.width and point.width <= WIDTHS["f64"]
+    return any(parts) and max(parts) < point.width and point.width <= REGISTERS_OF_TYPE["f64"]

@@ -25,8 +25,8 @@ from dissectors.vocabulary import exception_name, vocabulary
 __all__ = [
     "DIRECTIONS",
     "EXCEPTION_BIT",
-    "LISTS",
-    "NUMBERS",
+    "LIST_ITEM_BYTES",
+    "NUMBER_BYTES",
     "Direction",
     "Field",
     "Function",
@@ -43,12 +43,12 @@ DIRECTIONS: tuple[Direction, ...] = ("request", "response")
 EXCEPTION_BIT = 0x80
 """Set in the function code of an exception response (section 7)."""
 
-NUMBERS: Mapping[str, int] = {
+NUMBER_BYTES: Mapping[str, int] = {
     "u8": 1, "len8": 1, "count8": 1, "u16": 2, "len16": 2, "count16": 2,
 }  # fmt: skip
 """The words that stand for one number, and their size in bytes."""
 
-LISTS: Mapping[str, int] = {"u8[]": 1, "u16[]": 2}
+LIST_ITEM_BYTES: Mapping[str, int] = {"u8[]": 1, "u16[]": 2}
 """The words that stand for a list of numbers, and the size of one in bytes."""
 
 
@@ -57,25 +57,25 @@ class Field:
     """One field of a body: its name and its word; a group has the fields of one item as `children`.
 
     >>> groups = function(0x14).fields("request")[1]
-    >>> groups.word, [child.name for child in groups.children]
+    >>> groups.field_type, [child.name for child in groups.children]
     ('group', ['reference_type', 'file', 'record', 'length'])
     """
 
     name: str
-    word: str
+    field_type: str
     children: tuple[Field, ...] = ()
 
     def __str__(self) -> str:
-        inner = f"{{{' '.join(map(str, self.children))}}}" if self.word == "group" else ""
-        return f"{self.name}:{self.word}{inner}"
+        inner = f"{{{' '.join(map(str, self.children))}}}" if self.field_type == "group" else ""
+        return f"{self.name}:{self.field_type}{inner}"
 
     @classmethod
     def parse(cls, text: str) -> Field:
         """The field that "name:word" says; the core has already checked the words."""
-        name, word = text.split(":", 1)
-        if not word.startswith("group{"):
-            return cls(name, word)
-        inner = word.removeprefix("group{").removesuffix("}")
+        name, field_type = text.split(":", 1)
+        if not field_type.startswith("group{"):
+            return cls(name, field_type)
+        inner = field_type.removeprefix("group{").removesuffix("}")
         return cls(name, "group", tuple(cls.parse(item) for item in inner.split()))
 
 
@@ -90,7 +90,7 @@ class Function:
     summary: str
     request: tuple[Field, ...] | None
     response: tuple[Field, ...] | None
-    answered: bool
+    has_response: bool
     echo: tuple[str, ...]
     limits: Mapping[str, tuple[int, int]] = field(hash=False)
     allowed: Mapping[str, tuple[int, ...]] = field(hash=False)
@@ -141,7 +141,9 @@ class Function:
         pairs = {}
         for item in body:
             prefix = item.name[: item.name.rfind("_") + 1]
-            if (item.word in LISTS or item.word == "bits") and f"{prefix}quantity" in known:
+            if (
+                item.field_type in LIST_ITEM_BYTES or item.field_type == "bits"
+            ) and f"{prefix}quantity" in known:
                 pairs[f"{prefix}quantity"] = item.name
         return pairs
 
@@ -186,7 +188,7 @@ def row_of(pdu: bytes, *, source: _modlens.Functions | None = None) -> Function 
         return None
     code = pdu[0] & ~EXCEPTION_BIT
     special = [row for row in functions(source) if row.code == code and row.when]
-    width = NUMBERS[special[0].fields("request")[0].word] if special else 0
+    width = NUMBER_BYTES[special[0].fields("request")[0].field_type] if special else 0
     # An exception response has no leading field.
     leading = b"" if pdu[0] & EXCEPTION_BIT else pdu[1 : 1 + width]
     try:
@@ -214,7 +216,7 @@ def _function(row: Mapping[str, Any]) -> Function:
         summary=row["summary"],
         request=_body(row.get("request")),
         response=_body(row.get("response")),
-        answered=row.get("response") != "none",
+        has_response=row.get("response") != "none",
         echo=tuple(row.get("echo") or ()),
         limits={name: (low, high) for name, (low, high) in (row.get("limits") or {}).items()},
         allowed={name: tuple(values) for name, values in (row.get("allowed") or {}).items()},

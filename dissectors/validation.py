@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dissectors.context import LAST_ADDRESS, Context
-from dissectors.pdu import Part
-from dissectors.table import LISTS, Function
+from dissectors.pdu import DecodedField
+from dissectors.table import LIST_ITEM_BYTES, Function
 
-__all__ = ["doubts"]
+__all__ = ["violations"]
 
 
-def doubts(part: Part, value: int, context: Context) -> tuple[str, ...]:
+def violations(part: DecodedField, value: int, context: Context) -> tuple[str, ...]:
     """What is wrong with a number, each in a few words; empty if nothing is."""
     row = context.row
     if row is None or context.pdu.exception is not None:
@@ -23,7 +23,7 @@ def doubts(part: Part, value: int, context: Context) -> tuple[str, ...]:
     return tuple(text for text in found if text)
 
 
-def _limit(part: Part, value: int, row: Function) -> str:
+def _limit(part: DecodedField, value: int, row: Function) -> str:
     low, high = row.limits.get(part.name, (value, value))
     if not low <= value <= high:
         return f"the specification permits {low} to {high}"
@@ -34,31 +34,39 @@ def _limit(part: Part, value: int, row: Function) -> str:
     return ""
 
 
-def _announced(part: Part, value: int, context: Context) -> str:
+def _announced(part: DecodedField, value: int, context: Context) -> str:
     """A length of the whole body against what follows and against the quantity."""
-    follow = context.following(part) if part.word.startswith("len") else None
+    follow = context.bytes_after(part) if part.field_type.startswith("len") else None
     if follow is None:
         return ""
     if value != follow:
         return "too few" if follow < value else "too many"
-    lists = [item for item in context.pdu.fields if item.word == "bits" or item.word in LISTS]
-    quantity = context.block(lists[0].name)[2] if len(lists) == 1 else None
+    lists = [
+        item
+        for item in context.pdu.fields
+        if item.field_type == "bits" or item.field_type in LIST_ITEM_BYTES
+    ]
+    quantity = context.register_block(lists[0].name)[2] if len(lists) == 1 else None
     if quantity is None:
         return ""
-    needed = -(-quantity // 8) if lists[0].word == "bits" else quantity * LISTS[lists[0].word]
+    needed = (
+        -(-quantity // 8)
+        if lists[0].field_type == "bits"
+        else quantity * LIST_ITEM_BYTES[lists[0].field_type]
+    )
     return "" if needed == value else f"but a quantity of {quantity} takes {needed}"
 
 
-def _reach(part: Part, value: int, context: Context) -> str:
+def _reach(part: DecodedField, value: int, context: Context) -> str:
     if not part.name.endswith("quantity"):
         return ""
-    _, start, _ = context.block(part.name)
+    _, start, _ = context.register_block(part.name)
     past = start is not None and start + value - 1 > LAST_ADDRESS
     return f"runs past address {LAST_ADDRESS}" if past else ""
 
 
-def _echo(part: Part, value: int, context: Context, row: Function) -> str:
-    expected = context.asked.get(part.path, value)
+def _echo(part: DecodedField, value: int, context: Context, row: Function) -> str:
+    expected = context.request_numbers.get(part.path, value)
     if part.name not in row.echo or context.direction == "request" or value == expected:
         return ""
     return f"should repeat the request's {expected}"

@@ -15,14 +15,14 @@ import re
 from collections.abc import Iterable, Mapping
 
 from dissectors.errors import UsageError
-from dissectors.function_lookup import near, number
-from dissectors.table import LISTS, NUMBERS, Field
+from dissectors.function_lookup import parse_number, similar_name
+from dissectors.table import LIST_ITEM_BYTES, NUMBER_BYTES, Field
 
 __all__ = ["Json", "coil_state", "to_json"]
 
 Json = int | str | list["Json"] | dict[str, "Json"]
 
-STATES: Mapping[str, int] = {"on": 1, "off": 0, "true": 1, "false": 0}
+BIT_VALUES: Mapping[str, int] = {"on": 1, "off": 0, "true": 1, "false": 0}
 
 COIL_STATES: Mapping[str, int] = {"on": 0xFF00, "off": 0x0000}
 """The two values of Write Single Coil (application protocol, 6.5)."""
@@ -30,15 +30,17 @@ COIL_STATES: Mapping[str, int] = {"on": 0xFF00, "off": 0x0000}
 
 def to_json(field: Field, value: object) -> Json:
     """The value of a field as the core takes it; `UsageError` names the field and what it takes."""
-    if field.word == "group":
+    if field.field_type == "group":
         return [_group(field, item) for item in _objects(field, value)]
-    if field.word == "bytes":
+    if field.field_type == "bytes":
         return _hex(field, value)
-    if field.word == "bits":
+    if field.field_type == "bits":
         return [_bit(field, item) for item in _items(field, value)]
-    if field.word in LISTS:
-        return [_number(field, item, LISTS[field.word]) for item in _items(field, value)]
-    return _number(field, value, NUMBERS[field.word])
+    if field.field_type in LIST_ITEM_BYTES:
+        return [
+            _number(field, item, LIST_ITEM_BYTES[field.field_type]) for item in _items(field, value)
+        ]
+    return _number(field, value, NUMBER_BYTES[field.field_type])
 
 
 def coil_state(value: object) -> object:
@@ -53,7 +55,7 @@ def coil_state(value: object) -> object:
 
 
 def _number(field: Field, value: object, width: int) -> int:
-    found = value if isinstance(value, int) else number(str(value))
+    found = value if isinstance(value, int) else parse_number(str(value))
     highest = (1 << 8 * width) - 1
     if found is None or not 0 <= found <= highest:
         raise UsageError(f"{field.name} takes a number from 0 to {highest}, not {value!r}")
@@ -61,7 +63,7 @@ def _number(field: Field, value: object, width: int) -> int:
 
 
 def _bit(field: Field, value: object) -> int:
-    found = STATES.get(value.casefold(), value) if isinstance(value, str) else value
+    found = BIT_VALUES.get(value.casefold(), value) if isinstance(value, str) else value
     if found in (0, 1, "0", "1"):
         return int(str(int(found)) if isinstance(found, int) else str(found))
     raise UsageError(f"{field.name} takes bits such as 1011 or on,off, not {value!r}")
@@ -70,7 +72,7 @@ def _bit(field: Field, value: object) -> int:
 def _items(field: Field, value: object) -> Iterable[object]:
     if isinstance(value, str):
         words = re.split(r"[,\s]+", value.strip()) if value.strip() else []
-        packed = field.word == "bits" and len(words) == 1 and re.fullmatch("[01]+", words[0])
+        packed = field.field_type == "bits" and len(words) == 1 and re.fullmatch("[01]+", words[0])
         return list(words[0]) if packed else words
     if isinstance(value, Iterable):
         return value
@@ -108,7 +110,7 @@ def _group(field: Field, item: Mapping[str, object]) -> dict[str, Json]:
     children = {child.name: child for child in field.children}
     for name in item:
         if name not in children:
-            hint = near(name, children)
+            hint = similar_name(name, children)
             end = f"it takes {_names(field)}" if hint is None else f"did you mean {hint!r}?"
             raise UsageError(f"{field.name} has no field {name!r}; {end}")
     return {name: to_json(children[name], value) for name, value in item.items()}

@@ -12,7 +12,7 @@ from dissectors.errors import ProfileError, UsageError
 
 __all__ = ["load", "plain_data", "scalar", "tree"]
 
-_LONGEST = 100
+_MAX_DIGITS = 100
 """Digits of a number: Python refuses to read thousands of them, which stay a text."""
 
 _RADIX = ("0x", "0o", "0b")
@@ -69,7 +69,7 @@ def scalar(node: Any) -> Any:
     tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "").rsplit(":", 1)[-1]
     text = str(node.value)
     try:
-        if tag == "int" and len(text) <= _LONGEST:
+        if tag == "int" and len(text) <= _MAX_DIGITS:
             base = 0 if text.lstrip("+-")[:2].lower() in _RADIX else 10
             return int(text.replace("_", ""), base)
         if tag == "float":

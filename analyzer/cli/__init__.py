@@ -127,9 +127,9 @@ def _version() -> int:
 
 def _unknown(command: str) -> int:
     from dissectors.errors import UsageError  # noqa: PLC0415
-    from dissectors.function_lookup import near  # noqa: PLC0415
+    from dissectors.function_lookup import similar_name  # noqa: PLC0415
 
-    hint = near(command, COMMANDS)
+    hint = similar_name(command, COMMANDS)
     question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(COMMANDS)}"
     raise UsageError(f"no command {command!r}; {question}")
 

@@ -8,7 +8,7 @@ from analyzer.cli.parser import add_functions, load_functions
 from analyzer.views.screen import stdout
 from dissectors.craft import craft, craft_pdu
 from dissectors.errors import UsageError
-from dissectors.function_lookup import number
+from dissectors.function_lookup import parse_number
 from dissectors.table import Direction
 
 __all__ = ["add_arguments", "run"]
@@ -77,7 +77,7 @@ def _pair(text: str) -> tuple[str, str]:
 
 
 def _integer(name: str, value: object) -> int:
-    found = value if isinstance(value, int) else number(str(value))
+    found = value if isinstance(value, int) else parse_number(str(value))
     if found is None:
         raise UsageError(f"craft: {name}={value}: a number is needed")
     return found

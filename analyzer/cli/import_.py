@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     """Import; gives the exit status."""
     text, encoding_notes = decode_text(_read_input(options.file), options.encoding, options.file)
     base = int(options.base) if options.base in ("0", "1") else options.base
-    order = importers.order_of(options.order, "--order")
+    order = importers.parse_order(options.order, "--order")
     chosen = importers.Options(base, order, options.unit)
     found = importers.read(options.format, text, options.file, chosen)
     profile = from_model(found.model, options.file)

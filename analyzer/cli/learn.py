@@ -12,7 +12,7 @@ from analyzer.cli.register_survey import survey
 from dissectors.errors import UsageError
 from dissectors.importers.toml import dumps
 from dissectors.profile import from_model
-from dissectors.profile_learning import evidence, skeleton
+from dissectors.profile_learning import evidence_lines, profile_skeleton
 
 __all__ = ["add_arguments", "run"]
 
@@ -40,9 +40,9 @@ def run(options: argparse.Namespace) -> int:
     """Learn; gives the exit status."""
     tables = survey(options)
     unit_tables = tables_of_unit(tables, options.unit, "learn")
-    model = skeleton(unit_tables, options.files[0])
+    model = profile_skeleton(unit_tables, options.files[0])
     from_model(model, options.files[0])
-    show_notes(evidence(unit_tables), sys.stderr)
+    show_notes(evidence_lines(unit_tables), sys.stderr)
     write_text(dumps(model), options.output)
     return 0
 

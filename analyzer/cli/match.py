@@ -13,7 +13,7 @@ from analyzer.profiles import available_profiles, load
 from analyzer.views.screen import Screen, stdout, visible
 from dissectors.errors import ModlensError
 from dissectors.profile import Profile
-from dissectors.profile_learning import score
+from dissectors.profile_learning import score_profile
 
 __all__ = ["add_arguments", "run"]
 
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     for unit in sorted({table["unit"] for table in tables}):
         screen.line(f"unit {unit}", "head")
         unit_tables = [table for table in tables if table["unit"] == unit]
-        scored = [(score(unit_tables, profile), profile) for profile in profiles]
+        scored = [(score_profile(unit_tables, profile), profile) for profile in profiles]
         for found, profile in sorted(scored, key=lambda pair: (-pair[0].points, pair[1].name)):
             style = "good" if found.fits else "dim"
             head = f"  {found.points:3d} %  {profile.name}: "

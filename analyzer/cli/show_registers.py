@@ -19,7 +19,7 @@ from analyzer.views.grid import ColumnLayout, GridColumn
 from analyzer.views.registers import show_grid
 from analyzer.views.screen import Screen
 from dissectors.errors import UsageError
-from dissectors.function_lookup import number
+from dissectors.function_lookup import parse_number
 
 __all__ = ["add_place", "show_registers"]
 
@@ -68,7 +68,7 @@ def show_registers(options: argparse.Namespace, screen: Screen) -> None:
                 f"show: --as {options.kind}; of {options.count} registers {_list(kinds)}"
             )
         kinds = (options.kind,)
-    first = number(match[3]) or 0
+    first = parse_number(match[3]) or 0
     samples = _samples(options, int(match[1]), match[2], first)
     if not samples:
         raise UsageError(f"show: no transaction read or wrote all of {options.at}")

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, ClassVar, cast
 from analyzer.columns import TABLES
 from analyzer.exports.output import Output, open_output
 from dissectors.errors import UsageError
-from dissectors.function_lookup import near
+from dissectors.function_lookup import similar_name
 
 if TYPE_CHECKING:
     import _modlens
@@ -139,7 +139,7 @@ class MultiTableFormat(Format):
 def load(name: str) -> type[Format]:
     """The format of that name; `UsageError` with the known ones otherwise."""
     if name not in FORMATS:
-        hint = near(name, FORMATS)
+        hint = similar_name(name, FORMATS)
         question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(FORMATS)}"
         raise UsageError(f"no format {name!r} to write; {question}")
     return cast(type[Format], importlib.import_module(FORMATS[name]).Format)

@@ -59,7 +59,7 @@ def _table(pieces: Sequence[Piece], width: int) -> Iterator[list[Part]]:
     yield _line(TITLES, widths, ["head"] * len(TITLES))
     for piece, row in zip(pieces, rows, strict=True):
         meaning = _wrapped(piece.meaning, widths[-1])
-        styles = [*STYLES[:-1], "" if piece.sound else "bad"]
+        styles = [*STYLES[:-1], "" if piece.is_valid else "bad"]
         for cells in zip_longest(*row, meaning, fillvalue=""):
             yield _line(cells, widths, styles)
 

@@ -1,7 +1,7 @@
 """How the four tables look: which addresses, which times, which buses; the core makes the lines.
 
-What is in a line, and how it fits, stands in `crates/modlens-writers/src/view`: one renderer for the
-terminal, for files and for the screen of a live tap.
+What is in a line, and how it fits, stands in `crates/modlens-writers/src/view`: one renderer for
+the terminal, for files and for the screen of a live tap.
 """
 
 from __future__ import annotations

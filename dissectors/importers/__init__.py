@@ -21,11 +21,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from dissectors.errors import ModlensError, ProfileError, UsageError
-from dissectors.function_lookup import near
-from dissectors.importers.profile_builder import Imported, Options, order_of
+from dissectors.function_lookup import similar_name
+from dissectors.importers.profile_builder import Imported, Options, parse_order
 from dissectors.profile import Profile
 
-__all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "order_of", "read", "write"]
+__all__ = ["FORMATS", "Format", "Imported", "Options", "Written", "parse_order", "read", "write"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Written:
     notes: tuple[str, ...]
 
 
-_QUICK = 50_000
+_MAX_RETRY_CHARACTERS = 50_000
 """Characters up to which a text that is none of a format is tried as the other ones."""
 
 _ORDERED = ("order", "unit")
@@ -77,16 +77,16 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
     `UsageError` for an unknown format; `ProfileError` where the text is none of it, or no point of
     it can be kept.
     """
-    module, told = _module(form, "reads"), options or Options()
+    module, given = _module(form, "reads"), options or Options()
     if not text.strip("\ufeff \r\n\t"):
         raise ProfileError("the file is empty", path=name)
     unused = [
         f"--{key} is not used: a file for {form} says it itself"
         for key in ("base", "order", "unit")
-        if getattr(told, key) is not None and key not in FORMATS[form].options
+        if getattr(given, key) is not None and key not in FORMATS[form].options
     ]
     try:
-        found: Imported = module.read(text, name, told)
+        found: Imported = module.read(text, name, given)
     except ProfileError as error:
         raise _with_format(error, form, text, name) from None
     notes = (*unused, *found.notes)
@@ -99,7 +99,7 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
 def _with_format(error: ProfileError, form: str, text: str, name: str) -> ProfileError:
     """The error, with the format that the text seems to be of, if it is of another one."""
     for other, row in FORMATS.items():
-        if row.reads and other != form and len(text) <= _QUICK:
+        if row.reads and other != form and len(text) <= _MAX_RETRY_CHARACTERS:
             try:
                 found = _module(other, "reads").read(text, name, Options())
             except ModlensError:
@@ -120,7 +120,7 @@ def write(form: str, profile: Profile) -> Written:
 def _module(form: str, way: str) -> Any:
     known = [name for name, row in FORMATS.items() if getattr(row, way)]
     if form not in known:
-        hint = near(form, known)
+        hint = similar_name(form, known)
         question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(known)}"
         raise UsageError(f"no format {form!r} that it {way}; {question}")
     return importlib.import_module(f"dissectors.importers.{FORMATS[form].module}")

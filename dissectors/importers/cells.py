@@ -9,10 +9,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dissectors.function_lookup import plain
-from dissectors.importers.profile_builder import Draft, composed, known_order, tidy
+from dissectors.function_lookup import normalized
+from dissectors.importers.profile_builder import (
+    ProfileBuilder,
+    compose_orders,
+    parse_decimal,
+    parse_row_order,
+)
 
-__all__ = ["Cells"]
+__all__ = ["RowCells"]
 
 _YES = ("t", "true", "yes", "y", "1", "x", "mixed")
 _NO = ("", "f", "false", "no", "n", "0")
@@ -21,7 +26,7 @@ _WRITES_ONLY = ("w", "wo", "writeonly")
 _READS = (*_NO, "r", "ro", "read", "readonly", "rd")
 _LIMITS = ("rawlow", "rawhigh", "scaledlow", "scaledhigh")
 
-_Line = tuple[int | float | None, int | float | None]
+_ScaleAndOffset = tuple[int | float | None, int | float | None]
 """Scale and offset."""
 
 _RAW = r"[\"']?(-?(?:0[xX][0-9a-fA-F]{1,16}|\d{1,20}))[\"']?\s*[=:]"
@@ -30,12 +35,12 @@ _BETWEEN_LABELS = re.compile(rf"[,;|\n]\s*(?={_RAW.replace('(-', '(?:-', 1)})")
 
 
 @dataclass(frozen=True, slots=True)
-class Cells:
+class RowCells:
     """A row: its cells by key, its line and name, and the draft that takes the notes."""
 
     row: Mapping[str, str]
     where: str
-    draft: Draft
+    builder: ProfileBuilder
 
     def get(self, key: str) -> str:
         """A cell, empty where the table has no such column."""
@@ -43,31 +48,31 @@ class Cells:
 
     def note(self, text: str) -> None:
         """A note on this row."""
-        self.draft.notes.append(f"{self.where}: {text}")
+        self.builder.notes.append(f"{self.where}: {text}")
 
     def order(self) -> str | None:
-        """The order of bytes, of words, or both; `LeftOut` for a word that nobody knows."""
-        of_bytes, of_words = plain(self.get("order")), plain(self.get("words"))
+        """The order of bytes, of words, or both; `NotConvertible` for a word that nobody knows."""
+        of_bytes, of_words = normalized(self.get("order")), normalized(self.get("words"))
         if not of_words or of_bytes in ("abcd", "cdab", "badc", "dcba"):
             if of_bytes in _YES + _NO:
                 return "CDAB" if of_bytes in _YES else None
-            return known_order(self.row.get("order"))
-        turned = of_words in _YES or (
-            of_words not in _NO and known_order(self.row["words"]) in ("CDAB", "DCBA")
+            return parse_row_order(self.row.get("order"))
+        words_swapped = of_words in _YES or (
+            of_words not in _NO and parse_row_order(self.row["words"]) in ("CDAB", "DCBA")
         )
-        swapped = of_bytes in _YES or (
-            of_bytes not in _NO and known_order(self.row["order"]) in ("BADC", "DCBA")
+        bytes_swapped = of_bytes in _YES or (
+            of_bytes not in _NO and parse_row_order(self.row["order"]) in ("BADC", "DCBA")
         )
-        return composed("CDAB" if turned else None, "BADC" if swapped else None)
+        return compose_orders("CDAB" if words_swapped else None, "BADC" if bytes_swapped else None)
 
-    def linear(self) -> _Line:
+    def scale_and_offset(self) -> _ScaleAndOffset:
         """Scale and offset: of their columns, of Kepware's limits, or of VOLTTRON's transform."""
         scaling = self.row.get("scaling", "linear").strip().lower() or "none"
         if transform := self.get("transform").strip():
             match = re.fullmatch(r"scale(?:_int)?\(([^()]+)\)", transform)
             return self._factors(match[1] if match else transform, "")
         scale, offset = self.get("scale"), self.get("offset")
-        limits = [tidy(self.get(key)) for key in _LIMITS]
+        limits = [parse_decimal(self.get(key)) for key in _LIMITS]
         if scale or offset or scaling == "none":
             if any(limits) and scaling != "none":
                 self.note("scale and offset count; the four limits beside them are left out")
@@ -84,11 +89,11 @@ class Cells:
         if self.get("negatevalue").lower() in _YES:
             factor, down = -factor, -down
         clamps = [key for key in ("clamplow", "clamphigh") if self.get(key).lower() in _YES]
-        self.draft.dropped(clamps)
+        self.builder.note_dropped(clamps)
         return self._factors(repr(round(factor, 12)), repr(round(down - low * factor, 9)))
 
-    def _factors(self, scale: str, offset: str) -> _Line:
-        factor, shift = tidy(scale), tidy(offset)
+    def _factors(self, scale: str, offset: str) -> _ScaleAndOffset:
+        factor, shift = parse_decimal(scale), parse_decimal(offset)
         if scale and factor in (None, 0):
             self.note(f"scale {scale!r} is no number to scale by; left out")
         if offset and shift is None:
@@ -105,7 +110,7 @@ class Cells:
 
     def access(self) -> str | None:
         """Who may do what, in the words of profiles."""
-        word = plain(self.get("access"))
+        word = normalized(self.get("access"))
         if word in _WRITES_ONLY:
             return "w"
         if word not in _WRITES + _READS:
@@ -128,5 +133,5 @@ class Cells:
 
 def _signed(text: str) -> int | float | None:
     text = text.strip()
-    value = tidy(text.removeprefix("-"))
+    value = parse_decimal(text.removeprefix("-"))
     return -value if value is not None and text.startswith("-") else value

@@ -14,9 +14,15 @@ import csv
 from collections.abc import Mapping
 from typing import Any
 
-from dissectors.importers.profile_builder import Draft, Imported, Options, choose_unit, tidy
-from dissectors.importers.rows import PLAIN, Rows
-from dissectors.importers.tables import table
+from dissectors.importers.profile_builder import (
+    Imported,
+    Options,
+    ProfileBuilder,
+    choose_unit,
+    parse_decimal,
+)
+from dissectors.importers.rows import NO_PRESET, RowConverter
+from dissectors.importers.tables import find_table
 from dissectors.profile import Profile, parse
 
 __all__ = ["read", "write"]
@@ -26,21 +32,21 @@ def read(text: str, name: str, options: Options) -> Imported:
     """The rows of a table; `ProfileError` where no head is understood."""
     text = text.lstrip("\ufeff")
     if _is_own(text):
-        return _own(text, name, options)
-    found = table(text, name)
-    preset = found.preset or PLAIN
-    draft = Draft({"source": f"table {name}"}, options.order or preset.order)
+        return _read_own_csv(text, name, options)
+    found = find_table(text, name)
+    preset = found.preset or NO_PRESET
+    builder = ProfileBuilder({"source": f"table {name}"}, options.order or preset.order)
     base = options.base if options.base is not None else preset.base
-    if preset is not PLAIN:
-        draft.notes.append(f"a table of {preset.title}")
-    _assume(draft, base, options)
-    draft.notes += found.notes
+    if preset is not NO_PRESET:
+        builder.notes.append(f"a table of {preset.title}")
+    _note_assumptions(builder, base, options)
+    builder.notes += found.notes
     unit = choose_unit((_unit(cells) for _, cells in found.rows), options.unit, name)
-    rows = Rows(draft, base, preset)
+    rows = RowConverter(builder, base, preset)
     for line, cells in found.rows:
         if _unit(cells) in (None, unit):
             rows.add(cells, f"line {line}")
-    return draft.done()
+    return builder.build()
 
 
 def _is_own(text: str) -> bool:
@@ -50,30 +56,30 @@ def _is_own(text: str) -> bool:
     return "at" in [cell.strip().strip('"').lower() for cell in cells]
 
 
-def _own(text: str, name: str, options: Options) -> Imported:
-    told = {"--base": options.base, "--order": options.order, "--unit": options.unit}
+def _read_own_csv(text: str, name: str, options: Options) -> Imported:
+    given = {"--base": options.base, "--order": options.order, "--unit": options.unit}
     notes = [
         f"{option} is not used: a profile in CSV says it itself"
-        for option, value in told.items()
+        for option, value in given.items()
         if value is not None
     ]
     return Imported(parse(text, name, "csv").model, tuple(notes))
 
 
 def _unit(cells: Mapping[str, str]) -> int | None:
-    unit = tidy(cells.get("slave"))
+    unit = parse_decimal(cells.get("slave"))
     return unit if isinstance(unit, int) else None
 
 
-def _assume(draft: Draft, base: int | str, options: Options) -> None:
+def _note_assumptions(builder: ProfileBuilder, base: int | str, options: Options) -> None:
     """Say what the file does not."""
     how = {0: "from 0, as on the wire", 1: "from 1", "modicon": "40001 or 400001"}[base]
     who = "assumed" if options.base is None else "as told"
-    draft.notes.append(f"addresses count {how} ({who}; --base 0, 1 or modicon says it)")
-    if options.order is None and draft.order:
-        draft.notes.append(
-            f"values of several registers: lowest register first, {draft.order} (assumed; it is a "
-            "setting of the device that the file does not have; --order says it)"
+    builder.notes.append(f"addresses count {how} ({who}; --base 0, 1 or modicon says it)")
+    if options.order is None and builder.order:
+        builder.notes.append(
+            f"values of several registers: lowest register first, {builder.order} (assumed; it is "
+            "a setting of the device that the file does not have; --order says it)"
         )
 
 

@@ -9,7 +9,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
-from dissectors.importers.profile_builder import WIDTHS, Draft, Imported, LeftOut, Options, tidy
+from dissectors.importers.profile_builder import (
+    REGISTERS_OF_TYPE,
+    Imported,
+    NotConvertible,
+    Options,
+    ProfileBuilder,
+    parse_decimal,
+)
 from dissectors.yaml import plain_data
 
 __all__ = ["read"]
@@ -41,15 +48,17 @@ def read(text: str, name: str, options: Options) -> Imported:
         message = f"no entity on platform modbus_controller in it{hint}"
         raise ProfileError(message, path=name, line=line)
     wanted = _controller(data, options, name)
-    draft = Draft({"source": f"ESPHome configuration {name}"}, options.order)
-    draft.notes.append("addresses count from 0, as ESPHome does")
-    draft.notes += [f"line {line}: {tag} is not understood; left out" for line, tag in tags]
-    draft.dropped((key for key in ("substitutions", "packages") if key in data), "is not resolved")
+    builder = ProfileBuilder({"source": f"ESPHome configuration {name}"}, options.order)
+    builder.notes.append("addresses count from 0, as ESPHome does")
+    builder.notes += [f"line {line}: {tag} is not understood; left out" for line, tag in tags]
+    builder.note_dropped(
+        (key for key in ("substitutions", "packages") if key in data), "is not resolved"
+    )
     for kind, row in rows:
         if wanted is None or row.get("modbus_controller_id") in (None, wanted):
-            with draft.noting(_label(row)):
-                _add(draft, kind, row)
-    return draft.done()
+            with builder.noting_failures(_label(row)):
+                _add(builder, kind, row)
+    return builder.build()
 
 
 def _controller(data: Mapping[str, Any], options: Options, name: str) -> str | None:
@@ -81,28 +90,31 @@ def _label(row: Mapping[str, Any]) -> str:
     return str(row.get("name", row.get("id", "")))
 
 
-def _add(draft: Draft, kind: str, row: Mapping[str, Any]) -> None:
+def _add(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
     label = _label(row)
-    address, shift = tidy(row.get("address")), _whole(row, ("byte_offset", "offset"), 0)
+    address, shift = (
+        parse_decimal(row.get("address")),
+        _whole_number(row, ("byte_offset", "offset"), 0),
+    )
     if not isinstance(address, int):
-        raise LeftOut("no address")
+        raise NotConvertible("no address")
     space = _TABLES.get(str(row.get("register_type", "holding")))
     if space is None:
-        raise LeftOut(f"register_type {row['register_type']!r} is not known")
-    _say(draft, kind, row)
+        raise NotConvertible(f"register_type {row['register_type']!r} is not known")
+    _note_unsupported(builder, kind, row)
     access = "rw" if kind in _WRITTEN else None
     if space in ("co", "di"):
         # Of coils the offset counts bits; a mask of 1 is the coil itself.
         if row.get("bitmask", 1) != 1:
-            draft.dropped([f"bitmask {row['bitmask']!r} of a coil"])
-        draft.add(label, space, address + shift, access=access)
+            builder.note_dropped([f"bitmask {row['bitmask']!r} of a coil"])
+        builder.add(label, space, address + shift, access=access)
         return
     if shift % 2:
-        raise LeftOut(f"begins at byte {shift}, inside a register")
+        raise NotConvertible(f"begins at byte {shift}, inside a register")
     word, count, order = _type(row, kind)
-    address, word, part = _masked(row, address + shift // 2, word, order)
-    scale, offset = _filters(draft, row)
-    draft.add(
+    address, word, part = _apply_bitmask(row, address + shift // 2, word, order)
+    scale, offset = _filters(builder, row)
+    builder.add(
         label,
         space,
         address,
@@ -114,101 +126,112 @@ def _add(draft: Draft, kind: str, row: Mapping[str, Any]) -> None:
         offset=offset,
         unit=row.get("unit_of_measurement"),
         access=access,
-        enum=_options(draft, row),
+        enum=_labels(builder, row),
     )
 
 
-def _say(draft: Draft, kind: str, row: Mapping[str, Any]) -> None:
+def _note_unsupported(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
     """Notes on what a point does not carry."""
     label = _label(row)
     texts = kind == "text_sensor"
     known = _KNOWN | (_SIZES | {"raw_encode"} if texts or "value_type" in row else set())
-    draft.dropped(sorted(str(key) for key in set(row) - known if "lambda" not in str(key)))
+    builder.note_dropped(sorted(str(key) for key in set(row) - known if "lambda" not in str(key)))
     for key in ("lambda", "write_lambda"):
         if key in row:
-            draft.notes.append(f"{label}: {key} is not understood; the value is the raw one")
+            builder.notes.append(f"{label}: {key} is not understood; the value is the raw one")
     if "${" in label:
-        draft.notes.append(f"{label}: substitutions are not resolved")
+        builder.notes.append(f"{label}: substitutions are not resolved")
 
 
-def _whole(row: Mapping[str, Any], keys: tuple[str, ...], nothing: int) -> int:
+def _whole_number(row: Mapping[str, Any], keys: tuple[str, ...], nothing: int) -> int:
     """The whole number of the first of some keys that stands there."""
     for key in keys:
         if row.get(key) is not None:
-            found = tidy(row[key])
+            found = parse_decimal(row[key])
             if not isinstance(found, int) or found < 0:
-                raise LeftOut(f"{key} {row[key]!r} is no whole number")
+                raise NotConvertible(f"{key} {row[key]!r} is no whole number")
             return found
     return nothing
 
 
 def _type(row: Mapping[str, Any], kind: str) -> tuple[str, int | None, str | None]:
-    """The type, the registers of a text or of raw bytes, the order; `LeftOut` where unknown."""
+    """The type, the registers of a text or of raw bytes, and the order.
+
+    `NotConvertible` where the type is unknown.
+    """
     word = str(row.get("value_type", "U_WORD"))
     if kind == "text_sensor" or word == "RAW":
-        size = _whole(row, ("response_size",), 2 * _whole(row, ("register_count",), 1))
+        size = _whole_number(
+            row, ("response_size",), 2 * _whole_number(row, ("register_count",), 1)
+        )
         raw = kind != "text_sensor" or row.get("raw_encode") in _RAW_TEXTS
         return "raw" if raw else "str", max((size + 1) // 2, 1), None
     found = _KINDS.get(word.removesuffix("_R"))
     if found is None:
-        raise LeftOut(f"value_type {word} is not known")
+        raise NotConvertible(f"value_type {word} is not known")
     return found, None, "CDAB" if word.endswith("_R") else None
 
 
-def _masked(
+def _apply_bitmask(
     row: Mapping[str, Any], address: int, word: str, order: str | None
 ) -> tuple[int, str, tuple[int, int] | None]:
     """Register, type and bits of what a mask leaves of a whole number.
 
-    >>> _masked({"bitmask": 0xF0}, 5, "u16", None), _masked({"bitmask": 0xFFFF}, 5, "u32", None)
-    ((5, 'u16', (4, 7)), (6, 'u16', None))
-    >>> _masked({"bitmask": 0x8000}, 5, "u32", "CDAB")
+    >>> _apply_bitmask({"bitmask": 0xF0}, 5, "u16", None)
+    (5, 'u16', (4, 7))
+    >>> _apply_bitmask({"bitmask": 0xFFFF}, 5, "u32", None)
+    (6, 'u16', None)
+    >>> _apply_bitmask({"bitmask": 0x8000}, 5, "u32", "CDAB")
     (5, 'u16', (15, 15))
     """
-    mask, width = _whole(row, ("bitmask",), _NO_MASK), WIDTHS.get(word, 1)
+    mask, width = _whole_number(row, ("bitmask",), _NO_MASK), REGISTERS_OF_TYPE.get(word, 1)
     everything = (1 << 16 * width) - 1
     if mask in (_NO_MASK, everything) or word in ("f32", "str", "raw"):
         return address, word, None
     low, high = (mask & -mask).bit_length() - 1, mask.bit_length() - 1
     run = mask >> max(low, 0)
     if not 0 < mask <= everything or run & (run + 1) or low // 16 != high // 16:
-        raise LeftOut(f"bitmask {row['bitmask']!r} is no run of bits of a register")
+        raise NotConvertible(f"bitmask {row['bitmask']!r} is no run of bits of a register")
     from_right = low // 16
     register = address + (from_right if order == "CDAB" else width - 1 - from_right)
     whole = high - low == 15  # noqa: PLR2004 - all bits of a register
     return register, "u16", None if whole else (low % 16, high % 16)
 
 
-def _options(draft: Draft, row: Mapping[str, Any]) -> dict[str, str]:
+def _labels(builder: ProfileBuilder, row: Mapping[str, Any]) -> dict[str, str]:
     """The labels of a select: option -> raw value in ESPHome."""
     table = row.get("optionsmap")
     if not isinstance(table, Mapping):
         return {}
     labels = {}
     for option, raw in table.items():
-        value = tidy(raw)
+        value = parse_decimal(raw)
         if isinstance(value, int) and option is not None:
             labels[str(value)] = str(option)
         else:
-            draft.notes.append(
+            builder.notes.append(
                 f"{_label(row)}: option {option!r}: {raw!r} is no raw value; left out"
             )
     return labels
 
 
-def _filters(draft: Draft, row: Mapping[str, Any]) -> tuple[int | float | None, int | float | None]:
+def _filters(
+    builder: ProfileBuilder, row: Mapping[str, Any]
+) -> tuple[int | float | None, int | float | None]:
     """Scale and offset of `multiply` and `offset` filters, one after the other."""
     scale, offset = 1.0, 0.0
-    if kind := tidy(row.get("multiply")):
+    if kind := parse_decimal(row.get("multiply")):
         scale /= kind  # of a number: what the value is multiplied by before it is written
     for one in _list(row.get("filters")):
         pair = next(iter(one.items())) if isinstance(one, Mapping) and one else (one, None)
-        value = tidy(pair[1]) if not isinstance(pair[1], Mapping | list) else None
+        value = parse_decimal(pair[1]) if not isinstance(pair[1], Mapping | list) else None
         if pair[0] == "multiply" and value is not None:
             scale, offset = scale * value, offset * value
         elif pair[0] == "offset" and value is not None:
             offset += value
         else:
-            draft.dropped([f"filter {pair[0]}"])
+            builder.note_dropped([f"filter {pair[0]}"])
     scale, offset = round(scale, 12), round(offset, 12)
-    return None if scale in (1, 0) else tidy(scale), None if offset == 0 else tidy(offset)
+    return None if scale in (1, 0) else parse_decimal(
+        scale
+    ), None if offset == 0 else parse_decimal(offset)

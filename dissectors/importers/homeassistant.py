@@ -14,17 +14,17 @@ from typing import Any
 
 from dissectors.errors import ProfileError
 from dissectors.importers.profile_builder import (
-    WIDTHS,
-    Draft,
+    REGISTERS_OF_TYPE,
     Imported,
-    LeftOut,
+    NotConvertible,
     Options,
+    ProfileBuilder,
     choose_unit,
-    composed,
-    known_order,
-    tidy,
+    compose_orders,
+    parse_decimal,
+    parse_row_order,
 )
-from dissectors.importers.unsupported_keys import Losses
+from dissectors.importers.unsupported_keys import UnsupportedKeys
 from dissectors.profile import Profile
 from dissectors.yaml import plain_data
 
@@ -64,10 +64,10 @@ class _Entity:
 def read(text: str, name: str, options: Options) -> Imported:
     """Sensors, binary sensors, switches and the like; `ProfileError` where there are none."""
     data, tags = plain_data(text, name)
-    draft = Draft({"source": f"Home Assistant configuration {name}"}, options.order)
-    draft.notes.append("addresses count from 0, as Home Assistant does")
-    draft.notes += [f"line {line}: {tag} is not followed; left out" for line, tag in tags]
-    entities = [found for hub in _hubs(data) for found in _entities(hub, draft)]
+    builder = ProfileBuilder({"source": f"Home Assistant configuration {name}"}, options.order)
+    builder.notes.append("addresses count from 0, as Home Assistant does")
+    builder.notes += [f"line {line}: {tag} is not followed; left out" for line, tag in tags]
+    entities = [found for hub in _hubs(data) for found in _entities(hub, builder)]
     if not entities:
         line, tag = tags[0] if tags else (None, "")
         hint = f"; {tag} is not followed: import that file" if tags else ""
@@ -75,9 +75,9 @@ def read(text: str, name: str, options: Options) -> Imported:
     unit = choose_unit((entity.unit for entity in entities), options.unit, name)
     for entity in entities:
         if entity.unit in (unit, None):
-            with draft.noting(entity.row.get("name", entity.row.get("address"))):
-                _add(draft, entity)
-    return draft.done()
+            with builder.noting_failures(entity.row.get("name", entity.row.get("address"))):
+                _add(builder, entity)
+    return builder.build()
 
 
 def _hubs(data: Any) -> Iterator[Mapping[str, Any]]:
@@ -86,7 +86,7 @@ def _hubs(data: Any) -> Iterator[Mapping[str, Any]]:
     yield from (hub for hub in listed if isinstance(hub, Mapping))
 
 
-def _entities(hub: Mapping[str, Any], draft: Draft) -> Iterator[_Entity]:
+def _entities(hub: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Entity]:
     """Every entity of a hub, of a platform of 2021, or of a list in a file of its own."""
     for key in _LISTS:
         for row in _rows(hub.get(key)):
@@ -96,7 +96,7 @@ def _entities(hub: Mapping[str, Any], draft: Draft) -> Iterator[_Entity]:
             kind = "sensors" if "registers" in hub else "binary_sensors"
             yield _Entity(_unit(row), kind, row)
     elif "address" in hub and not set(hub) & set(_LISTS):
-        draft.once("a list of entities without a hub: sensors (assumed)")
+        builder.note_once("a list of entities without a hub: sensors (assumed)")
         yield _Entity(_unit(hub), "sensors", hub)
 
 
@@ -111,35 +111,37 @@ def _unit(row: Mapping[str, Any]) -> int | None:
     return unit if isinstance(unit, int) and not isinstance(unit, bool) else None
 
 
-def _add(draft: Draft, entity: _Entity) -> None:
+def _add(builder: ProfileBuilder, entity: _Entity) -> None:
     row, kind = entity.row, entity.kind
     label = str(row.get("name", ""))
     address = row.get("address", row.get("register"))
     if not isinstance(address, int) or isinstance(address, bool):
-        raise LeftOut("no address" if address is None else f"address {address!r} is no number")
+        raise NotConvertible(
+            "no address" if address is None else f"address {address!r} is no number"
+        )
     space = _space(row, kind)
     access = None if kind in _READ_ONLY else "rw"
-    told = row.get("virtual_count", row.get("slave_count"))
-    more = 0 if told is None else tidy(told)
+    extra_values = row.get("virtual_count", row.get("slave_count"))
+    more = 0 if extra_values is None else parse_decimal(extra_values)
     if not isinstance(more, int) or not 0 <= more < 0xFFFF:  # noqa: PLR2004 - registers there are
-        raise LeftOut(f"virtual_count {told!r} is no number of values")
+        raise NotConvertible(f"virtual_count {extra_values!r} is no number of values")
     # Switches and the like have no values beside their own.
     known = _KNOWN if kind in _READ_ONLY else _KNOWN - {"virtual_count", "slave_count"}
     if space in ("co", "di"):
         count = more + 1 if more and kind in _READ_ONLY else None
-        draft.add(label, space, address, access=access, count=count)
+        builder.add(label, space, address, access=access, count=count)
     elif kind == "binary_sensors":
         # Of a register, a binary sensor is the lowest bit.
-        draft.add(label, space, address, part=(0, 0))
+        builder.add(label, space, address, part=(0, 0))
         known = known - {"virtual_count", "slave_count"}
     elif kind not in ("sensors", "climates"):
-        labels = {key: tidy(row.get(f"command_{key}")) for key in ("off", "on")}
+        labels = {key: parse_decimal(row.get(f"command_{key}")) for key in ("off", "on")}
         enum = {str(raw): key for key, raw in labels.items() if isinstance(raw, int)}
         known = known | {f"command_{key}" for key, raw in labels.items() if isinstance(raw, int)}
-        draft.add(label, space, address, access=access, enum=enum)
+        builder.add(label, space, address, access=access, enum=enum)
     else:
-        _add_sensor(draft, label, (space, address), row, more)
-    draft.dropped(sorted(str(key) for key in set(row) - known))
+        _add_sensor(builder, label, (space, address), row, more)
+    builder.note_dropped(sorted(str(key) for key in set(row) - known))
 
 
 def _space(row: Mapping[str, Any], kind: str) -> str:
@@ -147,33 +149,33 @@ def _space(row: Mapping[str, Any], kind: str) -> str:
     default = "coil" if kind == "binary_sensors" else "holding"
     space = _INPUTS.get(str(word or default).removesuffix("s"))
     if space is None:
-        raise LeftOut(f"input_type {word!r} is not known")
+        raise NotConvertible(f"input_type {word!r} is not known")
     return space
 
 
 def _add_sensor(
-    draft: Draft, label: str, at: tuple[str, int], row: Mapping[str, Any], more: int
+    builder: ProfileBuilder, label: str, at: tuple[str, int], row: Mapping[str, Any], more: int
 ) -> None:
     word, count, order = _type(row)
-    swap = known_order(row.get("swap")) or ("CDAB" if row.get("reverse_order") else None)
+    swap = parse_row_order(row.get("swap")) or ("CDAB" if row.get("reverse_order") else None)
     if word == "str" and swap in ("CDAB", "DCBA"):
-        raise LeftOut("registers of a text in turned order")
-    numbers = {key: tidy(row.get(key)) for key in ("scale", "offset", "nan_value")}
+        raise NotConvertible("registers of a text in turned order")
+    numbers = {key: parse_decimal(row.get(key)) for key in ("scale", "offset", "nan_value")}
     for key, value in numbers.items():
         if value is None and row.get(key) is not None:
-            draft.notes.append(f"{label}: {key} {row[key]!r} is no number; left out")
+            builder.notes.append(f"{label}: {key} {row[key]!r} is no number; left out")
     if word != "str":
         values = (count or 1) * (more + 1)
-        count = WIDTHS[word] * values if values > 1 else None
+        count = REGISTERS_OF_TYPE[word] * values if values > 1 else None
     elif more:
-        raise LeftOut("an array of texts")
+        raise NotConvertible("an array of texts")
     scale, offset = numbers["scale"], numbers["offset"]
-    draft.add(
+    builder.add(
         label,
         *at,
         type=None if word == "u16" else word,
         count=count,
-        order=composed(order, swap) if order or swap else None,
+        order=compose_orders(order, swap) if order or swap else None,
         scale=None if scale in (1, 0) else scale,
         offset=None if offset == 0 else offset,
         unit=row.get("unit_of_measurement"),
@@ -182,10 +184,13 @@ def _add_sensor(
 
 
 def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
-    """Type of a sensor; registers of a text, or values of an array; order. `LeftOut` if odd."""
+    """The type of a sensor, the registers of a text or the values of an array, and the order.
+
+    `NotConvertible` where they contradict each other.
+    """
     word = str(row.get("data_type", "int16"))
-    told = tidy(row.get("count"))
-    count = told if isinstance(told, int) and told > 0 else None
+    registers = parse_decimal(row.get("count"))
+    count = registers if isinstance(registers, int) and registers > 0 else None
     if word == "string":
         return "str", count or 1, None
     if word in _KINDS:
@@ -193,7 +198,7 @@ def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
     if word in _OLD:
         # Until 2021 the count said how wide a number is; one register if nothing was said.
         kind = f"{_OLD[word]}{16 * (count or 1)}"
-        if kind in WIDTHS:
+        if kind in REGISTERS_OF_TYPE:
             return kind, None, None
     structure = str(row.get("structure", ""))
     match = re.fullmatch(r"([<>!=@]?)(\d*)([a-zA-Z])(\3*)", structure)
@@ -204,7 +209,7 @@ def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
             return kind, (size + 1) // 2, None
         # Without a mark, or with = or @, struct goes by the machine; nearly all are little-endian.
         return kind, size, None if match[1] in (">", "!") else "DCBA"
-    raise LeftOut(f"data type {structure or word!r} is not understood")
+    raise NotConvertible(f"data type {structure or word!r} is not understood")
 
 
 _BACK = {kind: word for word, kind in _KINDS.items()}
@@ -224,8 +229,8 @@ modbus:
 
 def write(profile: Profile) -> tuple[str, list[str]]:
     """A hub with sensors and switches; what has no place in it, and what it assumes, are notes."""
-    losses = Losses("Home Assistant")
-    losses.device(profile)
+    unsupported = UnsupportedKeys("Home Assistant")
+    unsupported.device(profile)
     notes = ["port, line settings and slave: 1 are examples"]
     rows: dict[str, list[str]] = {"sensors": [], "binary_sensors": [], "switches": []}
     for point in profile.points:
@@ -241,14 +246,14 @@ def write(profile: Profile) -> tuple[str, list[str]]:
         lost |= {"unit"} if kind != "sensors" else set()
         for key in point:
             if key in lost:
-                losses.add(key, point["name"])
+                unsupported.add(key, point["name"])
         if len(point.get("nan", ())) > 1:
-            losses.add("the second value of nan", point["name"])
+            unsupported.add("the second value of nan", point["name"])
     lines = [_HUB.rstrip("\n")]
     for key, items in rows.items():
         if items:
             lines += [f"    {key}:", *items]
-    return "\n".join(lines) + "\n", [*notes, *losses.notes()]
+    return "\n".join(lines) + "\n", [*notes, *unsupported.notes()]
 
 
 def _entity(point: Mapping[str, Any], profile: Profile) -> tuple[str, dict[str, Any]]:
@@ -286,7 +291,7 @@ def _each(keys: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 def _keys(point: Mapping[str, Any], order: str, table: str) -> dict[str, Any]:
     kind = point["type"]
     keys: dict[str, Any] = {"input_type": table, "data_type": _BACK[kind]}
-    width = WIDTHS.get(kind)
+    width = REGISTERS_OF_TYPE.get(kind)
     if kind == "str":
         keys["count"] = point["count"]
     elif width and point.get("count", width) != width:

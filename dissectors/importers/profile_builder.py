@@ -13,24 +13,24 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dissectors.errors import UsageError
-from dissectors.function_lookup import number, plain
+from dissectors.function_lookup import normalized, parse_number
 
 __all__ = [
     "ORDERS",
+    "REGISTERS_OF_TYPE",
     "SPACES",
-    "WIDTHS",
-    "Draft",
     "Imported",
-    "LeftOut",
+    "NotConvertible",
     "Options",
+    "ProfileBuilder",
     "choose_unit",
-    "composed",
-    "known_order",
-    "order_of",
-    "tidy",
+    "compose_orders",
+    "parse_decimal",
+    "parse_order",
+    "parse_row_order",
 ]
 
-WIDTHS: Mapping[str, int] = {
+REGISTERS_OF_TYPE: Mapping[str, int] = {
     "bool": 1, "u8h": 1, "u8l": 1, "s8h": 1, "s8l": 1, "u16": 1, "s16": 1, "f16": 1, "bcd16": 1,
     "u32": 2, "s32": 2, "f32": 2, "bcd32": 2, "u64": 4, "s64": 4, "f64": 4,
 }  # fmt: skip
@@ -49,7 +49,7 @@ _LONGEST = 100
 _FLOATS = ("f16", "f32", "f64")
 
 SPACES: Mapping[str, str] = {
-    plain(word): space
+    normalized(word): space
     for space, words in {
         "hr": ("hr", "holding", "holding_register", "holding registers", "h", "4x", "3 holding",
                "holdings", "analog_output", "analog_output_holding_registers", "hreg"),
@@ -65,7 +65,7 @@ SPACES: Mapping[str, str] = {
 """What other programs call the four tables."""
 
 ORDERS: Mapping[str, str] = {
-    plain(word): order
+    normalized(word): order
     for order, words in {
         "ABCD": ("ABCD", "AB", "ABCDEFGH", "big", "big_endian", "BE_BE", "1234", "highlow",
                  "MSWLSW", "none", "BE", "12"),
@@ -101,12 +101,12 @@ class Imported:
     notes: tuple[str, ...]
 
 
-class LeftOut(Exception):  # noqa: N818 - no error: a note
-    """Why a row cannot be carried over: see `Draft.noting`."""
+class NotConvertible(Exception):  # noqa: N818 - no error: a note
+    """Why a row cannot be carried over: see `ProfileBuilder.noting_failures`."""
 
 
 @dataclass(slots=True)
-class Draft:
+class ProfileBuilder:
     """Points so far, and notes.
 
     `device` are keys of `[device]`, `order` is that of numbers of several registers which say none,
@@ -118,10 +118,10 @@ class Draft:
     where: str = ""
     notes: list[str] = field(default_factory=list)
     _points: list[dict[str, Any]] = field(default_factory=list)
-    _taken: dict[tuple[str, int], str] = field(default_factory=dict)
+    _name_at: dict[tuple[str, int], str] = field(default_factory=dict)
     _dropped: dict[str, int] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)
-    _said: set[str] = field(default_factory=set)
+    _noted_once: set[str] = field(default_factory=set)
 
     def add(
         self,
@@ -139,22 +139,22 @@ class Draft:
         name = name.strip()
         point = {key: value for key, value in keys.items() if value not in (None, "", {}, [])}
         kind = point.get("type", "u16")
-        width = point.get("count") or WIDTHS.get(kind, 1)
+        width = point.get("count") or REGISTERS_OF_TYPE.get(kind, 1)
         if not 0 <= address <= 0x10000 - width or width > 0xFFFF:  # noqa: PLR2004 - a u16
             reach = address if address < 0 else address + width - 1
-            self._say(f"{name}: wire address {reach} is none; left out")
+            self._note(f"{name}: wire address {reach} is none; left out")
             return
         whole = part is None and not kind.startswith(("u8", "s8"))
         places = [(space, address + offset) for offset in range(width)] if whole else []
         for place in places:
-            if place in self._taken:
-                other = self._taken[place]
-                self._say(f"{name}: {space}:{place[1]} belongs to {other}; left out")
+            if place in self._name_at:
+                other = self._name_at[place]
+                self._note(f"{name}: {space}:{place[1]} belongs to {other}; left out")
                 return
         unique = self._unique(name or f"{space}_{address}")
         single = space in ("co", "di") or (part is not None and part[0] == part[1])
-        self._fit(point, unique, space, "bool" if single else kind)
-        self._taken.update(dict.fromkeys(places, unique))
+        self._drop_unsuitable_keys(point, unique, space, "bool" if single else kind)
+        self._name_at.update(dict.fromkeys(places, unique))
         bits = ""
         if part is not None:
             bits = f".{part[0]}" if part[0] == part[1] else f".{part[0]}-{part[1]}"
@@ -162,14 +162,16 @@ class Draft:
         self._points.append({"at": f"{space}:{address}{bits}", "name": unique, **ordered})
 
     @contextmanager
-    def noting(self, label: object) -> Iterator[None]:
+    def noting_failures(self, label: object) -> Iterator[None]:
         """A row of this name: why it cannot be carried over becomes a note."""
         try:
             yield
-        except LeftOut as reason:
+        except NotConvertible as reason:
             self.notes.append(f"{label}: {reason}; left out")
 
-    def _fit(self, point: dict[str, Any], name: str, space: str, kind: str) -> None:
+    def _drop_unsuitable_keys(
+        self, point: dict[str, Any], name: str, space: str, kind: str
+    ) -> None:
         """Take away, with a note, what does not go together with the type."""
         no_number = kind == "bool" or kind in _TEXTS
         refused = {
@@ -177,23 +179,23 @@ class Draft:
             "enum": kind in _FLOATS or kind in _TEXTS,
         }
         for key in [key for key, refuses in refused.items() if refuses and key in point]:
-            self._say(f"{name}: {key} {point.pop(key)} of a {kind} has no place; left out")
+            self._note(f"{name}: {key} {point.pop(key)} of a {kind} has no place; left out")
         for key in ("scale", "offset"):
             if key in point and not _is_decimal(point[key]):
-                self._say(f"{name}: {key} {point.pop(key)} has too many digits; left out")
+                self._note(f"{name}: {key} {point.pop(key)} has too many digits; left out")
         nan = point.pop("nan", [])
         raws = nan if isinstance(nan, list) else [nan]
         kept = [raw for raw in raws if _is_raw(raw, kind)]
         if kept:
             point["nan"] = kept
         if len(kept) < len(raws):
-            self._say(f"{name}: nan {nan} is no raw value of a {kind}; left out")
+            self._note(f"{name}: nan {nan} is no raw value of a {kind}; left out")
         for key in ("unit", "group", "note"):
             value = point.get(key, "")
             if isinstance(value, bool) or not isinstance(value, str | int | float):
-                self._say(f"{name}: {key} {point.pop(key)!r} is no text; left out")
+                self._note(f"{name}: {key} {point.pop(key)!r} is no text; left out")
         order = point.pop("order", None)
-        if WIDTHS.get(kind, 1) > 1:
+        if REGISTERS_OF_TYPE.get(kind, 1) > 1:
             order = order or self.order
         elif order is not None:
             # One register, or a text: only the order of its two bytes says something.
@@ -201,19 +203,19 @@ class Draft:
         if order not in (None, "ABCD"):
             point["order"] = order
 
-    def dropped(self, keys: Iterable[str], why: str = "has no place in a profile") -> None:
+    def note_dropped(self, keys: Iterable[str], why: str = "has no place in a profile") -> None:
         """Features that were left out; the same one of several points is one note."""
         for key in keys:
             text = f"{key}: {why}"
             self._dropped[text] = self._dropped.get(text, 0) + 1
 
-    def once(self, note: str) -> None:
+    def note_once(self, note: str) -> None:
         """A note that is said once."""
-        if note not in self._said:
-            self._said.add(note)
+        if note not in self._noted_once:
+            self._noted_once.add(note)
             self.notes.append(note)
 
-    def done(self) -> Imported:
+    def build(self) -> Imported:
         """The model, its points in the order of the file."""
         for text, count in self._dropped.items():
             self.notes.append(f"{text} ({count} times)" if count > 1 else text)
@@ -221,7 +223,7 @@ class Draft:
         model = {"profile": 1, "device": device, "registers": self._points}
         return Imported(model, tuple(self.notes))
 
-    def _say(self, note: str) -> None:
+    def _note(self, note: str) -> None:
         self.notes.append(self.where + note)
 
     def _unique(self, name: str) -> str:
@@ -230,47 +232,47 @@ class Draft:
             count += 1
             unique = f"{name}_{count}"
         if unique != name:
-            self._say(f"{name}: the name stands twice; called {unique}")
+            self._note(f"{name}: the name stands twice; called {unique}")
         self._names.add(unique)
         return unique
 
 
-def choose_unit(units: Iterable[int | None], told: int | None, name: str) -> int | None:
+def choose_unit(units: Iterable[int | None], requested: int | None, name: str) -> int | None:
     """Whose registers: the unit that is told, or the only one; None where a file has no units.
 
     `UsageError` where there are several and none is told, or where the told one is not there.
     """
     known = sorted({unit for unit in units if unit is not None})
-    if told is None and len(known) < 2:  # noqa: PLR2004 - nothing to choose
+    if requested is None and len(known) < 2:  # noqa: PLR2004 - nothing to choose
         return next(iter(known), None)
-    if told is None or (known and told not in known):
+    if requested is None or (known and requested not in known):
         there = ", ".join(map(str, known))
         raise UsageError(f"{name}: which unit? --unit N; there are {there}")
-    return told
+    return requested
 
 
-def known_order(word: object) -> str | None:
-    """The order that a word of a file means, None for none; `LeftOut` if nobody knows it."""
+def parse_row_order(word: object) -> str | None:
+    """The order that a word of a file means, None for none; `NotConvertible` if nobody knows it."""
     try:
-        return order_of(word, "")
+        return parse_order(word, "")
     except UsageError:
-        raise LeftOut(f"{word!r} is no order of bytes") from None
+        raise NotConvertible(f"{word!r} is no order of bytes") from None
 
 
-def order_of(word: object, where: str) -> str | None:
+def parse_order(word: object, where: str) -> str | None:
     """The order that another program's word means, None for none; `UsageError` if unknown."""
     if word in (None, ""):
         return None
-    found = ORDERS.get(plain(str(word)))
+    found = ORDERS.get(normalized(str(word)))
     if found is None:
         raise UsageError(f"{where}: {word!r} is no order of bytes; ABCD, CDAB, BADC or DCBA")
     return found
 
 
-def composed(*orders: str | None) -> str:
+def compose_orders(*orders: str | None) -> str:
     """One order behind the other: words are turned or not, and bytes are.
 
-    >>> composed("DCBA", "CDAB"), composed(None, "BADC"), composed("CDAB", "CDAB")
+    >>> compose_orders("DCBA", "CDAB"), compose_orders(None, "BADC"), compose_orders("CDAB", "CDAB")
     ('BADC', 'BADC', 'ABCD')
     """
     by_turns = ("ABCD", "CDAB", "BADC", "DCBA")  # bit 0: the words, bit 1: the bytes
@@ -280,25 +282,25 @@ def composed(*orders: str | None) -> str:
     return by_turns[turns]
 
 
-def tidy(value: object) -> int | float | None:  # noqa: PLR0911 - a way a kind of number
+def parse_decimal(value: object) -> int | float | None:  # noqa: PLR0911 - a way a kind of number
     """A number as profiles write it: `0.1`, `1` for 1.0, None where it is none.
 
-    >>> tidy("0,5"), tidy(1.0), tidy("0x10"), tidy(""), tidy("1/10"), tidy("inf")
-    (0.5, 1, 16, None, 0.1, None)
+    >>> [parse_decimal(value) for value in ("0,5", 1.0, "0x10", "", "1/10", "inf")]
+    [0.5, 1, 16, None, 0.1, None]
     """
     if value in (None, "") or isinstance(value, bool):
         return None
     if isinstance(value, str):
         if len(value) > _LONGEST:
             return None
-        whole = number(value)
+        whole = parse_number(value)
         if whole is not None:
             return whole
         above, slash, below = value.partition("/")
-        divisor = tidy(below) if slash else None
+        divisor = parse_decimal(below) if slash else None
         if divisor:
-            dividend = tidy(above)
-            return None if dividend is None else tidy(dividend / divisor)
+            dividend = parse_decimal(above)
+            return None if dividend is None else parse_decimal(dividend / divisor)
         value = value.strip().replace(",", ".")
     if isinstance(value, int):
         return value

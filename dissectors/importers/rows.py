@@ -11,17 +11,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.function_lookup import number, plain
-from dissectors.importers.cells import Cells
-from dissectors.importers.profile_builder import SPACES, WIDTHS, Draft, LeftOut, tidy
-from dissectors.importers.table_headers import FUNCTIONS, KINDS, SUFFIXES, WIDTHLESS, Preset
+from dissectors.function_lookup import normalized, parse_number
+from dissectors.importers.cells import RowCells
+from dissectors.importers.profile_builder import (
+    REGISTERS_OF_TYPE,
+    SPACES,
+    NotConvertible,
+    ProfileBuilder,
+    parse_decimal,
+)
+from dissectors.importers.table_headers import (
+    ORDER_SUFFIXES,
+    TABLE_OF_FUNCTION,
+    TYPE_NAMES,
+    TYPES_WITHOUT_WIDTH,
+    Preset,
+)
 
-__all__ = ["PLAIN", "Rows"]
+__all__ = ["NO_PRESET", "RowConverter"]
 
-PLAIN = Preset("plain", ())
+NO_PRESET = Preset("plain", ())
 """A table of no program in particular."""
 
-_AT = re.compile(
+_ADDRESS = re.compile(
     r"(?:(?P<table>[a-z]+)\s*:?\s*|(?P<digit>[134])x)?"
     r"(?P<number>0x[0-9a-f]{1,9}|[0-9][0-9a-f]{0,9}h|\d{1,9})"
     r"(?:\s*[-\u2013]\s*(?P<last>\d{1,9})|\.(?P<bit>\d{1,5})(?P<text>[HL])?|\.(?P<half>lo|hi))?"
@@ -34,7 +46,7 @@ _BITS = 16
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _RowAddress:
     """Where a row stands; `registers` is what the address itself says of its length."""
 
     space: str
@@ -47,33 +59,33 @@ class _Place:
 
 
 @dataclass(frozen=True, slots=True)
-class _Kind:
+class _RowType:
     """What a row is: the type, its order, the registers of a text; whether its width is said."""
 
     word: str | None
     order: str | None = None
     registers: int | None = None
-    told: bool = True
+    has_width: bool = True
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class RowConverter:
     """Rows of one table on their way into a draft."""
 
-    draft: Draft
+    builder: ProfileBuilder
     base: int | str
-    preset: Preset = PLAIN
+    preset: Preset = NO_PRESET
 
     def add(self, row: Mapping[str, str], where: str) -> None:
         """A row, its cells by key; `where` names its line."""
-        self.draft.where = f"{where}, "
-        cells = Cells(row, f"{where}, {row.get('name') or 'no name'}", self.draft)
+        self.builder.where = f"{where}, "
+        cells = RowCells(row, f"{where}, {row.get('name') or 'no name'}", self.builder)
         try:
             self._add(cells)
-        except LeftOut as reason:
+        except NotConvertible as reason:
             cells.note(f"{reason}; left out")
 
-    def _add(self, cells: Cells) -> None:
+    def _add(self, cells: RowCells) -> None:
         place, kind = self._place(cells), self._kind(cells.get("type"))
         keys: dict[str, Any] = {key: cells.get(key) for key in ("unit", "group", "note")}
         keys["access"], keys["enum"], keys["nan"] = (
@@ -81,26 +93,26 @@ class Rows:
             cells.labels(),
             cells.sentinels(),
         )
-        keys["scale"], keys["offset"] = cells.linear()
+        keys["scale"], keys["offset"] = cells.scale_and_offset()
         scaled = re.match(r"([\d.]+)\s*(\D.*)", cells.get("unit"))
         if self.preset.scaled_units and scaled:
-            keys["scale"], keys["unit"] = tidy(scaled[1]), scaled[2]
+            keys["scale"], keys["unit"] = parse_decimal(scaled[1]), scaled[2]
         if place.space in ("co", "di"):
-            count = tidy(cells.get("count") or cells.get("length")) or place.elements
+            count = parse_decimal(cells.get("count") or cells.get("length")) or place.elements
             if kind.word not in (None, "bool"):
                 cells.note(f"a coil is a bool, not {cells.get('type')!r}")
             keys["count"] = count if isinstance(count, int) and count > 1 else None
-            self.draft.add(cells.get("name"), place.space, place.address, **keys)
+            self.builder.add(cells.get("name"), place.space, place.address, **keys)
             return
-        word, count = self._extent(kind, place, cells)
+        word, count = self._type_and_count(kind, place, cells)
         order = cells.order() or place.order or kind.order
-        told = order or cells.get("order") or cells.get("words") or self.draft.order
-        if not told and WIDTHS.get(word or "u16", 1) > 1:
-            self.draft.once(
+        stated_order = order or cells.get("order") or cells.get("words") or self.builder.order
+        if not stated_order and REGISTERS_OF_TYPE.get(word or "u16", 1) > 1:
+            self.builder.note_once(
                 "values of several registers: highest register first, ABCD (assumed; --order "
                 "says it)"
             )
-        self.draft.add(
+        self.builder.add(
             cells.get("name"),
             place.space,
             place.address,
@@ -111,28 +123,28 @@ class Rows:
             **keys,
         )
 
-    def _place(self, cells: Cells) -> _Place:
+    def _place(self, cells: RowCells) -> _RowAddress:
         text = cells.get("address")
-        match = _AT.fullmatch(text.strip())
+        match = _ADDRESS.fullmatch(text.strip())
         if match is None:
-            raise LeftOut(f"{text!r} is no address" if text else "no address")
+            raise NotConvertible(f"{text!r} is no address" if text else "no address")
         digits = match["number"].lower()
-        told = self._table(match, cells)
-        address = number(digits) or 0
+        stated_space = self._table(match, cells)
+        address = parse_number(digits) or 0
         if self.base == "modicon":
-            space, wire = _modicon(digits, told or _DIGITS.get(match["digit"] or ""), text)
+            space, wire = _modicon(digits, stated_space or _DIGITS.get(match["digit"] or ""), text)
         else:
-            space = told or _DIGITS.get(match["digit"] or "")
+            space = stated_space or _DIGITS.get(match["digit"] or "")
             wire = address - int(self.base)
         if space is None:
-            self.draft.once("no column says the table: holding registers (assumed)")
+            self.builder.note_once("no column says the table: holding registers (assumed)")
         if not 0 <= wire <= _LAST:
-            raise LeftOut(f"{text!r} is no address where counting begins at {self.base}")
+            raise NotConvertible(f"{text!r} is no address where counting begins at {self.base}")
         registers, bit, order = self._part(match, address)
         sizes = [int(size) for size in re.findall(r"\d+", match["array"])]
         elements = math.prod(sizes) if sizes else None
         half = (match["half"] or "").lower()
-        return _Place(space or "hr", wire, bit, registers, elements, half, order)
+        return _RowAddress(space or "hr", wire, bit, registers, elements, half, order)
 
     def _part(
         self, match: re.Match[str], address: int
@@ -145,94 +157,106 @@ class Rows:
             first = self.preset.first_bit
             bit = int(match["bit"]) - first
             if not 0 <= bit < _BITS:
-                raise LeftOut(f"bit {match['bit']} is none of {first} to {first + _BITS - 1}")
+                raise NotConvertible(
+                    f"bit {match['bit']} is none of {first} to {first + _BITS - 1}"
+                )
             return None, bit, None
         if match["last"]:
             registers = int(match["last"]) - address + 1
             if registers < 1:
-                raise LeftOut(f"{match[0]!r} ends before it begins")
+                raise NotConvertible(f"{match[0]!r} ends before it begins")
             return registers, None, None
         return None, None, None
 
-    def _table(self, match: re.Match[str], cells: Cells) -> str | None:
+    def _table(self, match: re.Match[str], cells: RowCells) -> str | None:
         """The table that the address, the column of tables, or the function code says."""
         if match["table"]:
-            space = SPACES.get(plain(match["table"]))
-            if space is None or (self.preset.base == "modicon" and plain(match["table"]) == "h"):
-                raise LeftOut(f"{match[0]!r}: {match['table']!r} is no table that is known")
+            space = SPACES.get(normalized(match["table"]))
+            if space is None or (
+                self.preset.base == "modicon" and normalized(match["table"]) == "h"
+            ):
+                raise NotConvertible(f"{match[0]!r}: {match['table']!r} is no table that is known")
             return space
         table, function = cells.get("table"), cells.get("function")
         if table and not table.isdigit():
-            space = SPACES.get(plain(table))
+            space = SPACES.get(normalized(table))
         elif table or function:
             if table:
-                self.draft.once("numbers that name tables are function codes (assumed)")
+                self.builder.note_once("numbers that name tables are function codes (assumed)")
             code = re.search(r"0x[0-9a-f]+|\d+", table or function, re.IGNORECASE)
             space = (
-                SPACES.get(plain(function)) if code is None else FUNCTIONS.get(number(code[0]) or 0)
+                SPACES.get(normalized(function))
+                if code is None
+                else TABLE_OF_FUNCTION.get(parse_number(code[0]) or 0)
             )
         else:
             return None
         if space is None:
-            raise LeftOut(f"table {table or function!r} is not known")
+            raise NotConvertible(f"table {table or function!r} is not known")
         return space
 
-    def _kind(self, text: str) -> _Kind:
-        word = plain(text)
+    def _kind(self, text: str) -> _RowType:
+        word = normalized(text)
         if not word:
-            return _Kind(None, told=False)
+            return _RowType(None, has_width=False)
         sized = re.fullmatch(r"\s*(\w+)\s*[\[(]\s*(\d+)\s*[\])]\s*", text)
-        if sized and (KINDS.get(plain(sized[1])) == "str" or plain(sized[1]) == "char"):
-            return _Kind("str", registers=(int(sized[2]) + 1) // 2)
+        if sized and (
+            TYPE_NAMES.get(normalized(sized[1])) == "str" or normalized(sized[1]) == "char"
+        ):
+            return _RowType("str", registers=(int(sized[2]) + 1) // 2)
         word = word.removesuffix("array")
-        own = self.preset.kinds.get(word)
-        if own or word in KINDS:
-            return _Kind(own or KINDS[word], told=bool(own) or word not in WIDTHLESS)
-        if word[-2:] in SUFFIXES and word[:-2] in KINDS:
-            return _Kind(KINDS[word[:-2]], SUFFIXES[word[-2:]])
-        raise LeftOut(f"type {text!r} is not known")
+        own = self.preset.types.get(word)
+        if own or word in TYPE_NAMES:
+            return _RowType(
+                own or TYPE_NAMES[word], has_width=bool(own) or word not in TYPES_WITHOUT_WIDTH
+            )
+        if word[-2:] in ORDER_SUFFIXES and word[:-2] in TYPE_NAMES:
+            return _RowType(TYPE_NAMES[word[:-2]], ORDER_SUFFIXES[word[-2:]])
+        raise NotConvertible(f"type {text!r} is not known")
 
-    def _extent(self, kind: _Kind, place: _Place, cells: Cells) -> tuple[str | None, int | None]:
+    def _type_and_count(
+        self, kind: _RowType, place: _RowAddress, cells: RowCells
+    ) -> tuple[str | None, int | None]:
         """The type, as wide as the registers say, and the count of an array or a text."""
         if place.half:
             return ("s8" if (kind.word or "u")[0] == "s" else "u8") + place.half[0], None
         if place.bit is not None:
             if kind.word not in (None, "bool"):
-                raise LeftOut(f"a bit of a register is a bool, not {cells.get('type')!r}")
+                raise NotConvertible(f"a bit of a register is a bool, not {cells.get('type')!r}")
             return "bool", None
         if kind.word == "bool":
             cells.note("a bool without a bit is the whole register")
             return "u16", None
-        registers = place.registers or kind.registers or tidy(cells.get("count"))
-        length = tidy(cells.get("length"))
+        registers = place.registers or kind.registers or parse_decimal(cells.get("count"))
+        length = parse_decimal(cells.get("length"))
         if kind.word in ("str", "raw"):
             if registers is None and length is not None:
-                self.draft.once("the length of a text counts registers (assumed)")
+                self.builder.note_once("the length of a text counts registers (assumed)")
             registers = registers or length
             if not isinstance(registers, int) or registers < 1:
-                raise LeftOut(f"a {kind.word} without a length")
+                raise NotConvertible(f"a {kind.word} without a length")
             return kind.word, registers
-        word, width = kind.word or "u16", WIDTHS[kind.word or "u16"]
+        word, width = kind.word or "u16", REGISTERS_OF_TYPE[kind.word or "u16"]
         if place.elements:
             return word, place.elements * width if place.elements > 1 else None
         return self._number(kind, registers, length, (word, width), cells)
 
     def _number(
         self,
-        kind: _Kind,
+        kind: _RowType,
         registers: float | None,
         length: float | None,
         what: tuple[str, int],
-        cells: Cells,
+        cells: RowCells,
     ) -> tuple[str, int | None]:
         """A number: wider if only its registers say how wide it is, or an array."""
         word, width = what
         size = registers or length
         wide = {("u16", 2): "u32", ("s16", 2): "s32", ("u16", 4): "u64", ("s16", 4): "s64"}
-        if not kind.told and (word, size) in wide:
+        if not kind.has_width and (word, size) in wide:
             return wide[word, size], None  # type: ignore[index]
-        if not kind.told and kind.word is not None and size is None:
-            self.draft.once("types that do not say how wide they are take 16 bits (assumed)")
+        if not kind.has_width and kind.word is not None and size is None:
+            self.builder.note_once("types that do not say how wide they are take 16 bits (assumed)")
         if size in (None, width) or (registers is None and size in (2 * width, 16 * width)):
             return word, None  # a length counts bytes or bits, too
         if registers is not None and registers >= 1 and registers % width == 0:
@@ -241,14 +265,16 @@ class Rows:
         return word, None
 
 
-def _modicon(digits: str, told: str | None, text: str) -> tuple[str | None, int]:
+def _modicon(digits: str, stated_space: str | None, text: str) -> tuple[str | None, int]:
     """Table and wire address of 40001 or 400001; shorter numbers count from 1 in their table."""
-    wrong = LeftOut(f"{text!r} is no Modicon address" + (f" of {told}" if told else ""))
+    wrong = NotConvertible(
+        f"{text!r} is no Modicon address" + (f" of {stated_space}" if stated_space else "")
+    )
     if not digits.isdigit() or len(digits) > 6:  # noqa: PLR2004 - 400001
         raise wrong
-    if len(digits) < 5 or (told and digits[0] == "0"):  # noqa: PLR2004 - 40001
-        return told or "co", int(digits) - 1
+    if len(digits) < 5 or (stated_space and digits[0] == "0"):  # noqa: PLR2004 - 40001
+        return stated_space or "co", int(digits) - 1
     space, wire = _DIGITS.get(digits[0]), int(digits[1:]) - 1
-    if space is None or (told and told != space) or not 0 <= wire <= _LAST:
+    if space is None or (stated_space and stated_space != space) or not 0 <= wire <= _LAST:
         raise wrong
     return space, wire

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError
-from dissectors.importers.profile_builder import Draft, Imported, Options, tidy
+from dissectors.importers.profile_builder import Imported, Options, ProfileBuilder, parse_decimal
 
 __all__ = ["read"]
 
@@ -28,7 +28,7 @@ _KINDS: Mapping[str, tuple[str, int | None]] = {
     "eui48": ("raw", None),
 }  # fmt: skip
 
-_HIGHEST = 10
+_MAX_SCALE_EXPONENT = 10
 """A scale factor is -10 to 10 (Device Information Model Specification, type `sunssf`)."""
 
 _BITFIELDS = ("bitfield16", "bitfield32", "bitfield64")
@@ -43,7 +43,7 @@ def read(text: str, name: str, _options: Options) -> Imported:
     try:
         model = json.loads(text.lstrip("\ufeff"))
         group, number = model["group"], int(model["id"])
-        draft = Draft(
+        builder = ProfileBuilder(
             {
                 "id": f"sunspec.{number}",
                 "vendor": "SunSpec Alliance",
@@ -52,27 +52,29 @@ def read(text: str, name: str, _options: Options) -> Imported:
                 "sunspec": number,
             }
         )
-        _group(draft, group, 0, "")
+        _group(builder, group, 0, "")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else error
         raise ProfileError(f"no SunSpec model: {what}", path=name) from None
-    return draft.done()
+    return builder.build()
 
 
-def _group(draft: Draft, group: Mapping[str, Any], at: int, prefix: str) -> int | None:
+def _group(builder: ProfileBuilder, group: Mapping[str, Any], at: int, prefix: str) -> int | None:
     """The points of a group and of those in it; the address behind it, None if nobody knows it."""
-    draft.dropped(sorted(set(group) - _GROUP))
+    builder.note_dropped(sorted(set(group) - _GROUP))
     names = {point["name"] for point in group.get("points", ())}
     for point in group.get("points", ()):
-        at += _point(draft, point, at, (group.get("name"), prefix, names))
+        at += _point(builder, point, at, (group.get("name"), prefix, names))
     for inner in group.get("groups", ()):
         label, count = str(inner.get("name")), inner.get("count", 1)
         if not isinstance(count, int) or not 1 <= count <= 0xFFFF:  # noqa: PLR2004 - registers
-            draft.dropped([f"group {label}, and what follows it"], "repeats as the device says")
+            builder.note_dropped(
+                [f"group {label}, and what follows it"], "repeats as the device says"
+            )
             return None
         for turn in range(count):
             inside = f"{prefix}{label}_" if count == 1 else f"{prefix}{label}_{turn + 1}_"
-            behind = _group(draft, inner, at, inside)
+            behind = _group(builder, inner, at, inside)
             if behind is None:
                 return None
             at = behind
@@ -80,7 +82,10 @@ def _group(draft: Draft, group: Mapping[str, Any], at: int, prefix: str) -> int 
 
 
 def _point(
-    draft: Draft, point: Mapping[str, Any], at: int, where: tuple[str | None, str, set[str]]
+    builder: ProfileBuilder,
+    point: Mapping[str, Any],
+    at: int,
+    where: tuple[str | None, str, set[str]],
 ) -> int:
     group, prefix, names = where
     size = int(point.get("size", 1))
@@ -88,16 +93,16 @@ def _point(
         raise ValueError(f"size {size} of {point['name']}")
     kind, nan = _KINDS.get(point["type"], ("raw", None))
     if point["type"] not in _KINDS:
-        draft.dropped([f"type {point['type']}"], "is not known, its registers are raw")
+        builder.note_dropped([f"type {point['type']}"], "is not known, its registers are raw")
     if point["type"] == "pad":
         return size
-    draft.dropped(sorted(set(point) - _POINT))
+    builder.note_dropped(sorted(set(point) - _POINT))
     symbols = {
         str(symbol["value"]): symbol.get("label") or symbol["name"]
         for symbol in point.get("symbols", ())
     }
     scale = point.get("sf")
-    draft.add(
+    builder.add(
         prefix + point["name"],
         "hr",
         at,
@@ -118,6 +123,6 @@ def _point(
 
 def _power(scale: object) -> int | float | None:
     """The factor of a constant scale: a whole number where it is one."""
-    if not isinstance(scale, int) or scale == 0 or abs(scale) > _HIGHEST:
+    if not isinstance(scale, int) or scale == 0 or abs(scale) > _MAX_SCALE_EXPONENT:
         return None
-    return tidy(10.0**scale)
+    return parse_decimal(10.0**scale)

@@ -8,21 +8,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from dissectors.function_lookup import plain
+from dissectors.function_lookup import normalized
 
 __all__ = [
-    "FUNCTIONS",
-    "HEADS",
-    "KEY_OF",
-    "KINDS",
+    "HEADER_WORDS",
+    "KEY_OF_HEADER",
+    "ORDER_SUFFIXES",
     "PRESETS",
-    "SUFFIXES",
-    "WIDTHLESS",
+    "TABLE_OF_FUNCTION",
+    "TYPES_WITHOUT_WIDTH",
+    "TYPE_NAMES",
     "Preset",
     "preset_of",
 ]
 
-_HEADS: Mapping[str, tuple[str, ...]] = {
+_HEADER_WORDS: Mapping[str, tuple[str, ...]] = {
     # The first word that a table has counts: an address beside a register number is the wire's.
     "address": ("address", "modbus address", "register address", "address hex", "hex address",
                 "address dec", "decimal address", "startaddress", "start", "addr", "register",
@@ -59,16 +59,18 @@ _HEADS: Mapping[str, tuple[str, ...]] = {
     "negatevalue": ("negate value",),
 }  # fmt: skip
 
-HEADS: Mapping[str, tuple[str, ...]] = {
-    key: tuple(dict.fromkeys(map(plain, words))) for key, words in _HEADS.items()
+HEADER_WORDS: Mapping[str, tuple[str, ...]] = {
+    key: tuple(dict.fromkeys(map(normalized, words))) for key, words in _HEADER_WORDS.items()
 }
 """Key -> what tables call it, without case and punctuation."""
 
-KEY_OF: Mapping[str, str] = {name: key for key, names in HEADS.items() for name in names}
+KEY_OF_HEADER: Mapping[str, str] = {
+    name: key for key, names in HEADER_WORDS.items() for name in names
+}
 """What a table calls it -> key."""
 
-KINDS: Mapping[str, str] = {
-    plain(word): kind
+TYPE_NAMES: Mapping[str, str] = {
+    normalized(word): kind
     for kind, words in {
         "bool": ("bool", "boolean", "bit", "digital", "binary"),
         "u16": ("u16", "uint16", "word", "uint", "unsigned", "ushort", "unsigned16", "unsigned int",
@@ -94,15 +96,15 @@ KINDS: Mapping[str, str] = {
 }  # fmt: skip
 """What people call types, without case and punctuation."""
 
-WIDTHLESS = frozenset(
-    plain(word) for word in ("int", "integer", "uint", "unsigned", "unsigned int", "signed")
+TYPES_WITHOUT_WIDTH = frozenset(
+    normalized(word) for word in ("int", "integer", "uint", "unsigned", "unsigned int", "signed")
 )
 """Words that do not say how wide they are."""
 
-SUFFIXES: Mapping[str, str] = {"be": "ABCD", "le": "DCBA", "sw": "CDAB", "sb": "BADC"}
+ORDER_SUFFIXES: Mapping[str, str] = {"be": "ABCD", "le": "DCBA", "sw": "CDAB", "sb": "BADC"}
 """Orders that stand behind a type: `uint32be`, `floatsw`."""
 
-FUNCTIONS: Mapping[int, str] = {
+TABLE_OF_FUNCTION: Mapping[int, str] = {
     1: "co", 2: "di", 3: "hr", 4: "ir", 5: "co", 6: "hr", 15: "co", 16: "hr", 22: "hr", 23: "hr",
 }  # fmt: skip
 """The table that a function code reads or writes."""
@@ -113,16 +115,16 @@ class Preset:
     """A program's table: the columns it is known by, and what its file does not say."""
 
     title: str
-    heads: tuple[str, ...]
+    headers: tuple[str, ...]
     base: int | str = 0
     order: str | None = None
     """Of values of several registers, where it is a setting of the device."""
     first_bit: int = 0
     """The number of the lowest bit."""
-    kinds: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, str] = field(default_factory=dict)
     scaled_units: bool = False
     """Whether a unit such as `0.1V` has the scale in it."""
-    no_map: tuple[str, ...] = ()
+    ignored_columns: tuple[str, ...] = ()
     """Columns that say nothing of registers: how often to ask, and the like."""
 
 
@@ -132,15 +134,15 @@ PRESETS = (
         ("tagname", "address", "datatype", "clientaccess"),
         base="modicon",
         order="CDAB",
-        no_map=("respectdatatype", "scanrate", "scaleddatatype"),
+        ignored_columns=("respectdatatype", "scanrate", "scaleddatatype"),
     ),
     Preset("Mervis", ("stationnumber", "element", "sttype"), first_bit=1),
-    Preset("Control Solutions", ("rw", "type", "reg", "format"), base=1, no_map=("poll",)),
+    Preset("Control Solutions", ("rw", "type", "reg", "format"), base=1, ignored_columns=("poll",)),
     Preset("Kaspersky", ("varname", "connection", "address", "datatype"), base="modicon"),
     Preset(
         "PythonProtocolGateway",
         ("variablename", "datatype", "register", "documentedname"),
-        kinds={"uint": "u32", "int": "s32", "16bitflags": "u16", "32bitflags": "u32"},
+        types={"uint": "u32", "int": "s32", "16bitflags": "u16", "32bitflags": "u32"},
         scaled_units=True,
     ),
 )
@@ -149,5 +151,5 @@ PRESETS = (
 
 def preset_of(head: Iterable[str]) -> Preset | None:
     """The program whose table has this head."""
-    words = {plain(cell) for cell in head}
-    return next((one for one in PRESETS if words.issuperset(one.heads)), None)
+    words = {normalized(cell) for cell in head}
+    return next((one for one in PRESETS if words.issuperset(one.headers)), None)

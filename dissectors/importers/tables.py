@@ -8,23 +8,23 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from dissectors.errors import ProfileError
-from dissectors.function_lookup import plain
+from dissectors.function_lookup import normalized
 from dissectors.importers.profile_builder import SPACES
-from dissectors.importers.table_headers import HEADS, KEY_OF, Preset, preset_of
+from dissectors.importers.table_headers import HEADER_WORDS, KEY_OF_HEADER, Preset, preset_of
 
-__all__ = ["Table", "table"]
+__all__ = ["FoundTable", "find_table"]
 
-_MARKS = ",;\t|"
+_DELIMITERS = ",;\t|"
 
 _DIGITS = re.compile(r"(?=\b[0-9A-Fa-f]+(?:\b|_))(?!0[xX])(?![0-9A-Fa-f]*[hH]\b)")
 """In front of a hexadecimal number that does not say so itself."""
 
-_TITLE = 500
+_MAX_HEADER_LINE = 500
 """Lines within which the head stands."""
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class FoundTable:
     """The rows of a table by key, with their lines; whose table it is; what was left out."""
 
     rows: Sequence[tuple[int, Mapping[str, str]]]
@@ -32,14 +32,27 @@ class Table:
     notes: Sequence[str]
 
 
-def table(text: str, name: str) -> Table:
+def find_table(text: str, name: str) -> FoundTable:
     """The table of a text, by the delimiter that makes most words of its head known.
 
     `ProfileError` where no line is a head, or quotation marks are left open.
     """
-    mark = max(_MARKS, key=lambda mark: max((_known(row) for row in _bare(text, mark)), default=0))
-    records = list(_records(text, mark, name))
-    at = next((number for number, (_, row) in enumerate(records[:_TITLE]) if _known(row)), None)
+    delimiter = max(
+        _DELIMITERS,
+        key=lambda delimiter: max(
+            (_count_known_columns(row) for row in _cells_ignoring_quotes(text, delimiter)),
+            default=0,
+        ),
+    )
+    records = list(_records(text, delimiter, name))
+    at = next(
+        (
+            number
+            for number, (_, row) in enumerate(records[:_MAX_HEADER_LINE])
+            if _count_known_columns(row)
+        ),
+        None,
+    )
     if at is None:
         first = next((line.strip() for line in text.splitlines() if line.strip()), "")
         raise ProfileError(
@@ -65,21 +78,21 @@ def table(text: str, name: str) -> Table:
     if "address" in keys and "hex" in head[keys.index("address")].lower():
         notes.append("addresses are hexadecimal, as the head says")
         rows = [(line, _hexadecimal(cells)) for line, cells in rows]
-    return Table(rows, preset, notes)
+    return FoundTable(rows, preset, notes)
 
 
 def _hexadecimal(cells: Mapping[str, str]) -> dict[str, str]:
     return {**cells, "address": _DIGITS.sub("0x", cells.get("address", ""), count=1)}
 
 
-def _bare(text: str, mark: str) -> Iterator[list[str]]:
+def _cells_ignoring_quotes(text: str, delimiter: str) -> Iterator[list[str]]:
     """The cells of each line, whatever quotation marks say."""
-    return (line.replace('"', "").split(mark) for line in text.splitlines()[:_TITLE])
+    return (line.replace('"', "").split(delimiter) for line in text.splitlines()[:_MAX_HEADER_LINE])
 
 
-def _records(text: str, mark: str, name: str) -> Iterator[tuple[int, list[str]]]:
+def _records(text: str, delimiter: str, name: str) -> Iterator[tuple[int, list[str]]]:
     """The cells of each record, and its first line."""
-    reader = csv.reader(text.splitlines(keepends=True), delimiter=mark, strict=True)
+    reader = csv.reader(text.splitlines(keepends=True), delimiter=delimiter, strict=True)
     line = 1
     try:
         for row in reader:
@@ -90,27 +103,27 @@ def _records(text: str, mark: str, name: str) -> Iterator[tuple[int, list[str]]]
         raise ProfileError(message, path=name, line=line) from None
 
 
-def _ways(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
+def _header_words(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
     """Key -> words of its columns. Tables of PLCs call an address an offset."""
-    ways = dict(HEADS)
-    if not set(ways["address"]) & set(words):
-        ways["address"], ways["offset"] = (*ways["address"], "offset"), ()
-    return ways
+    header_words = dict(HEADER_WORDS)
+    if not set(header_words["address"]) & set(words):
+        header_words["address"], header_words["offset"] = (*header_words["address"], "offset"), ()
+    return header_words
 
 
-def _word(cell: str) -> str:
+def _normalized_header(cell: str) -> str:
     """A head without case and punctuation; without what stands in brackets, if that is known.
 
-    >>> _word("Modbus Address"), _word("Address (wire)"), _word("Scale (of 1)")
-    ('modbusaddress', 'address', 'scale')
+    >>> [_normalized_header(cell) for cell in ("Modbus Address", "Address (wire)", "Scale (of 1)")]
+    ['modbusaddress', 'address', 'scale']
     """
-    word, bare = plain(cell), plain(re.sub(r"[(\[].*?[)\]]", "", cell))
-    return bare if word not in KEY_OF and bare in KEY_OF else word
+    word, bare = normalized(cell), normalized(re.sub(r"[(\[].*?[)\]]", "", cell))
+    return bare if word not in KEY_OF_HEADER and bare in KEY_OF_HEADER else word
 
 
-def _known(row: Sequence[str]) -> int:
+def _count_known_columns(row: Sequence[str]) -> int:
     """How many cells of a line name columns; 0 where it is no head."""
-    keys = {KEY_OF.get(_word(cell)) for cell in row} - {None}
+    keys = {KEY_OF_HEADER.get(_normalized_header(cell)) for cell in row} - {None}
     return len(keys) if keys & {"address", "offset"} and len(keys) > 1 else 0
 
 
@@ -118,9 +131,9 @@ def _keys(
     head: Sequence[str], rows: Sequence[Sequence[str]], preset: Preset | None
 ) -> tuple[list[str], list[str]]:
     """The key of each column, empty for those that are left out, which are notes."""
-    words = [_word(cell) for cell in head]
+    words = [_normalized_header(cell) for cell in head]
     keys, notes = [""] * len(head), []
-    for key, names in _ways(words).items():
+    for key, names in _header_words(words).items():
         columns = [at for name in names for at, word in enumerate(words) if word == name]
         if key == "type" and len(columns) > 1:
             # TYPE beside FORMAT: the one says the table, the other the type.
@@ -139,13 +152,13 @@ def _keys(
         notes.append(f"no column says the names: those of {head[at]!r} are taken")
     for at, word in enumerate(words):
         filled = any(cell for row in rows for cell in row[at : at + 1])
-        if preset and word in preset.no_map:
+        if preset and word in preset.ignored_columns:
             notes.append(f"column {head[at]!r} has no place in a profile; left out")
-        elif word not in KEY_OF and (filled or head[at]):
+        elif word not in KEY_OF_HEADER and (filled or head[at]):
             notes.append(f"column {head[at] or at + 1!r} is not understood; left out")
     return keys, notes
 
 
 def _says_tables(cells: Iterable[Sequence[str]]) -> bool:
-    words = {plain(cell) for row in cells for cell in row if cell}
+    words = {normalized(cell) for row in cells for cell in row if cell}
     return bool(words) and words <= set(SPACES)

@@ -13,16 +13,16 @@ from typing import Any
 
 from dissectors.errors import ProfileError
 from dissectors.importers.profile_builder import (
-    WIDTHS,
-    Draft,
+    REGISTERS_OF_TYPE,
     Imported,
-    LeftOut,
+    NotConvertible,
     Options,
+    ProfileBuilder,
     choose_unit,
-    known_order,
-    tidy,
+    parse_decimal,
+    parse_row_order,
 )
-from dissectors.importers.unsupported_keys import Losses
+from dissectors.importers.unsupported_keys import UnsupportedKeys
 from dissectors.profile import Profile
 
 __all__ = ["read", "write"]
@@ -72,15 +72,15 @@ def read(text: str, name: str, options: Options) -> Imported:
     plugins = _tables(inputs if isinstance(inputs, list) else [inputs])
     if not plugins:
         raise ProfileError("no [[inputs.modbus]] in it", path=name)
-    draft = Draft({"source": f"Telegraf configuration {name}"}, options.order)
-    draft.notes.append("addresses count from 0, as Telegraf does")
-    fields = [found for plugin in plugins for found in _fields(plugin, draft)]
+    builder = ProfileBuilder({"source": f"Telegraf configuration {name}"}, options.order)
+    builder.notes.append("addresses count from 0, as Telegraf does")
+    fields = [found for plugin in plugins for found in _fields(plugin, builder)]
     unit = choose_unit((field.unit for field in fields), options.unit, name)
     for field in fields:
         if field.unit in (unit, None):
-            with draft.noting(field.row.get("name", field.row.get("address"))):
-                _add(draft, field)
-    return draft.done()
+            with builder.noting_failures(field.row.get("name", field.row.get("address"))):
+                _add(builder, field)
+    return builder.build()
 
 
 def _table(value: Any) -> Mapping[str, Any]:
@@ -93,9 +93,9 @@ def _tables(value: Any) -> list[Mapping[str, Any]]:
     return [row for row in rows if isinstance(row, Mapping)]
 
 
-def _fields(plugin: Mapping[str, Any], draft: Draft) -> Iterator[_Field]:
+def _fields(plugin: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Field]:
     """Every field, in all three styles; what else a plugin and its requests say is dropped."""
-    draft.dropped(sorted(set(plugin) - _PLUGIN), "is no part of a register map")
+    builder.note_dropped(sorted(set(plugin) - _PLUGIN), "is no part of a register map")
     where = plugin.get("string_register_location", "")
     texts = _HALVES.get(where if isinstance(where, str) else "", "str")
     for key, space in _STYLES.items():
@@ -103,14 +103,18 @@ def _fields(plugin: Mapping[str, Any], draft: Draft) -> Iterator[_Field]:
             yield _Field(_unit(plugin), space, None, texts, one)
     for style in ("request", "metric"):
         for request in _tables(plugin.get(style)):
-            draft.dropped(
+            builder.note_dropped(
                 sorted(set(request) - _REQUEST), f"of a {style} has no place in a profile"
             )
             for one in _tables(request.get("fields")):
                 # The table stands in the request, or, of a metric, in the field.
-                told = str((request if style == "request" else one).get("register", "holding"))
+                table_name = str(
+                    (request if style == "request" else one).get("register", "holding")
+                )
                 unit = _unit(request)
-                yield _Field(unit, _TABLES.get(told, told), request.get("byte_order"), texts, one)
+                yield _Field(
+                    unit, _TABLES.get(table_name, table_name), request.get("byte_order"), texts, one
+                )
 
 
 def _unit(row: Mapping[str, Any]) -> int | None:
@@ -118,41 +122,41 @@ def _unit(row: Mapping[str, Any]) -> int | None:
     return unit if isinstance(unit, int) else None
 
 
-def _add(draft: Draft, field: _Field) -> None:
+def _add(builder: ProfileBuilder, field: _Field) -> None:
     row, space = field.row, field.space
     if row.get("omit"):
-        raise LeftOut("omit = true")
+        raise NotConvertible("omit = true")
     if space not in _TABLES.values():
-        raise LeftOut(f"table {space!r} is not known")
-    draft.dropped(sorted(set(row) - _FIELD))
+        raise NotConvertible(f"table {space!r} is not known")
+    builder.note_dropped(sorted(set(row) - _FIELD))
     label = str(row.get("name", ""))
     first, width = _registers(row)
     if space in ("co", "di"):
-        draft.add(label, space, first)
+        builder.add(label, space, first)
         return
     kind = _kind(row, width)
     bit = row.get("bit", 0)
     if kind == "bool" and (type(bit) is not int or bit not in range(16)):
-        raise LeftOut(f"bit {bit!r} is none of 0 to 15")
-    if isinstance(row["address"], list) and WIDTHS.get(kind, width) != width:
-        raise LeftOut(f"{_word(row)} takes {WIDTHS[kind]} registers, not {width}")
-    length = tidy(row.get("length", width))
+        raise NotConvertible(f"bit {bit!r} is none of 0 to 15")
+    if isinstance(row["address"], list) and REGISTERS_OF_TYPE.get(kind, width) != width:
+        raise NotConvertible(f"{_word(row)} takes {REGISTERS_OF_TYPE[kind]} registers, not {width}")
+    length = parse_decimal(row.get("length", width))
     if kind == "str" and not (isinstance(length, int) and length > 0):
-        raise LeftOut(f"length {row['length']!r} is no number of registers")
-    draft.add(
+        raise NotConvertible(f"length {row['length']!r} is no number of registers")
+    builder.add(
         label,
         space,
         first,
         part=(bit, bit) if kind == "bool" else None,
         type=None if kind == "bool" else field.texts if kind == "str" else kind,
         count=length if kind == "str" else None,
-        order=known_order(row.get("byte_order", field.order)),
+        order=parse_row_order(row.get("byte_order", field.order)),
         scale=_scale(row),
     )
 
 
 def _registers(row: Mapping[str, Any]) -> tuple[int, int]:
-    """The first register and how many are named; `LeftOut` where they are not in a row."""
+    """The first register and how many are named; `NotConvertible` where they are not in a row."""
     addresses = row.get("address")
     listed = [
         one
@@ -160,10 +164,12 @@ def _registers(row: Mapping[str, Any]) -> tuple[int, int]:
         if isinstance(one, int) and not isinstance(one, bool)
     ]
     if not listed:
-        raise LeftOut("no address" if not addresses else f"address {addresses!r} is no number")
+        raise NotConvertible(
+            "no address" if not addresses else f"address {addresses!r} is no number"
+        )
     first = listed[0]
     if isinstance(addresses, list) and addresses != list(range(first, first + len(addresses))):
-        raise LeftOut(f"registers {addresses} are not in a row")
+        raise NotConvertible(f"registers {addresses} are not in a row")
     return first, len(listed)
 
 
@@ -177,42 +183,42 @@ def _kind(row: Mapping[str, Any], width: int) -> str:
     if word in ("FIXED", "UFIXED") or (word == "FLOAT32" and "data_type" in row):
         # FLOAT32 without -IEEE is the old name of UFIXED in the style with data_type.
         if width not in _FIXED:
-            raise LeftOut(f"{word} of {width} registers")
+            raise NotConvertible(f"{word} of {width} registers")
         return ("s" if word == "FIXED" else "u") + _FIXED[width]
     kind = _KINDS.get(word.removesuffix("-IEEE"))
     if kind is None:
-        raise LeftOut(f"type {word} is not known")
+        raise NotConvertible(f"type {word} is not known")
     return kind
 
 
 def _scale(row: Mapping[str, Any]) -> int | float | None:
-    scale = tidy(row.get("scale"))
+    scale = parse_decimal(row.get("scale"))
     if scale is None and "scale" in row:
-        raise LeftOut(f"scale {row['scale']!r} is no number")
+        raise NotConvertible(f"scale {row['scale']!r} is no number")
     return None if scale in (1, 0) else scale
 
 
-_BACK = {kind: word for word, kind in _KINDS.items()}
-_LOST = ("enum", "bits", "nan", "sf", "offset", "unit", "access", "group", "note")
+_WORD_OF_TYPE = {kind: word for word, kind in _KINDS.items()}
+_UNSUPPORTED = ("enum", "bits", "nan", "sf", "offset", "unit", "access", "group", "note")
 
 
 def write(profile: Profile) -> tuple[str, list[str]]:
     """A `request` style configuration; what has no place in it, and what it assumes, are notes."""
-    losses = Losses("Telegraf")
-    losses.device(profile)
+    unsupported = UnsupportedKeys("Telegraf")
+    unsupported.device(profile)
     notes = ["slave_id = 1 is an example"]
     tables: dict[str, list[str]] = {}
     for point in profile.points:
         space, _, place = point["at"].partition(":")
         kind = "bool" if "." in place and "-" not in place else point["type"]
-        if (kind not in _BACK and space in ("hr", "ir")) or "-" in place:
+        if (kind not in _WORD_OF_TYPE and space in ("hr", "ir")) or "-" in place:
             notes.append(
                 f"{point['name']}: {kind} {point['at']} cannot be read by Telegraf; left out"
             )
             continue
-        for key in _LOST:
+        for key in _UNSUPPORTED:
             if key in point:
-                losses.add(key, point["name"])
+                unsupported.add(key, point["name"])
         rows = list(_fields_of(point, kind))
         if len(rows) > 1:
             notes.append(f"{point['name']}: {len(rows)} values, each of them a field")
@@ -224,7 +230,7 @@ def write(profile: Profile) -> tuple[str, list[str]]:
         space, order = key.split()
         lines += ["", "  [[inputs.modbus.request]]", "  slave_id = 1", f'  byte_order = "{order}"']
         lines += [f'  register = "{back[space]}"', "  fields = [", *rows, "  ]"]
-    return "\n".join(lines) + "\n", [*notes, *losses.notes()]
+    return "\n".join(lines) + "\n", [*notes, *unsupported.notes()]
 
 
 def _fields_of(point: Mapping[str, Any], kind: str) -> Iterator[str]:
@@ -234,7 +240,7 @@ def _fields_of(point: Mapping[str, Any], kind: str) -> Iterator[str]:
     for suffix, offset in _elements(point):
         words = [f"address = {int(address) + offset}", f"name = {_text(point['name'] + suffix)}"]
         if space in ("hr", "ir"):
-            words.append(f"type = {_text(_BACK[kind])}")
+            words.append(f"type = {_text(_WORD_OF_TYPE[kind])}")
             if bit:
                 words.append(f"bit = {bit}")
             if kind == "str":
@@ -246,7 +252,7 @@ def _fields_of(point: Mapping[str, Any], kind: str) -> Iterator[str]:
 
 def _elements(point: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
     """The values of an array, each with what goes behind the name, and its first register."""
-    width = WIDTHS.get(point["type"])
+    width = REGISTERS_OF_TYPE.get(point["type"])
     count = point.get("count", width)
     if width is None or count == width:
         yield "", 0

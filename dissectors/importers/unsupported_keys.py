@@ -1,22 +1,23 @@
 """What the format of another program has no place for: a note a key, with the points it stood in.
 
->>> losses = Losses("Telegraf")
->>> losses.add("unit", "flow"); losses.add("unit", "level"); losses.add("nan", "flow")
->>> losses.notes()
-['unit has no place in Telegraf: flow, level', 'nan has no place in Telegraf: flow']
+>>> unsupported = UnsupportedKeys("Telegraf")
+>>> unsupported.add("unit", "flow")
+>>> unsupported.add("unit", "level")
+>>> unsupported.notes()
+['unit has no place in Telegraf: flow, level']
 """
 
 from __future__ import annotations
 
 from dissectors.profile import Profile
 
-__all__ = ["Losses"]
+__all__ = ["UnsupportedKeys"]
 
 _NAMED = 5
 """Points that a note names before it counts the rest."""
 
 
-class Losses:
+class UnsupportedKeys:
     """Keys that were left out, and of which points."""
 
     def __init__(self, program: str) -> None:

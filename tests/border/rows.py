@@ -43,7 +43,7 @@ def values(row: Function, direction: Direction) -> st.SearchStrategy[dict[str, A
     parts = {
         field.name: _field(field, row)
         for field in body
-        if not field.word.startswith(("len", "count")) and field.name not in derived
+        if not field.field_type.startswith(("len", "count")) and field.name not in derived
     }
     return st.fixed_dictionaries(parts)
 
@@ -70,19 +70,19 @@ def plain(value: Any) -> Any:
 
 
 def _field(field: Field, row: Function) -> st.SearchStrategy[Any]:
-    if field.word == "bits":
+    if field.field_type == "bits":
         return st.lists(st.integers(0, 1), min_size=1, max_size=MOST_BITS)
-    if field.word == "bytes":
+    if field.field_type == "bytes":
         return st.binary(max_size=MOST_BYTES)
-    if field.word == "group":
+    if field.field_type == "group":
         children = {
             child.name: _field(child, row)
             for child in field.children
-            if not child.word.startswith(("len", "count"))
+            if not child.field_type.startswith(("len", "count"))
         }
         return st.lists(st.fixed_dictionaries(children), max_size=MOST_GROUPS)
-    if field.word in table.LISTS:
-        width = table.LISTS[field.word]
+    if field.field_type in table.LIST_ITEM_BYTES:
+        width = table.LIST_ITEM_BYTES[field.field_type]
         most = 8 if field.name == "registers" and row.operation == "other" else MOST_REGISTERS
         return st.lists(st.integers(0, 256**width - 1), min_size=1, max_size=most)
     return _number(field, row)
@@ -93,7 +93,7 @@ def _number(field: Field, row: Function) -> st.SearchStrategy[int]:
         return st.just(row.when[1])
     if field.name in row.allowed:
         return st.sampled_from(row.allowed[field.name])
-    low, high = row.limits.get(field.name, (0, 256 ** table.NUMBERS[field.word] - 1))
+    low, high = row.limits.get(field.name, (0, 256 ** table.NUMBER_BYTES[field.field_type] - 1))
     # The general row is not for the values that have rows of their own.
     others = {
         other.when[1]

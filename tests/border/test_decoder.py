@@ -45,7 +45,7 @@ def test_a_cut_pdu_is_incomplete_and_a_longer_one_has_extra(
     """Unless the layout is open at its end, one byte less and one byte more are noticed."""
     wanted = data.draw(values(row, direction))
     pdu = encoded(row.code, direction, wanted)
-    words = [field.word for field in row.fields(direction)]
+    words = [field.field_type for field in row.fields(direction)]
     open_end = bool(words) and words[-1] in ("bytes",) and not any(w[:3] == "len" for w in words)
     if open_end or len(pdu) == 1:
         return
@@ -101,7 +101,7 @@ def test_the_example_fits_its_own_direction(row: Function, direction: Direction)
     example = row.example_request if direction == "request" else row.example_response
     assert example is not None
     assert guess_direction(example, functions=ALL_FUNCTIONS) in (direction, "unknown")
-    assert decode(example, direction, functions=ALL_FUNCTIONS).fits
+    assert decode(example, direction, functions=ALL_FUNCTIONS).is_valid
 
 
 def test_vendors_rows_are_not_there_by_default() -> None:

@@ -101,7 +101,7 @@ def test_every_example_decodes_completely_and_comes_back(
     example = row.example_request if direction == "request" else row.example_response
     assert example is not None
     pdu = decode(example, direction, functions=ALL_FUNCTIONS)
-    assert pdu.fits
+    assert pdu.is_valid
     assert pdu.row == row
     fields = decoded(example, direction)["fields"]
     assert encoded(row.code, direction, fields) == example
@@ -118,7 +118,7 @@ def test_every_example_decodes_completely_and_comes_back(
 def test_every_row_has_an_example_of_both_directions(row: Function) -> None:
     """A row whose response exists shows one; the code is the row's."""
     assert row.example_request[:1] == bytes([row.code])
-    assert (row.example_response is None) == (not row.answered)
+    assert (row.example_response is None) == (not row.has_response)
     if row.example_response is not None:
         assert row.example_response[:1] == bytes([row.code])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dissectors.address import both, five_digit, six_digit
+from dissectors.address import five_digit, modicon_address, six_digit
 
 
 @pytest.mark.parametrize(
@@ -24,4 +24,4 @@ def test_both_notations(address: int, kind: str, short: str | None, long: str) -
     """The short one ends at 9999; numbers are one more than on the wire."""
     assert five_digit(address, kind) == short
     assert six_digit(address, kind) == long
-    assert both(address, kind) == (long if short is None else f"{long} ({short})")
+    assert modicon_address(address, kind) == (long if short is None else f"{long} ({short})")

@@ -24,7 +24,7 @@ NUMPY = {
     "u16": ">u2", "s16": ">i2", "u32": ">u4", "s32": ">i4", "u64": ">u8", "s64": ">i8",
     "f16": ">f2", "f32": ">f4", "f64": ">f8",
 }  # fmt: skip
-WIDTHS = {kind: np.dtype(code).itemsize for kind, code in NUMPY.items()}
+REGISTERS_OF_TYPE = {kind: np.dtype(code).itemsize for kind, code in NUMPY.items()}
 PYMODBUS = {
     "u16": "UINT16", "s16": "INT16", "u32": "UINT32", "s32": "INT32", "u64": "UINT64",
     "s64": "INT64", "f32": "FLOAT32", "f64": "FLOAT64",
@@ -44,7 +44,7 @@ def on_the_wire(big: bytes, order: str) -> bytes:
 @given(data=st.data())
 def test_numbers_as_numpy_has_them(kind: str, order: str, data: st.DataObject) -> None:
     """Any bits; and those at the edges."""
-    width = WIDTHS[kind]
+    width = REGISTERS_OF_TYPE[kind]
     edge = st.sampled_from([b"\0" * width, b"\xff" * width, b"\x80" + b"\0" * (width - 1),
                             b"\x7f" + b"\xff" * (width - 1)])  # fmt: skip
     big = data.draw(st.binary(min_size=width, max_size=width) | edge)
@@ -72,7 +72,7 @@ def test_registers_as_pymodbus_has_them(
     kind: str, order: str, words: Literal["big", "little"], data: st.DataObject
 ) -> None:
     """Its converters know two orders of words."""
-    width = WIDTHS[kind]
+    width = REGISTERS_OF_TYPE[kind]
     number = np.frombuffer(data.draw(st.binary(min_size=width, max_size=width)), NUMPY[kind])[0]
     if kind.startswith("f") and not np.isfinite(number):
         number = np.float32(1.5)

@@ -59,17 +59,17 @@ def test_ascii_offsets_are_characters(pdu: bytes, lower: bool) -> None:
     text = b":" + (digits if lower else digits.upper()).encode() + b"\r\n"
     pieces = describe(text, mode="ascii")
     assert_tiled(pieces, text)
-    assert by_name(pieces)["checksum"].sound
+    assert by_name(pieces)["checksum"].is_valid
 
 
 def test_rtu_checksum_expected_and_found() -> None:
     """Right, wrong, and absent."""
     frame = bytes.fromhex("11 03 006B 0003 7687")
     right = by_name(describe(frame, mode="rtu"))["checksum"]
-    assert (right.meaning, right.layer, right.sound) == ("CRC-16 right", "checksum", True)
+    assert (right.meaning, right.layer, right.is_valid) == ("CRC-16 right", "checksum", True)
     wrong = by_name(describe(frame[:-1] + b"\x88", mode="rtu"))["checksum"]
     assert wrong.meaning == "CRC-16 wrong: 0x8776 expected, 0x8876 found"
-    assert not wrong.sound
+    assert not wrong.is_valid
     bare = describe(frame[:-2], mode="rtu", has_checksum=False)
     assert [piece.name for piece in bare] == ["unit", "function", "address", "quantity"]
     assert_tiled(bare, frame[:-2])
@@ -79,9 +79,9 @@ def test_units_on_serial_lines_and_on_tcp() -> None:
     """Broadcast and reserved numbers are serial notions."""
     serial = describe(bytes.fromhex("00 07 0000"), mode="rtu")[0]
     assert serial.meaning.startswith("broadcast")
-    assert not describe(bytes.fromhex("F8 07 0000"), mode="rtu")[0].sound
+    assert not describe(bytes.fromhex("F8 07 0000"), mode="rtu")[0].is_valid
     unit = by_name(describe(bytes.fromhex("0001 0000 0002 FF 07"), mode="tcp"))["unit"]
-    assert (unit.meaning, unit.layer, unit.sound) == ("unit 255", "mbap", True)
+    assert (unit.meaning, unit.layer, unit.is_valid) == ("unit 255", "mbap", True)
 
 
 def test_mbap_fields() -> None:
@@ -92,7 +92,7 @@ def test_mbap_fields() -> None:
     assert "should be 0" in found["protocol"].meaning
     assert found["length"].meaning == "3 bytes announced, 4 follow"
     assert found["extra"].data == b"\xff"
-    assert not any(found[name].sound for name in ("protocol", "length", "extra"))
+    assert not any(found[name].is_valid for name in ("protocol", "length", "extra"))
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_mbap_fields() -> None:
 def test_what_cannot_be_a_frame_is_one_piece_of_noise(data: bytes, mode: Mode) -> None:
     """With the reason."""
     (piece,) = describe(data, mode=mode)
-    assert (piece.name, piece.data, piece.sound) == ("noise", data, False)
+    assert (piece.name, piece.data, piece.is_valid) == ("noise", data, False)
     assert piece.meaning
 
 
@@ -118,13 +118,13 @@ def test_ascii_without_its_end() -> None:
     frame = b":0107F8"
     for tail, shown in ((b"\n", "LF"), (b"", ""), (b"\r", "CR")):
         last = describe(frame + tail, mode="ascii")[-1]
-        assert (last.name, last.value, last.sound) == ("end", shown, False)
+        assert (last.name, last.value, last.is_valid) == ("end", shown, False)
 
 
 def test_a_frame_of_a_header_only() -> None:
     """The function code is missing, and that is said."""
     pieces = describe(bytes.fromhex("0001 0000 0001 11"), mode="tcp")
-    assert (pieces[-1].name, pieces[-1].data, pieces[-1].sound) == ("function", b"", False)
+    assert (pieces[-1].name, pieces[-1].data, pieces[-1].is_valid) == ("function", b"", False)
 
 
 def test_direction_unknown_is_settled_by_layout() -> None:

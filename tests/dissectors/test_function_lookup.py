@@ -6,7 +6,13 @@ import pytest
 
 import _modlens
 from dissectors.errors import UsageError
-from dissectors.function_lookup import Choice, choose, function_names, near, number
+from dissectors.function_lookup import (
+    FunctionChoice,
+    find_function,
+    function_names,
+    parse_number,
+    similar_name,
+)
 
 
 @pytest.mark.parametrize(
@@ -16,40 +22,42 @@ from dissectors.function_lookup import Choice, choose, function_names, near, num
 )  # fmt: skip
 def test_one_function_has_many_names(word: int | str) -> None:
     """Codes in any base, names in any case and with any punctuation."""
-    assert choose(word) == Choice(3)
+    assert find_function(word) == FunctionChoice(3)
 
 
 def test_sub_functions_have_names_too() -> None:
     """A name that says more than the code sets the leading field."""
-    assert choose("Force Listen Only Mode") == Choice(8, {"sub_function": 4})
-    assert choose("return bus message count") == Choice(8, {"sub_function": 11})
-    assert choose("Diagnostics") == Choice(8)
-    assert choose("CANopen General Reference") == Choice(43, {"mei_type": 13})
+    assert find_function("Force Listen Only Mode") == FunctionChoice(8, {"sub_function": 4})
+    assert find_function("return bus message count") == FunctionChoice(8, {"sub_function": 11})
+    assert find_function("Diagnostics") == FunctionChoice(8)
+    assert find_function("CANopen General Reference") == FunctionChoice(43, {"mei_type": 13})
 
 
 def test_vendors_names_come_with_their_rows() -> None:
     """Unknown until loaded."""
     table = _modlens.Functions()
     table.load_vendor("huawei")
-    assert choose("Login Challenge", source=table) == Choice(0x41, {"sub_function": 0x24})
+    assert find_function("Login Challenge", source=table) == FunctionChoice(
+        0x41, {"sub_function": 0x24}
+    )
     with pytest.raises(UsageError):
-        choose("Login Challenge")
+        find_function("Login Challenge")
 
 
 @pytest.mark.parametrize("word", [0, 128, "0x83", "fc 200"])
 def test_codes_have_a_range(word: int | str) -> None:
     """1 to 127; the bit above is the exception's."""
     with pytest.raises(UsageError, match="from 1 to 127"):
-        choose(word)
+        find_function(word)
 
 
 def test_wrong_names_get_a_hint() -> None:
     """The nearest name, if one is near."""
     with pytest.raises(UsageError, match="did you mean 'Read Input Registers'"):
-        choose("read input register")
+        find_function("read input register")
     with pytest.raises(UsageError, match="explain"):
-        choose("xyzzy")
-    assert near("zzz", function_names()) is None
+        find_function("xyzzy")
+    assert similar_name("zzz", function_names()) is None
 
 
 @pytest.mark.parametrize(
@@ -66,4 +74,4 @@ def test_wrong_names_get_a_hint() -> None:
 )
 def test_numbers(text: str, value: int | None) -> None:
     """Decimal, hex in front, hex behind."""
-    assert number(text) == value
+    assert parse_number(text) == value

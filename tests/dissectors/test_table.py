@@ -32,7 +32,7 @@ def test_a_table_with_a_vendors_rows_is_another_table() -> None:
 def test_groups_have_children() -> None:
     """A group's word is split into its fields."""
     field = Field.parse("objects:group{object_id:u8 length:len8 value:bytes}")
-    assert field.word == "group"
+    assert field.field_type == "group"
     assert [str(child) for child in field.children] == [
         "object_id:u8",
         "length:len8",
@@ -43,8 +43,8 @@ def test_groups_have_children() -> None:
 
 def test_the_row_follows_the_leading_field() -> None:
     """Sub-functions with rows of their own, and the general row for all others."""
-    assert function(8, when=0).fields("request")[1].word == "bytes"
-    assert function(8, when=4).answered is False
+    assert function(8, when=0).fields("request")[1].field_type == "bytes"
+    assert function(8, when=4).has_response is False
     assert function(8, when=11).when is None
     assert function(8).when is None
     assert function(43, when=14).label == "Read Device Identification"

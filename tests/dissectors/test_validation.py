@@ -39,7 +39,7 @@ def test_wrong_fields_say_what_is_wrong(
     pieces = describe(bytes.fromhex(pdu), mode="pdu", direction=direction, request=asked)
     piece = next(piece for piece in pieces if piece.name == name)
     assert said in piece.meaning
-    assert not piece.sound
+    assert not piece.is_valid
 
 
 def test_a_request_of_another_function_says_nothing() -> None:
@@ -50,4 +50,4 @@ def test_a_request_of_another_function_says_nothing() -> None:
         direction="response",
         request=bytes.fromhex("05 0002 FF00"),
     )
-    assert all(piece.sound for piece in pieces)
+    assert all(piece.is_valid for piece in pieces)

@@ -6,11 +6,11 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from dissectors.importers.profile_builder import WIDTHS
+from dissectors.importers.profile_builder import REGISTERS_OF_TYPE
 
 __all__ = ["models"]
 
-NUMBERS = [kind for kind in WIDTHS if kind != "bool"]
+NUMBERS = [kind for kind in REGISTERS_OF_TYPE if kind != "bool"]
 TEXTS = ("str", "strh", "strl", "raw")
 FLOATS = ("f16", "f32", "f64")
 
@@ -36,7 +36,7 @@ def points(draw: st.DrawFn, space: str, address: int, name: str) -> dict[str, An
         kind = draw(st.sampled_from((*NUMBERS, *TEXTS))) if not part else "u16"
         kind = "bool" if part and "-" not in part else kind
         point["order"] = draw(st.sampled_from(["ABCD", "CDAB", "BADC", "DCBA"]))
-        width = WIDTHS.get(kind, 1)
+        width = REGISTERS_OF_TYPE.get(kind, 1)
         if kind in TEXTS:
             point["count"] = draw(st.integers(1, 4))
         elif not part and draw(st.booleans()):

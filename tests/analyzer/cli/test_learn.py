@@ -12,7 +12,7 @@ import _modlens
 from analyzer import decode
 from analyzer.cli.register_survey import survey
 from dissectors.profile import parse, shipped
-from dissectors.profile_learning import score
+from dissectors.profile_learning import score_profile
 from tests.conftest import CAPTURES, Modlens
 from tests.support.typed_device import SINGLES, TRUTH
 
@@ -116,10 +116,10 @@ def test_labels_that_do_not_fit() -> None:
         "registers": [{"address": 0, "min": 0, "max": 77}],
     }  # fmt: skip
     text = 'profile = 1\n[[registers]]\nat = "hr:0"\nname = "m"\nenum = {0 = "off", 1 = "on"}\n'
-    found = score([table], parse(text, "m.toml"))
+    found = score_profile([table], parse(text, "m.toml"))
     assert found.points == 50
     assert "m with values that it does not know" in found.reasons
-    assert score([table], shipped("grundfos")).points == 0
+    assert score_profile([table], shipped("grundfos")).points == 0
 
 
 def test_map(tmp_path: Path, modlens: Modlens) -> None:

@@ -33,7 +33,7 @@ def test_each_piece_has_its_bytes_and_its_meaning(monkeypatch: pytest.MonkeyPatc
 def test_nothing_is_cut(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Long runs of bytes and long meanings take several lines."""
     data = bytes(range(256))
-    pieces = [Piece(0, data, "noise", data.hex(" "), "why " * 40, "frame", sound=False)]
+    pieces = [Piece(0, data, "noise", data.hex(" "), "why " * 40, "frame", is_valid=False)]
     lines = shown(pieces, monkeypatch, width)
     assert max(map(len, lines)) <= max(width, 80)
     text = " ".join(line[8:31] for line in lines[2:])

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from dissectors import importers
 from dissectors.errors import ModlensError
 from dissectors.importers import FORMATS, Options
-from dissectors.importers.table_headers import HEADS, KINDS
+from dissectors.importers.table_headers import HEADER_WORDS, TYPE_NAMES
 from dissectors.profile import from_model
 
 READERS = [name for name, form in FORMATS.items() if form.reads]
@@ -108,7 +108,7 @@ def test_sunspec(found: list[dict[str, Any]], groups: list[dict[str, Any]], coun
 CELLS = st.sampled_from(
     ["", "0", "7", "7.3", "7.20H", "7 [2]", "7-9", "40001", "HR7", "0x10", "65535", "-1", "0,1",
      "x", "2", "0=off;1=on", "0xFFFFFFFFFFFFFFFF=a", "9" * 5000, "1e300", "1/0", "True", "CDAB",
-     "coil", "Linear", '"', "nan", *sorted(KINDS)]
+     "coil", "Linear", '"', "nan", *sorted(TYPE_NAMES)]
 )  # fmt: skip
 
 
@@ -117,9 +117,9 @@ CELLS = st.sampled_from(
 def test_csv(data: st.DataObject, base: int | str | None) -> None:
     """Any columns with any cells."""
     heads = data.draw(
-        st.lists(st.sampled_from([key for key in HEADS if key != "address"]), max_size=8)
+        st.lists(st.sampled_from([key for key in HEADER_WORDS if key != "address"]), max_size=8)
     )
-    head = ["address", "name", *(HEADS[key][0] for key in heads)]
+    head = ["address", "name", *(HEADER_WORDS[key][0] for key in heads)]
     lines = data.draw(st.lists(st.lists(CELLS, min_size=2, max_size=len(head)), max_size=4))
     text = "\n".join(";".join(line) for line in [head, *lines])
     no_crash("csv", text, base=base)

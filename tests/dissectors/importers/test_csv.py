@@ -21,7 +21,7 @@ from dissectors import importers
 from dissectors.errors import ProfileError, UsageError
 from dissectors.importers import Options
 from dissectors.importers.profile_builder import ORDERS
-from dissectors.importers.table_headers import HEADS, KINDS
+from dissectors.importers.table_headers import HEADER_WORDS, TYPE_NAMES
 from tests.support.importing import Feature, imported, notes, points
 
 
@@ -541,22 +541,22 @@ def test_feature(feature: Feature) -> None:
     assert feature.found("csv") == feature.expected
 
 
-@pytest.mark.parametrize("key", HEADS)
+@pytest.mark.parametrize("key", HEADER_WORDS)
 def test_every_word_of_a_head_is_known(key: str) -> None:
     """Each synonym in capitals, beside an address and a name: it is no unknown column."""
-    for word in HEADS[key]:
+    for word in HEADER_WORDS[key]:
         heads = [one for one in ("address", "name") if one != key]
         cells = ["u16" if key == "type" else "1", *("1" for _ in heads)]
         said = notes("csv", f"{','.join([word.upper(), *heads])}\n{','.join(cells)}\n")
         assert not [note for note in said if note.startswith("column")], word
 
 
-@pytest.mark.parametrize("word", KINDS)
+@pytest.mark.parametrize("word", TYPE_NAMES)
 def test_every_word_of_a_type_is_known(word: str) -> None:
     """Each synonym gives the type of its row."""
-    count = "3" if KINDS[word] in ("str", "raw") else ""
+    count = "3" if TYPE_NAMES[word] in ("str", "raw") else ""
     (point,) = imported("csv", one("Type,Count", f"{word.upper()},{count}"))["registers"]
-    assert point["type"] == ("u16" if KINDS[word] == "bool" else KINDS[word])
+    assert point["type"] == ("u16" if TYPE_NAMES[word] == "bool" else TYPE_NAMES[word])
 
 
 @pytest.mark.parametrize("word", ORDERS)
@@ -573,10 +573,10 @@ def test_orders_have_one_table() -> None:
         "BADC": "2143 sb byte", "DCBA": "4321 little word_byte",
     }.items():  # fmt: skip
         for word in words.split():
-            assert importers.order_of(word, "x") == order
+            assert importers.parse_order(word, "x") == order
     assert set(ORDERS.values()) == {"ABCD", "CDAB", "BADC", "DCBA"}
     with pytest.raises(UsageError, match="is no order"):
-        importers.order_of("upside down", "x")
+        importers.parse_order("upside down", "x")
 
 
 @pytest.mark.parametrize(

@@ -229,7 +229,7 @@ POINTS = {
     ),
 }  # fmt: skip
 
-HEADS = (
+HEADER_WORDS = (
     "Name", "Table", "Address", "Type", "Count", "Order", "Scale", "Offset", "Unit", "Access",
     "Enum", "NaN", "Description",
 )  # fmt: skip
@@ -237,10 +237,10 @@ HEADS = (
 
 def csv(rows: dict[str, Say]) -> str:
     """A table with semicolons, the labels in quotation marks."""
-    lines = [";".join(HEADS)]
+    lines = [";".join(HEADER_WORDS)]
     for name, say in rows.items():
         cells = {"Name": name, "Table": "holding", **say}
-        lines.append(";".join(f'"{cells.get(head, "")}"' for head in HEADS))
+        lines.append(";".join(f'"{cells.get(head, "")}"' for head in HEADER_WORDS))
     return "\n".join(lines) + "\n"
 
 

@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 
 from dissectors import importers
 from dissectors.importers import FORMATS
-from dissectors.importers.profile_builder import WIDTHS
+from dissectors.importers.profile_builder import REGISTERS_OF_TYPE
 from dissectors.profile import Profile, from_model, parse, shipped, shipped_names
 from tests.support.profiles import models
 
@@ -41,7 +41,7 @@ def carried(point: Row, profile: Profile, keys: tuple[str, ...]) -> Row:
     """A point with some of its keys, its order said by itself, where it says something."""
     row = {key: point[key] for key in ("at", "name", "type", *keys) if key in point}
     order = point.get("order", profile.device.get("order", "ABCD"))
-    if WIDTHS.get(point["type"], 1) == 1:
+    if REGISTERS_OF_TYPE.get(point["type"], 1) == 1:
         order = {"CDAB": "ABCD", "DCBA": "BADC"}.get(order, order)
     if order != "ABCD" and point["at"][:2] in ("hr", "ir"):
         row["order"] = order
@@ -56,7 +56,7 @@ def in_telegraf(profile: Profile) -> list[Row]:
         if "-" in place or point["type"] in ("bcd16", "bcd32", "strh", "strl", "raw"):
             continue
         row = carried(point, profile, ("scale", "count"))
-        width = WIDTHS.get(point["type"])
+        width = REGISTERS_OF_TYPE.get(point["type"])
         if width is None or row.get("count", width) == width:
             rows.append(row)
             continue
@@ -75,7 +75,10 @@ def in_home_assistant(profile: Profile) -> list[Row]:
         keys: tuple[str, ...] = ("count",)
         if space in ("hr", "ir") and "." not in place:
             keys = ("count", "scale", "offset", "unit", "nan")
-            if point["type"] not in ("str", *(kind for kind in WIDTHS if kind[0] in "usf")):
+            if point["type"] not in (
+                "str",
+                *(kind for kind in REGISTERS_OF_TYPE if kind[0] in "usf"),
+            ):
                 continue
             if point["type"].startswith(("u8", "s8")):
                 continue
