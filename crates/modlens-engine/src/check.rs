@@ -2,7 +2,7 @@
 
 use crate::framer::silence::Rule;
 use crate::input::Input;
-use crate::pairing::{Exchange, Seen};
+use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::checksum::{crc16, mending_bit};
 use modlens_protocol::direction::{block_length, consistent, echo_differences, expected_block, readings, Direction};
 use modlens_protocol::finding::Finding;
@@ -13,21 +13,21 @@ use modlens_protocol::pdu::u16_at;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// Findings with what was seen, in words.
+/// Findings with what was frame, in words.
 pub type Found = Vec<(Finding, String)>;
 
 /// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
 const LAST_UNIT: u8 = 247;
 
 /// Checks a frame's content.
-pub fn frame(functions: &Functions, seen: &Seen<'_>, found: &mut Found) {
-    if !seen.verdict.good() {
-        damage(seen, found);
+pub fn frame(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
+    if !frame.verdict.good() {
+        damage(frame, found);
         return;
     }
-    let (Some((&unit, pdu)), true) = (seen.adu.split_first(), seen.adu.len() >= 2) else { return };
+    let (Some((&unit, pdu)), true) = (frame.adu.split_first(), frame.adu.len() >= 2) else { return };
     let (code, body) = (pdu[0], &pdu[1..]);
-    if unit > LAST_UNIT && seen.mode != Mode::Tcp {
+    if unit > LAST_UNIT && frame.mode != Mode::Tcp {
         found.push((Finding::ReservedUnit, format!("unit {unit}")));
     }
     let Some(row) = functions.row(code & !EXCEPTION_BIT, body) else {
@@ -37,7 +37,7 @@ pub fn frame(functions: &Functions, seen: &Seen<'_>, found: &mut Found) {
     if code & EXCEPTION_BIT != 0 {
         return;
     }
-    let response = seen.direction == Direction::Response;
+    let response = frame.direction == Direction::Response;
     for permit in &row.permits[usize::from(response)] {
         if let Some(value) = permit.violated_by(body) {
             let ranges: Vec<String> = permit
@@ -52,7 +52,7 @@ pub fn frame(functions: &Functions, seen: &Seen<'_>, found: &mut Found) {
         }
     }
     let (as_request, as_response) = readings(functions, pdu);
-    if !(as_request || as_response) && seen.mode != Mode::Tcp || (!response && !consistent(row, body)) {
+    if !(as_request || as_response) && frame.mode != Mode::Tcp || (!response && !consistent(row, body)) {
         found.push((
             Finding::LengthMismatch,
             format!("{} bytes behind the function code do not fit the announced length", body.len()),
@@ -60,24 +60,24 @@ pub fn frame(functions: &Functions, seen: &Seen<'_>, found: &mut Found) {
     }
 }
 
-fn damage(seen: &Seen<'_>, found: &mut Found) {
-    match seen.verdict {
-        Verdict::Incomplete => found.push((Finding::Incomplete, format!("{} bytes", seen.wire.len()))),
-        Verdict::BadChecksum if seen.mode == Mode::Rtu => {
-            let (content, sent) = seen.wire.split_at(seen.wire.len() - 2);
+fn damage(frame: &ObservedFrame<'_>, found: &mut Found) {
+    match frame.verdict {
+        Verdict::Incomplete => found.push((Finding::Incomplete, format!("{} bytes", frame.wire.len()))),
+        Verdict::BadChecksum if frame.mode == Mode::Rtu => {
+            let (content, sent) = frame.wire.split_at(frame.wire.len() - 2);
             let expected = crc16(content).to_le_bytes();
             found.push((Finding::BadChecksum, format!("found {}, expected {}", hex(sent), hex(&expected))));
-            if let Some((at, bit)) = mending_bit(seen.wire) {
+            if let Some((at, bit)) = mending_bit(frame.wire) {
                 found.push((
                     Finding::BitFlip,
-                    format!("byte {at}, bit {bit}: {:02x} should be {:02x}", seen.wire[at], seen.wire[at] ^ (1 << bit)),
+                    format!("byte {at}, bit {bit}: {:02x} should be {:02x}", frame.wire[at], frame.wire[at] ^ (1 << bit)),
                 ));
             } else if let Some(other) = sibling(content, sent) {
                 found.push((Finding::OtherChecksum, format!("{} is the checksum of {}", hex(sent), hex(&other))));
             }
         }
         Verdict::BadChecksum => {
-            let sum = modlens_protocol::checksum::lrc(seen.adu);
+            let sum = modlens_protocol::checksum::lrc(frame.adu);
             found.push((Finding::BadChecksum, format!("the LRC of the bytes is {sum:02X}")));
         }
         _ => {}
@@ -103,8 +103,8 @@ fn sibling(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Checks a frame's times against the silences of the specification, or those that were given.
-pub fn timing(input: &Input, rule: Option<Rule>, resolution: Ns, seen: &Seen<'_>, found: &mut Found) {
-    let Some(rule) = rule.filter(|_| seen.mode == Mode::Rtu && seen.verdict.good()) else { return };
+pub fn timing(input: &Input, rule: Option<Rule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
+    let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.good()) else { return };
     if input.coarse || 4 * resolution > rule.t15_ns {
         return;
     }
@@ -112,15 +112,15 @@ pub fn timing(input: &Input, rule: Option<Rule>, resolution: Ns, seen: &Seen<'_>
     if let Some(gap) = input.pause_before(0).filter(|&gap| gap < rule.t35_ns) {
         found.push((Finding::ShortSilence, format!("{} of silence, t3.5 is {}", us(gap.max(0)), us(rule.t35_ns))));
     }
-    if let Some(pause) = input.longest_pause(0, seen.wire.len()).filter(|&pause| pause > rule.t15_ns) {
+    if let Some(pause) = input.longest_pause(0, frame.wire.len()).filter(|&pause| pause > rule.t15_ns) {
         found.push((Finding::GapInside, format!("{} of silence inside, t1.5 is {}", us(pause), us(rule.t15_ns))));
     }
 }
 
 /// Checks a response against its request.
-pub fn pair(functions: &Functions, exchange: &Exchange, found: &mut Found) {
-    let (request, response) = (exchange.request.pdu(), exchange.response.pdu());
-    let damaged = matches!(exchange.status, Status::BadRequest | Status::BadResponse);
+pub fn pair(functions: &Functions, transaction: &PendingTransaction, found: &mut Found) {
+    let (request, response) = (transaction.request.pdu(), transaction.response.pdu());
+    let damaged = matches!(transaction.status, Status::BadRequest | Status::BadResponse);
     if damaged || request.is_empty() || response.is_empty() || response[0] & EXCEPTION_BIT != 0 {
         return;
     }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{json, Value as Json};
 
-use crate::pairing::{Exchange, Seen};
+use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::Functions;
@@ -97,7 +97,7 @@ struct Row {
 #[derive(Clone, Debug, Default)]
 struct Unit {
     rows: Vec<Row>,
-    /// One more than the place of a function in them; 0 where it was not seen.
+    /// One more than the place of a function in them; 0 where it was not frame.
     places: Vec<u8>,
 }
 
@@ -152,38 +152,38 @@ impl Stats {
     }
 
     /// A frame was decided.
-    pub fn frame(&mut self, bus: usize, mode: Mode, seen: &Seen<'_>) {
+    pub fn frame(&mut self, bus: usize, mode: Mode, frame: &ObservedFrame<'_>) {
         let counts = &mut self.buses[bus];
         counts.mode = Some(mode);
-        counts.frames[seen.verdict as usize] += 1;
-        counts.bytes[seen.verdict as usize] += seen.wire.len() as u64;
-        if !seen.verdict.good() {
-            counts.requests.damaged(seen.frame);
+        counts.frames[frame.verdict as usize] += 1;
+        counts.bytes[frame.verdict as usize] += frame.wire.len() as u64;
+        if !frame.verdict.good() {
+            counts.requests.damaged(frame.number);
         }
-        counts.on_the_line(seen.start.zip(seen.end));
+        counts.on_the_line(frame.start.zip(frame.end));
     }
 
     /// What a silence of `t35_ns` would have made of this frame: whether one is before it, and whether one is inside.
-    pub fn silence(&mut self, bus: usize, t35_ns: Ns, seen: &Seen<'_>, before: bool, inside: bool) {
+    pub fn silence(&mut self, bus: usize, t35_ns: Ns, frame: &ObservedFrame<'_>, before: bool, inside: bool) {
         let counts = self.buses[bus].silence.get_or_insert(Silence { t35_ns, ..Silence::default() });
         // What is not cut here goes to the frame before, too.
         counts.otherwise += u64::from(counts.open && !before);
-        let good = seen.verdict.good();
+        let good = frame.verdict.good();
         counts.open = good && before && !inside;
         counts.frames += u64::from(good);
         counts.otherwise += u64::from(good && !counts.open);
     }
 
     /// A transaction was decided.
-    pub fn transaction(&mut self, bus: usize, functions: &Functions, exchange: &Exchange) {
-        self.buses[bus].requests.transaction(functions, exchange);
-        let row = self.buses[bus].row(exchange.unit, exchange.function);
-        row.statuses[exchange.status as usize] += 1;
-        row.retries += u64::from(exchange.retry_of.is_some());
-        if let Some(code) = exchange.exception {
+    pub fn transaction(&mut self, bus: usize, functions: &Functions, transaction: &PendingTransaction) {
+        self.buses[bus].requests.transaction(functions, transaction);
+        let row = self.buses[bus].row(transaction.unit, transaction.function);
+        row.statuses[transaction.status as usize] += 1;
+        row.retries += u64::from(transaction.retry_of.is_some());
+        if let Some(code) = transaction.exception {
             *row.exceptions.entry(code).or_default() += 1;
         }
-        if let Some(time) = exchange.response_time {
+        if let Some(time) = transaction.response_time {
             row.response.add(time);
         }
     }

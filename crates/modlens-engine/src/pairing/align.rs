@@ -1,115 +1,133 @@
-//! The order of frames on the two lines of a bus where no clock tells it.
+//! The order of the frames of two lines, inferred from their content where no clock tells it.
 //!
-//! On each line frames come in order, and each side has its own line: requests stand on one, answers on the other. What
-//! an answer repeats of its request (unit, function, length, address) says which belong together, and the two lines
-//! are laid beside each other as sequences are: pairs save bits, requests without an answer and answers without a
-//! request cost some. A window of each line is looked at, and the first half of what comes out best is told; where
-//! little fits, because bytes of one line are missing, a far wider one.
+//! Within each line the frames are in order, and each side has its own line: requests stand on one, responses on the
+//! other. Merging the two is a sequence alignment (Needleman and Wunsch): a response repeats unit, function, length and
+//! address of its request, so a pair of them scores; a request without response and a response without request cost.
+//! Dynamic programming finds the order with the greatest sum of scores in bits.
+//!
+//! Only a window of each line is aligned at a time, and only the first half of the result is used, since frames behind
+//! the window could change the rest. Where few frames pair up, because bytes of one line are missing, the window is made
+//! far wider: it must be longer than the hole.
+//!
+//! ```text
+//! requests   A B C   D      with A to D asked in turn, and the response to C missing
+//! responses  a b     d
+//! merged     A a B b C D d
+//! ```
 
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
 use modlens_protocol::framing::BROADCAST;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 
-/// Frames of each line that are weighed at once, where most of them are paired.
-const NEAR: usize = 24;
+/// Frames of each line that are aligned at once, where most of them pair up.
+const NARROW_WINDOW_FRAMES: usize = 24;
 
-/// Frames of each line that are weighed where not: that many must be known before any is told.
-pub const WINDOW: usize = 192;
+/// Frames of each line that are aligned where they do not. So many must be known before any is ordered.
+pub const WINDOW_FRAMES: usize = 192;
 
-/// Bits that an answer is worth which agrees in all that it repeats, in part, or in unit and function only.
-const FULLY: f32 = 16.0;
-const PARTLY: f32 = 4.0;
-/// An exception repeats no more than unit and function.
-const REFUSAL: f32 = 10.0;
-/// One of the two is damaged: unit and function are all that is known for sure.
-const DAMAGED: f32 = 5.0;
+/// Pairs in a narrow window, in parts of its frames, with which its alignment is trusted.
+const TRUSTED_PAIR_SHARE: usize = 3;
 
-/// Costs of a request without an answer, of one that comes again at once, and of an answer without request.
-const UNANSWERED: f32 = 5.0;
-const ASKED_AGAIN: f32 = 2.0;
-const ORPHAN: f32 = 6.0;
+/// Score of a response that agrees in everything it repeats of its request.
+const FULL_MATCH_BITS: f32 = 16.0;
+/// Score of a response of the right unit and function that does not agree otherwise.
+const PARTIAL_MATCH_BITS: f32 = 4.0;
+/// Score of an exception: it repeats only unit and function.
+const EXCEPTION_BITS: f32 = 10.0;
+/// Score of a pair of which one frame is damaged, with equal unit and function.
+const DAMAGED_BITS: f32 = 5.0;
 
-/// A frame as far as its place among others needs it.
+/// Cost of a request without response.
+const UNANSWERED_BITS: f32 = 5.0;
+/// Cost of a request without response whose retry follows at once.
+const RETRIED_BITS: f32 = 2.0;
+/// Cost of a response without request.
+const UNREQUESTED_BITS: f32 = 6.0;
+
+/// A frame as far as its place among others depends on it.
 #[derive(Clone, Debug)]
-pub struct Heard {
+pub struct LineFrame {
     /// Who sent it.
     pub direction: Direction,
-    /// Its checksum is right.
-    pub good: bool,
+    /// It is whole and its checksum right.
+    pub is_good: bool,
     /// Unit and PDU; empty for noise.
     pub adu: Vec<u8>,
 }
 
-impl Heard {
+impl LineFrame {
     fn pdu(&self) -> &[u8] {
         self.adu.get(1..).unwrap_or(&[])
     }
 
-    /// Neither asks for an answer nor is one.
-    fn passes(&self) -> bool {
+    /// Noise and broadcasts neither want a response nor are one.
+    fn is_unpaired(&self) -> bool {
         self.adu.len() < 2 || self.adu[0] == BROADCAST
     }
 }
 
-/// What comes next: a frame of the first line or of the second, or a request and its answer, the first on this line.
+/// One step of an alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    One(usize),
+    /// The next frame is of this line (0 or 1) and has no counterpart.
+    Single(usize),
+    /// The next two frames are a request of this line and its response on the other one.
     Pair(usize),
 }
 
-/// The lines (0 or 1) that the next frames are of. With `all`, nothing comes behind the frames given.
-pub fn order(functions: &Functions, lines: [&[Heard]; 2], all: bool) -> Vec<usize> {
-    if lines.iter().all(|line| line.len() > NEAR) {
-        let near = aligned(functions, lines.map(|line| &line[..NEAR]), false);
-        let pairs = near.iter().filter(|step| matches!(step, Step::Pair(_))).count();
-        if 3 * pairs >= NEAR {
-            return told(&near);
+/// The order of the next frames: for each, the index of its line (0 or 1). With `is_complete` nothing follows the frames
+/// given, so that all of them are ordered.
+pub fn merge_order(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Vec<usize> {
+    if lines.iter().all(|line| line.len() > NARROW_WINDOW_FRAMES) {
+        let steps = align(functions, lines.map(|line| &line[..NARROW_WINDOW_FRAMES]), false);
+        let pairs = steps.iter().filter(|step| matches!(step, Step::Pair(_))).count();
+        if TRUSTED_PAIR_SHARE * pairs >= NARROW_WINDOW_FRAMES {
+            return lines_of(&steps);
         }
     }
-    told(&aligned(functions, lines, all))
+    lines_of(&align(functions, lines, is_complete))
 }
 
-/// Lines of the frames of some steps.
-fn told(steps: &[Step]) -> Vec<usize> {
+/// The line of each frame of an alignment.
+fn lines_of(steps: &[Step]) -> Vec<usize> {
     let lines = steps.iter().flat_map(|step| match *step {
-        Step::One(line) => [Some(line), None],
-        Step::Pair(first) => [Some(first), Some(1 - first)],
+        Step::Single(line) => [Some(line), None],
+        Step::Pair(request_line) => [Some(request_line), Some(1 - request_line)],
     });
     lines.flatten().collect()
 }
 
-/// The best way through these frames; the first half of it, unless nothing comes behind them.
-fn aligned(functions: &Functions, lines: [&[Heard]; 2], all: bool) -> Vec<Step> {
+/// The alignment of these frames with the greatest score. Unless `is_complete`, only its first half.
+fn align(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Vec<Step> {
     let (rows, columns) = (lines[0].len(), lines[1].len());
-    let at = |i: usize, j: usize| i * (columns + 1) + j;
-    // From the back: what the rest is worth at best, and by which step.
+    let cell = |i: usize, j: usize| i * (columns + 1) + j;
+    // For each cell, from the last one back: the score of the best way to the end, and its first step.
     let mut best = vec![(0.0f32, None); (rows + 1) * (columns + 1)];
     for i in (0..=rows).rev() {
         for j in (0..=columns).rev() {
-            // At the edge of the window it is open what comes, unless nothing does.
-            if !all && (i == rows || j == columns) {
+            // What follows the window is not known, so frames at its edge cost nothing.
+            if !is_complete && (i == rows || j == columns) {
                 continue;
             }
             let mut steps: [Option<(f32, Step)>; 3] = [None; 3];
             if j < columns {
-                steps[0] = Some((best[at(i, j + 1)].0 - alone(lines[1], j), Step::One(1)));
+                steps[0] = Some((best[cell(i, j + 1)].0 - single_cost(lines[1], j), Step::Single(1)));
             }
             if i < rows {
-                steps[1] = Some((best[at(i + 1, j)].0 - alone(lines[0], i), Step::One(0)));
+                steps[1] = Some((best[cell(i + 1, j)].0 - single_cost(lines[0], i), Step::Single(0)));
             }
             if i < rows && j < columns {
-                steps[2] = pair(functions, &lines[0][i], &lines[1][j])
-                    .map(|(bits, first)| (best[at(i + 1, j + 1)].0 + bits, Step::Pair(first)));
+                steps[2] = pair_score(functions, &lines[0][i], &lines[1][j])
+                    .map(|(bits, request_line)| (best[cell(i + 1, j + 1)].0 + bits, Step::Pair(request_line)));
             }
             let step = steps.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0));
-            best[at(i, j)] = step.map_or((0.0, None), |(bits, step)| (bits, Some(step)));
+            best[cell(i, j)] = step.map_or((0.0, None), |(bits, step)| (bits, Some(step)));
         }
     }
     let (mut i, mut j, mut steps) = (0, 0, Vec::new());
-    while let Some(step) = best[at(i, j)].1.filter(|_| all || i.max(j) < rows / 2) {
+    while let Some(step) = best[cell(i, j)].1.filter(|_| is_complete || i.max(j) < rows / 2) {
         (i, j) = match step {
-            Step::One(line) => (i + usize::from(line == 0), j + line),
+            Step::Single(line) => (i + usize::from(line == 0), j + line),
             Step::Pair(_) => (i + 1, j + 1),
         };
         steps.push(step);
@@ -117,39 +135,40 @@ fn aligned(functions: &Functions, lines: [&[Heard]; 2], all: bool) -> Vec<Step> 
     steps
 }
 
-/// What a frame costs that is not one of a pair.
-fn alone(line: &[Heard], at: usize) -> f32 {
+/// The cost in bits of a frame without counterpart.
+fn single_cost(line: &[LineFrame], at: usize) -> f32 {
     let frame = &line[at];
-    if frame.passes() {
+    if frame.is_unpaired() {
         return 0.0;
     }
     match frame.direction {
-        Direction::Response => ORPHAN,
-        _ if line[at + 1..].iter().find(|next| !next.passes()).is_some_and(|next| next.adu == frame.adu) => ASKED_AGAIN,
-        _ => UNANSWERED,
+        Direction::Response => UNREQUESTED_BITS,
+        _ if line[at + 1..].iter().find(|next| !next.is_unpaired()).is_some_and(|next| next.adu == frame.adu) => RETRIED_BITS,
+        _ => UNANSWERED_BITS,
     }
 }
 
-/// What two frames are worth as request and answer, and which line's is the request.
-fn pair(functions: &Functions, one: &Heard, other: &Heard) -> Option<(f32, usize)> {
-    let (request, answer, first) = match (one.direction, other.direction) {
-        (Direction::Request, Direction::Response) => (one, other, 0),
-        (Direction::Response, Direction::Request) => (other, one, 1),
+/// The score in bits of two frames as request and response, and which of them (0 or 1) is the request. `None` if they
+/// cannot be a pair.
+fn pair_score(functions: &Functions, first: &LineFrame, second: &LineFrame) -> Option<(f32, usize)> {
+    let (request, response, request_line) = match (first.direction, second.direction) {
+        (Direction::Request, Direction::Response) => (first, second, 0),
+        (Direction::Response, Direction::Request) => (second, first, 1),
         _ => return None,
     };
-    if request.passes() || answer.passes() {
+    if request.is_unpaired() || response.is_unpaired() {
         return None;
     }
-    if !(request.good && answer.good) {
-        let same = request.adu[0] == answer.adu[0] && request.adu[1] == answer.adu[1] & !EXCEPTION_BIT;
-        return same.then_some((DAMAGED, first));
+    if !(request.is_good && response.is_good) {
+        let same = request.adu[0] == response.adu[0] && request.adu[1] == response.adu[1] & !EXCEPTION_BIT;
+        return same.then_some((DAMAGED_BITS, request_line));
     }
     let asked = Asked { unit: request.adu[0], pdu: request.pdu() };
-    match answers(functions, asked, answer.adu[0], answer.pdu()) {
+    match answers(functions, asked, response.adu[0], response.pdu()) {
         Match::No => None,
-        Match::Partly => Some((PARTLY, first)),
-        Match::Fully if answer.adu[1] & EXCEPTION_BIT != 0 => Some((REFUSAL, first)),
-        Match::Fully => Some((FULLY, first)),
+        Match::Partly => Some((PARTIAL_MATCH_BITS, request_line)),
+        Match::Fully if response.adu[1] & EXCEPTION_BIT != 0 => Some((EXCEPTION_BITS, request_line)),
+        Match::Fully => Some((FULL_MATCH_BITS, request_line)),
     }
 }
 
@@ -157,62 +176,63 @@ fn pair(functions: &Functions, one: &Heard, other: &Heard) -> Option<(f32, usize
 mod tests {
     use super::*;
 
-    fn heard(direction: Direction, adu: &[u8]) -> Heard {
-        Heard { direction, good: true, adu: adu.to_vec() }
+    fn frame(direction: Direction, adu: &[u8]) -> LineFrame {
+        LineFrame { direction, is_good: true, adu: adu.to_vec() }
     }
 
-    fn asks(unit: u8, quantity: u8) -> Heard {
-        heard(Direction::Request, &[unit, 3, 0, 0, 0, quantity])
+    fn request(unit: u8, quantity: u8) -> LineFrame {
+        frame(Direction::Request, &[unit, 3, 0, 0, 0, quantity])
     }
 
-    fn tells(unit: u8, quantity: u8) -> Heard {
+    fn response(unit: u8, quantity: u8) -> LineFrame {
         let mut adu = vec![unit, 3, 2 * quantity];
         adu.resize(3 + 2 * usize::from(quantity), 7);
-        heard(Direction::Response, &adu)
+        frame(Direction::Response, &adu)
     }
 
-    fn told(requests: &[Heard], answers: &[Heard]) -> Vec<usize> {
-        order(Functions::embedded(), [requests, answers], true)
-    }
-
-    #[test]
-    fn answers_stand_behind_their_requests() {
-        assert_eq!(told(&[asks(1, 1), asks(2, 3)], &[tells(1, 1), tells(2, 3)]), [0, 1, 0, 1]);
-        // The lines may be the other way round.
-        assert_eq!(told(&[tells(1, 1), tells(2, 3)], &[asks(1, 1), asks(2, 3)]), [1, 0, 1, 0]);
+    fn merged(first: &[LineFrame], second: &[LineFrame]) -> Vec<usize> {
+        merge_order(Functions::embedded(), [first, second], true)
     }
 
     #[test]
-    fn what_is_missing_on_one_line_shifts_nothing() {
-        let silent = [asks(1, 1), asks(2, 3), asks(3, 2), asks(1, 1)];
-        assert_eq!(told(&silent, &[tells(1, 1), tells(3, 2), tells(1, 1)]), [0, 1, 0, 0, 1, 0, 1]);
-        let unheard = [asks(1, 1), asks(3, 2)];
-        assert_eq!(told(&unheard, &[tells(1, 1), tells(2, 3), tells(3, 2)]), [0, 1, 1, 0, 1]);
+    fn responses_stand_behind_their_requests() {
+        assert_eq!(merged(&[request(1, 1), request(2, 3)], &[response(1, 1), response(2, 3)]), [0, 1, 0, 1]);
+        // The requests may be on the second line.
+        assert_eq!(merged(&[response(1, 1), response(2, 3)], &[request(1, 1), request(2, 3)]), [1, 0, 1, 0]);
     }
 
     #[test]
-    fn a_request_again_is_a_retry() {
-        let requests = [asks(1, 1), asks(2, 3), asks(2, 3), asks(1, 1)];
-        assert_eq!(told(&requests, &[tells(1, 1), tells(2, 3), tells(1, 1)]), [0, 1, 0, 0, 1, 0, 1]);
-        // As many answers as requests: it was asked twice.
-        assert_eq!(told(&[asks(1, 1), asks(1, 1)], &[tells(1, 1), tells(1, 1)]), [0, 1, 0, 1]);
+    fn a_frame_missing_on_one_line_does_not_shift_the_pairs_behind_it() {
+        let four_requests = [request(1, 1), request(2, 3), request(3, 2), request(1, 1)];
+        assert_eq!(merged(&four_requests, &[response(1, 1), response(3, 2), response(1, 1)]), [0, 1, 0, 0, 1, 0, 1]);
+        let two_requests = [request(1, 1), request(3, 2)];
+        assert_eq!(merged(&two_requests, &[response(1, 1), response(2, 3), response(3, 2)]), [0, 1, 1, 0, 1]);
     }
 
     #[test]
-    fn bytes_missing_on_one_line_cost_their_own_frames_only() {
-        let kinds = |at: usize| (1 + (at * at) as u8 % 7, 1 + (at * 5 / 3) as u8 % 11);
-        let requests: Vec<Heard> = (0..WINDOW).map(|at| asks(kinds(at).0, kinds(at).1)).collect();
-        let answers: Vec<Heard> = (60..WINDOW + 60).map(|at| tells(kinds(at).0, kinds(at).1)).collect();
-        let told = order(Functions::embedded(), [&requests, &answers], false);
-        assert_eq!(told[..60], [0; 60]);
-        assert_eq!(told[60..], [0, 1].repeat(told.len() / 2 - 30));
+    fn of_two_equal_requests_with_one_response_the_second_is_the_retry() {
+        let requests = [request(1, 1), request(2, 3), request(2, 3), request(1, 1)];
+        assert_eq!(merged(&requests, &[response(1, 1), response(2, 3), response(1, 1)]), [0, 1, 0, 0, 1, 0, 1]);
+        // With as many responses as requests, each request has its own.
+        assert_eq!(merged(&[request(1, 1), request(1, 1)], &[response(1, 1), response(1, 1)]), [0, 1, 0, 1]);
     }
 
     #[test]
-    fn half_a_window_is_told_while_more_may_come() {
-        let requests: Vec<Heard> = (0..WINDOW).map(|at| asks(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
-        let answers: Vec<Heard> = (0..WINDOW).map(|at| tells(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
-        let told = order(Functions::embedded(), [&requests, &answers], false);
-        assert_eq!(told, [0, 1].repeat(NEAR / 2));
+    fn a_hole_in_one_line_leaves_only_its_own_frames_unpaired() {
+        let unit_and_quantity = |at: usize| (1 + (at * at) as u8 % 7, 1 + (at * 5 / 3) as u8 % 11);
+        let requests = (0..WINDOW_FRAMES).map(unit_and_quantity).map(|(unit, quantity)| request(unit, quantity));
+        let responses = (60..WINDOW_FRAMES + 60).map(unit_and_quantity).map(|(unit, quantity)| response(unit, quantity));
+        let (requests, responses): (Vec<_>, Vec<_>) = (requests.collect(), responses.collect());
+        let order = merge_order(Functions::embedded(), [&requests, &responses], false);
+        assert_eq!(order[..60], [0; 60]);
+        assert_eq!(order[60..], [0, 1].repeat(order.len() / 2 - 30));
+    }
+
+    #[test]
+    fn half_a_window_is_ordered_while_more_may_come() {
+        let requests: Vec<LineFrame> = (0..WINDOW_FRAMES).map(|at| request(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
+        let responses: Vec<LineFrame> = (0..WINDOW_FRAMES).map(|at| response(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
+        let order = merge_order(Functions::embedded(), [&requests, &responses], false);
+        assert_eq!(order, [0, 1].repeat(NARROW_WINDOW_FRAMES / 2));
     }
 }

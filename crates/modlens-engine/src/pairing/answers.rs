@@ -1,8 +1,8 @@
-//! Answers: asked for, late, repeated, damaged, or from somebody else.
+//! Pairing of a response: requested, late, sent twice, damaged, or from a unit that was not asked.
 
-use crate::pairing::masters::Meeting;
-use crate::pairing::past::Again;
-use crate::pairing::{Exchange, Note, Pairing, Placed, Seen};
+use crate::pairing::masters::{FrameLocation, Overlap};
+use crate::pairing::past::UnexpectedResponse;
+use crate::pairing::{DelayedFinding, ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
@@ -10,265 +10,299 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// An answer from another unit than the one asked. What the master does next shows whether it was meant.
+/// A response that fits the open request but for its unit. The next request shows whether the master took it for the
+/// response; until then the transaction waits here.
 #[derive(Debug)]
-pub(super) struct Stray {
-    pub exchange: Box<Exchange>,
-    /// The transaction that asked.
-    pub asked: u64,
+pub(super) struct UnitMismatch {
+    pub transaction: Box<PendingTransaction>,
+    /// The transaction of the open request.
+    pub request_txn: u64,
 }
 
-/// An answer to nobody. The request may be seen later, if its line's adapter holds it back for longer than was known.
+/// A response without a request, on two lines whose adapters hold bytes back. The request may still be seen, if its line
+/// is later than was observed so far.
 #[derive(Debug)]
-pub(super) struct Early {
+pub(super) struct EarlyResponse {
     unit: u8,
     pdu: Vec<u8>,
     start: Ns,
 }
 
 impl Pairing {
-    /// A request is there: how much later was it seen than the answer to it, if that was taken for nobody's?
-    pub(super) fn learn_skew(&mut self, functions: &Functions, seen: &Seen<'_>) {
-        let Some((early, asked)) = self.early.take().zip(seen.end) else { return };
-        let request = Asked { unit: seen.unit(), pdu: seen.pdu() };
+    /// Learns how much later than its response this request is seen, if it is the request of the early response.
+    pub(super) fn learn_skew(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) {
+        let Some((early, request_end)) = self.early_response.take().zip(frame.end) else { return };
+        let request = Asked { unit: frame.unit(), pdu: frame.pdu() };
         if answers(functions, request, early.unit, &early.pdu) == Match::Fully {
-            self.tempo.saw(asked, early.start);
+            self.timing.record_skew(request_end, early.start);
         }
     }
 
-    pub(super) fn response(
+    /// Pairs a good response with the open request that it answers.
+    pub(super) fn add_response(
         &mut self,
         functions: &Functions,
-        seen: &Seen<'_>,
+        frame: &ObservedFrame<'_>,
         next_txn: &mut u64,
-        done: &mut Vec<Box<Exchange>>,
-    ) -> Placed {
-        let partial = self.partial.take();
-        let Some(at) = self.answered(functions, seen).or_else(|| self.answers_partial(functions, partial, seen, next_txn, done))
-        else {
-            return self.unrequested(functions, seen, next_txn, done);
-        };
-        self.early = None;
-        let mut exchange = self.open.remove(at).expect("found above");
-        exchange.sure = !seen.tentative;
-        self.past.answered(&exchange, seen);
-        exchange.response.fill(seen);
-        exchange.findings.extend_from_slice(seen.codes);
-        exchange.exception = exception(seen);
-        if exchange.status != Status::BadRequest {
-            exchange.status = if exchange.exception.is_some() { Status::Exception } else { Status::Ok };
-            self.present[exchange.unit as usize] |= exchange.sure;
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        let truncated = self.truncated_request.take();
+        let at = self.find_request(functions, frame);
+        let at = at.or_else(|| self.open_truncated_if_answered(functions, truncated, frame, next_txn, done));
+        let Some(at) = at else { return self.add_unrequested(functions, frame, next_txn, done) };
+        self.early_response = None;
+        let mut transaction = self.open.remove(at).expect("found above");
+        transaction.confirms_unit = !frame.tentative;
+        self.history.add_answered(&transaction, frame);
+        transaction.response.fill(frame);
+        transaction.findings.extend_from_slice(frame.codes);
+        transaction.exception = exception_code(frame);
+        if transaction.status != Status::BadRequest {
+            transaction.status = if transaction.exception.is_some() { Status::Exception } else { Status::Ok };
+            self.answering_units[transaction.unit as usize] |= transaction.confirms_unit;
         }
-        if exchange.exception.is_some() {
-            exchange.findings.push(Finding::Exception);
+        if transaction.exception.is_some() {
+            transaction.findings.push(Finding::Exception);
         }
-        exchange.response_time = self.since(exchange.request.end, seen.start, seen.clean_start);
-        if let (false, Some((asked, told))) = (self.ordered, exchange.request.end.zip(seen.start)) {
-            self.tempo.saw(asked, told);
+        self.learn_response_time(&mut transaction, frame);
+        let mut result = PairingResult { txn: Some(transaction.txn), ..PairingResult::default() };
+        // Where the order of frames is inferred, an overlap of transactions proves nothing.
+        if frame.mode != Mode::Tcp && self.is_wire_order {
+            self.record_overlap(&mut transaction, frame, &mut result);
         }
-        // Answers that look like requests must not teach the times that tell the two apart.
-        if let Some(time) = exchange.response_time.filter(|_| exchange.request.pdu() != exchange.response.pdu()) {
-            self.tempo.answered(time);
+        if transaction.mbap_id != frame.mbap_id {
+            transaction.findings.push(Finding::TransactionId);
+            result.finding = Some(Finding::TransactionId);
         }
-        let mut placed = Placed { txn: Some(exchange.txn), ..Placed::default() };
-        // Where the order is a guess, it proves nothing.
-        if seen.mode != Mode::Tcp && self.ordered {
-            self.meeting(&mut exchange, seen, &mut placed);
-        }
-        if exchange.mbap_id != seen.mbap_id {
-            exchange.findings.push(Finding::TransactionId);
-            placed.finding = Some(Finding::TransactionId);
-        }
-        done.push(exchange);
-        placed
+        done.push(transaction);
+        result
     }
 
-    /// Opens the request that lacks bytes, if this is the answer to it.
-    fn answers_partial(
+    fn learn_response_time(&mut self, transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>) {
+        transaction.response_time = self.measurable_interval(transaction.request.end, frame.start, frame.clean_start);
+        if let (false, Some((request_end, start))) = (self.is_wire_order, transaction.request.end.zip(frame.start)) {
+            self.timing.record_skew(request_end, start);
+        }
+        // A response identical to its request must not teach the response time, which is what tells it from a retry.
+        if let Some(time) = transaction.response_time.filter(|_| transaction.request.pdu() != transaction.response.pdu()) {
+            self.timing.record_response_time(time);
+        }
+    }
+
+    /// Opens the truncated request, if this is the response to it; gives its index among the open ones.
+    fn open_truncated_if_answered(
         &mut self,
         functions: &Functions,
-        partial: Option<Box<Exchange>>,
-        seen: &Seen<'_>,
+        truncated: Option<Box<PendingTransaction>>,
+        frame: &ObservedFrame<'_>,
         next_txn: &mut u64,
-        done: &mut Vec<Box<Exchange>>,
+        done: &mut Vec<Box<PendingTransaction>>,
     ) -> Option<usize> {
-        let request = partial.filter(|request| (request.unit, request.function) == (seen.unit(), seen.function()))?;
-        self.settle_stray(None, done);
+        let request = truncated.filter(|request| (request.unit, request.function) == (frame.unit(), frame.function()))?;
+        self.resolve_unit_mismatch(None, done);
         while !self.open.is_empty() {
-            self.give_up_oldest(functions, seen, done);
+            self.close_oldest(functions, frame, done);
         }
-        self.open_partial(request, next_txn);
+        self.open_truncated(request, next_txn);
         Some(0)
     }
 
-    /// Which open request the response answers.
-    fn answered(&self, functions: &Functions, seen: &Seen<'_>) -> Option<usize> {
-        let fits = |exchange: &Exchange| {
-            let asked = Asked { unit: exchange.unit, pdu: exchange.request.pdu() };
-            !exchange.given_up && answers(functions, asked, seen.unit(), seen.pdu()) != Match::No
+    /// Index of the open request that the response answers.
+    fn find_request(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
+        let fits = |transaction: &PendingTransaction| {
+            let request = Asked { unit: transaction.unit, pdu: transaction.request.pdu() };
+            !transaction.is_timed_out && answers(functions, request, frame.unit(), frame.pdu()) != Match::No
         };
-        // Serial frames have no identifier: all are the same.
-        let own = self.open.iter().position(|exchange| exchange.mbap_id == seen.mbap_id && fits(exchange));
-        // Some devices answer with an identifier of their own, the same for ever. One that was asked with is no such.
-        let foreign = || seen.mbap_id.is_some_and(|id| !self.ids.contains(&id));
-        own.or_else(|| if foreign() { self.open.iter().position(|exchange| fits(exchange)) } else { None })
+        // Serial frames carry no transaction identifier: theirs are all `None`, hence equal.
+        let by_id = self.open.iter().position(|transaction| transaction.mbap_id == frame.mbap_id && fits(transaction));
+        // Some devices respond with an identifier of their own, always the same one. An identifier that a request has
+        // carried is not of that kind.
+        let is_foreign_id = || frame.mbap_id.is_some_and(|id| !self.ids.contains(&id));
+        by_id.or_else(|| if is_foreign_id() { self.open.iter().position(|transaction| fits(transaction)) } else { None })
     }
 
-    /// Whether this answer proves, with the others, that two masters talk. Older proofs become notes: of two exchanges, the
-    /// one that is told only now says it.
-    fn meeting(&mut self, exchange: &mut Exchange, seen: &Seen<'_>, placed: &mut Placed) {
-        if let Some(inside) = exchange.inside {
-            let (txn, unit, other, clear) = (exchange.txn, exchange.unit, inside.txn, inside.clear);
-            let meeting = Meeting { txn, frame: seen.frame, unit, start: seen.start, other, clear, origin: seen.origin };
-            if inside.answered {
-                self.masters.met(meeting);
+    /// Counts the overlap of this transaction with another, once both are answered, as evidence of two masters. Overlaps
+    /// that are proven by it get their finding: on this frame, if it belongs to one of the two transactions, else as a
+    /// delayed finding on the earlier response.
+    fn record_overlap(&mut self, transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>, result: &mut PairingResult) {
+        if let Some(later) = transaction.overlap {
+            let (txn, unit) = (transaction.txn, transaction.unit);
+            let response = FrameLocation { txn, frame: frame.number, unit, start: frame.start, origin: frame.origin };
+            let overlap = Overlap { response, later_txn: later.txn, timeout_excluded: later.timeout_excluded };
+            if later.is_answered {
+                self.masters.add_overlap(overlap);
             } else {
-                self.halfway = Some(meeting);
+                self.half_answered_overlap = Some(overlap);
             }
         }
-        for first in self.open.iter_mut().filter_map(|open| open.inside.as_mut()) {
-            first.answered |= first.txn == exchange.txn;
+        for later in self.open.iter_mut().filter_map(|open| open.overlap.as_mut()) {
+            later.is_answered |= later.txn == transaction.txn;
         }
-        if let Some(meeting) = self.halfway.take_if(|meeting| meeting.other == exchange.txn) {
-            self.masters.met(meeting);
+        if let Some(overlap) = self.half_answered_overlap.take_if(|overlap| overlap.later_txn == transaction.txn) {
+            self.masters.add_overlap(overlap);
         }
-        for meeting in self.masters.proofs() {
-            let here = meeting.txn == exchange.txn || meeting.other == exchange.txn;
-            if !here {
-                self.notes.push(Note { finding: Finding::TwoMasters, meeting });
-            } else if placed.finding.is_none() {
-                exchange.findings.push(Finding::TwoMasters);
-                placed.finding = Some(Finding::TwoMasters);
-                placed.other = (meeting.other == exchange.txn).then_some(meeting.txn);
+        for overlap in self.masters.take_proven() {
+            let (first_txn, later_txn) = (overlap.response.txn, overlap.later_txn);
+            if first_txn != transaction.txn && later_txn != transaction.txn {
+                self.delayed_findings.push(DelayedFinding {
+                    finding: Finding::TwoMasters,
+                    location: overlap.response,
+                    other_txn: later_txn,
+                });
+            } else if result.finding.is_none() {
+                transaction.findings.push(Finding::TwoMasters);
+                result.finding = Some(Finding::TwoMasters);
+                result.other = (later_txn == transaction.txn).then_some(first_txn);
             }
         }
     }
 
-    /// The time from the end of a request to a start, if that is exact and the clock can tell.
-    pub fn since(&self, end: Option<Ns>, start: Option<Ns>, exact: bool) -> Option<Ns> {
+    /// The time from the end of a request to the start of its response. `None` unless the start is exact and the clock is
+    /// fine enough to measure it.
+    pub fn measurable_interval(&self, end: Option<Ns>, start: Option<Ns>, is_exact: bool) -> Option<Ns> {
         let time = start? - end?;
-        (exact && time >= 2 * self.resolution && time >= 0).then_some(time)
+        (is_exact && time >= 2 * self.resolution && time >= 0).then_some(time)
     }
 
-    fn unrequested(
+    /// Pairs a response that no open request fits: it is late, a duplicate, from the wrong unit, of the wrong function, or
+    /// its request is missing from the recording.
+    fn add_unrequested(
         &mut self,
         functions: &Functions,
-        seen: &Seen<'_>,
+        frame: &ObservedFrame<'_>,
         next_txn: &mut u64,
-        done: &mut Vec<Box<Exchange>>,
-    ) -> Placed {
-        let mut exchange = self.start(seen, next_txn);
-        exchange.response.fill(seen);
-        exchange.findings.extend_from_slice(seen.codes);
-        exchange.status = Status::Unrequested;
-        exchange.exception = exception(seen);
-        exchange.gap = seen.gap;
-        let mut placed = Placed { txn: Some(exchange.txn), finding: Some(Finding::Unrequested), other: None };
-        let given_up = |old: &Exchange| {
-            let asked = Asked { unit: old.unit, pdu: old.request.pdu() };
-            let fits = answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully;
-            old.given_up && !old.late_seen && fits && self.past.knows_all_since(old.txn)
-        };
-        // A request that arrived damaged may be what this answers.
-        let damaged = self.open.back().is_some_and(|open| open.status == Status::BadRequest);
-        let mut stranger = false;
-        let open = self.open.iter().position(|old| given_up(old));
-        let late = match open.and_then(|at| self.open.get_mut(at)) {
-            Some(old) => {
-                old.late_seen = true;
-                Some((old.txn, old.request.end))
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        let mut transaction = self.start(frame, next_txn);
+        transaction.response.fill(frame);
+        transaction.findings.extend_from_slice(frame.codes);
+        transaction.status = Status::Unrequested;
+        transaction.exception = exception_code(frame);
+        transaction.gap = frame.gap;
+        let mut result = PairingResult { txn: Some(transaction.txn), finding: Some(Finding::Unrequested), other: None };
+        let explained = self.explain_unrequested(functions, frame, transaction.txn);
+        let is_unexplained = matches!(explained, Explanation::None);
+        match explained {
+            Explanation::Late { txn, request_end } => {
+                transaction.late_for = Some(txn);
+                transaction.late_response = self.measurable_interval(request_end, frame.start, frame.clean_start);
+                result = PairingResult { finding: Some(Finding::LateResponse), other: Some(txn), ..result };
             }
-            None if damaged => None,
-            None => match self.past.again(functions, seen, exchange.txn, self.open.is_empty()) {
-                Again::Duplicate => {
-                    placed.finding = Some(Finding::Duplicate);
-                    None
+            Explanation::Duplicate => result.finding = Some(Finding::Duplicate),
+            Explanation::Ambiguous | Explanation::None => {
+                if let (true, None, Some(start)) = (is_unexplained && !self.is_wire_order, &self.early_response, frame.start) {
+                    self.early_response = Some(EarlyResponse { unit: frame.unit(), pdu: frame.pdu().to_vec(), start });
                 }
-                Again::Late(old) => Some((old.txn, old.end)),
-                Again::Unclear => None,
-                Again::No => {
-                    stranger = true;
-                    None
+                if let Some(request_txn) = self.find_request_to_other_unit(functions, frame) {
+                    self.resolve_unit_mismatch(None, done);
+                    transaction.findings.push(Finding::Unrequested);
+                    self.unit_mismatch = Some(UnitMismatch { transaction, request_txn });
+                    return result;
                 }
-            },
-        };
-        if let Some((txn, end)) = late {
-            exchange.late_for = Some(txn);
-            exchange.late_response = self.since(end, seen.start, seen.clean_start);
-            placed = Placed { finding: Some(Finding::LateResponse), other: Some(txn), ..placed };
-        } else if placed.finding == Some(Finding::Unrequested) {
-            if let (true, None, Some(start)) = (stranger && !self.ordered, &self.early, seen.start) {
-                self.early = Some(Early { unit: seen.unit(), pdu: seen.pdu().to_vec(), start });
-            }
-            if let Some(asked) = self.misdirected(functions, seen) {
-                self.settle_stray(None, done);
-                exchange.findings.push(Finding::Unrequested);
-                self.stray = Some(Stray { exchange, asked });
-                return placed;
-            }
-            if let Some(open) = self.open.back().filter(|open| open.unit == exchange.unit && open.function != exchange.function) {
-                placed.other = Some(open.txn);
-                placed.finding = Some(Finding::WrongFunction);
-            } else if stranger {
-                self.past.lacks_requests(exchange.txn);
+                let has_other_function =
+                    |open: &PendingTransaction| open.unit == transaction.unit && open.function != transaction.function;
+                if let Some(open) = self.open.back().filter(|open| has_other_function(open)) {
+                    result.other = Some(open.txn);
+                    result.finding = Some(Finding::WrongFunction);
+                } else if is_unexplained {
+                    self.history.note_missing_requests(transaction.txn);
+                }
             }
         }
-        exchange.findings.extend(placed.finding);
-        done.push(exchange);
-        placed
+        transaction.findings.extend(result.finding);
+        done.push(transaction);
+        result
     }
 
-    /// The open request that this would answer, had it come from the unit asked.
-    fn misdirected(&self, functions: &Functions, seen: &Seen<'_>) -> Option<u64> {
-        let open = self.open.back().filter(|open| open.unit != seen.unit() && seen.mode != Mode::Tcp)?;
-        let whole = open.status != Status::BadRequest && open.response.frame == 0 && !open.silent;
-        let asked = Asked { unit: seen.unit(), pdu: open.request.pdu() };
-        let fits = whole && answers(functions, asked, seen.unit(), seen.pdu()) == Match::Fully;
+    /// Why a response came that no open request fits, as far as the past explains it.
+    fn explain_unrequested(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> Explanation {
+        let is_late_for = |old: &PendingTransaction| {
+            let request = Asked { unit: old.unit, pdu: old.request.pdu() };
+            let fits = answers(functions, request, frame.unit(), frame.pdu()) == Match::Fully;
+            old.is_timed_out && !old.has_late_response && fits && self.history.is_complete_since(old.txn)
+        };
+        let late_for = self.open.iter().position(|old| is_late_for(old));
+        if let Some(old) = late_for.and_then(|at| self.open.get_mut(at)) {
+            old.has_late_response = true;
+            return Explanation::Late { txn: old.txn, request_end: old.request.end };
+        }
+        if self.open.back().is_some_and(|open| open.status == Status::BadRequest) {
+            // It may be the response to the request that arrived damaged.
+            return Explanation::Ambiguous;
+        }
+        match self.history.classify_unexpected(functions, frame, txn, self.open.is_empty()) {
+            UnexpectedResponse::Duplicate => Explanation::Duplicate,
+            UnexpectedResponse::Late(old) => Explanation::Late { txn: old.txn, request_end: old.end },
+            UnexpectedResponse::Ambiguous => Explanation::Ambiguous,
+            UnexpectedResponse::Unexplained => Explanation::None,
+        }
+    }
+
+    /// The transaction of the open request that this would answer, had it come from the unit asked.
+    fn find_request_to_other_unit(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<u64> {
+        let open = self.open.back().filter(|open| open.unit != frame.unit() && frame.mode != Mode::Tcp)?;
+        let waits = open.status != Status::BadRequest && !open.response.is_present() && !open.expects_no_response;
+        let request = Asked { unit: frame.unit(), pdu: open.request.pdu() };
+        let fits = waits && answers(functions, request, frame.unit(), frame.pdu()) == Match::Fully;
         fits.then_some(open.txn)
     }
 
-    /// The next request is there, or none will come: was the answer from another unit one to the request?
+    /// Decides whether the response from another unit was meant for the open request, now that the next request has come
+    /// (or `None` will).
     ///
-    /// A master that drops it waits for its time-out, and most ask again. Where the next request comes sooner, the tap
-    /// has lost the answer, and the request of what seemed to be the wrong one.
-    pub(super) fn settle_stray(&mut self, next: Option<&Seen<'_>>, done: &mut Vec<Box<Exchange>>) {
-        let Some(Stray { mut exchange, asked }) = self.stray.take() else { return };
-        let wrong = self.open.iter().find(|open| open.txn == asked).is_some_and(|open| {
-            let again = next.is_some_and(|next| open.unit == next.unit() && open.request.pdu() == next.pdu());
+    /// A master that drops the response waits for its time-out, and most retry then. If the next request comes sooner, the
+    /// master was content: the tap has missed the right response, and the request of the one that seemed wrong.
+    pub(super) fn resolve_unit_mismatch(&mut self, next: Option<&ObservedFrame<'_>>, done: &mut Vec<Box<PendingTransaction>>) {
+        let Some(UnitMismatch { mut transaction, request_txn }) = self.unit_mismatch.take() else { return };
+        let is_wrong_unit = self.open.iter().find(|open| open.txn == request_txn).is_some_and(|open| {
+            let is_retried = next.is_some_and(|next| open.unit == next.unit() && open.request.pdu() == next.pdu());
             let waited = next.and_then(|next| next.start).zip(open.request.end).map(|(start, end)| start - end);
-            again || open.given_up || waited.is_some_and(|waited| !self.too_soon(waited))
+            is_retried || open.is_timed_out || waited.is_some_and(|waited| !self.is_before_timeout(waited))
         });
-        if wrong {
-            exchange.findings.push(Finding::WrongUnit);
-            let (frame, start) = (exchange.response.frame, exchange.response.start);
-            let (txn, unit, origin) = (exchange.txn, exchange.unit, exchange.origin);
-            let meeting = Meeting { txn, frame, unit, start, other: asked, clear: true, origin };
-            self.notes.push(Note { finding: Finding::WrongUnit, meeting });
+        if is_wrong_unit {
+            transaction.findings.push(Finding::WrongUnit);
+            let (frame, start) = (transaction.response.number, transaction.response.start);
+            let (txn, unit, origin) = (transaction.txn, transaction.unit, transaction.origin);
+            let location = FrameLocation { txn, frame, unit, start, origin };
+            self.delayed_findings.push(DelayedFinding { finding: Finding::WrongUnit, location, other_txn: request_txn });
         } else {
-            self.past.lacks_requests(exchange.txn);
+            self.history.note_missing_requests(transaction.txn);
         }
-        done.push(exchange);
+        done.push(transaction);
     }
 
-    pub(super) fn damaged(
+    /// Pairs a damaged frame: with the open request, if it may be its response, else as a damaged request.
+    pub(super) fn add_damaged(
         &mut self,
         functions: &Functions,
-        seen: &Seen<'_>,
+        frame: &ObservedFrame<'_>,
         next_txn: &mut u64,
-        done: &mut Vec<Box<Exchange>>,
-    ) -> Placed {
-        if let Some(open) = self.open.back_mut().filter(|open| !open.given_up) {
-            let ours = seen.unit() == open.unit && seen.function() == open.function;
-            if open.response.frame == 0 && (ours || seen.direction != Direction::Request) {
-                open.response.fill(seen);
-                open.findings.extend_from_slice(seen.codes);
-                return Placed { txn: Some(open.txn), ..Placed::default() };
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        if let Some(open) = self.open.back_mut().filter(|open| !open.is_timed_out) {
+            let same_header = frame.unit() == open.unit && frame.function() == open.function;
+            if !open.response.is_present() && (same_header || frame.direction != Direction::Request) {
+                open.response.fill(frame);
+                open.findings.extend_from_slice(frame.codes);
+                return PairingResult { txn: Some(open.txn), ..PairingResult::default() };
             }
         }
-        self.bad_request(functions, seen, next_txn, done)
+        self.add_damaged_request(functions, frame, next_txn, done)
     }
 }
 
-fn exception(seen: &Seen<'_>) -> Option<u8> {
-    seen.pdu().first().filter(|&code| code & EXCEPTION_BIT != 0).and_then(|_| seen.pdu().get(1).copied())
+/// Why a response came that no open request fits.
+enum Explanation {
+    /// It is the late response of this transaction.
+    Late { txn: u64, request_end: Option<Ns> },
+    /// It is the previous response, sent twice.
+    Duplicate,
+    /// There are several explanations, between which the evidence does not decide.
+    Ambiguous,
+    /// Nothing explains it.
+    None,
+}
+
+fn exception_code(frame: &ObservedFrame<'_>) -> Option<u8> {
+    frame.pdu().first().filter(|&code| code & EXCEPTION_BIT != 0).and_then(|_| frame.pdu().get(1).copied())
 }

@@ -1,4 +1,4 @@
-//! A frame as pairing sees it, and a transaction while it is open.
+//! The input of pairing (one frame), and a transaction from its first frame until its row is written.
 
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
@@ -7,16 +7,16 @@ use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// A frame, as pairing sees it.
+/// A frame as pairing, the checks and the statistics get it.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen<'a> {
-    /// Its number.
-    pub frame: u64,
-    /// Bytes on the wire.
+pub struct ObservedFrame<'a> {
+    /// Running number of the frame, from 1.
+    pub number: u64,
+    /// The bytes on the wire, checksum included.
     pub wire: &'a [u8],
-    /// Unit and PDU in binary.
+    /// Unit and PDU in binary, without checksum.
     pub adu: &'a [u8],
-    /// What it is worth.
+    /// Whether the frame is whole and its checksum right.
     pub verdict: Verdict,
     /// Who sent it.
     pub direction: Direction,
@@ -26,21 +26,21 @@ pub struct Seen<'a> {
     pub start: Option<Ns>,
     /// End of the last character.
     pub end: Option<Ns>,
-    /// Whether its start is as exact as the clock: it begins a read.
+    /// Whether `start` is as exact as the clock: the frame begins with a read. In the middle of a read it is an estimate.
     pub clean_start: bool,
-    /// Silence before it.
+    /// Silence before the frame.
     pub gap: Option<Ns>,
-    /// MBAP transaction identifier.
+    /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
-    /// Line or packet number, or the stream offset.
+    /// Line or packet number in the recording, or the stream offset.
     pub origin: u64,
-    /// Isolated in noise: no proof that its unit exists.
+    /// The checksum is right, but the frame stands isolated in noise: it does not prove that its unit exists.
     pub tentative: bool,
-    /// What was found on the frame itself.
+    /// The findings on the frame itself.
     pub codes: &'a [Finding],
 }
 
-impl Seen<'_> {
+impl ObservedFrame<'_> {
     pub(super) fn unit(&self) -> u8 {
         self.adu.first().copied().unwrap_or(0)
     }
@@ -49,108 +49,115 @@ impl Seen<'_> {
         self.adu.get(1..).unwrap_or(&[])
     }
 
+    /// The function code without the exception bit.
     pub(super) fn function(&self) -> u8 {
         self.pdu().first().copied().unwrap_or(0) & !EXCEPTION_BIT
     }
 }
 
-/// One frame kept until its transaction is complete.
+/// The request or the response of a transaction, copied out of the input until the row is written.
 #[derive(Clone, Debug, Default)]
-pub struct Kept {
-    /// Its number; 0 where there is none.
-    pub frame: u64,
-    /// Bytes on the wire.
+pub struct BufferedFrame {
+    /// Running number of the frame; 0 where the transaction lacks this half.
+    pub number: u64,
+    /// The bytes on the wire.
     pub wire: Vec<u8>,
-    pdu: Pdu,
+    pdu: PduLocation,
     /// Start of the first character.
     pub start: Option<Ns>,
     /// End of the last character.
     pub end: Option<Ns>,
 }
 
-/// Where the PDU of a frame is.
+/// Where the PDU of a buffered frame is stored.
 #[derive(Clone, Debug)]
-enum Pdu {
-    /// In the bytes on the wire: from here on, so many.
-    Inside(usize, usize),
-    /// Apart: those are characters, or damaged.
+enum PduLocation {
+    /// In the bytes on the wire: index of the first byte, and length.
+    InWire(usize, usize),
+    /// In a buffer of its own: the wire has hex characters (ASCII), or the bytes on it are damaged.
     Own(Vec<u8>),
 }
 
-impl Default for Pdu {
+impl Default for PduLocation {
     fn default() -> Self {
-        Self::Inside(0, 0)
+        Self::InWire(0, 0)
     }
 }
 
-impl Pdu {
+impl PduLocation {
     fn of(wire: &[u8], pdu: &[u8]) -> Self {
-        // Behind the unit of RTU, or behind the header of MBAP.
-        let inside = [1, 7].into_iter().find(|&at| wire.get(at..at + pdu.len()) == Some(pdu));
-        inside.map_or_else(|| Self::Own(pdu.to_vec()), |at| Self::Inside(at, pdu.len()))
+        // The PDU follows the unit (index 1) in RTU and the seven bytes of the MBAP header in TCP.
+        let at = [1, 7].into_iter().find(|&at| wire.get(at..at + pdu.len()) == Some(pdu));
+        at.map_or_else(|| Self::Own(pdu.to_vec()), |at| Self::InWire(at, pdu.len()))
     }
 }
 
-impl Kept {
-    /// The frame of this number.
-    pub fn new(frame: u64, wire: &[u8], pdu: &[u8], start: Option<Ns>) -> Self {
-        Self { frame, wire: wire.to_vec(), pdu: Pdu::of(wire, pdu), start, end: None }
+impl BufferedFrame {
+    /// A copy of the frame with this running number.
+    pub fn new(number: u64, wire: &[u8], pdu: &[u8], start: Option<Ns>) -> Self {
+        Self { number, wire: wire.to_vec(), pdu: PduLocation::of(wire, pdu), start, end: None }
     }
 
-    /// The same with another PDU.
+    /// This frame with its PDU replaced.
     #[must_use]
     pub fn with_pdu(self, pdu: &[u8]) -> Self {
-        Self { pdu: Pdu::of(&self.wire, pdu), ..self }
+        Self { pdu: PduLocation::of(&self.wire, pdu), ..self }
     }
 
-    /// Its PDU in binary.
+    /// Whether the transaction has this half.
+    #[inline]
+    pub fn is_present(&self) -> bool {
+        self.number != 0
+    }
+
+    /// The PDU in binary.
     #[inline]
     pub fn pdu(&self) -> &[u8] {
         match &self.pdu {
-            Pdu::Inside(at, length) => &self.wire[*at..at + length],
-            Pdu::Own(bytes) => bytes,
+            PduLocation::InWire(at, length) => &self.wire[*at..at + length],
+            PduLocation::Own(bytes) => bytes,
         }
     }
 
-    /// Where the PDU stands in the bytes on the wire.
-    pub fn inside(&self) -> Option<usize> {
+    /// Index of the PDU in the bytes on the wire, if it stands there as it is.
+    pub fn pdu_index(&self) -> Option<usize> {
         match self.pdu {
-            Pdu::Inside(at, _) => Some(at),
-            Pdu::Own(_) => None,
+            PduLocation::InWire(at, _) => Some(at),
+            PduLocation::Own(_) => None,
         }
     }
 
     pub(super) fn reset(&mut self) {
-        self.frame = 0;
+        self.number = 0;
         self.wire.clear();
-        self.pdu = Pdu::default();
+        self.pdu = PduLocation::default();
         (self.start, self.end) = (None, None);
     }
 
-    pub(super) fn fill(&mut self, seen: &Seen<'_>) {
-        self.frame = seen.frame;
+    pub(super) fn fill(&mut self, frame: &ObservedFrame<'_>) {
+        self.number = frame.number;
         self.wire.clear();
-        self.wire.extend_from_slice(seen.wire);
-        self.pdu = Pdu::of(seen.wire, seen.pdu());
-        self.start = seen.start;
-        self.end = seen.end;
+        self.wire.extend_from_slice(frame.wire);
+        self.pdu = PduLocation::of(frame.wire, frame.pdu());
+        self.start = frame.start;
+        self.end = frame.end;
     }
 }
 
-/// A request that came while another one waited for its answer.
+/// A later request that arrived while this transaction still waited for its response.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Inside {
-    /// Its transaction.
+pub(crate) struct OverlappingRequest {
+    /// Number of the later transaction.
     pub txn: u64,
-    /// It came sooner than any master gives up, by the clock.
-    pub clear: bool,
-    /// It has its answer.
-    pub answered: bool,
+    /// By the clock, the later request came sooner than any master gives up waiting.
+    pub timeout_excluded: bool,
+    /// The later request has its response.
+    pub is_answered: bool,
 }
 
-/// A transaction while it is open, and what leaves when it is done.
+/// A transaction from its first frame until its row is written.
 #[derive(Clone, Debug)]
-pub struct Exchange {
+pub struct PendingTransaction {
     /// Running number.
     pub txn: u64,
     /// Unit.
@@ -164,49 +171,50 @@ pub struct Exchange {
     /// Exception code.
     pub exception: Option<u8>,
     /// The request.
-    pub request: Kept,
+    pub request: BufferedFrame,
     /// The response.
-    pub response: Kept,
-    /// End of request to start of response.
+    pub response: BufferedFrame,
+    /// From the end of the request to the start of the response.
     pub response_time: Option<Ns>,
-    /// End of an unanswered request to the next request.
+    /// From the end of an unanswered request to the next request.
     pub waited: Option<Ns>,
-    /// End of the request to the start of a late answer.
+    /// From the end of the request to the start of its response, for a response that came after the time-out.
     pub late_response: Option<Ns>,
-    /// The transaction that this request repeats.
+    /// The transaction whose request is repeated here.
     pub retry_of: Option<u64>,
-    /// The transaction that this late answer belongs to.
+    /// The transaction that this late response belongs to.
     pub late_for: Option<u64>,
     /// Silence before the request.
     pub gap: Option<Ns>,
-    /// MBAP transaction identifier.
+    /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
-    /// What was found.
+    /// The findings on its frames and on the pair.
     pub findings: Vec<Finding>,
-    /// Line or packet number, or the stream offset.
+    /// Line or packet number in the recording, or the stream offset.
     pub origin: u64,
-    /// The time-out has passed; an answer now is late.
-    pub(crate) given_up: bool,
-    /// No answer is due, as specified (6.8, sub-function 4): nothing was lost.
-    pub(crate) silent: bool,
-    /// The recording lacks bytes in which the answer may have been.
-    pub(crate) blind: bool,
-    /// The request was heard twice.
-    pub(crate) echoed: bool,
-    /// Its answer came late.
-    pub(crate) late_seen: bool,
-    /// The request that came before this one's answer.
-    pub(crate) inside: Option<Inside>,
-    /// A response that is not tentative answers it: the unit is there.
-    pub sure: bool,
-    /// It was decided and checked before, and is read back.
-    pub retold: bool,
-    /// What was found then, with the words.
-    pub told: Vec<(Finding, String)>,
+    /// The time-out has passed; a response from now on is late.
+    pub(crate) is_timed_out: bool,
+    /// By the specification the request gets no response (application protocol 6.8, sub-function 4): nothing is missing.
+    pub(crate) expects_no_response: bool,
+    /// That no response is seen proves nothing: bytes are missing from the recording, or this request may be the echo of
+    /// the next one.
+    pub(crate) silence_is_inconclusive: bool,
+    /// The adapter's echo of the request was seen.
+    pub(crate) echo_seen: bool,
+    /// Its response came after the time-out.
+    pub(crate) has_late_response: bool,
+    /// The request that came before this one had its response.
+    pub(crate) overlap: Option<OverlappingRequest>,
+    /// A response that is not tentative answers it: the unit exists.
+    pub confirms_unit: bool,
+    /// The transaction is read back from a file that modlens wrote; it was decided and checked then.
+    pub is_reimported: bool,
+    /// The findings read back with it, with their details.
+    pub imported_findings: Vec<(Finding, String)>,
 }
 
-impl Exchange {
-    /// One without content.
+impl PendingTransaction {
+    /// A transaction without content.
     pub fn new(mode: Mode) -> Self {
         Self {
             txn: 0,
@@ -215,8 +223,8 @@ impl Exchange {
             mode,
             status: Status::NoResponse,
             exception: None,
-            request: Kept::default(),
-            response: Kept::default(),
+            request: BufferedFrame::default(),
+            response: BufferedFrame::default(),
             response_time: None,
             waited: None,
             late_response: None,
@@ -226,19 +234,19 @@ impl Exchange {
             mbap_id: None,
             findings: Vec::new(),
             origin: 0,
-            given_up: false,
-            silent: false,
-            blind: false,
-            echoed: false,
-            late_seen: false,
-            inside: None,
-            sure: false,
-            retold: false,
-            told: Vec::new(),
+            is_timed_out: false,
+            expects_no_response: false,
+            silence_is_inconclusive: false,
+            echo_seen: false,
+            has_late_response: false,
+            overlap: None,
+            confirms_unit: false,
+            is_reimported: false,
+            imported_findings: Vec::new(),
         }
     }
 
-    /// As new, but with the buffers of the old one.
+    /// Clears everything but keeps the allocated buffers, for the next transaction.
     pub(super) fn reset(&mut self, mode: Mode) {
         let (mut request, mut response) = (std::mem::take(&mut self.request), std::mem::take(&mut self.response));
         let mut findings = std::mem::take(&mut self.findings);

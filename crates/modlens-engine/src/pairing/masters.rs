@@ -1,98 +1,115 @@
 //! Evidence that two masters talk on one line.
 //!
-//! One master waits for its answer. A request inside another one's exchange, both of them answered, is the work of a
-//! second master, or of a first one that gave up early and a unit that was late. A clock tells the two apart; without
-//! one, a master that was seen to ask again after a time-out does not go on to another unit instead. Nothing is said
-//! after one such meeting: a false alarm sends somebody to the site.
+//! A master waits for the response before it sends its next request. If a request arrives inside another transaction and
+//! both are answered, either a second master sent it, or the only master gave up early and the unit answered late. The
+//! clock tells the two apart where the request came sooner than any master gives up. Without a clock the habit of the
+//! master does: one that was seen to retry after time-outs does not turn to another unit instead. One such overlap is
+//! never reported, because a false alarm sends somebody to the site.
 
 use modlens_protocol::Ns;
 
-/// Meetings before anything is said, where the clock excludes a time-out.
-const ENOUGH: u32 = 2;
+/// Overlaps before two masters are reported, where the clock excludes a time-out.
+const MIN_TIMED_OVERLAPS: u32 = 2;
 
-/// The same where the master's retries do.
-const ENOUGH_BY_HABIT: u32 = 3;
+/// Overlaps before two masters are reported, where only the master's habit to retry excludes a time-out.
+const MIN_OVERLAPS_OF_RETRYING_MASTER: u32 = 3;
 
-/// Retries that make a habit, and their number for each time that the master went on to another request.
-const HABIT: u32 = 2;
-const RETRIES_PER_LAPSE: u32 = 4;
+/// Retries that make a habit, and how many there must be for each time-out after which the master sent another request.
+const MIN_RETRIES: u32 = 2;
+const MIN_RETRIES_PER_SKIP: u32 = 4;
 
-/// Meetings that wait for more of them. The oldest are called late answers then.
-const REMEMBERED: usize = 64;
+/// Overlaps that wait for further evidence. Those beyond it are counted, but get no finding.
+const MAX_UNDECIDED_OVERLAPS: usize = 64;
 
-/// An answer that came after another request.
+/// Which frame a finding is about, for a row that is written after that frame's own row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Meeting {
-    /// The transaction whose answer it is.
+pub struct FrameLocation {
+    /// The transaction of the frame.
     pub txn: u64,
-    /// The frame of the answer.
+    /// Running number of the frame.
     pub frame: u64,
-    /// The unit that answered.
+    /// The unit in the frame.
     pub unit: u8,
-    /// Start of the answer.
+    /// Start of the frame.
     pub start: Option<Ns>,
-    /// The request between: its transaction.
-    pub other: u64,
-    /// The clock excludes that the master gave up.
-    pub clear: bool,
-    /// Line or packet number, or the stream offset, of the answer.
+    /// Line or packet number in the recording, or the stream offset.
     pub origin: u64,
 }
 
-/// What was seen of the masters.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Masters {
-    clear: u32,
-    unclear: u32,
-    retries: u32,
-    lapses: u32,
-    waiting: Vec<Meeting>,
-    /// Something was seen since the last look for proofs.
-    news: bool,
+/// Two transactions that overlap: the response to the first came after the request of the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Overlap {
+    /// The response to the first request.
+    pub response: FrameLocation,
+    /// The transaction of the second request.
+    pub later_txn: u64,
+    /// By the clock, the master cannot have given up the first request before the second one was sent.
+    pub timeout_excluded: bool,
 }
 
-impl Masters {
-    /// An unanswered request was followed by the same one, or by another one.
-    pub(super) fn unanswered(&mut self, again: bool) {
-        let count = if again { &mut self.retries } else { &mut self.lapses };
+/// What the recording has shown of the masters' habits.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MasterEvidence {
+    /// Overlaps for which the clock excludes a time-out.
+    timed_overlaps: u32,
+    /// Overlaps for which it does not.
+    untimed_overlaps: u32,
+    /// Unanswered requests that were sent again.
+    retries: u32,
+    /// Unanswered requests that were followed by another request.
+    skips: u32,
+    /// Overlaps that are not reported yet.
+    undecided: Vec<Overlap>,
+    /// Something was counted since `take_proven` was last called.
+    has_new_evidence: bool,
+}
+
+impl MasterEvidence {
+    /// Counts an unanswered request: `was_retried` if the same request followed it, else another one did.
+    pub(super) fn add_timeout(&mut self, was_retried: bool) {
+        let count = if was_retried { &mut self.retries } else { &mut self.skips };
         *count = count.saturating_add(1);
-        self.news = true;
+        self.has_new_evidence = true;
     }
 
-    /// A meeting with both answers.
-    pub(super) fn met(&mut self, meeting: Meeting) {
-        let count = if meeting.clear { &mut self.clear } else { &mut self.unclear };
+    /// Counts two overlapping transactions that both have their response.
+    pub(super) fn add_overlap(&mut self, overlap: Overlap) {
+        let count = if overlap.timeout_excluded { &mut self.timed_overlaps } else { &mut self.untimed_overlaps };
         *count = count.saturating_add(1);
-        self.news = true;
-        if self.waiting.len() < REMEMBERED {
-            self.waiting.push(meeting);
+        self.has_new_evidence = true;
+        if self.undecided.len() < MAX_UNDECIDED_OVERLAPS {
+            self.undecided.push(overlap);
         }
     }
 
-    fn proven(&self, clear: bool) -> bool {
-        let habit = self.retries >= HABIT && self.retries >= RETRIES_PER_LAPSE * self.lapses;
-        self.clear >= ENOUGH || (!clear && habit && self.clear + self.unclear >= ENOUGH_BY_HABIT)
+    /// Whether an overlap is by now certain to be the work of two masters.
+    fn is_proven(&self, timeout_excluded: bool) -> bool {
+        let retries_by_habit = self.retries >= MIN_RETRIES && self.retries >= MIN_RETRIES_PER_SKIP * self.skips;
+        let overlaps = self.timed_overlaps + self.untimed_overlaps;
+        self.timed_overlaps >= MIN_TIMED_OVERLAPS
+            || (!timeout_excluded && retries_by_habit && overlaps >= MIN_OVERLAPS_OF_RETRYING_MASTER)
     }
 
-    /// The meetings that are proven by now, if any.
-    pub(super) fn proofs(&mut self) -> Vec<Meeting> {
-        self.news = false;
-        if self.waiting.is_empty() {
+    /// The overlaps that are proven by now; each is returned once.
+    pub(super) fn take_proven(&mut self) -> Vec<Overlap> {
+        self.has_new_evidence = false;
+        if self.undecided.is_empty() {
             return Vec::new();
         }
-        let (proven, waiting) = self.waiting.drain(..).collect::<Vec<_>>().into_iter().partition(|m| self.proven(m.clear));
-        self.waiting = waiting;
+        let all = self.undecided.drain(..).collect::<Vec<_>>();
+        let (proven, undecided) = all.into_iter().partition(|overlap| self.is_proven(overlap.timeout_excluded));
+        self.undecided = undecided;
         proven
     }
 
-    /// Whether there is no proof to be found.
-    pub(super) fn idle(&self) -> bool {
-        !self.news || self.waiting.is_empty()
+    /// Whether `take_proven` has nothing to return.
+    pub(super) fn is_idle(&self) -> bool {
+        !self.has_new_evidence || self.undecided.is_empty()
     }
 
-    /// The meetings that were never proven: answers that came late.
-    pub(super) fn rest(&mut self) -> Vec<Meeting> {
-        std::mem::take(&mut self.waiting)
+    /// The overlaps that were never proven, at the end of the recording: their responses are taken to be late ones.
+    pub(super) fn take_undecided(&mut self) -> Vec<Overlap> {
+        std::mem::take(&mut self.undecided)
     }
 }
 
@@ -100,41 +117,42 @@ impl Masters {
 mod tests {
     use super::*;
 
-    fn meeting(txn: u64, clear: bool) -> Meeting {
-        Meeting { txn, frame: 2 * txn, unit: 1, start: None, other: txn + 1, clear, origin: 0 }
+    fn overlap(txn: u64, timeout_excluded: bool) -> Overlap {
+        let response = FrameLocation { txn, frame: 2 * txn, unit: 1, start: None, origin: 0 };
+        Overlap { response, later_txn: txn + 1, timeout_excluded }
     }
 
     #[test]
-    fn one_meeting_is_none() {
-        let mut masters = Masters::default();
-        masters.met(meeting(5, true));
-        assert!(masters.proofs().is_empty());
-        masters.met(meeting(9, true));
-        assert_eq!(masters.proofs().len(), 2, "the first one is told with hindsight");
-        assert!(masters.rest().is_empty());
+    fn two_timed_overlaps_are_needed_for_a_proof() {
+        let mut masters = MasterEvidence::default();
+        masters.add_overlap(overlap(5, true));
+        assert!(masters.take_proven().is_empty());
+        masters.add_overlap(overlap(9, true));
+        assert_eq!(masters.take_proven().len(), 2, "the second overlap proves the first one, too");
+        assert!(masters.take_undecided().is_empty());
     }
 
     #[test]
-    fn a_master_without_retries_and_a_slow_unit_are_no_second_master() {
-        let mut masters = Masters::default();
+    fn a_master_without_retries_and_a_slow_unit_are_not_two_masters() {
+        let mut masters = MasterEvidence::default();
         for txn in 0..40 {
-            masters.unanswered(false);
-            masters.met(meeting(3 * txn, false));
+            masters.add_timeout(false);
+            masters.add_overlap(overlap(3 * txn, false));
         }
-        assert!(masters.proofs().is_empty());
-        assert_eq!(masters.rest().len(), 40);
+        assert!(masters.take_proven().is_empty());
+        assert_eq!(masters.take_undecided().len(), 40);
     }
 
     #[test]
-    fn a_master_that_asks_again_does_not_go_on() {
-        let mut masters = Masters::default();
+    fn three_overlaps_prove_a_second_master_where_the_first_one_always_retries() {
+        let mut masters = MasterEvidence::default();
         for _ in 0..8 {
-            masters.unanswered(true);
+            masters.add_timeout(true);
         }
-        masters.unanswered(false);
-        (1..=2).for_each(|txn| masters.met(meeting(txn, false)));
-        assert!(masters.proofs().is_empty());
-        masters.met(meeting(3, false));
-        assert_eq!(masters.proofs().len(), 3);
+        masters.add_timeout(false);
+        (1..=2).for_each(|txn| masters.add_overlap(overlap(txn, false)));
+        assert!(masters.take_proven().is_empty());
+        masters.add_overlap(overlap(3, false));
+        assert_eq!(masters.take_proven().len(), 3);
     }
 }

@@ -1,9 +1,10 @@
-//! Requests and responses of one bus joined to transactions.
+//! Joins the requests and responses of one bus to transactions.
 //!
-//! What is here decides about whole frames; where frames begin and who sent them is the framer's and `direction`'s.
-//! Some things show only later (a second master, an answer from the wrong unit): they become notes on earlier frames.
+//! Its input is whole frames; where they begin is decided by the framer, and who sent them by `direction`. Some findings
+//! show only after the row of their frame is written (a second master, a response from the wrong unit): these become
+//! delayed findings.
 
-// An exchange is large and changes hands three times: boxes move, exchanges do not.
+// A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]
 
 use std::collections::VecDeque;
@@ -18,9 +19,9 @@ mod routine;
 mod tempo;
 mod wreck;
 
-pub use exchange::{Exchange, Kept, Seen};
-pub use masters::Meeting;
-pub use tempo::Tempo;
+pub use exchange::{BufferedFrame, ObservedFrame, PendingTransaction};
+pub use masters::FrameLocation;
+pub use tempo::TimingModel;
 
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::finding::Finding;
@@ -29,213 +30,242 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-use answers::{Early, Stray};
-use masters::Masters;
-use past::Past;
-use requests::Copies;
+use answers::{EarlyResponse, UnitMismatch};
+use masters::{MasterEvidence, Overlap};
+use past::History;
+use requests::EchoStatistics;
 
-/// A request is given up after so long at the latest (records.md).
+/// A request is given up after this time at the latest (records.md).
 pub const DEFAULT_TIMEOUT: Ns = 1_000_000_000;
 
-/// Pairing of one bus, or one connection.
+/// Closed transactions whose buffers are kept for new ones.
+const MAX_REUSABLE: usize = 8;
+
+/// The pairing of one bus, or of one connection.
 #[derive(Debug)]
 pub struct Pairing {
-    open: VecDeque<Box<Exchange>>,
-    past: Past,
-    spare: Vec<Box<Exchange>>,
-    /// What was learned of the bus's tempo.
-    pub tempo: Tempo,
-    /// As the user says; learned where `None`.
+    /// Requests that wait for their response, the oldest first. A serial line has one, or two that overlap.
+    open: VecDeque<Box<PendingTransaction>>,
+    history: History,
+    /// Transactions whose rows are written: their buffers are used again.
+    reusable: Vec<Box<PendingTransaction>>,
+    /// Response times and time-outs of the bus.
+    pub timing: TimingModel,
+    /// The time-out of requests that the user has set; learned where `None`.
     timeout: Option<Ns>,
-    copies: Copies,
-    masters: Masters,
-    /// A meeting of two masters that lacks its second answer.
-    halfway: Option<Meeting>,
-    stray: Option<Stray>,
-    /// The first answer since the last pair that nobody had asked for, where the order of two lines is late.
-    early: Option<Early>,
-    /// A request that lacks bytes: if an answer follows, the unit could read it.
-    partial: Option<Box<Exchange>>,
-    /// Units that have answered.
-    present: Box<[bool; 256]>,
-    /// What shows only now of earlier frames.
-    pub notes: Vec<Note>,
-    /// Times that differ by less than twice this are not told apart.
+    echoes: EchoStatistics,
+    masters: MasterEvidence,
+    /// Two overlapping transactions of which the later one has no response yet.
+    half_answered_overlap: Option<Overlap>,
+    /// A response from another unit than the one asked; the next request decides what it was.
+    unit_mismatch: Option<UnitMismatch>,
+    /// The first unexplained response since the last pair, where the order of two lines is uncertain.
+    early_response: Option<EarlyResponse>,
+    /// A request that lacks bytes. A response to it would show that the unit could read it.
+    truncated_request: Option<Box<PendingTransaction>>,
+    /// Units that have responded.
+    answering_units: Box<[bool; 256]>,
+    /// Findings on frames whose rows are written.
+    pub delayed_findings: Vec<DelayedFinding>,
+    /// The step of the clock: a measured time means something from twice this on.
     pub resolution: Ns,
     /// How late the reads of this line come.
-    pub lateness: Ns,
-    /// Frames come in the order of the wire: not so where two lines are read by adapters that hold bytes back.
-    pub ordered: bool,
-    /// The order of requests and answers is guessed: where nothing is seen of an answer, that proves nothing.
-    pub guessed: bool,
+    pub read_lateness: Ns,
+    /// Frames come in the order in which they were on the wire. Not so for two lines whose adapters hold bytes back.
+    pub is_wire_order: bool,
+    /// The order of requests and responses was inferred from their content: that a response is not seen proves nothing.
+    pub order_is_inferred: bool,
     live: bool,
-    /// Whether the side that answers is recorded at all: where it is not, its silence means nothing.
-    pub heard: bool,
+    /// The side that responds is recorded. Where it is not, its silence means nothing.
+    pub response_side_recorded: bool,
     /// Transaction identifiers of the last requests of a connection.
     ids: VecDeque<u16>,
 }
 
-/// What shows later of a frame.
+/// A finding on a frame whose row is already written.
 #[derive(Clone, Copy, Debug)]
-pub struct Note {
-    /// What it is.
+pub struct DelayedFinding {
+    /// The finding.
     pub finding: Finding,
-    /// Where.
-    pub meeting: Meeting,
+    /// The frame that it is about.
+    pub location: FrameLocation,
+    /// The other transaction involved.
+    pub other_txn: u64,
 }
 
-/// What becomes of a frame.
+/// The result of pairing one frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Placed {
-    /// Its transaction.
+pub struct PairingResult {
+    /// The transaction of the frame.
     pub txn: Option<u64>,
-    /// A finding on the pair that shows on this frame.
+    /// A finding on the transaction that belongs to the row of this frame.
     pub finding: Option<Finding>,
-    /// The transaction that the finding's detail refers to.
+    /// The other transaction that the finding's detail names.
     pub other: Option<u64>,
 }
 
 impl Pairing {
-    /// Pairing with this time-out; learned where `None`.
+    /// Pairing with this time-out of requests; it is learned where `None`. `live`: transactions are closed at their
+    /// time-out, not at the next request.
     pub fn new(timeout: Option<Ns>, live: bool) -> Self {
         Self {
             open: VecDeque::new(),
-            past: Past::default(),
-            spare: Vec::new(),
-            tempo: Tempo::default(),
+            history: History::default(),
+            reusable: Vec::new(),
+            timing: TimingModel::default(),
             timeout,
-            copies: Copies::default(),
-            masters: Masters::default(),
-            halfway: None,
-            stray: None,
-            early: None,
-            partial: None,
-            present: Box::new([false; 256]),
-            notes: Vec::new(),
+            echoes: EchoStatistics::default(),
+            masters: MasterEvidence::default(),
+            half_answered_overlap: None,
+            unit_mismatch: None,
+            early_response: None,
+            truncated_request: None,
+            answering_units: Box::new([false; 256]),
+            delayed_findings: Vec::new(),
             resolution: 0,
-            lateness: 0,
-            ordered: true,
-            guessed: false,
+            read_lateness: 0,
+            is_wire_order: true,
+            order_is_inferred: false,
             live,
-            heard: true,
+            response_side_recorded: true,
             ids: VecDeque::new(),
         }
     }
 
-    /// The request that the next frame may answer.
-    pub fn asked(&self) -> Option<Asked<'_>> {
-        self.open.back().map(|exchange| Asked { unit: exchange.unit, pdu: exchange.request.pdu() })
+    /// The request that the next frame may answer: the last open one.
+    pub fn outstanding_request(&self) -> Option<Asked<'_>> {
+        self.open.back().map(|open| Asked { unit: open.unit, pdu: open.request.pdu() })
     }
 
-    /// The answer before, unit and PDU, if its request was a retry.
-    pub fn answer_to_retry(&self) -> Option<(u8, &[u8])> {
-        self.past.answer_to_retry()
+    /// Unit and PDU of the last response, if its request was a retry.
+    pub fn last_response_to_retry(&self) -> Option<(u8, &[u8])> {
+        self.history.last_response_to_retry()
     }
 
-    /// When that request had come.
-    pub fn asked_at(&self) -> Option<Ns> {
+    /// When the outstanding request ended.
+    pub fn outstanding_request_end(&self) -> Option<Ns> {
         self.open.back()?.request.end
     }
 
-    /// The smallest number of a transaction that is not done.
-    pub fn oldest(&self) -> Option<u64> {
-        let stray = self.stray.as_ref().map(|stray| stray.exchange.txn);
-        self.open.iter().map(|exchange| exchange.txn).chain(stray).min()
+    /// The smallest number of a transaction that is not closed: rows with greater numbers have to wait for it.
+    pub fn oldest_open_txn(&self) -> Option<u64> {
+        let mismatch = self.unit_mismatch.as_ref().map(|mismatch| mismatch.transaction.txn);
+        self.open.iter().map(|open| open.txn).chain(mismatch).min()
     }
 
-    /// Bytes are missing from the recording: what is open may have been answered in them.
-    pub fn lost(&mut self) {
-        for exchange in &mut self.open {
-            exchange.blind = true;
+    /// Notes that bytes are missing from the recording here: they may have held the responses to all open requests.
+    pub fn note_missing_bytes(&mut self) {
+        for open in &mut self.open {
+            open.silence_is_inconclusive = true;
         }
     }
 
-    /// Takes back an exchange whose rows were written, to use its buffers again.
-    pub fn recycle(&mut self, exchange: Box<Exchange>) {
-        if self.spare.len() < 8 {
-            self.spare.push(exchange);
+    /// Takes back a transaction whose row is written, to use its buffers again.
+    pub fn recycle(&mut self, transaction: Box<PendingTransaction>) {
+        if self.reusable.len() < MAX_REUSABLE {
+            self.reusable.push(transaction);
         }
     }
 
-    /// Places a frame; `done` gets what it completes.
-    pub fn take(&mut self, functions: &Functions, seen: &Seen<'_>, next_txn: &mut u64, done: &mut Vec<Box<Exchange>>) -> Placed {
-        match (seen.verdict.good(), seen.direction) {
-            (_, _) if seen.verdict == Verdict::Noise => Placed::default(),
-            // Of an answer, no more than that it came may be known; on two lines, not even to what.
-            (false, Direction::Response) if self.ordered => self.damaged(functions, seen, next_txn, done),
-            (_, _) if seen.adu.len() < 2 => Placed::default(),
-            (true, Direction::Request) => self.request(functions, seen, next_txn, done),
-            (true, Direction::Response) => self.response(functions, seen, next_txn, done),
-            (true, Direction::Unknown) => Placed::default(),
-            (false, _) => self.damaged(functions, seen, next_txn, done),
+    /// Pairs one frame; the transactions that it completes are added to `done`. A new transaction takes the number
+    /// `next_txn` and increments it.
+    pub fn add_frame(
+        &mut self,
+        functions: &Functions,
+        frame: &ObservedFrame<'_>,
+        next_txn: &mut u64,
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        match (frame.verdict.good(), frame.direction) {
+            (_, _) if frame.verdict == Verdict::Noise => PairingResult::default(),
+            // A damaged response may lack unit and function: only that it came is known. On two lines whose order is
+            // uncertain, it is not even known which request it followed.
+            (false, Direction::Response) if self.is_wire_order => self.add_damaged(functions, frame, next_txn, done),
+            (_, _) if frame.adu.len() < 2 => PairingResult::default(),
+            (true, Direction::Request) => self.add_request(functions, frame, next_txn, done),
+            (true, Direction::Response) => self.add_response(functions, frame, next_txn, done),
+            (true, Direction::Unknown) => PairingResult::default(),
+            (false, _) => self.add_damaged(functions, frame, next_txn, done),
         }
     }
 
-    fn start(&mut self, seen: &Seen<'_>, next_txn: &mut u64) -> Box<Exchange> {
-        let mut exchange = self.spare.pop().unwrap_or_else(|| Box::new(Exchange::new(seen.mode)));
-        exchange.reset(seen.mode);
-        exchange.txn = *next_txn;
+    /// A transaction with the next number, for this frame; the frame is not filled in yet.
+    fn start(&mut self, frame: &ObservedFrame<'_>, next_txn: &mut u64) -> Box<PendingTransaction> {
+        let mut transaction = self.reusable.pop().unwrap_or_else(|| Box::new(PendingTransaction::new(frame.mode)));
+        transaction.reset(frame.mode);
+        transaction.txn = *next_txn;
         *next_txn += 1;
-        exchange.unit = seen.unit();
-        exchange.function = seen.function();
-        exchange.mbap_id = seen.mbap_id;
-        exchange.origin = seen.origin;
-        exchange
+        transaction.unit = frame.unit();
+        transaction.function = frame.function();
+        transaction.mbap_id = frame.mbap_id;
+        transaction.origin = frame.origin;
+        transaction
     }
 
-    fn close(&mut self, mut exchange: Box<Exchange>, silence: Status, done: &mut Vec<Box<Exchange>>) {
-        let silence = if exchange.blind || !self.heard { Status::NotSeen } else { silence };
-        if exchange.status != Status::BadRequest {
-            exchange.status = if exchange.response.frame != 0 { Status::BadResponse } else { silence };
+    /// Closes a transaction without a good response. `if_silent` is its status if there was no response at all and the
+    /// recording would have shown one.
+    fn close(&mut self, mut transaction: Box<PendingTransaction>, if_silent: Status, done: &mut Vec<Box<PendingTransaction>>) {
+        let silence_proves_nothing = transaction.silence_is_inconclusive || !self.response_side_recorded;
+        let if_silent = if silence_proves_nothing { Status::NotSeen } else { if_silent };
+        if transaction.status != Status::BadRequest {
+            transaction.status = if transaction.response.is_present() { Status::BadResponse } else { if_silent };
         }
-        if exchange.status == Status::BadRequest {
-            self.past.damaged(&exchange);
-        } else if !exchange.silent {
-            self.past.unanswered(&exchange, exchange.status == Status::NoResponse && !exchange.late_seen);
+        let had_no_response = transaction.status == Status::NoResponse;
+        if transaction.status == Status::BadRequest {
+            self.history.add_damaged(&transaction);
+        } else if !transaction.expects_no_response {
+            self.history.add_unanswered(&transaction, had_no_response && !transaction.has_late_response);
         }
-        if exchange.status == Status::NoResponse && !exchange.silent {
-            exchange.findings.push(Finding::NoResponse);
+        if had_no_response && !transaction.expects_no_response {
+            transaction.findings.push(Finding::NoResponse);
         }
-        done.push(exchange);
+        done.push(transaction);
     }
 
-    /// When a request is given up.
-    pub fn patience(&self) -> Ns {
-        self.timeout.unwrap_or_else(|| self.tempo.patience().map_or(DEFAULT_TIMEOUT, |learned| learned.min(DEFAULT_TIMEOUT)))
+    /// How long an open request waits for its response: as the user has set it, or the learned time, or the default.
+    pub fn request_timeout(&self) -> Ns {
+        let learned = || self.timing.request_timeout().map_or(DEFAULT_TIMEOUT, |learned| learned.min(DEFAULT_TIMEOUT));
+        self.timeout.unwrap_or_else(learned)
     }
 
-    /// When the next request is given up.
+    /// When the next open request times out.
     pub fn deadline(&self) -> Option<Ns> {
-        let patience = self.patience();
-        let waiting = self.open.iter().filter(|exchange| !exchange.given_up);
-        waiting.filter_map(|exchange| Some(exchange.request.end? + patience)).min()
+        let timeout = self.request_timeout();
+        let waiting = self.open.iter().filter(|open| !open.is_timed_out);
+        waiting.filter_map(|open| Some(open.request.end? + timeout)).min()
     }
 
-    /// Time has come to `now`: gives up requests whose time-out has passed.
-    pub fn tick(&mut self, now: Ns, done: &mut Vec<Box<Exchange>>) {
+    /// Lets time advance to `now`, so that open requests time out.
+    ///
+    /// A live tap closes them at once. In a recording the transaction waits for the next request, to tell how long the
+    /// master has waited.
+    pub fn advance_time(&mut self, now: Ns, done: &mut Vec<Box<PendingTransaction>>) {
         if self.open.is_empty() {
             return;
         }
-        let patience = self.patience();
-        for exchange in &mut self.open {
-            exchange.given_up |= exchange.request.end.is_some_and(|end| now - end >= patience);
+        let timeout = self.request_timeout();
+        for open in &mut self.open {
+            open.is_timed_out |= open.request.end.is_some_and(|end| now - end >= timeout);
         }
-        // A live tap reports at once; in a recording the row waits for the next request, to tell how long the master waited.
-        while self.live && self.open.front().is_some_and(|exchange| exchange.given_up) {
-            self.settle_stray(None, done);
-            let exchange = self.open.pop_front().expect("checked above");
-            self.close(exchange, Status::NoResponse, done);
+        while self.live && self.open.front().is_some_and(|open| open.is_timed_out) {
+            self.resolve_unit_mismatch(None, done);
+            let transaction = self.open.pop_front().expect("checked above");
+            self.close(transaction, Status::NoResponse, done);
         }
     }
 
-    /// The recording is over.
-    pub fn finish(&mut self, done: &mut Vec<Box<Exchange>>) {
-        self.settle_stray(None, done);
-        while let Some(exchange) = self.open.pop_front() {
-            let status = if exchange.given_up { Status::NoResponse } else { Status::NotSeen };
-            self.close(exchange, status, done);
+    /// Closes everything at the end of the recording. Overlaps without proof of two masters are late responses.
+    pub fn finish(&mut self, done: &mut Vec<Box<PendingTransaction>>) {
+        self.resolve_unit_mismatch(None, done);
+        while let Some(transaction) = self.open.pop_front() {
+            let status = if transaction.is_timed_out { Status::NoResponse } else { Status::NotSeen };
+            self.close(transaction, status, done);
         }
-        let rest = self.masters.rest().into_iter().filter(|meeting| !meeting.clear);
-        self.notes.extend(rest.map(|meeting| Note { finding: Finding::LateResponse, meeting }));
+        let unproven = self.masters.take_undecided().into_iter().filter(|overlap| !overlap.timeout_excluded);
+        self.delayed_findings.extend(unproven.map(|overlap| DelayedFinding {
+            finding: Finding::LateResponse,
+            location: overlap.response,
+            other_txn: overlap.later_txn,
+        }));
     }
 }

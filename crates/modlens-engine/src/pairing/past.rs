@@ -1,202 +1,229 @@
-//! What pairing remembers of transactions that are closed.
+//! What pairing remembers of closed transactions: to recognise retries, late responses and responses sent twice.
 
 use std::collections::VecDeque;
 
-use crate::pairing::wreck::Wreck;
-use crate::pairing::{Exchange, Seen};
+use crate::pairing::wreck::DamagedRequest;
+use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::direction::{answers, Asked, Match};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-/// Unanswered requests that a late answer may still belong to.
-const REMEMBERED: usize = 16;
+/// Unanswered requests that a late response may still belong to.
+const MAX_UNANSWERED_REQUESTS: usize = 16;
 
-/// An answer later than so many transactions belongs to none of them.
-const LATE_BY: u64 = 4;
+/// A late response belongs to a request at most so many transactions back.
+const MAX_TRANSACTIONS_LATE: u64 = 4;
 
-/// Shares before anything was seen: answers sent twice, and answered retries behind which an old answer comes that is
-/// another one.
-const FIRST_DUPLICATES: f32 = 0.001;
-const FIRST_LATES: f32 = 0.1;
+/// Prior share of responses that are sent twice.
+const PRIOR_DUPLICATE_RATE: f32 = 0.001;
 
-/// Which of the two a second answer behind a retry is, is said where one is so many times as likely as the other.
-const CLEARLY: f32 = 3.0;
+/// Prior share of answered retries behind which the response to the first request still comes, with other content.
+const PRIOR_LATE_RATE: f32 = 0.1;
 
-/// Each byte of a late answer may have changed by the time of the next one.
-const SAME_BYTE: f32 = 0.97;
+/// A second response to a retry is called late, or a duplicate, only if that is so many times as likely as the other.
+const DECISIVE_RATIO: f32 = 3.0;
 
-/// Observations that a prior is worth.
-const PRIOR_WEIGHT: f32 = 4.0;
+/// Probability that a byte of a response is the same in the next response to the same request.
+const UNCHANGED_BYTE_PROBABILITY: f32 = 0.97;
 
-/// A request, in short.
+/// Observations that a prior weighs as much as.
+const PRIOR_OBSERVATIONS: f32 = 4.0;
+
+/// A request of the past.
 #[derive(Clone, Debug)]
-pub(super) struct Request {
+pub(super) struct PastRequest {
     pub txn: u64,
     pub unit: u8,
     pub pdu: Vec<u8>,
+    /// End of its last character.
     pub end: Option<Ns>,
-    /// What came of it, if that was not all, or not right.
-    wreck: Option<Wreck>,
+    /// Its bytes, if it arrived damaged.
+    damaged: Option<DamagedRequest>,
 }
 
-impl Request {
-    pub(super) fn of(exchange: &Exchange) -> Self {
-        let (txn, unit, end) = (exchange.txn, exchange.unit, exchange.request.end);
-        Self { txn, unit, end, pdu: exchange.request.pdu().to_vec(), wreck: None }
+impl PastRequest {
+    pub(super) fn of(transaction: &PendingTransaction) -> Self {
+        let (txn, unit, end) = (transaction.txn, transaction.unit, transaction.request.end);
+        Self { txn, unit, end, pdu: transaction.request.pdu().to_vec(), damaged: None }
     }
 
-    pub(super) fn is(&self, seen: &Seen<'_>) -> bool {
-        match &self.wreck {
-            Some(wreck) => wreck.is_of(seen.wire),
-            None => self.unit == seen.unit() && self.pdu == seen.pdu(),
+    /// Whether the frame is the same request once more.
+    pub(super) fn is_repeated_by(&self, frame: &ObservedFrame<'_>) -> bool {
+        match &self.damaged {
+            Some(damaged) => damaged.may_have_been(frame.wire),
+            None => self.unit == frame.unit() && self.pdu == frame.pdu(),
         }
     }
 
-    fn answered_by(&self, functions: &Functions, seen: &Seen<'_>) -> bool {
-        answers(functions, Asked { unit: self.unit, pdu: &self.pdu }, seen.unit(), seen.pdu()) == Match::Fully
+    fn is_answered_by(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> bool {
+        answers(functions, Asked { unit: self.unit, pdu: &self.pdu }, frame.unit(), frame.pdu()) == Match::Fully
     }
 }
 
-/// How often something happened where it could.
+/// The response to the last request that was answered.
+#[derive(Debug)]
+struct LastResponse {
+    unit: u8,
+    pdu: Vec<u8>,
+    /// The request was a retry, so that the response to the first request may still come.
+    is_to_retry: bool,
+}
+
+/// How often something happened, of the occasions on which it could have.
 #[derive(Clone, Copy, Debug, Default)]
 struct Share {
-    times: f32,
-    of: f32,
+    events: f32,
+    occasions: f32,
 }
 
 impl Share {
-    fn rate(self, first: f32) -> f32 {
-        (self.times + PRIOR_WEIGHT * first) / (self.of + PRIOR_WEIGHT)
+    fn estimate(self, prior: f32) -> f32 {
+        (self.events + PRIOR_OBSERVATIONS * prior) / (self.occasions + PRIOR_OBSERVATIONS)
     }
 }
 
-/// What is remembered.
+/// The closed transactions, as far as later frames may refer to them.
 #[derive(Debug, Default)]
-pub(super) struct Past {
-    /// Requests without an answer.
-    unanswered: VecDeque<Request>,
-    /// Those that the next request may repeat.
-    failed: Vec<Request>,
-    /// The last request that was answered, its answer, and whether it was a retry.
-    last: Option<(u8, Vec<u8>, bool)>,
-    /// The last request, if it was a broadcast that was heard once.
-    pub broadcast: Option<Request>,
+pub(super) struct History {
+    /// Requests without any response, the oldest first.
+    unanswered: VecDeque<PastRequest>,
+    /// Requests without a good response, one of which the next request may repeat.
+    retry_candidates: Vec<PastRequest>,
+    last_response: Option<LastResponse>,
+    /// The last request, if it was a broadcast and its echo was not seen yet.
+    pub last_broadcast: Option<PastRequest>,
+    /// Responses that were sent twice.
     duplicates: Share,
-    lates: Share,
-    /// Requests are missing from the recording before this transaction.
+    /// Answered retries that were followed by the response to the first request.
+    late_after_retry: Share,
+    /// Before the transaction of this number, requests are missing from the recording.
     missing_before: u64,
 }
 
-/// What an answer is that nobody waits for.
-pub(super) enum Again {
-    /// The answer before, once more.
+/// What a response is for which no request is open.
+pub(super) enum UnexpectedResponse {
+    /// The previous response, sent twice.
     Duplicate,
-    /// The answer to this request, too late.
-    Late(Request),
-    /// One of the two.
-    Unclear,
-    /// Neither.
-    No,
+    /// The late response to this request.
+    Late(PastRequest),
+    /// Either a duplicate or a late response; the evidence does not tell which.
+    Ambiguous,
+    /// Nothing that is remembered explains it.
+    Unexplained,
 }
 
-impl Past {
-    /// A request had no good answer; `silence`: none at all.
-    pub(super) fn unanswered(&mut self, exchange: &Exchange, silence: bool) {
-        let request = Request::of(exchange);
-        if silence {
-            if self.unanswered.len() == REMEMBERED {
+impl History {
+    /// Remembers a request without a good response; `was_silent` if there was none at all.
+    pub(super) fn add_unanswered(&mut self, transaction: &PendingTransaction, was_silent: bool) {
+        let request = PastRequest::of(transaction);
+        if was_silent {
+            if self.unanswered.len() == MAX_UNANSWERED_REQUESTS {
                 self.unanswered.pop_front();
             }
             self.unanswered.push_back(request.clone());
         }
-        self.failed.push(request);
+        self.retry_candidates.push(request);
     }
 
-    /// A request that arrived damaged was not answered.
-    pub(super) fn damaged(&mut self, exchange: &Exchange) {
-        let wreck = Some(Wreck::of(&exchange.request.wire));
-        self.failed.push(Request { wreck, ..Request::of(exchange) });
+    /// Remembers a request that arrived damaged and was not answered.
+    pub(super) fn add_damaged(&mut self, transaction: &PendingTransaction) {
+        let damaged = Some(DamagedRequest::of(&transaction.request.wire));
+        self.retry_candidates.push(PastRequest { damaged, ..PastRequest::of(transaction) });
     }
 
-    /// The unanswered request that this one repeats. Only the next request is asked for.
-    pub(super) fn repeated(&mut self, seen: &Seen<'_>) -> Option<Request> {
-        let at = self.failed.iter().position(|request| request.is(seen));
-        let found = at.map(|at| self.failed.swap_remove(at));
-        self.failed.clear();
+    /// The unanswered request that this frame repeats, if any. Only the next request counts as a retry, so all
+    /// candidates are forgotten.
+    pub(super) fn take_repeated(&mut self, frame: &ObservedFrame<'_>) -> Option<PastRequest> {
+        let at = self.retry_candidates.iter().position(|request| request.is_repeated_by(frame));
+        let found = at.map(|at| self.retry_candidates.swap_remove(at));
+        self.retry_candidates.clear();
         found
     }
 
-    pub(super) fn answered(&mut self, exchange: &Exchange, seen: &Seen<'_>) {
-        let retry = exchange.retry_of.is_some();
-        self.duplicates.of += 1.0;
-        self.lates.of += f32::from(u8::from(retry));
-        self.keep(seen.unit(), seen.pdu(), retry);
+    /// Remembers the response to a request.
+    pub(super) fn add_answered(&mut self, transaction: &PendingTransaction, frame: &ObservedFrame<'_>) {
+        let is_to_retry = transaction.retry_of.is_some();
+        self.duplicates.occasions += 1.0;
+        self.late_after_retry.occasions += f32::from(u8::from(is_to_retry));
+        self.set_last_response(frame.unit(), frame.pdu(), is_to_retry);
     }
 
-    /// The same of a request that is no retry, but for the answer itself.
+    /// Counts an answered request on the fast path, which is no retry. Its response is set by `sync_after_batch`.
     #[inline]
-    pub(super) fn answered_again(&mut self) {
-        self.duplicates.of += 1.0;
+    pub(super) fn count_answered(&mut self) {
+        self.duplicates.occasions += 1.0;
     }
 
-    /// The answer to such a request.
-    pub(super) fn resume(&mut self, unit: u8, pdu: &[u8]) {
-        self.keep(unit, pdu, false);
+    /// Sets the last response after a run of the fast path.
+    pub(super) fn sync_after_batch(&mut self, unit: u8, pdu: &[u8]) {
+        self.set_last_response(unit, pdu, false);
     }
 
-    fn keep(&mut self, unit: u8, pdu: &[u8], retry: bool) {
-        let (known, bytes, again) = self.last.get_or_insert_with(|| (unit, Vec::new(), retry));
-        (*known, *again) = (unit, retry);
-        bytes.clear();
-        bytes.extend_from_slice(pdu);
+    fn set_last_response(&mut self, unit: u8, pdu: &[u8], is_to_retry: bool) {
+        let last = self.last_response.get_or_insert_with(|| LastResponse { unit, pdu: Vec::new(), is_to_retry });
+        (last.unit, last.is_to_retry) = (unit, is_to_retry);
+        last.pdu.clear();
+        last.pdu.extend_from_slice(pdu);
     }
 
-    /// The answer before, if its request was a retry.
-    pub(super) fn answer_to_retry(&self) -> Option<(u8, &[u8])> {
-        self.last.as_ref().filter(|(_, _, retry)| *retry).map(|(unit, pdu, _)| (*unit, &pdu[..]))
+    /// Unit and PDU of the last response, if its request was a retry.
+    pub(super) fn last_response_to_retry(&self) -> Option<(u8, &[u8])> {
+        self.last_response.as_ref().filter(|last| last.is_to_retry).map(|last| (last.unit, &last.pdu[..]))
     }
 
-    /// Requests are missing before this transaction: an answer behind it may be to one of them.
-    pub(super) fn lacks_requests(&mut self, txn: u64) {
-        self.missing_before = txn;
+    /// Notes that requests before this transaction are missing: a response behind it may belong to one of them.
+    pub(super) fn note_missing_requests(&mut self, before: u64) {
+        self.missing_before = before;
     }
 
-    /// Whether all requests behind that of this transaction are known.
-    pub(super) fn knows_all_since(&self, txn: u64) -> bool {
+    /// Whether the recording lacks no request from this transaction on.
+    pub(super) fn is_complete_since(&self, txn: u64) -> bool {
         txn >= self.missing_before
     }
 
-    /// Whether no request could be a retry, or the echo of a broadcast.
-    pub(super) fn idle(&self) -> bool {
-        self.failed.is_empty() && self.broadcast.is_none()
+    /// Whether the next request can be neither a retry nor the echo of a broadcast.
+    pub(super) fn is_idle(&self) -> bool {
+        self.retry_candidates.is_empty() && self.last_broadcast.is_none()
     }
 
-    /// The next request may or may not be one again.
-    pub(super) fn forget_failed(&mut self) {
-        self.failed.clear();
+    /// Forgets the requests that the next one may repeat: it cannot be told whether it is a retry.
+    pub(super) fn clear_retry_candidates(&mut self) {
+        self.retry_candidates.clear();
     }
 
-    /// What an answer is that nobody waits for. `idle`: no request came since the last answer.
-    pub(super) fn again(&mut self, functions: &Functions, seen: &Seen<'_>, txn: u64, idle: bool) -> Again {
-        let last = self.last.as_ref().filter(|(unit, pdu, _)| idle && *unit == seen.unit() && pdu == seen.pdu());
-        let recent = |old: &Request| old.txn + LATE_BY >= txn && self.knows_all_since(old.txn);
-        let fits = |old: &Request| recent(old) && old.answered_by(functions, seen);
-        let late = self.unanswered.iter().rposition(fits);
-        let same = SAME_BYTE.powi(seen.pdu().len() as i32);
-        let late_again = self.lates.rate(FIRST_LATES) * same / (1.0 - same);
-        let duplicate = self.duplicates.rate(FIRST_DUPLICATES);
-        match (last, late) {
-            (Some((_, _, false)), _) | (Some(_), None) => {
-                self.duplicates.times += 1.0;
-                Again::Duplicate
+    /// Classifies a response for which no request is open. `txn` is the number it would get as a transaction of its own;
+    /// `no_request_since`: no request came since the last response.
+    ///
+    /// The same content as the last response makes it a duplicate, unless that response went to a retry: then it may as
+    /// well be the late response to the first request, which by chance has the same content. The longer the response,
+    /// the less likely that is.
+    pub(super) fn classify_unexpected(
+        &mut self,
+        functions: &Functions,
+        frame: &ObservedFrame<'_>,
+        txn: u64,
+        no_request_since: bool,
+    ) -> UnexpectedResponse {
+        let is_same = |last: &&LastResponse| no_request_since && last.unit == frame.unit() && last.pdu == frame.pdu();
+        let same_as_last = self.last_response.as_ref().filter(is_same).map(|last| last.is_to_retry);
+        let is_recent = |old: &PastRequest| old.txn + MAX_TRANSACTIONS_LATE >= txn && self.is_complete_since(old.txn);
+        let fits = |old: &PastRequest| is_recent(old) && old.is_answered_by(functions, frame);
+        let late_for = self.unanswered.iter().rposition(fits);
+        let unchanged = UNCHANGED_BYTE_PROBABILITY.powi(frame.pdu().len() as i32);
+        let late_unchanged = self.late_after_retry.estimate(PRIOR_LATE_RATE) * unchanged / (1.0 - unchanged);
+        let duplicate = self.duplicates.estimate(PRIOR_DUPLICATE_RATE);
+        match (same_as_last, late_for) {
+            (Some(false), _) | (Some(_), None) => {
+                self.duplicates.events += 1.0;
+                UnexpectedResponse::Duplicate
             }
-            (Some(_), Some(_)) if duplicate > CLEARLY * late_again => Again::Duplicate,
-            (Some(_), Some(_)) if late_again < CLEARLY * duplicate => Again::Unclear,
-            (last, Some(at)) => {
-                self.lates.times += f32::from(u8::from(last.is_none()));
-                self.unanswered.remove(at).map_or(Again::No, Again::Late)
+            (Some(_), Some(_)) if duplicate > DECISIVE_RATIO * late_unchanged => UnexpectedResponse::Duplicate,
+            (Some(_), Some(_)) if late_unchanged < DECISIVE_RATIO * duplicate => UnexpectedResponse::Ambiguous,
+            (same_as_last, Some(at)) => {
+                self.late_after_retry.events += f32::from(u8::from(same_as_last.is_none()));
+                self.unanswered.remove(at).map_or(UnexpectedResponse::Unexplained, UnexpectedResponse::Late)
             }
-            (None, None) => Again::No,
+            (None, None) => UnexpectedResponse::Unexplained,
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Requests: new ones, repeated ones, heard ones, and those that come inside another one's exchange.
+//! Pairing of a request: new, repeated, echoed by the adapter, or sent while another one still waits for its response.
 
-use crate::pairing::exchange::Inside;
-use crate::pairing::past::Request;
-use crate::pairing::wreck::Wreck;
-use crate::pairing::{Exchange, Pairing, Placed, Seen};
+use crate::pairing::exchange::OverlappingRequest;
+use crate::pairing::past::PastRequest;
+use crate::pairing::wreck::DamagedRequest;
+use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::BROADCAST;
@@ -12,317 +12,355 @@ use modlens_protocol::functions::{Functions, Layout, Operation};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// No master gives up so soon, as long as it has not shown otherwise (serial line specification, 2.4.1: one second is
-/// typical).
-const NO_TIMEOUT: Ns = 50_000_000;
+/// No master gives up sooner than this, as long as it has not shown its time-out (serial line specification, 2.4.1: one
+/// second is typical).
+const MIN_MASTER_TIMEOUT_NS: Ns = 50_000_000;
 
-/// A master that is known does not give up before this share of its time-out: clocks are late by so much at most.
-const SOONEST: f64 = 0.4;
+/// A master whose time-out is known never gives up before this share of it: recorded times are late by at most the rest.
+const MIN_TIMEOUT_FRACTION: f64 = 0.4;
 
-/// The echo of an adapter that hears itself comes within this time: it is the adapter's own delay.
-const MOST_ECHO: Ns = 3_000_000;
+/// The echo of an adapter that receives its own transmission comes within this time: the adapter's own delay.
+const MAX_ECHO_DELAY_NS: Ns = 3_000_000;
 
-/// A line is one with echo if more than this share of requests is heard twice, and one without if less than that is.
-const ECHO_SHARE: f32 = 0.65;
-const NO_ECHO_SHARE: f32 = 0.5;
+/// A line has echo if more than this share of its requests appears twice, and has none if the share is below the other.
+const MIN_SHARE_WITH_ECHO: f32 = 0.65;
+const MAX_SHARE_WITHOUT_ECHO: f32 = 0.5;
 
-/// What is thought of that share at first, and how fast it is learned later.
-const FIRST_COPIES: f32 = 0.1;
-const COPY_RATE: f32 = 0.05;
+/// The share of requests that appear twice: the prior, and the weight of the newest request once many were seen.
+const PRIOR_ECHO_SHARE: f32 = 0.1;
+const ECHO_LEARNING_RATE: f32 = 0.05;
 
-/// A share so small is none: what is added to it leaves nothing of it.
-const NEARLY_NONE: f32 = 1e-12;
+/// A smaller share is set to 0: arithmetic on denormal numbers takes a processor a hundred times as long.
+const MIN_NORMAL_SHARE: f32 = 1e-12;
 
-/// Requests that may be open at once; a serial line has one, a TCP connection as many as it has transaction ids.
-const OPEN_LIMIT: usize = 1024;
+/// Requests that may be open at once on a TCP connection. A serial line has one or two.
+const MAX_OPEN_REQUESTS: usize = 1024;
 
-/// Transaction identifiers of requests that a late answer may carry.
-const IDS: usize = 64;
+/// Transaction identifiers that are remembered, to tell whether a response carries one that was ever requested with.
+const MAX_REMEMBERED_IDS: usize = 64;
 
-/// Whether this line's requests are heard twice.
+/// Estimates the share of requests that appear twice in a row on this line.
+///
+/// If the adapter echoes its own transmissions, it is close to 1; if the master merely retries after time-outs, it is far
+/// lower. Requests whose response is identical to the request are not counted.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Copies {
-    /// Share of requests heard twice.
+pub(super) struct EchoStatistics {
+    /// The share, without the last request.
     share: f32,
-    seen: f32,
-    /// Whether the last request was.
-    twice: Option<bool>,
+    requests: f32,
+    /// Whether the last request has appeared twice by now; `None` before the first one.
+    last_appeared_twice: Option<bool>,
 }
 
-impl Default for Copies {
+impl Default for EchoStatistics {
     fn default() -> Self {
-        Self { share: FIRST_COPIES, seen: 1.0, twice: None }
+        Self { share: PRIOR_ECHO_SHARE, requests: 1.0, last_appeared_twice: None }
     }
 }
 
-impl Copies {
-    /// A new request: the one before will not be heard again.
+impl EchoStatistics {
+    /// Counts a new request. The one before it is final now: it will not appear again.
     #[inline]
-    pub(super) fn next(&mut self) {
-        let share = self.with_last();
-        // Numbers that are nearly nothing take a processor a hundred times as long.
-        self.share = if share < NEARLY_NONE { 0.0 } else { share };
-        self.seen += f32::from(u8::from(self.twice.is_some()));
-        self.twice = Some(false);
+    pub(super) fn add_request(&mut self) {
+        let share = self.share_with_last();
+        self.share = if share < MIN_NORMAL_SHARE { 0.0 } else { share };
+        self.requests += f32::from(u8::from(self.last_appeared_twice.is_some()));
+        self.last_appeared_twice = Some(false);
     }
 
-    fn with_last(self) -> f32 {
-        let last = self.twice.map_or(self.share, |twice| f32::from(u8::from(twice)));
-        // A division for every request would be felt.
-        let rate = if self.seen >= 1.0 / COPY_RATE { COPY_RATE } else { (1.0 / (self.seen + 1.0)).max(COPY_RATE) };
+    /// The share, the last request included as it is now: a plain mean at first, a running mean later.
+    fn share_with_last(self) -> f32 {
+        let last = self.last_appeared_twice.map_or(self.share, |twice| f32::from(u8::from(twice)));
+        // A division for every request would be measurable, so there is none once the rate is constant.
+        let is_constant = self.requests >= 1.0 / ECHO_LEARNING_RATE;
+        let rate = if is_constant { ECHO_LEARNING_RATE } else { (1.0 / (self.requests + 1.0)).max(ECHO_LEARNING_RATE) };
         self.share + (last - self.share) * rate
     }
 
-    /// `None` where the line may be either.
-    fn echo(self) -> Option<bool> {
-        let share = self.with_last();
-        (share > ECHO_SHARE).then_some(true).or((share < NO_ECHO_SHARE).then_some(false))
+    /// Whether the line has echo; `None` while that is undecided.
+    fn has_echo(self) -> Option<bool> {
+        let share = self.share_with_last();
+        (share > MIN_SHARE_WITH_ECHO).then_some(true).or((share < MAX_SHARE_WITHOUT_ECHO).then_some(false))
     }
 }
 
-/// What the same request is that comes again before any answer.
-enum Same {
-    /// The tap's adapter heard itself: the transaction is this one.
+/// What a request is in relation to the one before it.
+enum SameRequest {
+    /// The adapter's echo of the request of this transaction.
     Echo(u64),
-    /// Either that, or the master asks again.
-    Unclear,
-    /// The master asks again, or it is another request.
-    No,
+    /// The same request again: either the echo or a retry, the evidence does not tell which.
+    Ambiguous,
+    /// A retry, or a different request.
+    New,
 }
 
 impl Pairing {
-    pub(super) fn request(
+    /// Pairs a good request: closes the requests that it supersedes and opens a transaction for it, unless it is the echo
+    /// of the open one.
+    pub(super) fn add_request(
         &mut self,
         functions: &Functions,
-        seen: &Seen<'_>,
+        frame: &ObservedFrame<'_>,
         next_txn: &mut u64,
-        done: &mut Vec<Box<Exchange>>,
-    ) -> Placed {
-        let partial = self.partial.take();
-        let same = self.same_again(functions, seen);
-        if let Same::Echo(txn) = same {
-            return Placed { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        let truncated = self.truncated_request.take();
+        let same = self.compare_with_open(functions, frame);
+        if let SameRequest::Echo(txn) = same {
+            return PairingResult { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
         }
-        self.settle_stray(Some(seen), done);
-        if self.early.is_some() {
-            self.learn_skew(functions, seen);
+        self.resolve_unit_mismatch(Some(frame), done);
+        if self.early_response.is_some() {
+            self.learn_skew(functions, frame);
         }
-        let inside = self.make_room(functions, seen, done);
-        if matches!(same, Same::Unclear) {
-            self.past.forget_failed();
+        let overlap = self.close_superseded(functions, frame, done);
+        if matches!(same, SameRequest::Ambiguous) {
+            self.history.clear_retry_candidates();
         }
-        if let Some(partial) = partial.filter(|partial| self.begins(partial, seen)) {
-            self.open_partial(partial, next_txn);
-            self.give_up_oldest(functions, seen, done);
+        if let Some(truncated) = truncated.filter(|truncated| self.is_retry_of_truncated(truncated, frame)) {
+            self.open_truncated(truncated, next_txn);
+            self.close_oldest(functions, frame, done);
         }
-        let mut exchange = self.start(seen, next_txn);
-        exchange.request.fill(seen);
-        exchange.findings.extend_from_slice(seen.codes);
-        exchange.gap = seen.gap;
-        let txn = exchange.txn;
-        if let (Some(clear), Some(first)) = (inside, self.open.back_mut()) {
-            first.waited = first.waited.or(seen.start.zip(first.request.end).map(|(next, end)| next - end));
-            first.inside = Some(Inside { txn, clear, answered: false });
+        let mut transaction = self.start(frame, next_txn);
+        transaction.request.fill(frame);
+        transaction.findings.extend_from_slice(frame.codes);
+        transaction.gap = frame.gap;
+        let txn = transaction.txn;
+        if let (Some(timeout_excluded), Some(open)) = (overlap, self.open.back_mut()) {
+            open.waited = open.waited.or(interval(open.request.end, frame.start));
+            open.overlap = Some(OverlappingRequest { txn, timeout_excluded, is_answered: false });
         }
-        let mut placed = Placed { txn: Some(txn), ..Placed::default() };
-        if let Some(before) = self.past.repeated(seen) {
-            exchange.retry_of = Some(before.txn);
-            exchange.findings.push(Finding::Retry);
-            placed.finding = Some(Finding::Retry);
-            placed.other = Some(before.txn);
+        let mut result = PairingResult { txn: Some(txn), ..PairingResult::default() };
+        if let Some(repeated) = self.history.take_repeated(frame) {
+            transaction.retry_of = Some(repeated.txn);
+            transaction.findings.push(Finding::Retry);
+            result.finding = Some(Finding::Retry);
+            result.other = Some(repeated.txn);
         }
-        self.past.broadcast = None;
-        if exchange.unit == BROADCAST && seen.mode != Mode::Tcp {
-            exchange.status = Status::Broadcast;
-            self.past.broadcast = Some(Request::of(&exchange));
-            let row = functions.row(exchange.function, exchange.request.pdu().get(1..).unwrap_or(&[]));
-            if row.is_some_and(|row| row.operation == Operation::Read) {
-                exchange.findings.push(Finding::BroadcastRead);
-                placed.finding = Some(Finding::BroadcastRead);
+        self.history.last_broadcast = None;
+        if transaction.unit == BROADCAST && frame.mode != Mode::Tcp {
+            transaction.status = Status::Broadcast;
+            self.history.last_broadcast = Some(PastRequest::of(&transaction));
+            if is_read(functions, &transaction) {
+                transaction.findings.push(Finding::BroadcastRead);
+                result.finding = Some(Finding::BroadcastRead);
             }
-            done.push(exchange);
+            done.push(transaction);
         } else {
-            exchange.silent = silent(functions, &exchange);
-            self.open.push_back(exchange);
+            transaction.expects_no_response = has_no_response(functions, &transaction);
+            self.open.push_back(transaction);
         }
-        placed
+        result
     }
 
-    /// Gives up what this request shows to be given up. A request that waits on is inside another one's exchange:
-    /// whether the clock says so.
-    fn make_room(&mut self, functions: &Functions, seen: &Seen<'_>, done: &mut Vec<Box<Exchange>>) -> Option<bool> {
-        if seen.mode == Mode::Tcp {
-            if let Some(id) = seen.mbap_id {
+    /// Closes the open requests for which, after this request, no response can come in time any more.
+    ///
+    /// `Some` if the last open one stays open because the new request overlaps it; see `overlaps`.
+    fn close_superseded(
+        &mut self,
+        functions: &Functions,
+        frame: &ObservedFrame<'_>,
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> Option<bool> {
+        if frame.mode == Mode::Tcp {
+            if let Some(id) = frame.mbap_id {
                 self.remember_id(id);
             }
-            while self.open.len() >= OPEN_LIMIT || self.open.front().is_some_and(|open| open.given_up) {
-                self.give_up_oldest(functions, seen, done);
+            while self.open.len() >= MAX_OPEN_REQUESTS || self.open.front().is_some_and(|open| open.is_timed_out) {
+                self.close_oldest(functions, frame, done);
             }
             return None;
         }
         while self.open.len() > 1 {
-            self.give_up_oldest(functions, seen, done);
+            self.close_oldest(functions, frame, done);
         }
-        let inside = self.open.back().and_then(|open| self.meets(open, seen));
-        if inside.is_none() && !self.open.is_empty() {
-            self.give_up_oldest(functions, seen, done);
+        let overlap = self.open.back().and_then(|open| self.overlaps(open, frame));
+        if overlap.is_none() && !self.open.is_empty() {
+            self.close_oldest(functions, frame, done);
         }
-        inside
+        overlap
     }
 
     pub(super) fn remember_id(&mut self, id: u16) {
-        if self.ids.len() == IDS {
+        if self.ids.len() == MAX_REMEMBERED_IDS {
             self.ids.pop_front();
         }
         self.ids.push_back(id);
     }
 
-    /// Whether this request does not end the wait of the open one: it may come from another master. `Some(true)` if the
-    /// clock says so.
-    fn meets(&self, open: &Exchange, seen: &Seen<'_>) -> Option<bool> {
-        let waits = open.status != Status::BadRequest && !open.silent && !open.given_up && open.response.frame == 0;
-        if open.unit == seen.unit() || !waits || seen.unit() == BROADCAST {
+    /// Whether a request to another unit leaves the open one waiting for its response, since a second master may have sent
+    /// it. `None` if it does not; else whether the clock excludes that one master gave up on the open request.
+    fn overlaps(&self, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> Option<bool> {
+        let has_no_answer_yet = !open.is_timed_out && !open.response.is_present();
+        let waits = open.status != Status::BadRequest && !open.expects_no_response && has_no_answer_yet;
+        if open.unit == frame.unit() || !waits || frame.unit() == BROADCAST {
             return None;
         }
-        match seen.start.zip(open.request.end) {
-            Some((start, end)) => self.too_soon(start - end).then_some(true),
-            None => open.inside.is_none().then_some(false),
+        match interval(open.request.end, frame.start) {
+            Some(waited) => self.is_before_timeout(waited).then_some(true),
+            None => open.overlap.is_none().then_some(false),
         }
     }
 
-    /// Whether a master that waited so long for an answer cannot have given up.
-    pub(super) fn too_soon(&self, waited: Ns) -> bool {
-        let limit = self.tempo.master_waits().map_or(NO_TIMEOUT, |waits| (waits as f64 * SOONEST) as Ns);
-        waited < limit
+    /// Whether a master that has waited so long for a response cannot have given up yet.
+    pub(super) fn is_before_timeout(&self, waited: Ns) -> bool {
+        let learned = self.timing.master_timeout().map(|timeout| (timeout as f64 * MIN_TIMEOUT_FRACTION) as Ns);
+        waited < learned.unwrap_or(MIN_MASTER_TIMEOUT_NS)
     }
 
-    /// What a request is to the one before, if it is the same: echoes come much sooner than any master asks again.
-    fn same_again(&mut self, functions: &Functions, seen: &Seen<'_>) -> Same {
-        if seen.mode == Mode::Tcp {
-            return Same::No;
+    /// Whether a request is the adapter's echo of the one before it: an echo comes much sooner than any retry.
+    fn compare_with_open(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> SameRequest {
+        if frame.mode == Mode::Tcp {
+            return SameRequest::New;
         }
-        if seen.unit() == BROADCAST {
-            let before = self.past.broadcast.take().filter(|before| before.is(seen));
-            return before.map_or(Same::No, |before| self.echo_or_retry(seen, before.end, before.txn));
+        if frame.unit() == BROADCAST {
+            let before = self.history.last_broadcast.take().filter(|before| before.is_repeated_by(frame));
+            return before.map_or(SameRequest::New, |before| self.echo_or_retry(frame, before.end, before.txn));
         }
-        let open = self.open.back();
-        let same = open.filter(|open| open.unit == seen.unit() && open.request.pdu() == seen.pdu() && !open.echoed);
-        let same = same.map(|open| (open.request.end, open.txn));
-        if !echoes_whole(functions, seen.pdu()) {
-            // Of each request in turn: was it heard twice? On a line with time-outs some are, on one with echo all.
+        let is_same = |open: &PendingTransaction| open.unit == frame.unit() && open.request.pdu() == frame.pdu();
+        let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen);
+        let same = open.map(|open| (open.request.end, open.txn));
+        if !mirrors_request(functions, frame.pdu()) {
             if same.is_some() {
-                self.copies.twice = Some(true);
+                self.echoes.last_appeared_twice = Some(true);
             } else {
-                self.copies.next();
+                self.echoes.add_request();
             }
         }
-        let Some((end, txn)) = same else { return Same::No };
-        let same = self.echo_or_retry(seen, end, txn);
+        let Some((end, txn)) = same else { return SameRequest::New };
+        let same = self.echo_or_retry(frame, end, txn);
         let open = self.open.back_mut().expect("found above");
         match same {
-            Same::Echo(_) => {
-                open.echoed = true;
+            SameRequest::Echo(_) => {
+                open.echo_seen = true;
                 open.findings.push(Finding::LocalEcho);
-                // The answer's time counts from the last byte of the request, whoever sent it.
-                open.request.end = seen.end.or(open.request.end);
+                // The response time counts from the last byte of the request, whichever copy of it that is.
+                open.request.end = frame.end.or(open.request.end);
             }
-            // It may have no answer because it is one request with the next.
-            Same::Unclear => open.blind = true,
-            Same::No => {}
+            SameRequest::Ambiguous => open.silence_is_inconclusive = true,
+            SameRequest::New => {}
         }
         same
     }
 
-    /// By the clock, as far as it can tell; else by the way of this line.
-    fn echo_or_retry(&self, seen: &Seen<'_>, end: Option<Ns>, txn: u64) -> Same {
-        let pause = seen.start.zip(end).map(|(start, end)| start - end);
-        match (pause, self.copies.echo()) {
-            (Some(pause), _) if pause < MOST_ECHO && self.lateness <= MOST_ECHO => Same::Echo(txn),
-            (Some(pause), Some(true)) if pause < NO_TIMEOUT => Same::Echo(txn),
-            (Some(pause), _) if !self.too_soon(pause) => Same::No,
-            (Some(_), _) | (None, None) => Same::Unclear,
-            (None, Some(true)) => Same::Echo(txn),
-            (None, Some(false)) => Same::No,
+    /// Whether the same request again is an echo or a retry, `end` being the end of the first one: by the clock as far as
+    /// it is fine enough, else by whether this line has shown echo so far.
+    fn echo_or_retry(&self, frame: &ObservedFrame<'_>, end: Option<Ns>, txn: u64) -> SameRequest {
+        match (interval(end, frame.start), self.echoes.has_echo()) {
+            (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),
+            (Some(pause), Some(true)) if pause < MIN_MASTER_TIMEOUT_NS => SameRequest::Echo(txn),
+            (Some(pause), _) if !self.is_before_timeout(pause) => SameRequest::New,
+            (Some(_), _) | (None, None) => SameRequest::Ambiguous,
+            (None, Some(true)) => SameRequest::Echo(txn),
+            (None, Some(false)) => SameRequest::New,
         }
     }
 
-    /// A request with a wrong checksum: it ends the wait of others, and an answer to it shows that the unit could read it.
-    pub(super) fn bad_request(
+    /// Pairs a request that arrived damaged. One of its full length opens a transaction, since a response to it would show
+    /// that the unit could read it; a truncated one only waits for such a response, or for its retry.
+    pub(super) fn add_damaged_request(
         &mut self,
         functions: &Functions,
-        seen: &Seen<'_>,
+        frame: &ObservedFrame<'_>,
         next_txn: &mut u64,
-        done: &mut Vec<Box<Exchange>>,
-    ) -> Placed {
-        let known = functions.name(seen.function()).is_some() || self.present[usize::from(seen.unit())];
-        let request_like = seen.direction == Direction::Request && seen.adu.len() > 1 && known;
-        if seen.mode == Mode::Tcp || !request_like {
-            return Placed::default();
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) -> PairingResult {
+        let is_known = functions.name(frame.function()).is_some() || self.answering_units[usize::from(frame.unit())];
+        let is_request = frame.direction == Direction::Request && frame.adu.len() > 1 && is_known;
+        if frame.mode == Mode::Tcp || !is_request {
+            return PairingResult::default();
         }
-        if seen.verdict != Verdict::BadChecksum {
-            let mut partial = Box::new(Exchange::new(seen.mode));
-            (partial.unit, partial.function, partial.origin) = (seen.unit(), seen.function(), seen.origin);
-            (partial.gap, partial.status) = (seen.gap, Status::BadRequest);
-            partial.request.fill(seen);
-            partial.findings.extend_from_slice(seen.codes);
-            self.partial = Some(partial);
-            self.past.lacks_requests(*next_txn);
-            return Placed::default();
+        if frame.verdict != Verdict::BadChecksum {
+            self.truncated_request = Some(truncated_request(frame));
+            self.history.note_missing_requests(*next_txn);
+            return PairingResult::default();
         }
-        self.settle_stray(None, done);
+        self.resolve_unit_mismatch(None, done);
         while !self.open.is_empty() {
-            self.give_up_oldest(functions, seen, done);
+            self.close_oldest(functions, frame, done);
         }
-        let mut exchange = self.start(seen, next_txn);
-        exchange.request.fill(seen);
-        exchange.gap = seen.gap;
-        exchange.status = Status::BadRequest;
-        exchange.findings.extend_from_slice(seen.codes);
-        let txn = exchange.txn;
-        self.open.push_back(exchange);
-        Placed { txn: Some(txn), ..Placed::default() }
+        let mut transaction = self.start(frame, next_txn);
+        transaction.request.fill(frame);
+        transaction.gap = frame.gap;
+        transaction.status = Status::BadRequest;
+        transaction.findings.extend_from_slice(frame.codes);
+        let txn = transaction.txn;
+        self.open.push_back(transaction);
+        PairingResult { txn: Some(txn), ..PairingResult::default() }
     }
 
-    /// Whether the master asks again for what it had no answer to, as only the beginning of the request had arrived.
-    fn begins(&self, partial: &Exchange, seen: &Seen<'_>) -> bool {
-        let waited = seen.start.zip(partial.request.end).map(|(start, end)| start - end);
-        Wreck::of(&partial.request.wire).is_of(seen.wire) && waited.is_none_or(|waited| !self.too_soon(waited))
+    /// Whether the frame is the retry of a request of which only the beginning arrived.
+    fn is_retry_of_truncated(&self, truncated: &PendingTransaction, frame: &ObservedFrame<'_>) -> bool {
+        let waited = interval(truncated.request.end, frame.start);
+        let may_be_same = DamagedRequest::of(&truncated.request.wire).may_have_been(frame.wire);
+        may_be_same && waited.is_none_or(|waited| !self.is_before_timeout(waited))
     }
 
-    /// A request that lacks bytes was one, as what follows shows.
-    pub(super) fn open_partial(&mut self, mut request: Box<Exchange>, next_txn: &mut u64) {
+    /// Gives a truncated request its transaction, once what follows has shown that it was a request.
+    pub(super) fn open_truncated(&mut self, mut request: Box<PendingTransaction>, next_txn: &mut u64) {
         request.txn = *next_txn;
         *next_txn += 1;
         self.open.push_back(request);
     }
 
-    /// Closes the oldest open request: another one came.
-    pub(super) fn give_up_oldest(&mut self, functions: &Functions, next: &Seen<'_>, done: &mut Vec<Box<Exchange>>) {
-        let Some(mut exchange) = self.open.pop_front() else { return };
-        let waited = exchange.waited.or(next.start.zip(exchange.request.end).map(|(next, end)| next - end));
-        exchange.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
-        let again = exchange.unit == next.unit() && exchange.request.pdu() == next.pdu();
-        let quiet = exchange.response.frame == 0 && !exchange.silent && exchange.status != Status::BadRequest;
-        // Functions whose answers look like requests must not teach the time-out that tells them apart.
-        if quiet && next.verdict.good() && !echoes_whole(functions, exchange.request.pdu()) {
-            self.masters.unanswered(again);
-            if let Some(waited) = exchange.waited.filter(|_| exchange.inside.is_none()) {
-                self.tempo.unanswered(waited, again);
+    /// Closes the oldest open request because `next` arrived, and learns from how long its master waited.
+    pub(super) fn close_oldest(
+        &mut self,
+        functions: &Functions,
+        next: &ObservedFrame<'_>,
+        done: &mut Vec<Box<PendingTransaction>>,
+    ) {
+        let Some(mut transaction) = self.open.pop_front() else { return };
+        let waited = transaction.waited.or(interval(transaction.request.end, next.start));
+        transaction.waited = waited.filter(|&ns| ns >= 2 * self.resolution);
+        let is_retried = transaction.unit == next.unit() && transaction.request.pdu() == next.pdu();
+        let is_damaged = transaction.status == Status::BadRequest;
+        let was_silent = !transaction.response.is_present() && !transaction.expects_no_response && !is_damaged;
+        // A request that its response repeats must not teach the time-out that tells such a response from a retry.
+        if was_silent && next.verdict.good() && !mirrors_request(functions, transaction.request.pdu()) {
+            self.masters.add_timeout(is_retried);
+            if let Some(waited) = transaction.waited.filter(|_| transaction.overlap.is_none()) {
+                self.timing.record_timeout(waited, is_retried);
             }
         }
-        // A master that asks the next one long before its time-out has had an answer: it is the tap that has not.
-        let had = waited.is_some_and(|waited| !again && self.too_soon(waited)) && self.present[exchange.unit as usize];
-        // Two lines without a clock: only that it is asked again tells of a missing answer rather than of missing bytes.
-        let had = had || (self.guessed && !again);
-        self.close(exchange, if had { Status::NotSeen } else { Status::NoResponse }, done);
+        // A master that sends another request long before its time-out has had a response, which the tap has missed.
+        let is_too_soon = waited.is_some_and(|waited| !is_retried && self.is_before_timeout(waited));
+        let is_missed_by_tap = is_too_soon && self.answering_units[transaction.unit as usize];
+        // On two lines without a clock a lack of response may as well be missing bytes; only a retry proves it.
+        let is_unproven = self.order_is_inferred && !is_retried;
+        let status = if is_missed_by_tap || is_unproven { Status::NotSeen } else { Status::NoResponse };
+        self.close(transaction, status, done);
     }
 }
 
-fn silent(functions: &Functions, exchange: &Exchange) -> bool {
-    let body = exchange.request.pdu().get(1..).unwrap_or(&[]);
-    functions.row(exchange.function, body).is_some_and(|row| row.response == Layout::Silent)
+/// From the end of one frame to the start of another, where both are known.
+pub(super) fn interval(end: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
+    Some(start? - end?)
 }
 
-fn echoes_whole(functions: &Functions, pdu: &[u8]) -> bool {
+/// The transaction of a request that lacks bytes; it has no number yet.
+fn truncated_request(frame: &ObservedFrame<'_>) -> Box<PendingTransaction> {
+    let mut request = Box::new(PendingTransaction::new(frame.mode));
+    (request.unit, request.function, request.origin) = (frame.unit(), frame.function(), frame.origin);
+    (request.gap, request.status) = (frame.gap, Status::BadRequest);
+    request.request.fill(frame);
+    request.findings.extend_from_slice(frame.codes);
+    request
+}
+
+fn is_read(functions: &Functions, transaction: &PendingTransaction) -> bool {
+    let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
+    functions.row(transaction.function, body).is_some_and(|row| row.operation == Operation::Read)
+}
+
+/// Whether the specification wants no response to this request (6.8, sub-function 4, force listen only mode).
+fn has_no_response(functions: &Functions, transaction: &PendingTransaction) -> bool {
+    let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
+    functions.row(transaction.function, body).is_some_and(|row| row.response == Layout::Silent)
+}
+
+/// Whether the response to this request repeats it byte by byte, as that to function 6 does. Of functions without a row
+/// nothing is known, and it may.
+fn mirrors_request(functions: &Functions, pdu: &[u8]) -> bool {
     pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.mirrored)
 }

@@ -8,8 +8,8 @@ use modlens_protocol::Ns;
 impl Pairing {
     /// Whether no request is outstanding, and the next frame can change nothing about earlier ones.
     pub fn idle(&self) -> bool {
-        let is_open = !self.open.is_empty() || self.stray.is_some() || self.partial.is_some();
-        !is_open && self.notes.is_empty() && self.past.idle() && self.masters.idle()
+        let is_open = !self.open.is_empty() || self.unit_mismatch.is_some() || self.truncated_request.is_some();
+        !is_open && self.delayed_findings.is_empty() && self.history.is_idle() && self.masters.is_idle()
     }
 
     /// Records that a unit has answered a request after `response_time`. `mirrored`: the response has the same bytes as the
@@ -19,17 +19,17 @@ impl Pairing {
         match mbap_id {
             Some(id) => self.remember_id(id),
             None if mirrored => {}
-            None => self.copies.next(),
+            None => self.echoes.add_request(),
         }
-        self.past.answered_again();
-        self.present[usize::from(unit)] = true;
+        self.history.count_answered();
+        self.answering_units[usize::from(unit)] = true;
         if let Some(time) = response_time.filter(|_| !mirrored) {
-            self.tempo.answered(time);
+            self.timing.record_response_time(time);
         }
     }
 
     /// Keeps the last response of a run of such exchanges, which the next frame may repeat.
     pub fn resume(&mut self, unit: u8, response: &[u8]) {
-        self.past.resume(unit, response);
+        self.history.sync_after_batch(unit, response);
     }
 }

@@ -1,160 +1,181 @@
-//! The tempo of a bus: how soon it answers, how long its master waits.
+//! The timing of a bus: how soon its units respond, and how long its master waits before it gives up.
+//!
+//! All statistics are kept over the natural logarithm of times, because response times scatter by factors.
 
 use modlens_protocol::direction::Pause;
 use modlens_protocol::Ns;
 
-/// However well a silence fits, it is worth no more bits than this.
-const MOST_TEMPO: f64 = 20.0;
+/// However well a silence fits a time-out or a response, it never counts for more than this.
+const MAX_TIMING_EVIDENCE_BITS: f64 = 20.0;
 
-/// Answers scatter by a factor of about e to this: units differ, and so do their functions.
-const ANSWERS: f64 = 0.7;
+/// Standard deviation of the logarithm of response times: units differ by a factor of about two, and so do functions.
+const RESPONSE_LOG_SPREAD: f64 = 0.7;
 
-/// A master's time-out is a constant, but what is known of it is not; and clocks are late.
-const LEAST_SPREAD: f64 = 0.12;
-/// The same before it was seen.
-const FIRST_SPREAD: f64 = 0.5;
+/// Least standard deviation of the logarithm of the master's time-out. It is a constant, but the times it is learned
+/// from are late by what the adapter holds bytes back.
+const MIN_TIMEOUT_LOG_SPREAD: f64 = 0.12;
 
-/// The logarithm of eight.
-const EIGHTH: f64 = 2.079;
+/// Standard deviation of the logarithm of the time-out before it was seen; the greatest one later.
+const PRIOR_TIMEOUT_LOG_SPREAD: f64 = 0.5;
 
-/// How fast times to answer are learned.
-const RATE: f64 = 0.1;
+/// The natural logarithm of eight: silences of less than an eighth of the typical response time are no evidence.
+const LN_8: f64 = 2.079;
 
-/// Time-outs kept.
-const KEPT: usize = 9;
+/// Before any time-out was seen, it is expected to take at least so many typical response times.
+const PRIOR_TIMEOUT_IN_RESPONSE_TIMES: f64 = 30.0;
 
-/// Time-outs that were seen, and how much they may differ, before they decide anything.
-const ENOUGH: usize = 2;
-const STEADY: f64 = 0.3;
+/// The expected time-out before any was seen is at most this, unless the silence at hand is shorter.
+const MAX_PRIOR_TIMEOUT_NS: f64 = 1e9;
 
-/// A request is given up after so many of the master's own time-outs, or of the longest answers.
-const PATIENCE: (f64, f64) = (1.5, 2.0);
+/// Weight of the newest response time in the running mean.
+const LEARNING_RATE: f64 = 0.1;
 
-/// The longest answer is forgotten by so much with every other one.
-const FORGET: f64 = 0.999;
+/// Time-outs over which the median is taken.
+const KEPT_TIMEOUTS: usize = 9;
 
-/// An answer may be seen so much earlier than its request where two lines are read by adapters that hold bytes back:
-/// before anything was seen, and at most. Latency timers take 16 ms, schedulers and serial servers far more.
-const FIRST_SKEW: f64 = 60e6;
-const MOST_SKEW: f64 = 150e6;
+/// Time-outs that must have been seen before the median is used.
+const MIN_TIMEOUTS: usize = 2;
 
-/// How far it may go beyond what was seen, and how fast it is forgotten, a pair.
+/// Greatest typical distance from the median, in natural logarithms, with which the master's time-out counts as known.
+const MAX_TIMEOUT_LOG_SCATTER: f64 = 0.3;
+
+/// A request is given up after so many times the master's own time-out ...
+const TIMEOUT_FACTOR: f64 = 1.5;
+/// ... or so many times the longest response time, whichever is longer.
+const LONGEST_RESPONSE_FACTOR: f64 = 2.0;
+
+/// The longest response time decays by this factor with every response.
+const LONGEST_DECAY: f64 = 0.999;
+
+/// How much earlier than its request a response may be seen, where two lines are read by adapters that hold bytes back:
+/// before anything was observed, and at most. Latency timers take 16 ms, schedulers and serial servers far more.
+const PRIOR_SKEW_NS: f64 = 60e6;
+const MAX_SKEW_NS: f64 = 150e6;
+
+/// The bound on the skew is so many times the greatest one observed.
 const SKEW_MARGIN: f64 = 2.0;
-const SKEW_FORGET: f64 = 0.996;
 
-/// A typical time and its scatter, in natural logarithms.
-#[derive(Clone, Copy, Debug)]
-struct Typical {
-    log: f64,
-    seen: u32,
-}
+/// That bound decays by this factor with every transaction.
+const SKEW_DECAY: f64 = 0.996;
 
-impl Typical {
-    fn learn(slot: &mut Option<Self>, ns: Ns) {
-        let log = (ns.max(1) as f64).ln();
-        match slot {
-            Some(known) => {
-                known.log += (log - known.log) * RATE;
-                known.seen = known.seen.saturating_add(1);
-            }
-            None => *slot = Some(Self { log, seen: 1 }),
-        }
+/// Moves a running mean of the logarithm of a time towards a further observation.
+fn update_log_mean(mean: &mut Option<f64>, ns: Ns) {
+    let log = (ns.max(1) as f64).ln();
+    match mean {
+        Some(mean) => *mean += (log - *mean) * LEARNING_RATE,
+        None => *mean = Some(log),
     }
 }
 
-/// A time that somebody keeps to: the median of the last few, so that accidents among them do not matter.
+/// A time that is constant but for accidents: the median of the last few observations, which accidents do not move.
 #[derive(Clone, Copy, Debug, Default)]
-struct Constant {
-    last: [f64; KEPT],
-    seen: usize,
-    /// Median and typical distance from it.
-    typical: (f64, f64),
+struct LogMedian {
+    last: [f64; KEPT_TIMEOUTS],
+    observations: usize,
+    median: f64,
+    /// Median distance from the median.
+    scatter: f64,
 }
 
-impl Constant {
-    fn learn(&mut self, ns: Ns) {
-        self.last[self.seen % KEPT] = (ns.max(1) as f64).ln();
-        self.seen += 1;
-        let kept = self.seen.min(KEPT);
-        let median = |mut values: [f64; KEPT]| {
+impl LogMedian {
+    fn add(&mut self, ns: Ns) {
+        self.last[self.observations % KEPT_TIMEOUTS] = (ns.max(1) as f64).ln();
+        self.observations += 1;
+        let kept = self.observations.min(KEPT_TIMEOUTS);
+        let median_of = |mut values: [f64; KEPT_TIMEOUTS]| {
             values[..kept].sort_by(f64::total_cmp);
             values[kept / 2]
         };
-        let middle = median(self.last);
-        self.typical = (middle, median(self.last.map(|log| (log - middle).abs())));
+        self.median = median_of(self.last);
+        self.scatter = median_of(self.last.map(|log| (log - self.median).abs()));
     }
 
-    /// Median and typical distance from it, once enough was seen.
-    fn known(&self, enough: usize) -> Option<(f64, f64)> {
-        (self.seen >= enough).then_some(self.typical)
+    /// Median and scatter, once there are so many observations.
+    fn known_after(&self, observations: usize) -> Option<(f64, f64)> {
+        (self.observations >= observations).then_some((self.median, self.scatter))
     }
 }
 
-/// What this bus has shown of its tempo.
+/// The response times and time-outs that a bus has shown.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tempo {
-    answer: Option<Typical>,
-    longest: f64,
-    /// From the end of a request to the same request again.
-    retry: Constant,
-    /// From the end of an unanswered request to another one.
-    moved_on: Constant,
-    /// How much earlier than its request an answer may be seen.
-    skew: Option<f64>,
+pub struct TimingModel {
+    /// Running mean of the logarithm of the response time.
+    response_log_mean: Option<f64>,
+    /// The longest response time in ns, decaying.
+    longest_response: f64,
+    /// From the end of an unanswered request to its retry.
+    retry_after: LogMedian,
+    /// From the end of an unanswered request to another request.
+    skip_after: LogMedian,
+    /// How much earlier than its request a response may be seen, in ns.
+    max_skew: Option<f64>,
 }
 
-impl Tempo {
-    /// A request was answered after so long.
-    pub(super) fn answered(&mut self, ns: Ns) {
-        Typical::learn(&mut self.answer, ns);
-        self.longest = (self.longest * FORGET).max(ns as f64);
+impl TimingModel {
+    /// Learns from a response time.
+    pub(super) fn record_response_time(&mut self, ns: Ns) {
+        update_log_mean(&mut self.response_log_mean, ns);
+        self.longest_response = (self.longest_response * LONGEST_DECAY).max(ns as f64);
     }
 
-    /// A request was seen to end, and its answer to begin.
-    pub(super) fn saw(&mut self, asked: Ns, told: Ns) {
-        let known = self.skew.unwrap_or(FIRST_SKEW) * SKEW_FORGET;
-        self.skew = Some(known.max(SKEW_MARGIN * (asked - told) as f64).min(MOST_SKEW));
+    /// Learns how far the clocks of two lines are apart, from the end of a request and the start of its response.
+    pub(super) fn record_skew(&mut self, request_end: Ns, response_start: Ns) {
+        let known = self.max_skew.unwrap_or(PRIOR_SKEW_NS) * SKEW_DECAY;
+        self.max_skew = Some(known.max(SKEW_MARGIN * (request_end - response_start) as f64).min(MAX_SKEW_NS));
     }
 
-    /// How much earlier than its request an answer may be seen.
-    pub fn skew(&self) -> Ns {
-        self.skew.unwrap_or(FIRST_SKEW) as Ns
+    /// How much earlier than its request a response may be seen.
+    pub fn max_skew(&self) -> Ns {
+        self.max_skew.unwrap_or(PRIOR_SKEW_NS) as Ns
     }
 
-    /// A request was not answered, and the next one came after so long; it was the same one, or another.
-    pub(super) fn unanswered(&mut self, ns: Ns, again: bool) {
-        if again { &mut self.retry } else { &mut self.moved_on }.learn(ns);
+    /// Learns from an unanswered request: the time until the next one, and whether that was the same.
+    pub(super) fn record_timeout(&mut self, ns: Ns, was_retried: bool) {
+        if was_retried { &mut self.retry_after } else { &mut self.skip_after }.add(ns);
     }
 
-    /// How long this master waits for an answer, once its retries have shown it.
-    pub(super) fn master_waits(&self) -> Option<Ns> {
-        self.retry.known(ENOUGH).filter(|(_, spread)| *spread < STEADY).map(|(log, _)| log.exp() as Ns)
+    /// How long the master waits for a response, once its retries have shown it.
+    pub(super) fn master_timeout(&self) -> Option<Ns> {
+        let (median, _) = self.retry_after.known_after(MIN_TIMEOUTS).filter(|(_, scatter)| *scatter < MAX_TIMEOUT_LOG_SCATTER)?;
+        Some(median.exp() as Ns)
     }
 
-    /// When a request is given up; `None` until the master has shown how long it waits.
-    pub(super) fn patience(&self) -> Option<Ns> {
-        self.master_waits().map(|waits| (waits as f64 * PATIENCE.0).max(self.longest * PATIENCE.1) as Ns)
+    /// After how long pairing gives a request up; `None` until the master's own time-out is known.
+    ///
+    /// It is longer than the master's time-out: a response that is a little late for the master is still paired.
+    pub(super) fn request_timeout(&self) -> Option<Ns> {
+        let timeout = self.master_timeout()?;
+        Some((timeout as f64 * TIMEOUT_FACTOR).max(self.longest_response * LONGEST_RESPONSE_FACTOR) as Ns)
     }
 
-    /// By how many bits a silence is more like a time-out than like an answer.
-    pub fn judge(&self, gap: Option<Ns>) -> Pause {
-        let (Some(gap), Some(answer)) = (gap.map(|ns| (ns.max(1) as f64).ln()), self.answer.map(|answer| answer.log)) else {
+    /// Log-odds in bits that a silence after a request is the master's time-out rather than a unit's response time.
+    /// Positive for a time-out, negative for a response, 0 where there is no evidence.
+    ///
+    /// Both times are log-normal. For example, with typical response times of 10 ms and a time-out of 250 ms, 250 ms of
+    /// silence give more than 10 bits, and 12 ms less than -10.
+    pub fn timeout_log_odds(&self, silence: Option<Ns>) -> Pause {
+        let silence = silence.map(|ns| (ns.max(1) as f64).ln());
+        let (Some(silence), Some(response)) = (silence, self.response_log_mean) else {
             return 0.0;
         };
-        if gap < answer - EIGHTH {
-            // Too soon for either: an echo, or a silence that the clock has lost.
+        if silence < response - LN_8 {
+            // Too short for either: an echo, or a silence that the clock has swallowed.
             return 0.0;
         }
-        let likely = |typical: f64, spread: f64| {
-            let off = (gap - typical) / spread;
-            -(off * off / 2.0 + spread.ln()) * std::f64::consts::LOG2_E
+        let log2_likelihood = |mean: f64, spread: f64| {
+            let deviation = (silence - mean) / spread;
+            -(deviation * deviation / 2.0 + spread.ln()) * std::f64::consts::LOG2_E
         };
-        let timeout = match self.retry.known(ENOUGH).or(self.moved_on.known(ENOUGH)).or(self.retry.known(1)) {
-            Some((log, spread)) => likely(log, spread.clamp(LEAST_SPREAD, FIRST_SPREAD)),
-            // Until a time-out was seen, one is expected at 30 answers or more.
-            None => likely((30f64.ln() + answer).max(gap.min(1e9f64.ln())), FIRST_SPREAD),
+        let retry = self.retry_after.known_after(MIN_TIMEOUTS);
+        let observed = retry.or(self.skip_after.known_after(MIN_TIMEOUTS)).or(self.retry_after.known_after(1));
+        let timeout = if let Some((median, scatter)) = observed {
+            log2_likelihood(median, scatter.clamp(MIN_TIMEOUT_LOG_SPREAD, PRIOR_TIMEOUT_LOG_SPREAD))
+        } else {
+            let expected = PRIOR_TIMEOUT_IN_RESPONSE_TIMES.ln() + response;
+            log2_likelihood(expected.max(silence.min(MAX_PRIOR_TIMEOUT_NS.ln())), PRIOR_TIMEOUT_LOG_SPREAD)
         };
-        (timeout - likely(answer, ANSWERS)).clamp(-MOST_TEMPO, MOST_TEMPO) as f32
+        let evidence = timeout - log2_likelihood(response, RESPONSE_LOG_SPREAD);
+        evidence.clamp(-MAX_TIMING_EVIDENCE_BITS, MAX_TIMING_EVIDENCE_BITS) as f32
     }
 }
 
@@ -165,44 +186,44 @@ mod tests {
     const MS: Ns = 1_000_000;
 
     #[test]
-    fn a_time_out_is_learned_from_retries() {
-        let mut tempo = Tempo::default();
-        assert_eq!(tempo.patience(), None);
+    fn the_master_timeout_is_learned_from_retries() {
+        let mut timing = TimingModel::default();
+        assert_eq!(timing.request_timeout(), None);
         for _ in 0..20 {
-            tempo.answered(10 * MS);
-            tempo.unanswered(250 * MS, true);
+            timing.record_response_time(10 * MS);
+            timing.record_timeout(250 * MS, true);
         }
         let about = |time: Option<Ns>, ms: Ns| time.is_some_and(|time| (time - ms * MS).abs() < MS);
-        assert!(about(tempo.master_waits(), 250) && about(tempo.patience(), 375));
-        // A unit that takes longer than the master's patience is given more time, not called late for ever.
-        tempo.answered(240 * MS);
-        assert!(about(tempo.patience(), 480));
-        // An accident among the time-outs changes nothing.
-        tempo.unanswered(3 * MS, true);
-        assert!(about(tempo.master_waits(), 250));
+        assert!(about(timing.master_timeout(), 250) && about(timing.request_timeout(), 375));
+        // A unit that takes nearly as long as the master waits is given more time, or every response of it were late.
+        timing.record_response_time(240 * MS);
+        assert!(about(timing.request_timeout(), 480));
+        // One accident among the time-outs changes nothing.
+        timing.record_timeout(3 * MS, true);
+        assert!(about(timing.master_timeout(), 250));
     }
 
     #[test]
-    fn how_far_two_lines_may_be_apart_is_learned_from_answers_before_their_requests() {
-        let mut tempo = Tempo::default();
-        assert_eq!(tempo.skew(), 60 * MS);
-        (0..1200).for_each(|_| tempo.saw(0, 10 * MS));
-        assert!(tempo.skew() < MS);
-        tempo.saw(9 * MS, 0);
-        assert_eq!(tempo.skew(), 18 * MS);
+    fn the_skew_of_two_lines_is_learned_from_responses_seen_before_their_requests() {
+        let mut timing = TimingModel::default();
+        assert_eq!(timing.max_skew(), 60 * MS);
+        (0..1200).for_each(|_| timing.record_skew(0, 10 * MS));
+        assert!(timing.max_skew() < MS);
+        timing.record_skew(9 * MS, 0);
+        assert_eq!(timing.max_skew(), 18 * MS);
     }
 
     #[test]
-    fn silences_are_told_apart() {
-        let mut tempo = Tempo::default();
+    fn timeouts_and_response_times_are_told_apart() {
+        let mut timing = TimingModel::default();
         for _ in 0..20 {
-            tempo.answered(10 * MS);
-            tempo.unanswered(250 * MS, true);
+            timing.record_response_time(10 * MS);
+            timing.record_timeout(250 * MS, true);
         }
-        assert!(tempo.judge(Some(250 * MS)) > 10.0);
-        assert!(tempo.judge(Some(12 * MS)) < -10.0);
-        // Long for an answer, but no time-out either: this master waits for just 250 ms.
-        assert!(tempo.judge(Some(60 * MS)) < -5.0);
-        assert!(tempo.judge(None) == 0.0 && tempo.judge(Some(MS / 2)) == 0.0);
+        assert!(timing.timeout_log_odds(Some(250 * MS)) > 10.0);
+        assert!(timing.timeout_log_odds(Some(12 * MS)) < -10.0);
+        // 60 ms are long for a response, but no time-out either: this master waits for just 250 ms.
+        assert!(timing.timeout_log_odds(Some(60 * MS)) < -5.0);
+        assert!(timing.timeout_log_odds(None) == 0.0 && timing.timeout_log_odds(Some(MS / 2)) == 0.0);
     }
 }

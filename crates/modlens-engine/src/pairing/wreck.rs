@@ -1,40 +1,43 @@
-//! Requests that arrived damaged, and those that the master sent again in their place.
+//! Requests that arrived damaged, and how their retries are recognised.
 //!
-//! A unit drops a frame with a wrong checksum, and the master asks again after its time-out (serial line specification,
-//! 2.4.1). So what follows a damaged request without an answer is nearly always the same one: it only has to be seen that
-//! the damaged bytes may have been it, and the checksum, which differs in every other request, helps.
+//! A unit drops a frame with a wrong checksum, and the master sends the request again after its time-out (serial line
+//! specification, 2.4.1). The next request is therefore nearly always the retry of a damaged request without response. It
+//! is enough to check that the damaged bytes may have been that request; the checksum, which differs between requests,
+//! is part of the comparison.
 
 use crate::damage::chain::is_glitch;
 
-/// Flipped bits, as many as disturb a frame now and then; chance has eight of the sixteen in another checksum.
-const MOST_FLIPS: u32 = 3;
+/// Bits that noise flips in a frame now and then. The checksums of two different requests differ in eight of sixteen
+/// bits on average.
+const MAX_FLIPPED_BITS: u32 = 3;
 
-/// Where another sender pulled bits to 0, so many are 0 that should be 1 for each that is wrong the other way. In another
-/// frame they are as many.
-const PULLED: u32 = 4;
+/// A second sender pulls bits to 0: for each bit that is wrongly 1, at least so many must be wrongly 0. Between two
+/// different frames, the two numbers are about equal.
+const MIN_CLEARED_BITS_PER_SET_BIT: u32 = 4;
 
-/// A request of which no more is there could be any.
-const LEAST: usize = 3;
+/// Intact bytes at the start without which the request cannot be recognised.
+const MIN_INTACT_BYTES: usize = 3;
 
-/// What came of a request.
+/// The bytes on the wire of a damaged request.
 #[derive(Clone, Debug)]
-pub(super) struct Wreck(Vec<u8>);
+pub(super) struct DamagedRequest(Vec<u8>);
 
-impl Wreck {
-    /// These bytes on the wire.
+impl DamagedRequest {
     pub(super) fn of(wire: &[u8]) -> Self {
         Self(wire.to_vec())
     }
 
-    /// Whether it was this frame before something happened to it.
-    pub(super) fn is_of(&self, whole: &[u8]) -> bool {
-        let bits = |of: fn(u8, u8) -> u8| self.0.iter().zip(whole).map(|(&is, &was)| of(is, was).count_ones()).sum::<u32>();
-        let begun = self.0.iter().zip(whole).take_while(|(is, was)| is == was).count();
-        if self.0.len() != whole.len() {
-            return begun >= LEAST && self.0.len() < whole.len() && is_glitch(&self.0[begun..]);
+    /// Whether the damaged bytes may have been this intact request: a few bits flipped, overlaid by another sender from
+    /// some byte on, or cut short (a glitch of the line driver may stand behind the cut).
+    pub(super) fn may_have_been(&self, intact: &[u8]) -> bool {
+        let damaged = &self.0;
+        let intact_bytes = damaged.iter().zip(intact).take_while(|(is, was)| is == was).count();
+        if damaged.len() != intact.len() {
+            return intact_bytes >= MIN_INTACT_BYTES && damaged.len() < intact.len() && is_glitch(&damaged[intact_bytes..]);
         }
-        bits(|is, was| is ^ was) <= MOST_FLIPS
-            || (begun >= LEAST && bits(|is, was| !is & was) >= PULLED * bits(|is, was| is & !was))
+        let bits = |of: fn(u8, u8) -> u8| damaged.iter().zip(intact).map(|(&is, &was)| of(is, was).count_ones()).sum::<u32>();
+        let (cleared, set) = (bits(|is, was| !is & was), bits(|is, was| is & !was));
+        cleared + set <= MAX_FLIPPED_BITS || (intact_bytes >= MIN_INTACT_BYTES && cleared >= MIN_CLEARED_BITS_PER_SET_BIT * set)
     }
 }
 
@@ -43,27 +46,29 @@ mod tests {
     use super::*;
 
     /// The request of the specification's example (V1.1b3, 6.3), with its checksum.
-    const WHOLE: [u8; 8] = [0x11, 0x03, 0x00, 0x6B, 0x00, 0x03, 0x76, 0x87];
+    const INTACT: [u8; 8] = [0x11, 0x03, 0x00, 0x6B, 0x00, 0x03, 0x76, 0x87];
 
-    fn is(spoil: impl Fn(&mut Vec<u8>)) -> bool {
-        let mut bytes = WHOLE.to_vec();
-        spoil(&mut bytes);
-        Wreck::of(&bytes).is_of(&WHOLE)
+    fn recognised_after(damage: impl Fn(&mut Vec<u8>)) -> bool {
+        let mut bytes = INTACT.to_vec();
+        damage(&mut bytes);
+        DamagedRequest::of(&bytes).may_have_been(&INTACT)
     }
 
     #[test]
-    fn flipped_bits_a_lost_end_and_a_collision_are_seen_through() {
-        assert!(is(|bytes| bytes[1] ^= 0x40) && is(|bytes| (bytes[0], bytes[7]) = (0x10, 0x81)));
-        assert!((3..8).all(|length| is(|bytes| bytes.truncate(length))));
-        assert!(is(|bytes| bytes.splice(6.., [0xF0]).for_each(drop)), "a driver that is switched off too early leaves a stray");
-        assert!(is(|bytes| bytes[3..].copy_from_slice(&[0x29, 0, 1, 0x12, 0x83])));
+    fn a_request_is_recognised_after_flipped_bits_a_lost_end_or_a_collision() {
+        assert!(recognised_after(|bytes| bytes[1] ^= 0x40));
+        assert!(recognised_after(|bytes| (bytes[0], bytes[7]) = (0x10, 0x81)));
+        assert!((3..8).all(|length| recognised_after(|bytes| bytes.truncate(length))));
+        // A driver that is switched off too early leaves a stray byte.
+        assert!(recognised_after(|bytes| bytes.splice(6.., [0xF0]).for_each(drop)));
+        assert!(recognised_after(|bytes| bytes[3..].copy_from_slice(&[0x29, 0, 1, 0x12, 0x83])));
     }
 
     #[test]
-    fn other_requests_are_others() {
-        // The register behind, with its own checksum; less than anything can be told from; and one byte too many.
+    fn another_request_is_not_taken_for_the_damaged_one() {
+        // The request for the next register, with its own checksum, whole and cut; two bytes only; one byte too many.
         let next = [0x11, 0x03, 0x00, 0x6C, 0x00, 0x03, 0xC7, 0x46];
-        assert!(!Wreck::of(&next).is_of(&WHOLE) && !Wreck::of(&next[..6]).is_of(&WHOLE));
-        assert!(!is(|bytes| bytes.truncate(2)) && !is(|bytes| bytes.push(0)));
+        assert!(!DamagedRequest::of(&next).may_have_been(&INTACT) && !DamagedRequest::of(&next[..6]).may_have_been(&INTACT));
+        assert!(!recognised_after(|bytes| bytes.truncate(2)) && !recognised_after(|bytes| bytes.push(0)));
     }
 }

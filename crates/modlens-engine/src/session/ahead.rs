@@ -1,97 +1,104 @@
-//! Frames of the two lines of a bus without a clock: each line is framed ahead, then their order is found.
+//! Frames of two lines without a clock, until their order is known.
+//!
+//! Each line is framed by itself. Its frames wait here until `merge_order` has found their place among those of the other
+//! line.
 
 use std::collections::VecDeque;
 
 use crate::framer::{Context, Cut};
 use crate::input::Input;
-use crate::pairing::align::{order, Heard, WINDOW};
-use crate::session::bus::{voted, LineState};
+use crate::pairing::align::{merge_order, LineFrame, WINDOW_FRAMES};
+use crate::session::bus::{add_vote, LineState};
 use modlens_protocol::direction::{readings, Direction};
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::Functions;
 
-/// Where one line says nothing for so many bytes of the other, it says nothing at all.
-const MOST_BYTES: usize = 16 << 20;
+/// A line that stays silent while the other one delivers so many bytes is silent for good: waiting for it ends.
+const MAX_WAITING_BYTES: usize = 16 << 20;
 
-/// What is known of a line beyond the frames that were told.
-pub(super) struct Ahead {
+/// The frames of a line that wait for their place among those of the other line.
+pub(super) struct UnmergedFrames {
     cuts: VecDeque<Cut>,
-    heard: VecDeque<Heard>,
-    /// The bytes from the first frame on that was not told; the line's own input begins behind all of these frames.
+    /// For each of `cuts`, what its place depends on.
+    frames: VecDeque<LineFrame>,
+    /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
     pub(super) input: Input,
 }
 
-impl Ahead {
+impl UnmergedFrames {
     pub(super) fn new(input: Input) -> Self {
-        Self { cuts: VecDeque::new(), heard: VecDeque::new(), input }
+        Self { cuts: VecDeque::new(), frames: VecDeque::new(), input }
     }
 }
 
 impl LineState {
-    /// The bytes from the first frame on that was not told.
-    pub(super) fn untold(&self) -> &Input {
-        self.ahead.as_ref().map_or(&self.input, |ahead| &ahead.input)
+    /// The bytes from the next frame to emit on.
+    pub(super) fn emission_input(&self) -> &Input {
+        self.unmerged.as_ref().map_or(&self.input, |unmerged| &unmerged.input)
     }
 
-    /// A frame was told.
+    /// Removes the bytes of a frame that was emitted.
     pub(super) fn consume(&mut self, length: usize) {
-        match &mut self.ahead {
-            Some(ahead) => ahead.input.consume(length),
+        match &mut self.unmerged {
+            Some(unmerged) => unmerged.input.consume(length),
             None => self.input.consume(length),
         }
     }
 
-    /// Finds one more frame in what has come, unless a window is full; says whether there was one.
-    pub(super) fn look_ahead(&mut self, context: &Context<'_>) -> bool {
-        let Self { ahead: Some(ahead), input, framer, votes, .. } = self else { return false };
-        if ahead.heard.len() >= WINDOW || input.bytes().is_empty() {
+    /// Finds one more frame in the bytes that have come, unless the window is full; says whether there was one.
+    pub(super) fn frame_next(&mut self, context: &Context<'_>) -> bool {
+        let Self { unmerged: Some(unmerged), input, framer, request_votes, .. } = self else { return false };
+        if unmerged.frames.len() >= WINDOW_FRAMES || input.bytes().is_empty() {
             return false;
         }
         let mut adu = Vec::new();
         let Some(cut) = framer.next(input, context, &mut adu) else { return false };
         input.consume(cut.length);
         let adu = if cut.verdict == Verdict::Noise { Vec::new() } else { adu };
-        let good = cut.verdict.good();
-        if good {
-            *votes = voted(*votes, context.functions, &adu);
+        let is_good = cut.verdict.good();
+        if is_good {
+            *request_votes = add_vote(*request_votes, context.functions, &adu);
         }
-        ahead.heard.push_back(Heard { direction: cut.direction, good, adu });
-        ahead.cuts.push_back(cut);
+        unmerged.frames.push_back(LineFrame { direction: cut.direction, is_good, adu });
+        unmerged.cuts.push_back(cut);
         true
     }
 
-    /// Now that it is known who speaks here, frames that either side may send are this side's.
-    pub(super) fn all_said_by(&mut self, functions: &Functions, speaker: Direction) {
-        let Some(ahead) = &mut self.ahead else { return };
-        for (cut, heard) in ahead.cuts.iter_mut().zip(&mut ahead.heard) {
-            if heard.adu.len() > 1 && cut.direction != speaker && readings(functions, &heard.adu[1..]) == (true, true) {
-                (cut.direction, heard.direction) = (speaker, speaker);
+    /// Assigns frames that either side may send to the one that, as is known by now, speaks on this line.
+    pub(super) fn assign_ambiguous_to(&mut self, functions: &Functions, speaker: Direction) {
+        let Some(unmerged) = &mut self.unmerged else { return };
+        for (cut, frame) in unmerged.cuts.iter_mut().zip(&mut unmerged.frames) {
+            if frame.adu.len() > 1 && cut.direction != speaker && readings(functions, &frame.adu[1..]) == (true, true) {
+                (cut.direction, frame.direction) = (speaker, speaker);
             }
         }
     }
 
-    /// The next frame of this line.
-    pub(super) fn next_heard(&mut self, adu: &mut Vec<u8>) -> Option<Cut> {
-        let ahead = self.ahead.as_mut()?;
-        *adu = ahead.heard.pop_front()?.adu;
-        ahead.cuts.pop_front()
+    /// The next waiting frame of this line; `adu` gets its unit and PDU.
+    pub(super) fn pop_unmerged(&mut self, adu: &mut Vec<u8>) -> Option<Cut> {
+        let unmerged = self.unmerged.as_mut()?;
+        *adu = unmerged.frames.pop_front()?.adu;
+        unmerged.cuts.pop_front()
     }
 
-    fn filled(&self) -> bool {
-        let window = self.ahead.as_ref().is_some_and(|ahead| ahead.heard.len() >= WINDOW);
-        window || (self.input.ended && self.input.bytes().is_empty())
+    /// Whether the window is full, or nothing can come any more that would fill it.
+    fn is_window_complete(&self) -> bool {
+        let is_full = self.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() >= WINDOW_FRAMES);
+        is_full || (self.input.ended && self.input.bytes().is_empty())
     }
 }
 
-/// Which lines the next frames are of; nothing while more of one line has to be known.
+/// The lines of the next frames, as indices into `lines`; empty while more frames of one line must be known first.
 pub(super) fn next_lines(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
-    let waiting = lines.iter().any(|(_, line)| line.input.bytes().len() > MOST_BYTES);
-    let over = lines.iter().all(|(_, line)| line.input.ended && line.input.bytes().is_empty());
-    if !waiting && (lines.len() < 2 && !over || !lines.iter().all(|(_, line)| line.filled())) {
+    let has_waited_enough = lines.iter().any(|(_, line)| line.input.bytes().len() > MAX_WAITING_BYTES);
+    let is_over = lines.iter().all(|(_, line)| line.input.ended && line.input.bytes().is_empty());
+    let lacks_second_line = lines.len() < 2 && !is_over;
+    if !has_waited_enough && (lacks_second_line || !lines.iter().all(|(_, line)| line.is_window_complete())) {
         return Vec::new();
     }
-    let all = waiting || lines.iter().any(|(_, line)| line.ahead.as_ref().is_some_and(|ahead| ahead.heard.len() < WINDOW));
-    let mut heard = lines.iter_mut().map(|(_, line)| line.ahead.as_mut().map(|ahead| &*ahead.heard.make_contiguous()));
-    let (one, other) = (heard.next().flatten().unwrap_or(&[]), heard.next().flatten().unwrap_or(&[]));
-    order(functions, [one, other], all)
+    let has_room = |line: &LineState| line.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() < WINDOW_FRAMES);
+    let is_complete = has_waited_enough || lines.iter().any(|(_, line)| has_room(line));
+    let mut frames = lines.iter_mut().map(|(_, line)| line.unmerged.as_mut().map(|unmerged| &*unmerged.frames.make_contiguous()));
+    let (first, second) = (frames.next().flatten().unwrap_or(&[]), frames.next().flatten().unwrap_or(&[]));
+    merge_order(functions, [first, second], is_complete)
 }

@@ -1,4 +1,4 @@
-//! The state of one bus: its lines, its framers, what it has shown.
+//! The state of one bus: its lines with their framers, its pairing, and what was learned of it.
 
 use std::collections::VecDeque;
 
@@ -6,9 +6,9 @@ use crate::framer::auto::{make, Auto};
 use crate::framer::silence::Rule;
 use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
-use crate::pairing::{Pairing, Seen};
+use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
-use crate::session::ahead::{next_lines, Ahead};
+use crate::session::ahead::{next_lines, UnmergedFrames};
 use crate::session::clock::Lateness;
 use crate::session::moment::Setting;
 use crate::session::profiles::Profiles;
@@ -21,66 +21,89 @@ use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::text::Reader;
 
-/// What a bus is told about itself.
+/// The numbers of the two lines of a TCP connection: from the client, and from the server.
+pub(super) const FROM_CLIENT: u8 = 1;
+pub(super) const FROM_SERVER: u8 = 2;
+
+/// Votes beyond which a further frame no longer changes who speaks on a line.
+const MAX_LINE_VOTES: i32 = 50;
+
+/// Lead in votes, over both lines of a tap, with which it is settled who speaks on which.
+const MIN_SPEAKER_VOTES: i32 = 3;
+
+/// Votes beyond which a further frame no longer changes what a log's words `sent` and `received` mean.
+const MAX_SIDE_VOTES: i32 = 100;
+
+/// What the source of a bus knows about it in advance.
 #[derive(Clone, Debug)]
 pub struct BusOptions {
     /// Name, source, clock.
     pub bus: Bus,
-    /// Framing; found out where `None`.
+    /// Framing; detected where `None`.
     pub mode: Option<Mode>,
     /// Line settings.
     pub line: Option<Line>,
-    /// What the clock can tell apart; judged from the reads where `None`.
+    /// The step of the clock; estimated from the reads where `None`.
     pub resolution: Option<Ns>,
-    /// RTU frames end at silences only, as the specification says; by evidence where `None`.
+    /// RTU frames end at these silences only, as the specification says; by evidence where `None`.
     pub rule: Option<Rule>,
 }
 
+/// One line of a bus: a serial line has one, a two-line tap and a TCP connection have one for each direction.
 pub(super) struct LineState {
-    /// Requests less responses seen on it.
-    pub(super) votes: i32,
+    /// Frames seen on the line that only a master can send, less those that only a unit can send.
+    pub(super) request_votes: i32,
     pub(super) input: Input,
     pub(super) framer: Box<dyn Framer>,
+    /// End of the last frame that was emitted.
     pub(super) last_end: Option<Ns>,
     pub(super) lateness: Lateness,
-    /// Where the order of two lines is to be found.
-    pub(super) ahead: Option<Box<Ahead>>,
+    /// Frames that wait for their place among those of the other line, where no clock gives their order.
+    pub(super) unmerged: Option<Box<UnmergedFrames>>,
 }
 
 impl LineState {
-    /// Whether nothing is open on it.
+    /// Whether the framer holds nothing back: the next frame is decided by its own bytes alone.
     pub(super) fn is_settled(&self) -> bool {
-        self.ahead.is_none() && self.framer.settled(self.input.offset())
+        self.unmerged.is_none() && self.framer.settled(self.input.offset())
     }
 }
 
+/// The state of one bus, or of one TCP connection.
 pub(super) struct BusState {
     pub(super) options: BusOptions,
+    /// The lines with their numbers, in the order in which they appeared.
     pub(super) lines: Vec<(u8, LineState)>,
     pub(super) pairing: Pairing,
-    /// Where the statistics count it: connections to one server count together.
+    /// Index of its counters in the statistics. Connections to one server share them.
     pub(super) counts: usize,
+    /// Units that took part in a good frame.
     pub(super) known_units: Box<[bool; 256]>,
+    /// Units that took part in a paired transaction.
     pub(super) paired_units: Box<[bool; 256]>,
-    /// For what the log calls sent and received: requests less responses seen so far.
-    pub(super) sides: [i32; 2],
+    /// For each of the words `sent` and `received` of a log: requests less responses seen under it.
+    pub(super) side_votes: [i32; 2],
+    /// Time of the last chunk.
     pub(super) newest: Option<Ns>,
-    /// The latest of all times: clocks go back, and segments come out of turn.
+    /// The greatest time of all chunks. It differs from `newest` where the clock goes back or segments come out of order.
     pub(super) latest: Option<Ns>,
-    /// Time has come to here, with bytes or without.
+    /// How far time has advanced, with bytes or without.
     pub(super) now: Option<Ns>,
-    /// Who speaks on which line is known, or cannot be found out in advance.
-    pub(super) surveyed: bool,
-    pub(super) jumped: bool,
+    /// The survey of who speaks on which line is over; see `survey_is_open`.
+    pub(super) is_surveyed: bool,
+    /// The clock went back with the last chunk, and no frame was emitted since.
+    pub(super) clock_jumped: bool,
     pub(super) profiles: Profiles,
+    /// The reader of a recording in text.
     pub(super) reader: Option<Box<Reader>>,
-    /// The buses of the devices that the reader's lines name.
+    /// Device keys of the text reader, and the bus of each.
     pub(super) devices: Vec<(usize, usize)>,
-    /// What the stamps of a recording can express.
+    /// The step of the time stamps in a recording in text.
     pub(super) stamps_resolution: Option<Ns>,
-    /// The lines that the next frames are of, where no clock tells it.
-    order: VecDeque<usize>,
+    /// The lines of the next frames, where their order is inferred from their content.
+    merged_order: VecDeque<usize>,
 }
+
 impl BusOptions {
     /// A bus without clock or settings.
     pub fn named(name: &str) -> Self {
@@ -88,9 +111,8 @@ impl BusOptions {
             Bus { name: name.into(), source: name.into(), place: Place::Offset, clock: Clock::None, line: None, network: None };
         Self { bus, mode: None, line: None, resolution: None, rule: None }
     }
-}
-impl BusOptions {
-    /// The silences that frames are checked against: those given, or the specification's for this line.
+
+    /// The silences that frames are checked against: those the user gave, or the specification's for these line settings.
     pub fn rule(&self) -> Option<Rule> {
         self.rule.or_else(|| self.line.map(|line| Rule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }))
     }
@@ -104,21 +126,22 @@ impl BusState {
             lines: Vec::new(),
             known_units: Box::new([false; 256]),
             paired_units: Box::new([false; 256]),
-            sides: [0; 2],
+            side_votes: [0; 2],
             newest: None,
             latest: None,
             now: None,
-            surveyed: false,
-            jumped: false,
+            is_surveyed: false,
+            clock_jumped: false,
             reader: None,
             devices: Vec::new(),
             stamps_resolution: None,
-            order: VecDeque::new(),
+            merged_order: VecDeque::new(),
             profiles,
             options,
         }
     }
 
+    /// The line of this number, which is added if it is new.
     pub(super) fn line(&mut self, id: u8) -> &mut LineState {
         if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {
             return &mut self.lines[at].1;
@@ -130,37 +153,39 @@ impl BusState {
         };
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());
-        self.lines.push((id, LineState { votes: 0, input, framer, last_end: None, lateness: Lateness::default(), ahead: None }));
+        let lateness = Lateness::default();
+        self.lines.push((id, LineState { request_votes: 0, input, framer, last_end: None, lateness, unmerged: None }));
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
-    /// The line of a chunk. Without a clock, the order of two lines is found by what they say.
+    /// The line of a chunk. If it is one of two lines without a clock, the order of their frames will be inferred from
+    /// their content.
     pub(super) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
-        let fresh = self.lines.iter().all(|(line, _)| *line != chunk.line);
-        let first = self.lines.iter().all(|(_, line)| line.ahead.is_some());
-        let two = chunk.line != 0 && self.options.bus.network.is_none();
-        let untimed = matches!(chunk.times, Times::None) && !chunk.record;
+        let is_new = self.lines.iter().all(|(line, _)| *line != chunk.line);
+        let all_unmerged = self.lines.iter().all(|(_, line)| line.unmerged.is_some());
+        let is_two_line_tap = chunk.line != 0 && self.options.bus.network.is_none();
+        let is_untimed = matches!(chunk.times, Times::None) && !chunk.record;
         let line = self.line(chunk.line);
-        if fresh && first && two && untimed {
-            line.ahead = Some(Box::new(Ahead::new(Input::new(line.input.char_ns))));
-            self.pairing.guessed = true;
+        if is_new && all_unmerged && is_two_line_tap && is_untimed {
+            line.unmerged = Some(Box::new(UnmergedFrames::new(Input::new(line.input.char_ns))));
+            self.pairing.order_is_inferred = true;
         }
         self.line(chunk.line)
     }
 
-    /// What the clock of a line can tell apart.
+    /// The step of a line's clock: two times that differ by less may be in any order.
     pub(super) fn resolution(&self, at: usize) -> Ns {
         let line = &self.lines[at].1;
         let reads = line.lateness.resolution(&line.input);
         self.options.resolution.unwrap_or_else(|| self.stamps_resolution.map_or(reads, |stamps| reads.max(stamps)))
     }
 
-    /// Of all lines, the coarsest clock: what may be said of a request and its answer.
-    pub(super) fn coarsest(&self) -> Ns {
+    /// The coarsest step of all lines' clocks, which limits the times from a request to its response.
+    pub(super) fn coarsest_resolution(&self) -> Ns {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
-    /// Whether a chunk changes nothing of how the bytes before it are looked at, so that all may be decided together.
+    /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided.
     pub(super) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
         if !self.lines.iter().all(|(_, line)| line.input.takes_alike(chunk)) {
             return false;
@@ -168,54 +193,59 @@ impl BusState {
         let Some((time, newest)) = chunk.time().zip(self.newest) else { return self.lines.len() == 1 && chunk.line == 0 };
         match self.lines.len() {
             1 => chunk.line == 0 && time >= newest,
-            // In the order of time, no side may end a frame by being silent, and nothing comes at the same time.
+            // The two sides of a connection: in the order of time, without two segments at the same time, and without a
+            // silence that would end a frame of either side.
             2 if self.options.bus.network.is_some() => {
-                let silent = |line: &LineState| line.input.newest().is_some_and(|last| time - last >= line.input.break_ns);
-                Some(time) > self.latest && !self.lines.iter().any(|(_, line)| silent(line))
+                let is_silent = |line: &LineState| line.input.newest().is_some_and(|last| time - last >= line.input.break_ns);
+                Some(time) > self.latest && !self.lines.iter().any(|(_, line)| is_silent(line))
             }
             _ => false,
         }
     }
 
-    /// What the times of the next frame of a line depend on. Pairing gets to know the clock, too.
-    pub(super) fn setting(&mut self, at: usize) -> Setting {
+    /// The parameters from which the times of a line's next frame are computed. Pairing is told the clock on this
+    /// occasion, since what has been learned of it changes with every frame.
+    pub(super) fn timing_config(&mut self, at: usize) -> Setting {
         let resolution = self.resolution(at);
-        let several = self.lines.len() > 1;
+        let has_several_lines = self.lines.len() > 1;
         let (_, line) = &self.lines[at];
-        self.pairing.resolution = self.options.resolution.unwrap_or_else(|| Lateness::least(&line.input));
-        self.pairing.lateness = resolution;
-        self.pairing.ordered = !(several && self.lines.iter().any(|(_, line)| line.input.coarse));
+        self.pairing.resolution = self.options.resolution.unwrap_or_else(|| Lateness::finest_resolution(&line.input));
+        self.pairing.read_lateness = resolution;
+        self.pairing.is_wire_order = !(has_several_lines && self.lines.iter().any(|(_, line)| line.input.coarse));
         Setting {
-            clocked: self.options.bus.clock != Clock::None,
+            has_clock: self.options.bus.clock != Clock::None,
             resolution,
             place: self.options.bus.place,
             mode: line.framer.mode(),
-            jumped: self.jumped,
+            clock_jumped: self.clock_jumped,
             last_end: line.last_end,
         }
     }
 
-    /// When time alone decides something next.
+    /// The next time at which something is decided without further bytes: a silence that ends a frame, a time-out, or
+    /// the end of the wait for the other line.
     pub(super) fn deadline(&self) -> Option<Ns> {
         let silences = self.lines.iter().filter_map(|(_, line)| line.input.deadline());
         silences.chain(self.pairing.deadline()).chain(self.turn_deadline()).min()
     }
 
-    /// Ends the frames of lines that have been silent for long.
-    pub(super) fn close_silent_lines(&mut self, now: Ns) {
+    /// Lets time advance to `now` on all lines, so that silences end their frames.
+    pub(super) fn advance_silence(&mut self, now: Ns) {
         self.now = self.now.max(Some(now));
         for (_, line) in &mut self.lines {
             line.input.wait(now);
         }
     }
 
-    /// The next frame: of the line whose turn it is, so that two lines are told in the order of the wire.
-    pub(super) fn next_cut(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
-        if self.lines.first().is_some_and(|(_, line)| line.ahead.is_some()) {
-            return self.next_heard(functions, live, adu);
+    /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed.
+    ///
+    /// Of two lines, the one is asked whose frame was on the wire first.
+    pub(super) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+        if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
+            return self.next_merged(functions, live, adu);
         }
         let settings = self.options.line;
-        if self.surveys(functions, live) {
+        if self.survey_is_open(functions, live) {
             return None;
         }
         let at = match self.lines.len() {
@@ -223,21 +253,21 @@ impl BusState {
             1 => 0,
             _ => self.turn(functions)?,
         };
-        // On a two-line tap the silence on one line says nothing of the other's.
-        let one_line = self.lines.len() == 1;
-        let tempo = &self.pairing.tempo;
-        let sides = self.sides;
+        // On a two-line tap the silence on one line says nothing about the other's, so it is no evidence.
+        let is_single_line = self.lines.len() == 1;
+        let timing = &self.pairing.timing;
+        let side_votes = self.side_votes;
         let context = Context {
             functions,
-            asked: self.pairing.asked(),
+            asked: self.pairing.outstanding_request(),
             ahead: !live,
-            shared: !one_line,
-            speaker: if one_line { None } else { self.speaker(at) },
-            certain: self.options.bus.network.as_ref().and_then(|_| side_of(self.lines[at].0)),
+            shared: !is_single_line,
+            speaker: if is_single_line { None } else { self.speaker(at) },
+            certain: self.options.bus.network.as_ref().and_then(|_| connection_side(self.lines[at].0)),
             known_units: &self.known_units,
             paired_units: &self.paired_units,
-            pause: &|gap| tempo.judge(gap.filter(|_| one_line)),
-            said: &move |side| said(sides, side),
+            pause: &|silence| timing.timeout_log_odds(silence.filter(|_| is_single_line)),
+            said: &move |side| declared_direction(side_votes, side),
         };
         let state = &mut self.lines[at].1;
         let cut = state.framer.next(&state.input, &context, adu);
@@ -247,98 +277,105 @@ impl BusState {
 }
 
 impl BusState {
-    /// The next frame of two lines without a clock.
-    fn next_heard(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
-        if self.order.is_empty() {
-            let mut at = 0;
-            let mut quiet = 0;
-            while quiet < self.lines.len() {
-                let context = Context {
-                    functions,
-                    asked: None,
-                    ahead: !live,
-                    shared: true,
-                    speaker: self.speaker(at),
-                    certain: None,
-                    known_units: &self.known_units,
-                    paired_units: &self.paired_units,
-                    pause: &|_| 0.0,
-                    said: &|side| said(self.sides, side),
-                };
-                let found = self.lines[at].1.look_ahead(&context);
-                quiet = if found { 0 } else { quiet + 1 };
-                at = (at + 1) % self.lines.len();
-            }
+    /// The next frame of two lines without a clock. Both lines are framed as far as their bytes and the window go; then
+    /// the order of the frames found is inferred.
+    fn next_merged(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+        if self.merged_order.is_empty() {
+            self.frame_unmerged(functions, live);
             for at in 0..self.lines.len() {
                 if let Some(speaker) = self.speaker(at) {
-                    self.lines[at].1.all_said_by(functions, speaker);
+                    self.lines[at].1.assign_ambiguous_to(functions, speaker);
                 }
             }
-            self.order = next_lines(functions, &mut self.lines).into();
+            self.merged_order = next_lines(functions, &mut self.lines).into();
         }
-        let at = self.order.pop_front()?;
-        Some((at, self.lines[at].1.next_heard(adu)?))
+        let at = self.merged_order.pop_front()?;
+        Some((at, self.lines[at].1.pop_unmerged(adu)?))
     }
 
-    /// Who has a line of a two-line tap for himself, once both lines have shown it.
+    /// Frames the bytes of all lines in turn, until none yields a further frame.
+    fn frame_unmerged(&mut self, functions: &Functions, live: bool) {
+        let mut at = 0;
+        let mut lines_without_frame = 0;
+        while lines_without_frame < self.lines.len() {
+            let context = Context {
+                functions,
+                asked: None,
+                ahead: !live,
+                shared: true,
+                speaker: self.speaker(at),
+                certain: None,
+                known_units: &self.known_units,
+                paired_units: &self.paired_units,
+                pause: &|_| 0.0,
+                said: &|side| declared_direction(self.side_votes, side),
+            };
+            let has_frame = self.lines[at].1.frame_next(&context);
+            lines_without_frame = if has_frame { 0 } else { lines_without_frame + 1 };
+            at = (at + 1) % self.lines.len();
+        }
+    }
+
+    /// The one side that speaks on a line of a two-line tap, once the frames of both lines have shown it.
     pub(super) fn speaker(&self, at: usize) -> Option<Direction> {
+        let lines = self.lines.iter().enumerate();
         let votes: i32 =
-            self.lines.iter().enumerate().map(|(line, (_, state))| if line == at { state.votes } else { -state.votes }).sum();
+            lines.map(|(line, (_, state))| if line == at { state.request_votes } else { -state.request_votes }).sum();
         match votes {
-            3.. => Some(Direction::Request),
-            ..=-3 => Some(Direction::Response),
+            MIN_SPEAKER_VOTES.. => Some(Direction::Request),
+            _ if votes <= -MIN_SPEAKER_VOTES => Some(Direction::Response),
             _ => None,
         }
     }
 }
 
-/// Votes for the master, less those for the units, with those of one more frame. What either may send has none.
-pub(super) fn voted(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
-    const MOST: i32 = 50;
+/// The votes of a line after one more frame: +1 for a frame that only a master can send, -1 for one that only a unit can
+/// send, 0 for one that may be either.
+pub(super) fn add_vote(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
     let vote = match readings(functions, adu.get(1..).unwrap_or(&[])) {
         (true, false) => 1,
         (false, true) => -1,
         _ => 0,
     };
-    (votes + vote).clamp(-MOST, MOST)
+    (votes + vote).clamp(-MAX_LINE_VOTES, MAX_LINE_VOTES)
 }
 
-/// Who speaks on a line of a connection: the client's is 1, the server's 2.
-fn side_of(line: u8) -> Option<Direction> {
+/// Who speaks on a line of a TCP connection.
+fn connection_side(line: u8) -> Option<Direction> {
     match line {
-        1 => Some(Direction::Request),
-        2 => Some(Direction::Response),
+        FROM_CLIENT => Some(Direction::Request),
+        FROM_SERVER => Some(Direction::Response),
         _ => None,
     }
 }
 
-/// Remembers what the words of a log mean, by a frame that leaves no doubt of who sent it.
+/// Learns what a log's words `sent` and `received` mean, from a frame whose direction is certain.
 #[inline]
-pub(super) fn learn_side(sides: &mut [i32; 2], side: Option<Side>, direction: Direction) {
+pub(super) fn learn_side(side_votes: &mut [i32; 2], side: Option<Side>, direction: Direction) {
     let Some(side) = side else { return };
     let vote = match direction {
         Direction::Request => 1,
         Direction::Response => -1,
         Direction::Unknown => 0,
     };
-    let slot = &mut sides[usize::from(side == Side::Received)];
-    *slot = (*slot + vote).clamp(-100, 100);
+    let slot = &mut side_votes[usize::from(side == Side::Received)];
+    *slot = (*slot + vote).clamp(-MAX_SIDE_VOTES, MAX_SIDE_VOTES);
 }
 
-/// Remembers who speaks on this bus, and what its log's words mean.
-pub(super) fn learn(known_units: &mut [bool; 256], sides: &mut [i32; 2], seen: &Seen<'_>, side: Option<Side>) {
-    if !seen.verdict.good() || seen.adu.len() < 2 {
+/// Learns from a good frame which units there are, and what the log's words mean.
+pub(super) fn learn(known_units: &mut [bool; 256], side_votes: &mut [i32; 2], frame: &ObservedFrame<'_>, side: Option<Side>) {
+    if !frame.verdict.good() || frame.adu.len() < 2 {
         return;
     }
-    known_units[seen.adu[0] as usize] = true;
-    learn_side(sides, side, seen.direction);
+    known_units[frame.adu[0] as usize] = true;
+    learn_side(side_votes, side, frame.direction);
 }
 
-/// What a log's word means: what its frames have shown, or else that the logging process is the master.
-pub(super) fn said(sides: [i32; 2], side: Side) -> Direction {
-    let lead = sides[0] - sides[1];
-    let master_logs = lead >= 0;
-    if (side == Side::Sent) == master_logs {
+/// The direction that a log's word stands for. Until its frames have shown otherwise, the process that writes the log is
+/// taken to be the master, so that `sent` means requests.
+pub(super) fn declared_direction(side_votes: [i32; 2], side: Side) -> Direction {
+    let is_log_of_master = side_votes[0] - side_votes[1] >= 0;
+    if (side == Side::Sent) == is_log_of_master {
         Direction::Request
     } else {
         Direction::Response
@@ -354,23 +391,23 @@ mod tests {
     use modlens_readers::chunk::Chunk;
 
     #[test]
-    fn offsets_beyond_four_gib_are_told_whole() {
+    fn stream_offsets_beyond_four_gib_are_not_truncated() {
         const START: u64 = (1 << 32) - 20;
         let mut session = Session::default();
         let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
         let line = session.buses[bus].line(0);
         line.input = Input::at(START);
         line.framer.jump(START);
-        let framed = |body: &[u8]| [body, &crc16(body).to_le_bytes()].concat();
-        let round = [framed(&[1, 3, 0, 0, 0, 1]), framed(&[1, 3, 2, 0, 7])].concat();
+        let with_crc = |adu: &[u8]| [adu, &crc16(adu).to_le_bytes()].concat();
+        let transaction = [with_crc(&[1, 3, 0, 0, 0, 1]), with_crc(&[1, 3, 2, 0, 7])].concat();
         for _ in 0..10 {
-            session.feed(bus, &Chunk { bytes: &round, ..Chunk::default() });
+            session.feed(bus, &Chunk { bytes: &transaction, ..Chunk::default() });
         }
         session.flush();
         let batch = session.take();
-        let places: Vec<u64> = batch.frames.iter().map(|frame| frame.offset).collect();
-        let wanted: Vec<u64> = (0..10).flat_map(|at| [START + 15 * at, START + 15 * at + 8]).collect();
-        assert_eq!(places, wanted);
+        let offsets: Vec<u64> = batch.frames.iter().map(|frame| frame.offset).collect();
+        let expected: Vec<u64> = (0..10).flat_map(|at| [START + 15 * at, START + 15 * at + 8]).collect();
+        assert_eq!(offsets, expected);
         assert!(batch.frames.iter().all(|frame| frame.verdict.good()));
     }
 }

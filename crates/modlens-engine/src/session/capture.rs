@@ -1,4 +1,4 @@
-//! Captures in a session: a connection becomes a bus of two lines, a serial interface a bus of one.
+//! Packet captures: each TCP connection becomes a bus of two lines, each serial interface a bus of one.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -6,8 +6,8 @@ use std::sync::Arc;
 use crate::framer::silence::Rule;
 use crate::pairing::Pairing;
 use crate::records::{Bus, FindingRow, Network};
-use crate::session::bus::BusState;
-use crate::session::told::Retold;
+use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
+use crate::session::told::ReimportState;
 use crate::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
@@ -18,64 +18,62 @@ use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::own::{PortMetadata, RecordingSegment};
 use modlens_readers::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
 
-/// Times below this are not of our days: the clock started with the recording.
-const FIRST_DAY: Ns = 100_000_000 * 1_000_000_000;
+/// Times before March 1973 are not dates: the clock started with the recording.
+const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
 
-/// The lines of a connection's bus.
-pub(super) const FROM_CLIENT: u8 = 1;
-pub(super) const FROM_SERVER: u8 = 2;
-
-/// What a capture is told about itself.
+/// What the source of a capture knows about it in advance.
 #[derive(Clone, Debug)]
 pub struct CaptureOptions {
     /// The file, as `source` names it.
     pub source: String,
     /// Where Modbus is looked for.
     pub ports: Ports,
-    /// Framing of serial interfaces; found out where `None`.
+    /// Framing of serial interfaces; detected where `None`.
     pub mode: Option<Mode>,
     /// Line settings of serial interfaces.
     pub line: Option<Line>,
-    /// See `BusOptions`.
+    /// The silences at which RTU frames of serial interfaces end; by evidence where `None`.
     pub rule: Option<Rule>,
 }
 
+/// A capture that is being read.
 pub(super) struct CaptureState {
     options: CaptureOptions,
     reader: Capture,
-    /// The bus of each slot.
+    /// For each slot of the reader's table of connections, the bus of the connection in it.
     slots: Vec<Option<usize>>,
     /// The bus of each serial interface.
     lines: Vec<Option<usize>>,
-    /// Rows that are read back.
-    retold: Retold,
+    /// Rows that are read back from a capture that modlens wrote.
+    reimport: ReimportState,
     clock: Clock,
+    /// The coarsest step of the interfaces' clocks.
     resolution: Ns,
 }
 
 impl CaptureState {
-    /// The smallest number of a transaction that is read back and not complete.
+    /// The smallest number of a transaction that is read back and not complete yet.
     pub(super) fn oldest(&self) -> Option<u64> {
-        self.retold.oldest()
+        self.reimport.oldest()
     }
 }
 
 impl Session {
-    /// Adds a capture; they are numbered from 0. Its buses are made as they show.
+    /// Adds a capture; they are numbered from 0. Its buses are added when their first packet is read.
     pub fn add_capture(&mut self, options: CaptureOptions) -> usize {
         self.captures.push(Some(CaptureState {
             reader: Capture::new(options.ports.clone()),
             options,
             slots: Vec::new(),
             lines: Vec::new(),
-            retold: Retold::new(self.next_frame - 1, self.next_txn - 1),
+            reimport: ReimportState::new(self.next_frame - 1, self.next_txn - 1),
             clock: Clock::None,
             resolution: 0,
         }));
         self.captures.len() - 1
     }
 
-    /// A block of a capture, cut anywhere; `last` ends it.
+    /// Takes a block of a capture, cut anywhere; `last` ends the capture.
     pub fn feed_capture(&mut self, capture: usize, block: &[u8], last: bool) {
         let Some(mut state) = self.captures[capture].take() else { return };
         let mut reader = std::mem::take(&mut state.reader);
@@ -83,14 +81,14 @@ impl Session {
         reader.push(&functions, block, &mut |event| self.event(&mut state, event));
         if last {
             reader.finish(&functions, &mut |event| self.event(&mut state, event));
-            self.end_retold(&mut state.retold);
+            self.end_reimport(&mut state.reimport);
         }
         self.decide_waiting();
         state.reader = reader;
         self.captures[capture] = Some(state);
     }
 
-    /// What a capture has shown: packets, what was left out, the clock and its resolution, the framings.
+    /// What a capture has shown so far: packets, those that were skipped, the clock and its resolution.
     pub fn capture(&self, capture: usize) -> Option<CaptureReport> {
         let state = self.captures.get(capture)?.as_ref()?;
         Some(CaptureReport {
@@ -101,6 +99,8 @@ impl Session {
         })
     }
 
+    /// Handles one event of the capture's reader. Everything but further bytes changes how undecided bytes are decided, so
+    /// these are decided first.
     fn event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         if !matches!(event, Event::Time(..) | Event::Bytes { .. }) {
             self.decide_waiting();
@@ -108,7 +108,7 @@ impl Session {
         match event {
             Event::Time(time, by) => {
                 if state.clock == Clock::None {
-                    let guess = if time < FIRST_DAY { Clock::Relative } else { Clock::Utc };
+                    let guess = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
                     state.clock = by.own.as_ref().map_or(guess, |port| port.clock);
                 }
                 state.resolution = state.resolution.max(by.resolution);
@@ -116,19 +116,19 @@ impl Session {
                     self.origin.get_or_insert(time);
                 }
             }
-            Event::Opened { slot, client, server, mode } => self.opened(state, slot, client, server, mode),
+            Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, piece, record, heard } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
-                    if self.buses[bus].pairing.heard != heard || piece.missing > 0 {
+                    if self.buses[bus].pairing.response_side_recorded != heard || piece.missing > 0 {
                         self.decide_waiting();
                     }
-                    self.buses[bus].pairing.heard = heard;
-                    self.piece(bus, from_client, &piece, record);
+                    self.buses[bus].pairing.response_side_recorded = heard;
+                    self.feed_segment(bus, from_client, &piece, record);
                 }
             }
             Event::Found { slot, finding, detail, packet, time } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
-                    self.found(bus, finding, detail, packet, time);
+                    self.emit_connection_finding(bus, finding, detail, packet, time);
                 }
             }
             Event::Closed { slot } => {
@@ -140,17 +140,18 @@ impl Session {
             Event::Line { interface, by, content, errors, packet, time } => {
                 let bus = self.serial_bus(state, interface, by);
                 let line = by.own.as_ref().map_or(0, |port| port.line);
-                // A tap receives everything: that says nothing of who has sent it.
+                // A tap receives everything, so that its word `received` does not tell who has sent the bytes.
                 let side = content.side.filter(|_| by.own.is_none());
-                self.content(bus, line, &Content { side, ..content }, &errors, packet, time);
+                self.feed_serial(bus, line, &Content { side, ..content }, &errors, packet, time);
             }
             Event::Reimported { by, metadata, packet, time, .. } => {
-                self.retell(&mut state.retold, &state.options, by, &metadata, packet, time)
+                self.reimport_packet(&mut state.reimport, &state.options, by, &metadata, packet, time);
             }
         }
     }
 
-    fn opened(&mut self, state: &mut CaptureState, slot: usize, client: Endpoint, server: Endpoint, mode: Mode) {
+    /// Adds the bus of a connection, if possible in place of that of a closed one.
+    fn add_connection(&mut self, state: &mut CaptureState, slot: usize, client: Endpoint, server: Endpoint, mode: Mode) {
         self.connections += 1;
         let server = server.to_string();
         let network = Network { client: client.address.to_string(), server: server.clone(), connection: self.connections };
@@ -182,11 +183,12 @@ impl Session {
         state.slots[slot] = Some(bus);
     }
 
-    fn piece(&mut self, bus: usize, from_client: bool, piece: &Piece<'_>, record: bool) {
+    /// Feeds the bytes of a TCP segment.
+    fn feed_segment(&mut self, bus: usize, from_client: bool, piece: &Piece<'_>, record: bool) {
         if piece.missing > 0 {
-            self.buses[bus].pairing.lost();
+            self.buses[bus].pairing.note_missing_bytes();
             let detail = format!("{} bytes are missing before packet {}", piece.missing, piece.packet);
-            self.found(bus, Finding::MissingSegment, detail, piece.packet, piece.time);
+            self.emit_connection_finding(bus, Finding::MissingSegment, detail, piece.packet, piece.time);
         }
         let chunk = Chunk {
             bytes: piece.bytes,
@@ -201,7 +203,8 @@ impl Session {
         self.feed_later(bus, &chunk);
     }
 
-    fn content(&mut self, bus: usize, line: u8, content: &Content<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {
+    /// Feeds the bytes of a packet of a serial interface.
+    fn feed_serial(&mut self, bus: usize, line: u8, content: &Content<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {
         let chunk = Chunk {
             bytes: content.bytes,
             line,
@@ -209,7 +212,7 @@ impl Session {
             side: content.side,
             record: content.record,
             hole: content.hole,
-            // Which ones is more than that there are some.
+            // Marks on single bytes say more than a mark on the whole packet.
             line_error: content.line_error && errors.is_empty(),
             errors,
             no_checksum: content.no_checksum,
@@ -219,6 +222,7 @@ impl Session {
         self.feed(bus, &chunk);
     }
 
+    /// The bus of a serial interface, which is added if it is new.
     fn serial_bus(&mut self, state: &mut CaptureState, interface: usize, by: &Interface) -> usize {
         if state.lines.len() <= interface {
             state.lines.resize(interface + 1, None);
@@ -242,7 +246,8 @@ impl Session {
         self.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
     }
 
-    /// The bus of a port of a raw recording: the lines of a bus are one, and the files of a recording go on.
+    /// The bus of a port in a raw recording. The two lines of a bus are two ports with one bus, and a recording of several
+    /// files goes on with the same bus; where a file is missing between, the bus is flushed.
     fn recorded_bus(&mut self, state: &CaptureState, port: &PortMetadata, segment: &RecordingSegment) -> usize {
         let line = state.options.line.or(port.settings);
         let known = self.recorded.iter_mut().find(|(of, _)| of.session == segment.session && of.bus == segment.bus);
@@ -254,15 +259,15 @@ impl Session {
             }
             return bus;
         }
-        // Played again, the rows are those of the tap, which knew ports only.
+        // A replay gives the same rows as the tap did, which knew ports and offsets only.
         let from = if self.live { (port.name.clone(), Place::Offset) } else { (state.options.source.clone(), Place::Packet) };
         let bus = self.add_serial(state, port.name.clone(), from, line);
         self.recorded.push((segment.clone(), bus));
         bus
     }
 
-    /// A finding on a connection, not on a frame.
-    fn found(&mut self, bus: usize, finding: Finding, detail: String, packet: u64, time: Option<Ns>) {
+    /// Emits a finding that is about a connection, not about one of its frames.
+    fn emit_connection_finding(&mut self, bus: usize, finding: Finding, detail: String, packet: u64, time: Option<Ns>) {
         self.stats.finding(finding);
         if self.wanted.findings {
             let elapsed = super::rows::elapsed(self.origin, time);
@@ -281,32 +286,32 @@ impl Session {
         }
     }
 
-    /// Lets go of the buses of closed connections that no held row names.
-    pub(super) fn release(&mut self) {
+    /// Frees the buses of closed connections that no row in `held` names.
+    pub(super) fn release_buses(&mut self) {
         if self.retired.is_empty() {
             return;
         }
         let named: HashSet<usize> = self.held.iter().map(|row| row.bus as usize).collect();
         let free = &mut self.free;
         self.retired.retain(|bus| {
-            let busy = named.contains(bus);
-            if !busy {
+            let is_named = named.contains(bus);
+            if !is_named {
                 free.push(*bus);
             }
-            busy
+            is_named
         });
     }
 }
 
-/// What a capture has shown.
+/// What a capture has shown so far.
 #[derive(Clone, Debug)]
 pub struct CaptureReport {
     /// Packets so far.
     pub packets: u64,
-    /// What was left out, by reason.
+    /// Packets that were skipped, by reason.
     pub left_out: Vec<(String, u64)>,
-    /// Its clock.
+    /// The kind of its clock.
     pub clock: Clock,
-    /// What that can tell apart.
+    /// The step of the clock.
     pub resolution: Ns,
 }

@@ -1,70 +1,72 @@
-//! What a line's clock is worth: how late its reads come, learned from the frames themselves.
+//! How late the reads of a line come, learned from the frames themselves. It limits what times on this line mean.
 //!
-//! Inside a frame there is next to no silence. Where a read ends inside a frame, the silence that its time seems to
-//! show is lateness: of the FTDI latency timer (16 ms out of the box), of CH340 packets, of a 16550's FIFO, of a serial
-//! server's segments, or of the scheduler. Times that differ by less than that cannot be told apart.
+//! Inside a frame there is next to no silence. Where a read ends inside a frame, the silence that its time seems to show
+//! is the lateness of the next read: from the FTDI latency timer (16 ms by default), CH340 packets, the FIFO of a 16550,
+//! the segments of a serial server, or the scheduler. Times that differ by less than that may be in any order.
 
 use crate::input::Input;
 use modlens_protocol::Ns;
 
-/// Single bytes with their own times.
-const BYTE_RESOLUTION: Ns = 1_000;
+/// The resolution where every byte has its own time.
+const BYTE_RESOLUTION_NS: Ns = 1_000;
 
-/// Reads of several bytes: schedulers make them late by about so much, whatever the adapter.
-const READ_RESOLUTION: Ns = 1_000_000;
+/// The finest resolution where reads have several bytes: schedulers make them late by about this, whatever the adapter.
+const READ_RESOLUTION_NS: Ns = 1_000_000;
 
-/// No adapter holds bytes back for longer; a longer pause is the sender's.
-const MOST_LATENESS: f64 = 50e6;
+/// No adapter holds bytes back for longer than this; a longer silence inside a frame is the sender's.
+const MAX_LATENESS_NS: f64 = 50e6;
 
-/// One read in ten may be later than what is learned.
-const LATER: f64 = 0.1;
+/// Share of the reads that may be later than the learned lateness, which is thus the 90th percentile.
+const LATER_SHARE: f64 = 0.1;
 
-/// How fast that is learned.
-const RATE: f64 = 0.15;
+/// How far one frame moves the estimate: its logarithm changes by at most this.
+const LEARNING_RATE: f64 = 0.15;
 
-/// How late the reads of a line are.
+/// How late the reads of a line come.
 #[derive(Clone, Copy, Debug)]
 pub struct Lateness {
-    /// Nine reads in ten are less late than this.
-    ns: f64,
+    /// Nine reads in ten are less late than this, in ns.
+    percentile_90: f64,
 }
 
 impl Default for Lateness {
     fn default() -> Self {
-        Self { ns: READ_RESOLUTION as f64 }
+        Self { percentile_90: READ_RESOLUTION_NS as f64 }
     }
 }
 
 impl Lateness {
-    /// Learns from a good frame: the first `length` bytes of the input.
+    /// Learns from a good frame, the first `length` bytes of the input, by a step towards the percentile: up for each
+    /// read that was later, down for each that was not.
     pub fn learn(&mut self, input: &Input, length: usize) {
         if !input.coarse {
             return;
         }
-        let (later, all) = input.later_reads(length, self.ns as Ns);
-        if all == 0 {
+        let (later, reads) = input.later_reads(length, self.percentile_90 as Ns);
+        if reads == 0 {
             return;
         }
-        // Every read counts: the longest pause of a long frame is one of a hundred, and says little of the others.
-        let step = later as f64 / all as f64 - LATER;
-        self.ns = (self.ns * (RATE * step).exp()).clamp(READ_RESOLUTION as f64, MOST_LATENESS);
+        // All reads count, not only the latest: in a long frame that is one of a hundred and says little about the rest.
+        let step = later as f64 / reads as f64 - LATER_SHARE;
+        let moved = self.percentile_90 * (LEARNING_RATE * step).exp();
+        self.percentile_90 = moved.clamp(READ_RESOLUTION_NS as f64, MAX_LATENESS_NS);
     }
 
-    /// What the clock of this line can tell apart.
+    /// The step of this line's clock as reports have it: two times that differ by less may be in any order.
     pub fn resolution(self, input: &Input) -> Ns {
         if input.coarse {
-            self.ns as Ns
+            self.percentile_90 as Ns
         } else {
-            BYTE_RESOLUTION
+            BYTE_RESOLUTION_NS
         }
     }
 
-    /// What pairing weighs: a time that is too coarse to be reported is evidence all the same.
-    pub fn least(input: &Input) -> Ns {
+    /// The step of this line's clock at best, as pairing has it: a time too coarse to be reported is still evidence.
+    pub fn finest_resolution(input: &Input) -> Ns {
         if input.coarse {
-            READ_RESOLUTION
+            READ_RESOLUTION_NS
         } else {
-            BYTE_RESOLUTION
+            BYTE_RESOLUTION_NS
         }
     }
 }
@@ -74,7 +76,7 @@ mod tests {
     use super::*;
     use modlens_readers::chunk::{Chunk, Times};
 
-    /// Frames of 40 bytes at 1 ms a byte, seen in reads that come so late.
+    /// The resolution learned from 200 frames of 40 bytes at 1 ms a byte, in four reads each that come late by this.
     fn learned(lateness: impl Fn(usize) -> Ns) -> Ns {
         let mut clock = Lateness::default();
         for frame in 0..200 {
@@ -92,12 +94,12 @@ mod tests {
     }
 
     #[test]
-    fn reads_in_time_have_the_clock_of_a_scheduler() {
-        assert_eq!(learned(|_| 0), READ_RESOLUTION);
+    fn reads_in_time_have_the_resolution_of_a_scheduler() {
+        assert_eq!(learned(|_| 0), READ_RESOLUTION_NS);
     }
 
     #[test]
-    fn a_late_read_among_many_does_not_spoil_the_clock() {
+    fn one_late_read_among_forty_does_not_coarsen_the_resolution() {
         let mut clock = Lateness::default();
         for _ in 0..200 {
             let mut input = Input::new(Some(1_000_000));
@@ -108,12 +110,12 @@ mod tests {
                 input.push(&Chunk { bytes, times: Times::Read(time), ..Chunk::default() });
             }
             clock.learn(&input, 41);
-            assert_eq!(clock.resolution(&input), READ_RESOLUTION);
+            assert_eq!(clock.resolution(&input), READ_RESOLUTION_NS);
         }
     }
 
     #[test]
-    fn a_latency_timer_shows() {
+    fn a_latency_timer_coarsens_the_resolution() {
         let resolution = learned(|read| (read * 7 % 16) as Ns * 1_000_000);
         assert!((5_000_000..16_000_000).contains(&resolution), "{resolution}");
     }

@@ -1,116 +1,139 @@
-//! Transactions that are decided become rows.
+//! Emission of transactions: those that are closed become rows, with the findings on them.
+
+use std::sync::Arc;
 
 use crate::check;
+use crate::pairing::PendingTransaction;
 use crate::records::{FindingRow, Transaction};
 use crate::session::rows::{elapsed, keep_half, note_detail};
 use crate::session::Session;
+use modlens_profiles::points::Bound;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::status::Status;
 
 impl Session {
-    /// What showed only now of frames whose rows are written.
-    fn write_notes(&mut self, bus: usize) {
-        for note in self.buses[bus].pairing.notes.drain(..) {
-            self.stats.finding(note.finding);
+    /// Emits the closed transactions of a bus with their findings, and the delayed findings on earlier frames.
+    pub(super) fn emit_transactions(&mut self, bus: usize) {
+        self.emit_delayed_findings(bus);
+        let mut done = std::mem::take(&mut self.done);
+        let min_measurable_ns = 2 * self.buses[bus].coarsest_resolution();
+        for mut transaction in done.drain(..) {
+            // Null rather than a guess, where the clock is too coarse.
+            for time in [&mut transaction.response_time, &mut transaction.waited, &mut transaction.late_response] {
+                *time = time.filter(|&ns| ns >= min_measurable_ns);
+            }
+            let points = self.find_on_transaction(bus, &mut transaction);
+            self.emit_findings(bus, &mut transaction);
+            if transaction.confirms_unit && matches!(transaction.status, Status::Ok | Status::Exception) {
+                self.buses[bus].paired_units[transaction.unit as usize] = true;
+            }
+            self.stats.transaction(self.buses[bus].counts, &self.functions, &transaction);
+            if self.wanted.transactions {
+                self.emit_row(bus, &transaction, points);
+            }
+            self.buses[bus].pairing.recycle(transaction);
+        }
+        self.done = done;
+    }
+
+    /// Emits findings that have shown only now, on frames whose rows are already written.
+    fn emit_delayed_findings(&mut self, bus: usize) {
+        for delayed in self.buses[bus].pairing.delayed_findings.drain(..) {
+            self.stats.finding(delayed.finding);
             if self.wanted.findings {
-                let seen = note.meeting;
+                let location = delayed.location;
                 self.batch.findings.push(FindingRow {
-                    frame: Some(seen.frame),
-                    txn: Some(seen.txn),
+                    frame: Some(location.frame),
+                    txn: Some(location.txn),
                     bus: bus as u32,
-                    start: seen.start,
-                    elapsed: elapsed(self.origin, seen.start),
-                    unit: Some(seen.unit),
-                    finding: note.finding,
-                    detail: note_detail(&note),
-                    origin: seen.origin,
+                    start: location.start,
+                    elapsed: elapsed(self.origin, location.start),
+                    unit: Some(location.unit),
+                    finding: delayed.finding,
+                    detail: note_detail(&delayed),
+                    origin: location.origin,
                 });
             }
         }
     }
 
-    /// The rows of transactions that are decided, and what is found on them.
-    pub(super) fn write_done(&mut self, bus: usize) {
-        self.write_notes(bus);
-        let mut done = std::mem::take(&mut self.done);
-        let told_apart = 2 * self.buses[bus].coarsest();
-        for mut exchange in done.drain(..) {
-            self.found.clear();
-            // Null, never a guess, where the clock cannot tell.
-            for time in [&mut exchange.response_time, &mut exchange.waited, &mut exchange.late_response] {
-                *time = time.filter(|&ns| ns >= told_apart);
+    /// Fills `self.found` with the findings on a transaction; gives the profile of its unit as it is now.
+    ///
+    /// A transaction that is read back keeps the findings it had, unless the profile adds a new one.
+    fn find_on_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) -> Option<Arc<Bound>> {
+        self.found.clear();
+        self.found.append(&mut transaction.imported_findings);
+        if !transaction.is_reimported {
+            check::pair(&self.functions, transaction, &mut self.found);
+        }
+        if transaction.findings.contains(&Finding::NoResponse) && !transaction.is_reimported {
+            let waited =
+                transaction.waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
+            self.found.push((Finding::NoResponse, format!("unit {}{waited}", transaction.unit)));
+        }
+        if let Some(code) = transaction.exception.filter(|_| transaction.findings.contains(&Finding::Exception)) {
+            self.found.push((Finding::Exception, format!("exception {code}")));
+        }
+        let before = self.found.len();
+        let points = self.buses[bus].profiles.apply(&self.functions, transaction, &mut self.found);
+        let are_known = self.found[before..].iter().all(|(finding, _)| transaction.findings.contains(finding));
+        if transaction.is_reimported && are_known {
+            self.found.truncate(before);
+        }
+        points
+    }
+
+    /// Emits the findings in `self.found` as rows, and adds them to those of the transaction.
+    fn emit_findings(&mut self, bus: usize, transaction: &mut PendingTransaction) {
+        let start = transaction.request.start.or(transaction.response.start);
+        let elapsed = elapsed(self.origin, start);
+        for (finding, detail) in self.found.drain(..) {
+            self.stats.finding(finding);
+            if !transaction.findings.contains(&finding) {
+                transaction.findings.push(finding);
             }
-            self.found.append(&mut exchange.told);
-            if !exchange.retold {
-                check::pair(&self.functions, &exchange, &mut self.found);
-            }
-            if exchange.findings.contains(&Finding::NoResponse) && !exchange.retold {
-                let waited =
-                    exchange.waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
-                self.found.push((Finding::NoResponse, format!("unit {}{waited}", exchange.unit)));
-            }
-            if let Some(code) = exchange.exception.filter(|_| exchange.findings.contains(&Finding::Exception)) {
-                self.found.push((Finding::Exception, format!("exception {code}")));
-            }
-            let before = self.found.len();
-            let points = self.buses[bus].profiles.on(&self.functions, &exchange, &mut self.found);
-            if exchange.retold && self.found[before..].iter().all(|(finding, _)| exchange.findings.contains(finding)) {
-                self.found.truncate(before);
-            }
-            let elapsed = elapsed(self.origin, exchange.request.start.or(exchange.response.start));
-            let start = exchange.request.start.or(exchange.response.start);
-            for (finding, detail) in self.found.drain(..) {
-                self.stats.finding(finding);
-                if !exchange.findings.contains(&finding) {
-                    exchange.findings.push(finding);
-                }
-                if self.wanted.findings {
-                    let frame = Some(exchange.response.frame).filter(|&n| n > 0).or(Some(exchange.request.frame));
-                    self.batch.findings.push(FindingRow {
-                        frame,
-                        txn: Some(exchange.txn),
-                        bus: bus as u32,
-                        start,
-                        elapsed,
-                        unit: Some(exchange.unit),
-                        finding,
-                        detail,
-                        origin: exchange.origin,
-                    });
-                }
-            }
-            if exchange.sure && matches!(exchange.status, Status::Ok | Status::Exception) {
-                self.buses[bus].paired_units[exchange.unit as usize] = true;
-            }
-            self.stats.transaction(self.buses[bus].counts, &self.functions, &exchange);
-            if self.wanted.transactions {
-                let row = Transaction {
-                    number: exchange.txn,
+            if self.wanted.findings {
+                let response = Some(transaction.response.number).filter(|_| transaction.response.is_present());
+                self.batch.findings.push(FindingRow {
+                    frame: response.or(Some(transaction.request.number)),
+                    txn: Some(transaction.txn),
                     bus: bus as u32,
-                    mode: exchange.mode,
                     start,
                     elapsed,
-                    unit: exchange.unit,
-                    function: exchange.function,
-                    status: exchange.status,
-                    exception: exchange.exception,
-                    response_time: exchange.response_time,
-                    waited: exchange.waited,
-                    late_response: exchange.late_response,
-                    retry_of: exchange.retry_of,
-                    late_for: exchange.late_for,
-                    gap: exchange.gap,
-                    mbap_id: exchange.mbap_id,
-                    request: keep_half(&mut self.batch, &exchange.request),
-                    response: keep_half(&mut self.batch, &exchange.response),
-                    findings: self.batch.keep_codes(&exchange.findings),
-                    points,
-                    origin: exchange.origin,
-                };
-                self.held.push(row);
+                    unit: Some(transaction.unit),
+                    finding,
+                    detail,
+                    origin: transaction.origin,
+                });
             }
-            self.buses[bus].pairing.recycle(exchange);
         }
-        self.done = done;
+    }
+
+    /// Adds the row of a transaction to those that wait for older ones.
+    fn emit_row(&mut self, bus: usize, transaction: &PendingTransaction, points: Option<Arc<Bound>>) {
+        let start = transaction.request.start.or(transaction.response.start);
+        self.held.push(Transaction {
+            number: transaction.txn,
+            bus: bus as u32,
+            mode: transaction.mode,
+            start,
+            elapsed: elapsed(self.origin, start),
+            unit: transaction.unit,
+            function: transaction.function,
+            status: transaction.status,
+            exception: transaction.exception,
+            response_time: transaction.response_time,
+            waited: transaction.waited,
+            late_response: transaction.late_response,
+            retry_of: transaction.retry_of,
+            late_for: transaction.late_for,
+            gap: transaction.gap,
+            mbap_id: transaction.mbap_id,
+            request: keep_half(&mut self.batch, &transaction.request),
+            response: keep_half(&mut self.batch, &transaction.response),
+            findings: self.batch.keep_codes(&transaction.findings),
+            points,
+            origin: transaction.origin,
+        });
     }
 }

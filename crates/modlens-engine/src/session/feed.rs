@@ -1,22 +1,23 @@
-//! Bytes and time in: what is decided when.
+//! The input of a session, bytes and time, and when it decides what they are.
 
 use crate::session::Session;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::Chunk;
 
 impl Session {
-    /// Bytes of one line of a bus.
+    /// Takes bytes of one line of a bus and emits the frames that they complete.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
-        let time = self.take_in(bus, chunk);
+        let time = self.buffer_chunk(bus, chunk);
         if let Some(time) = time {
-            self.buses[bus].close_silent_lines(time);
+            self.buses[bus].advance_silence(time);
         }
         self.decide(bus, time);
     }
 
-    /// The same, but what they are may be decided later, with more of them: when `decide_waiting` is called at the latest.
+    /// Takes bytes of one line of a bus, but may leave them undecided until `decide_waiting` is called: the fast path
+    /// wants the records of a request and of its response together.
     ///
-    /// Whatever changes how earlier bytes are looked at has them decided first.
+    /// A chunk that changes how the bytes before it are decided has them decided first.
     pub(super) fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
         if self.waiting.is_some_and(|waiting| waiting != bus) {
             self.decide_waiting();
@@ -25,50 +26,52 @@ impl Session {
             self.decide_waiting();
             self.feed(bus, chunk);
         } else {
-            self.take_in(bus, chunk);
+            self.buffer_chunk(bus, chunk);
             self.waiting = Some(bus);
         }
     }
 
-    /// Decides what waits to be decided.
+    /// Decides the bytes that `feed_later` has left undecided.
     pub(super) fn decide_waiting(&mut self) {
         if let Some(bus) = self.waiting.take() {
             self.decide(bus, self.buses[bus].newest);
         }
     }
 
-    /// Decides what the bytes are that have come on a bus up to this time, as far as it can be.
+    /// Emits the frames in the bytes of a bus, and lets its requests time out up to `time`.
     pub(super) fn decide(&mut self, bus: usize, time: Option<Ns>) {
-        self.frames_of(bus);
+        self.emit_frames(bus);
         if let Some(time) = time {
-            self.tick(bus, time);
+            self.advance_pairing(bus, time);
         }
     }
 
-    /// Takes the bytes of a chunk; gives its time.
-    fn take_in(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
+    /// Appends the bytes of a chunk to the input of its line; gives the time of the chunk.
+    fn buffer_chunk(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
         let time = chunk.time();
-        // Where the tap was away, nothing that is open gets an answer; a connection goes on behind lost segments.
-        let away = chunk.hole && self.buses[bus].options.bus.network.is_none();
-        // Nobody knows since when bytes were missing before others; without any, the tap goes away now.
-        if away && !chunk.bytes.is_empty() {
+        // A hole on a serial line means that the tap was away: no response to an open request will come. A connection goes
+        // on behind lost segments.
+        let tap_was_away = chunk.hole && self.buses[bus].options.bus.network.is_none();
+        // If bytes follow, it is unknown when the tap went away, so the bus is flushed before time advances. A chunk
+        // without bytes says that the tap goes away at this moment.
+        if tap_was_away && !chunk.bytes.is_empty() {
             self.flush_bus(bus);
         }
         if let Some(time) = time.filter(|_| self.live) {
-            // Whether anybody has polled in the meantime must not matter: what time alone decides is decided now.
+            // Everything that time alone decides is decided now, so that the result does not depend on earlier polls.
             self.poll(time - 1);
         }
-        if away {
+        if tap_was_away {
             self.flush_bus(bus);
         }
         let state = &mut self.buses[bus];
         let line = state.line_for(chunk);
         line.input.push(chunk);
-        if let Some(ahead) = &mut line.ahead {
-            ahead.input.push(chunk);
+        if let Some(unmerged) = &mut line.unmerged {
+            unmerged.input.push(chunk);
         }
         if let Some(time) = time {
-            state.jumped |= state.newest.is_some_and(|newest| time < newest);
+            state.clock_jumped |= state.newest.is_some_and(|newest| time < newest);
             state.newest = Some(time);
             state.latest = state.latest.max(Some(time));
             let char_ns = state.options.line.map_or(0, |line| line.char_ns());
@@ -78,72 +81,75 @@ impl Session {
         time
     }
 
-    /// Time goes on without bytes: ends silences and time-outs.
+    /// Lets time advance to `now` without bytes: silences end frames, and open requests time out.
+    ///
+    /// Buses are taken in the order of their deadlines. Otherwise the numbers of rows would depend on how often a session
+    /// with several buses is polled.
     pub fn poll(&mut self, now: Ns) {
-        // In their order, or the numbers of rows of several buses would depend on when somebody polls.
         while self.buses.len() > 1 {
             let due = self.buses.iter().enumerate().filter_map(|(bus, state)| Some((state.deadline()?, bus))).min();
             let Some((deadline, bus)) = due.filter(|(deadline, _)| *deadline <= now) else { break };
-            self.pass(bus, deadline);
+            self.advance_bus(bus, deadline);
             if self.buses[bus].deadline() == Some(deadline) {
                 break;
             }
         }
         for bus in 0..self.buses.len() {
-            self.pass(bus, now);
+            self.advance_bus(bus, now);
         }
     }
 
-    fn pass(&mut self, bus: usize, now: Ns) {
-        self.buses[bus].close_silent_lines(now);
-        self.frames_of(bus);
-        self.tick(bus, now);
+    fn advance_bus(&mut self, bus: usize, now: Ns) {
+        self.buses[bus].advance_silence(now);
+        self.emit_frames(bus);
+        self.advance_pairing(bus, now);
     }
 
-    /// The recording is over: decides everything that is still open.
+    /// Decides everything that is still open, at the end of the recording.
     pub fn flush(&mut self) {
         for bus in 0..self.buses.len() {
             self.flush_bus(bus);
         }
     }
 
-    /// A file is over: the raw recordings in it may go on in the next one.
+    /// Decides everything that is still open at the end of a file, but for raw recordings, which may go on in the next
+    /// file.
     pub fn flush_file(&mut self) {
-        for bus in (0..self.buses.len()).filter(|bus| self.recorded.iter().all(|(_, other)| other != bus)).collect::<Vec<_>>() {
+        let may_go_on = |bus: &usize| self.recorded.iter().any(|(_, recorded)| recorded == bus);
+        for bus in (0..self.buses.len()).filter(|bus| !may_go_on(bus)).collect::<Vec<_>>() {
             self.flush_bus(bus);
         }
     }
 
-    /// The recording of one bus is over, or a part of it is missing from here on.
+    /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on.
     pub fn flush_bus(&mut self, bus: usize) {
         for (_, line) in &mut self.buses[bus].lines {
             (line.input.closed, line.input.ended) = (true, true);
         }
-        self.frames_of(bus);
-        let mut done = std::mem::take(&mut self.done);
-        self.buses[bus].pairing.finish(&mut done);
-        self.done = done;
-        self.write_done(bus);
+        self.emit_frames(bus);
+        self.buses[bus].pairing.finish(&mut self.done);
+        self.emit_transactions(bus);
     }
 
-    fn tick(&mut self, bus: usize, now: Ns) {
-        let mut done = std::mem::take(&mut self.done);
+    /// Lets the requests of a bus time out. Bytes that are not framed yet may be a response, so time advances only up to
+    /// the first of them.
+    fn advance_pairing(&mut self, bus: usize, now: Ns) {
         let state = &mut self.buses[bus];
-        // Bytes that are not framed yet may be the answer: time has come only to the first of them.
-        let undecided = state.lines.iter().filter_map(|(_, line)| line.input.byte_time(0)).min();
-        state.pairing.tick(undecided.map_or(now, |first| first.min(now)), &mut done);
-        self.done = done;
+        let unframed_since = state.lines.iter().filter_map(|(_, line)| line.input.byte_time(0)).min();
+        state.pairing.advance_time(unframed_since.map_or(now, |first| first.min(now)), &mut self.done);
         if !self.done.is_empty() {
-            self.write_done(bus);
+            self.emit_transactions(bus);
         }
     }
 
-    pub(super) fn frames_of(&mut self, bus: usize) {
+    /// Emits all frames of a bus that can be decided, on the fast path as far as it goes and frame by frame where it does
+    /// not.
+    pub(super) fn emit_frames(&mut self, bus: usize) {
         let mut adu = std::mem::take(&mut self.adu);
         loop {
             self.routine(bus);
-            let Some((at, cut)) = self.buses[bus].next_cut(&self.functions, self.live, &mut adu) else { break };
-            self.frame(bus, at, &cut, &adu);
+            let Some((at, cut)) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
+            self.emit_frame(bus, at, &cut, &adu);
         }
         self.adu = adu;
     }

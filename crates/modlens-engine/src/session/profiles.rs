@@ -1,10 +1,10 @@
-//! Which unit of which bus has which profile.
+//! Which profile the units of a bus have: given by the user, or discovered from `SunSpec` models.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::check::Found;
-use crate::pairing::Exchange;
+use crate::pairing::PendingTransaction;
 use crate::session::Session;
 use modlens_profiles::points::sunspec::{marker, Chain};
 use modlens_profiles::points::watch::Watch;
@@ -15,36 +15,40 @@ use modlens_protocol::pdu::u16_at;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
-/// A profile for some units, of one bus or of all.
+/// A profile that the user gave to some units.
 pub(super) struct Assignment {
+    /// Name of the bus; all buses where `None`.
     bus: Option<String>,
     units: Vec<u8>,
     plan: Arc<Plan>,
 }
 
-/// The profiles of one bus by unit; empty where there are none at all.
+/// The profiles of the units of one bus.
 #[derive(Default)]
 pub(super) struct Profiles {
+    /// The profile of each unit with the scale factors known by now; empty while no unit has one.
     by_unit: Vec<Option<Arc<Bound>>>,
-    /// `SunSpec` models of units that no profile was given for.
+    /// The `SunSpec` models of units that the user gave no profile for, as far as they have been read.
     chains: HashMap<u8, Chain>,
+    /// For each unit, the check of the profile's order of bytes against the values.
     watches: Vec<Watch>,
 }
 
 impl Session {
-    /// Binds a profile to units, on one bus (by its name) or on all; the last one wins. Buses are told when they are
-    /// added, so bind first.
+    /// Gives a profile to units, on one bus (by its name) or on all; the last one wins. It holds for buses that are added
+    /// later.
     pub fn bind(&mut self, bus: Option<&str>, units: &[u8], plan: &Arc<Plan>) {
         let plan = Arc::clone(plan);
         self.assignments.push(Assignment { bus: bus.map(str::to_owned), units: units.to_vec(), plan });
     }
 
+    /// The profiles that the user gave to the units of a bus.
     pub(super) fn profiles_of(&self, bus: &str) -> Profiles {
         let mut profiles = Profiles::default();
-        for one in self.assignments.iter().filter(|one| one.bus.as_deref().is_none_or(|name| name == bus)) {
+        for assignment in self.assignments.iter().filter(|given| given.bus.as_deref().is_none_or(|name| name == bus)) {
             profiles.make_room();
-            for &unit in &one.units {
-                profiles.by_unit[usize::from(unit)] = Some(Arc::new(Bound::new(Arc::clone(&one.plan))));
+            for &unit in &assignment.units {
+                profiles.by_unit[usize::from(unit)] = Some(Arc::new(Bound::new(Arc::clone(&assignment.plan))));
             }
         }
         profiles
@@ -52,11 +56,16 @@ impl Session {
 }
 
 impl Profiles {
-    /// The profile of the exchange's unit, with what this exchange itself told: scale factors, `SunSpec` models. What
-    /// the values say against the profile goes to `found`.
-    pub(super) fn on(&mut self, functions: &Functions, exchange: &Exchange, found: &mut Found) -> Option<Arc<Bound>> {
-        let unit = exchange.unit;
-        let read = || registers_read(functions, exchange).filter(|_| exchange.status == Status::Ok);
+    /// The profile of the transaction's unit, after it has learned from this transaction: scale factors, and `SunSpec`
+    /// models. If values or function contradict the profile, a finding is added to `found`.
+    pub(super) fn apply(
+        &mut self,
+        functions: &Functions,
+        transaction: &PendingTransaction,
+        found: &mut Found,
+    ) -> Option<Arc<Bound>> {
+        let unit = transaction.unit;
+        let read = || registers_read(functions, transaction).filter(|_| transaction.status == Status::Ok);
         if self.by_unit.get(usize::from(unit)).is_none_or(Option::is_none) {
             let (_, first, bytes) = read().filter(|(space, ..)| *space == Space::Holding)?;
             self.discover(unit, first, bytes)?;
@@ -66,22 +75,22 @@ impl Profiles {
             }
         }
         let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
-        let known = &bound.plan.profile.device.functions;
-        // A damaged request may have asked for anything.
-        if !known.is_empty() && !known.contains(&exchange.function) && exchange.status != Status::BadRequest {
-            let listed: Vec<String> = known.iter().map(u8::to_string).collect();
+        let listed = &bound.plan.profile.device.functions;
+        // A damaged request may have had any function code.
+        if !listed.is_empty() && !listed.contains(&transaction.function) && transaction.status != Status::BadRequest {
+            let listed: Vec<String> = listed.iter().map(u8::to_string).collect();
             found.push((
                 Finding::UnsupportedFunction,
-                format!("function {}; the profile has {}", exchange.function, listed.join(", ")),
+                format!("function {}; the profile has {}", transaction.function, listed.join(", ")),
             ));
         }
         let watch = &mut self.watches[usize::from(unit)];
         if bound.has_factors() || !watch.done(&bound.plan) {
             if let Some((space, first, bytes)) = read() {
-                for one in watch.see(&bound.plan, space, first, bytes) {
-                    let compiled = bound.plan.compiled(one.compiled);
-                    let said = bound.plan.point(compiled).order.word();
-                    let text = format!("{}: {}, not {said}: {}", compiled.name, one.order.word(), one.reason);
+                for mismatch in watch.see(&bound.plan, space, first, bytes) {
+                    let compiled = bound.plan.compiled(mismatch.compiled);
+                    let declared = bound.plan.point(compiled).order.word();
+                    let text = format!("{}: {}, not {declared}: {}", compiled.name, mismatch.order.word(), mismatch.reason);
                     found.push((Finding::OrderMismatch, text));
                 }
                 if let Some(changed) = bound.learn(space, first, bytes) {
@@ -92,8 +101,8 @@ impl Profiles {
         Some(Arc::clone(bound))
     }
 
-    /// Whether an answer says nothing that is to be told; else `on` has to look. The request begins with the unit, the
-    /// block is what was read, if anything was; it is taken note of.
+    /// Learns from a transaction on the fast path; `false` if it would give a finding or change the profile, so that it
+    /// has to go through `apply`. `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
     pub(super) fn take(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         self.by_unit.is_empty() || self.take_block(functions, request, block)
@@ -103,14 +112,14 @@ impl Profiles {
         let [unit, code, high, low, ..] = *request else { return false };
         let Some(bound) = &self.by_unit[usize::from(unit)] else { return !self.chains.contains_key(&unit) };
         let (plan, first, watch) = (&bound.plan, u16::from_be_bytes([high, low]), &mut self.watches[usize::from(unit)]);
-        let known = &plan.profile.device.functions;
-        if self.chains.contains_key(&unit) || !(known.is_empty() || known.contains(&code)) {
+        let listed = &plan.profile.device.functions;
+        if self.chains.contains_key(&unit) || !(listed.is_empty() || listed.contains(&code)) {
             return false;
         }
         let Some(block) = block.filter(|_| bound.has_factors() || !watch.done(plan)) else { return true };
         let space = functions.row(code, &request[2..]).and_then(|row| row.space);
-        let mut quiet = |space| bound.learn(space, first, block).is_none() && watch.take(plan, space, first, block);
-        space.is_some_and(|space| space.bits() || quiet(space))
+        let mut changes_nothing = |space| bound.learn(space, first, block).is_none() && watch.take(plan, space, first, block);
+        space.is_some_and(|space| space.bits() || changes_nothing(space))
     }
 
     /// The profile of a unit.
@@ -124,7 +133,7 @@ impl Profiles {
         self.watches.resize_with(256, Watch::default);
     }
 
-    /// Looks for `SunSpec` models in a block; `None` if none is known of this unit.
+    /// Looks for `SunSpec` models in a block of registers; `None` if the unit has no profile by then.
     fn discover(&mut self, unit: u8, first: u16, bytes: &[u8]) -> Option<()> {
         if marker(first, bytes).is_none() && (self.chains.is_empty() || !self.chains.contains_key(&unit)) {
             return None;
@@ -141,15 +150,15 @@ impl Profiles {
     }
 }
 
-/// The block of registers that an exchange read.
-fn registers_read<'e>(functions: &Functions, exchange: &'e Exchange) -> Option<(Space, u16, &'e [u8])> {
-    let body = exchange.request.pdu().get(1..)?;
-    let row = functions.row(exchange.function, body)?;
+/// The block of registers that a transaction has read: address space, first address, and the bytes.
+fn registers_read<'t>(functions: &Functions, transaction: &'t PendingTransaction) -> Option<(Space, u16, &'t [u8])> {
+    let body = transaction.request.pdu().get(1..)?;
+    let row = functions.row(transaction.function, body)?;
     if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
         return None;
     }
     let space = row.space?;
-    let (at, bits) = row.roles.response_block?;
-    let bytes = exchange.response.pdu().get(1 + at..).filter(|_| !bits)?;
+    let (at, has_bits) = row.roles.response_block?;
+    let bytes = transaction.response.pdu().get(1 + at..).filter(|_| !has_bits)?;
     Some((space, u16_at(body, row.roles.address?)?, bytes))
 }

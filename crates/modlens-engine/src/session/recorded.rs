@@ -1,4 +1,4 @@
-//! Recordings in text: their reader's records become chunks, of one bus or of one for each device that is named.
+//! Recordings in text: the records of their reader become chunks of one bus, or of one bus for each device named in them.
 
 use std::sync::Arc;
 
@@ -8,38 +8,37 @@ use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::text::{Reader, Record};
 
 impl Session {
-    /// The text that is to come on a bus is read by this reader; `sample` is its beginning.
+    /// Opens a recording in text on a bus; `sample` is its beginning, from which the meaning of `sent` is learned.
     pub fn open_text(&mut self, bus: usize, mut reader: Reader, sample: &[u8]) {
-        let sides = reader.look_ahead(sample);
-        self.buses[bus].sides = sides;
+        self.buses[bus].side_votes = reader.look_ahead(sample);
         self.buses[bus].reader = Some(Box::new(reader));
     }
 
-    /// Text of a recording, cut anywhere; `last` ends the last line. Nothing happens before `open_text`.
+    /// Takes text of a recording, cut anywhere; `last` ends the last line. Without `open_text` before, it is ignored.
     pub fn feed_text(&mut self, bus: usize, data: &[u8], last: bool) {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
         let resolution = self.buses[bus].options.resolution;
         while let Some((record, bytes)) = reader.next(last) {
-            // They borrow the reader, and the names of devices are its, too.
-            let mut own = std::mem::take(&mut self.text);
-            own.clear();
-            own.extend_from_slice(bytes);
-            let to = self.device(bus, &record, &reader);
+            // The bytes borrow the reader, which is needed for the names of devices, so they are copied.
+            let mut copied = std::mem::take(&mut self.text);
+            copied.clear();
+            copied.extend_from_slice(bytes);
+            let to = self.device_bus(bus, &record, &reader);
             let stamps = if resolution.is_none() { reader.resolution() } else { self.buses[to].stamps_resolution };
-            if self.buses[to].stamps_resolution != stamps || !self.described(to, &record) {
-                // The records before were read by another clock.
+            if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, &record) {
+                // The records before had another clock.
                 self.decide_waiting();
             }
             self.buses[to].stamps_resolution = stamps;
-            self.feed_record(to, &record, &own);
-            self.text = own;
+            self.feed_record(to, &record, &copied);
+            self.text = copied;
         }
         self.decide_waiting();
         self.buses[bus].reader = Some(reader);
     }
 
-    /// Nothing more has come for a while: what the text and the framer hold back for what may follow is decided.
+    /// Decides what the reader and the framer hold back for text that may follow, because none has come for a while.
     pub fn settle_text(&mut self, bus: usize) {
         if let Some(reader) = &mut self.buses[bus].reader {
             reader.settle();
@@ -50,18 +49,18 @@ impl Session {
             for (_, line) in &mut self.buses[bus].lines {
                 line.input.closed = true;
             }
-            self.frames_of(bus);
+            self.emit_frames(bus);
         }
     }
 
-    /// Whether a bus is known to have the clock and the places of this record.
-    fn described(&self, bus: usize, record: &Record) -> bool {
+    /// Whether a bus already has the clock of this record, and line numbers for places.
+    fn has_clock_of(&self, bus: usize, record: &Record) -> bool {
         let row = &self.buses[bus].options.bus;
         row.clock == record.clock && row.place == Place::Line
     }
 
     fn feed_record(&mut self, bus: usize, record: &Record, bytes: &[u8]) {
-        if !self.described(bus, record) {
+        if !self.has_clock_of(bus, record) {
             self.describe_bus(bus, record.clock, Place::Line);
         }
         let chunk = Chunk {
@@ -79,8 +78,9 @@ impl Session {
         self.feed_later(bus, &chunk);
     }
 
-    /// The bus of the device that a record names: the first name is that of the recording's own bus.
-    fn device(&mut self, bus: usize, record: &Record, reader: &Reader) -> usize {
+    /// The bus of the device that a record names. The first device takes the recording's own bus, if that has no bytes yet;
+    /// every further one gets a bus of its own.
+    fn device_bus(&mut self, bus: usize, record: &Record, reader: &Reader) -> usize {
         if record.key == 0 {
             return bus;
         }
@@ -91,11 +91,11 @@ impl Session {
         let own = &self.buses[bus].options;
         let row = crate::records::Bus { name: format!("{}:{name}", own.bus.source), ..own.bus.clone() };
         let options = BusOptions { bus: row.clone(), ..own.clone() };
-        let unused = self.buses[bus].devices.is_empty() && self.buses[bus].lines.is_empty();
-        let sides = self.buses[bus].sides;
-        let to = if unused { bus } else { self.add_bus(options) };
-        self.buses[to].sides = sides;
-        if unused {
+        let is_unused = self.buses[bus].devices.is_empty() && self.buses[bus].lines.is_empty();
+        let side_votes = self.buses[bus].side_votes;
+        let to = if is_unused { bus } else { self.add_bus(options) };
+        self.buses[to].side_votes = side_votes;
+        if is_unused {
             Arc::make_mut(&mut self.bus_rows)[bus] = row.clone();
             self.stats.rename_bus(bus, &row.name);
             self.buses[bus].options.bus = row;
@@ -104,7 +104,7 @@ impl Session {
         to
     }
 
-    /// What the text reader of a bus has seen.
+    /// The text reader of a bus, for what it reports about the recording.
     pub fn reader(&self, bus: usize) -> Option<&Reader> {
         self.buses[bus].reader.as_deref()
     }

@@ -1,15 +1,17 @@
-//! Words and bytes of rows.
+//! Parts that several kinds of rows share: the details of findings, and copies of frames in a batch.
 
-use crate::pairing::{Kept, Note, Placed, Seen};
+use crate::pairing::{BufferedFrame, DelayedFinding, ObservedFrame, PairingResult};
 use crate::records::{Batch, Half, Span};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::Ns;
 
-pub(super) fn elapsed(origin: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
-    Some(start? - origin?)
+/// Time since the beginning of the recording.
+pub(super) fn elapsed(recording_start: Option<Ns>, time: Option<Ns>) -> Option<Ns> {
+    Some(time? - recording_start?)
 }
 
+/// The detail of a finding that a framer reports.
 pub(super) fn framing_detail(finding: Finding, wire: &[u8]) -> String {
     match finding {
         Finding::MbapLength => format!("{} bytes on the wire do not fit the layout of the function", wire.len()),
@@ -17,48 +19,51 @@ pub(super) fn framing_detail(finding: Finding, wire: &[u8]) -> String {
     }
 }
 
-/// Receivers tell byte by byte, or for a read as a whole (then `marked` is 0).
-pub(super) fn marked_detail(marked: usize, length: usize) -> String {
-    match marked {
+/// The detail of a line error. Receivers mark single bytes, or a read as a whole (then `marked_bytes` is 0).
+pub(super) fn marked_detail(marked_bytes: usize, length: usize) -> String {
+    match marked_bytes {
         0 => String::from("marked by the receiver"),
-        _ => format!("the receiver marked {marked} of {length} bytes"),
+        _ => format!("the receiver marked {marked_bytes} of {length} bytes"),
     }
 }
 
-pub(super) fn placed_detail(finding: Finding, placed: &Placed, seen: &Seen<'_>) -> String {
-    let unit = seen.adu.first().copied().unwrap_or(0);
-    let other = placed.other.map_or(String::new(), |txn| format!(" {txn}"));
+/// The detail of a finding that pairing reports on the frame at hand.
+pub(super) fn placed_detail(finding: Finding, result: &PairingResult, frame: &ObservedFrame<'_>) -> String {
+    let unit = frame.adu.first().copied().unwrap_or(0);
+    let other = result.other.map_or(String::new(), |txn| format!(" {txn}"));
     match finding {
         Finding::Retry => format!("repeats transaction{other}"),
         Finding::LateResponse => format!("answers transaction{other}"),
         Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
-        Finding::TwoMasters if placed.other.is_some() => format!("asked while transaction{other} waited for its answer"),
+        Finding::TwoMasters if result.other.is_some() => format!("asked while transaction{other} waited for its answer"),
         Finding::TwoMasters => String::from("answered after a later request"),
         Finding::WrongUnit => format!("unit {unit} answered; transaction{other} asked another"),
         Finding::WrongFunction => {
-            format!("function {}; transaction{other} asked for another", seen.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT))
+            format!("function {}; transaction{other} asked for another", frame.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT))
         }
         _ => format!("unit {unit}"),
     }
 }
 
-pub(super) fn note_detail(note: &Note) -> String {
-    let seen = note.meeting;
-    match note.finding {
-        Finding::TwoMasters => format!("answered after the request of transaction {}", seen.other),
-        Finding::WrongUnit => format!("unit {} answered; transaction {} asked another", seen.unit, seen.other),
-        _ => format!("answered after the request of transaction {}; one master that gave up, or two", seen.other),
+/// The detail of a finding on a frame whose row is already written.
+pub(super) fn note_detail(delayed: &DelayedFinding) -> String {
+    let (unit, other) = (delayed.location.unit, delayed.other_txn);
+    match delayed.finding {
+        Finding::TwoMasters => format!("answered after the request of transaction {other}"),
+        Finding::WrongUnit => format!("unit {unit} answered; transaction {other} asked another"),
+        _ => format!("answered after the request of transaction {other}; one master that gave up, or two"),
     }
 }
 
-pub(super) fn keep_half(batch: &mut Batch, kept: &Kept) -> Half {
-    if kept.frame == 0 {
+/// Copies a request or response into the batch; empty where the transaction lacks it.
+pub(super) fn keep_half(batch: &mut Batch, frame: &BufferedFrame) -> Half {
+    if !frame.is_present() {
         return Half::default();
     }
-    let wire = batch.keep(&kept.wire);
-    let pdu = match kept.inside() {
-        Some(at) => Span { start: wire.start + at as u32, length: kept.pdu().len() as u32 },
-        None => batch.keep(kept.pdu()),
+    let wire = batch.keep(&frame.wire);
+    let pdu = match frame.pdu_index() {
+        Some(at) => Span { start: wire.start + at as u32, length: frame.pdu().len() as u32 },
+        None => batch.keep(frame.pdu()),
     };
-    Half { frame: kept.frame, wire, pdu, start: kept.start }
+    Half { frame: frame.number, wire, pdu, start: frame.start }
 }

@@ -1,12 +1,15 @@
-//! Rows that are read back from a capture that modlens has written: as they were, not decided anew.
+//! Import of captures that modlens has written: frames and transactions become the same rows again, without framing and
+//! pairing them anew.
 //!
-//! The file holds what its writer knew: the bytes around a cut, the reads behind a pause and the requests before an answer
-//! may not be in it. Bytes are decoded again; what they are worth, who sent them and what answers what is told.
+//! They cannot be decided anew, because the file may lack what they were decided by: the bytes around a frame, the reads
+//! behind a pause, the requests before a response. The metadata of each packet give its verdict, direction and transaction;
+//! only the bytes are decoded again.
 
 use std::collections::BTreeMap;
 
-use crate::pairing::{Exchange, Kept, Seen};
+use crate::pairing::{BufferedFrame, ObservedFrame, PendingTransaction};
 use crate::records::{Bus, FindingRow, Frame, Network};
+use crate::session::bus::{FROM_CLIENT, FROM_SERVER};
 use crate::session::rows::elapsed;
 use crate::session::{BusOptions, CaptureOptions, Session};
 use modlens_protocol::direction::Direction;
@@ -20,52 +23,54 @@ use modlens_readers::pcap::adu::unwrap;
 use modlens_readers::pcap::own::{self, micros, named, number, unhex, value, PacketMetadata};
 use modlens_readers::pcap::Interface;
 
-/// Frames that wait for the words on their transaction; in a file that was cut some wait for ever.
-const MOST_WAITING: usize = 4_096;
+/// Frames that may wait for the metadata of their transaction. In a file that was cut, some wait for ever.
+const MAX_WAITING_FRAMES: usize = 4_096;
 
-/// What is read back of a capture.
+/// The state of the import of one capture.
 #[derive(Debug, Default)]
-pub(super) struct Retold {
-    /// Numbers that were given before this file.
+pub(super) struct ReimportState {
+    /// Frame and transaction numbers given before this file, which are added to those in it.
     frames_before: u64,
     txns_before: u64,
-    /// The bus of each name, connection and whether it is one.
+    /// The bus for each name and number of connection (`None` on a serial line).
     buses: Vec<((String, Option<u64>), usize)>,
-    /// Frames of transactions that are not told yet.
-    waiting: BTreeMap<u64, Waiting>,
+    /// By number, the frames whose transaction is not read yet.
+    waiting: BTreeMap<u64, WaitingFrame>,
 }
 
+/// A frame whose transaction is not read yet.
 #[derive(Debug)]
-struct Waiting {
+struct WaitingFrame {
     bus: usize,
     txn: u64,
     mode: Mode,
     adu: Vec<u8>,
-    kept: Kept,
+    frame: BufferedFrame,
     direction: Direction,
-    /// What was found, but not on the frame itself.
-    notes: Vec<(Finding, String)>,
+    /// Findings in its comments that are not on the frame itself: on the transaction, or delayed ones.
+    other_findings: Vec<(Finding, String)>,
     gap: Option<Ns>,
     packet: u64,
 }
 
-impl Retold {
+impl ReimportState {
     pub(super) fn new(frames_before: u64, txns_before: u64) -> Self {
         Self { frames_before, txns_before, ..Self::default() }
     }
 
-    /// The smallest number of a transaction that is not told yet.
+    /// The smallest number of a transaction of which a frame is read but not the transaction itself.
     pub(super) fn oldest(&self) -> Option<u64> {
         self.waiting.values().map(|waiting| waiting.txn).min()
     }
 }
 
-fn findings(words: &str) -> Vec<Finding> {
-    value(words, "findings").map_or(Vec::new(), |list| list.split(',').filter_map(Finding::from_code).collect())
+/// The findings in a packet's metadata.
+fn finding_codes(text: &str) -> Vec<Finding> {
+    value(text, "findings").map_or(Vec::new(), |list| list.split(',').filter_map(Finding::from_code).collect())
 }
 
-/// A comment that is a finding: `severity code: title: detail`, as `write::capture::words::comment` has it.
-fn finding(comment: &str) -> Option<(Finding, String)> {
+/// The finding and its detail in a comment `severity code: title: detail`, as `write::capture::words::comment` writes it.
+fn finding_in(comment: &str) -> Option<(Finding, String)> {
     let (head, rest) = comment.split_once(": ")?;
     let (severity, code) = head.split_once(' ')?;
     let finding = Finding::from_code(code).filter(|finding| finding.doc().severity.text() == severity)?;
@@ -74,50 +79,51 @@ fn finding(comment: &str) -> Option<(Finding, String)> {
 }
 
 impl Session {
-    /// A packet with our words: a frame, and the transactions that are complete with it.
-    pub(super) fn retell(
+    /// Imports a packet with our metadata: a frame, and the transactions that are complete with it.
+    pub(super) fn reimport_packet(
         &mut self,
-        retold: &mut Retold,
+        reimport: &mut ReimportState,
         options: &CaptureOptions,
         by: &Interface,
-        told: &PacketMetadata<'_>,
+        metadata: &PacketMetadata<'_>,
         packet: u64,
         time: Option<Ns>,
     ) {
         let Some(port) = &by.own else { return };
-        let later = || value(told.frame, "origin_ns").and_then(|text| text.parse().ok());
-        if let Some(origin) = port.origin.or_else(later) {
+        let in_frame = || value(metadata.frame, "origin_ns").and_then(|text| text.parse().ok());
+        if let Some(origin) = port.origin.or_else(in_frame) {
             self.origin.get_or_insert(origin);
         }
-        let bus = self.retold_bus(retold, options, by, told.frame);
-        let frame = self.retold_frame(retold, (bus, port.line), told, packet, time);
-        let mut codes = findings(told.frame);
-        let mut notes = Vec::new();
-        for (finding, detail) in told.comments.iter().filter_map(|comment| finding(comment)) {
+        let bus = self.reimport_bus(reimport, options, by, metadata.frame);
+        let frame = self.reimport_frame(reimport, (bus, port.line), metadata, packet, time);
+        let mut codes = finding_codes(metadata.frame);
+        let mut other_findings = Vec::new();
+        for (finding, detail) in metadata.comments.iter().filter_map(|comment| finding_in(comment)) {
             if let Some(at) = codes.iter().position(|code| *code == finding) {
                 codes.remove(at);
-                self.retold_finding(&frame, (finding, detail));
+                self.emit_frame_finding(&frame, (finding, detail));
             } else {
-                notes.push((finding, detail));
+                other_findings.push((finding, detail));
             }
         }
-        self.keep_waiting(retold, &frame, told, notes);
+        self.wait_for_transaction(reimport, &frame, metadata, other_findings);
         if self.wanted.frames {
             self.batch.frames.push(frame);
         }
-        for words in &told.transactions {
-            self.retold_transaction(retold, words);
+        for text in &metadata.transactions {
+            self.reimport_transaction(reimport, text);
         }
     }
 
-    fn retold_bus(&mut self, retold: &mut Retold, options: &CaptureOptions, by: &Interface, words: &str) -> usize {
+    /// The bus of a packet, which is added if it is new.
+    fn reimport_bus(&mut self, reimport: &mut ReimportState, options: &CaptureOptions, by: &Interface, text: &str) -> usize {
         let Some(port) = &by.own else { return 0 };
-        let connection = number(words, "connection");
-        if let Some((_, bus)) = retold.buses.iter().rev().find(|((name, of), _)| *of == connection && *name == port.name) {
+        let connection = number(text, "connection");
+        if let Some((_, bus)) = reimport.buses.iter().rev().find(|((name, of), _)| *of == connection && *name == port.name) {
             return *bus;
         }
         let network = connection.map(|connection| Network {
-            client: value(words, "client").unwrap_or_default().to_owned(),
+            client: value(text, "client").unwrap_or_default().to_owned(),
             server: port.name.clone(),
             connection,
         });
@@ -125,39 +131,41 @@ impl Session {
         let row =
             Bus { name, source: options.source.clone(), place: Place::Packet, clock: port.clock, line: port.settings, network };
         let bus = self.add_bus(BusOptions { bus: row, mode: None, line: port.settings, resolution: None, rule: None });
-        retold.buses.push(((port.name.clone(), connection), bus));
+        reimport.buses.push(((port.name.clone(), connection), bus));
         bus
     }
 
-    fn retold_frame(
+    /// The row of a frame, from its bytes and metadata. It is counted in the statistics.
+    fn reimport_frame(
         &mut self,
-        retold: &Retold,
+        reimport: &ReimportState,
         (bus, line_number): (usize, u8),
-        told: &PacketMetadata<'_>,
+        metadata: &PacketMetadata<'_>,
         packet: u64,
         time: Option<Ns>,
     ) -> Frame {
-        let (text, words) = (told.frame, &told.fields);
+        let (text, fields) = (metadata.frame, &metadata.fields);
         let mut scratch = Vec::new();
-        let adu = if words.verdict.good() { unwrap(words.mode, words.verdict, &told.bytes, &mut scratch).0 } else { &[][..] };
-        let said = |key: &str| number(text, key).map(|value| value as u8);
+        let adu =
+            if fields.verdict.good() { unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0 } else { &[][..] };
+        let byte_of = |key: &str| number(text, key).map(|value| value as u8);
         let (unit, code) =
-            if words.verdict.good() { (adu.first().copied(), adu.get(1).copied()) } else { (said("unit"), said("code")) };
-        let exception = code.filter(|code| code & EXCEPTION_BIT != 0 && words.verdict.good()).and_then(|_| adu.get(2).copied());
+            if fields.verdict.good() { (adu.first().copied(), adu.get(1).copied()) } else { (byte_of("unit"), byte_of("code")) };
+        let exception = code.filter(|code| code & EXCEPTION_BIT != 0 && fields.verdict.good()).and_then(|_| adu.get(2).copied());
         let start = time.filter(|_| !text.split(' ').any(|word| word == "no_time"));
-        let number = retold.frames_before + words.number;
+        let number = reimport.frames_before + fields.number;
         self.next_frame = self.next_frame.max(number + 1);
         let line = self.bus_rows[bus].line;
-        let sides = || [1, 2][usize::from(words.direction == Direction::Response)];
-        let line_of = if self.bus_rows[bus].network.is_some() { sides() } else { line_number };
-        let length = told.bytes.len() as Ns;
-        let seen = Seen {
-            frame: number,
-            wire: &told.bytes,
+        let connection_line = || if fields.direction == Direction::Response { FROM_SERVER } else { FROM_CLIENT };
+        let line_of = if self.bus_rows[bus].network.is_some() { connection_line() } else { line_number };
+        let length = metadata.bytes.len() as Ns;
+        let observed = ObservedFrame {
+            number,
+            wire: &metadata.bytes,
             adu,
-            verdict: words.verdict,
-            direction: words.direction,
-            mode: words.mode,
+            verdict: fields.verdict,
+            direction: fields.direction,
+            mode: fields.mode,
             start,
             end: start.map(|start| start + length * line.map_or(0, |line| line.char_ns())),
             clean_start: true,
@@ -167,34 +175,35 @@ impl Session {
             tentative: text.split(' ').any(|word| word == "tentative"),
             codes: &[],
         };
-        self.stats.frame(self.buses[bus].counts, words.mode, &seen);
+        self.stats.frame(self.buses[bus].counts, fields.mode, &observed);
         Frame {
             number,
             bus: bus as u32,
             line: line_of,
             offset: own::number(text, "offset").unwrap_or(0),
-            wire: self.batch.keep(&told.bytes),
+            wire: self.batch.keep(&metadata.bytes),
             start,
             elapsed: elapsed(self.origin, start),
-            gap: seen.gap,
-            mode: words.mode,
-            direction: words.direction,
+            gap: observed.gap,
+            mode: fields.mode,
+            direction: fields.direction,
             unit,
             code,
             exception,
-            verdict: words.verdict,
-            tentative: seen.tentative,
-            confidence: said("confidence").unwrap_or(own::DEFAULTS.confidence),
-            cut_by: words.cut_by,
-            txn: own::number(text, "txn").map(|txn| retold.txns_before + txn),
-            mbap_id: seen.mbap_id,
-            findings: self.batch.keep_codes(&findings(text)),
+            verdict: fields.verdict,
+            tentative: observed.tentative,
+            confidence: byte_of("confidence").unwrap_or(own::DEFAULTS.confidence),
+            cut_by: fields.cut_by,
+            txn: own::number(text, "txn").map(|txn| reimport.txns_before + txn),
+            mbap_id: observed.mbap_id,
+            findings: self.batch.keep_codes(&finding_codes(text)),
             origin: packet,
             last_origin: packet,
         }
     }
 
-    fn retold_finding(&mut self, frame: &Frame, (finding, detail): (Finding, String)) {
+    /// Emits a finding on a frame that belongs to no transaction, or on the frame itself.
+    fn emit_frame_finding(&mut self, frame: &Frame, (finding, detail): (Finding, String)) {
         self.stats.finding(finding);
         if self.wanted.findings {
             self.batch.findings.push(FindingRow {
@@ -211,90 +220,97 @@ impl Session {
         }
     }
 
-    /// Keeps a frame until its transaction is told.
-    fn keep_waiting(&mut self, retold: &mut Retold, frame: &Frame, told: &PacketMetadata<'_>, notes: Vec<(Finding, String)>) {
-        let words = &told.fields;
+    /// Keeps a frame until its transaction is read.
+    fn wait_for_transaction(
+        &mut self,
+        reimport: &mut ReimportState,
+        frame: &Frame,
+        metadata: &PacketMetadata<'_>,
+        other_findings: Vec<(Finding, String)>,
+    ) {
+        let fields = &metadata.fields;
         let Some(txn) = frame.txn else {
-            for note in notes {
-                self.retold_finding(frame, note);
+            for finding in other_findings {
+                self.emit_frame_finding(frame, finding);
             }
             return;
         };
         self.next_txn = self.next_txn.max(txn + 1);
         let mut scratch = Vec::new();
-        let adu = if words.verdict.good() {
-            unwrap(words.mode, words.verdict, &told.bytes, &mut scratch).0.to_vec()
+        let adu = if fields.verdict.good() {
+            unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0.to_vec()
         } else {
             frame.unit.into_iter().chain(frame.code).collect()
         };
-        let kept = Kept::new(frame.number, &told.bytes, adu.get(1..).unwrap_or(&[]), frame.start);
-        let (bus, gap, packet) = (frame.bus as usize, frame.gap, frame.origin);
-        let waiting = Waiting { bus, txn, mode: words.mode, adu, kept, direction: words.direction, notes, gap, packet };
-        retold.waiting.insert(frame.number, waiting);
-        if retold.waiting.len() > MOST_WAITING {
-            retold.waiting.pop_first();
+        let buffered = BufferedFrame::new(frame.number, &metadata.bytes, adu.get(1..).unwrap_or(&[]), frame.start);
+        let (bus, gap, packet, direction) = (frame.bus as usize, frame.gap, frame.origin, fields.direction);
+        let waiting = WaitingFrame { bus, txn, mode: fields.mode, adu, frame: buffered, direction, other_findings, gap, packet };
+        reimport.waiting.insert(frame.number, waiting);
+        if reimport.waiting.len() > MAX_WAITING_FRAMES {
+            reimport.waiting.pop_first();
         }
     }
 
-    /// A transaction, of the frames that it names as far as they are in the file.
-    fn retold_transaction(&mut self, retold: &mut Retold, words: &str) {
-        let txn = retold.txns_before + number(words, "transaction").unwrap_or(0);
+    /// Emits a transaction with the frames that it names, as far as they are in the file.
+    fn reimport_transaction(&mut self, reimport: &mut ReimportState, text: &str) {
+        let txn = reimport.txns_before + number(text, "transaction").unwrap_or(0);
         let mut half = |key: &str| {
-            let found = retold.waiting.remove(&(retold.frames_before + number(words, key)?))?;
-            Some(match value(words, &format!("{key}_pdu")).and_then(unhex) {
-                Some(pdu) => Waiting { kept: found.kept.clone().with_pdu(&pdu), ..found },
+            let found = reimport.waiting.remove(&(reimport.frames_before + number(text, key)?))?;
+            Some(match value(text, &format!("{key}_pdu")).and_then(unhex) {
+                Some(pdu) => WaitingFrame { frame: found.frame.clone().with_pdu(&pdu), ..found },
                 None => found,
             })
         };
         let (request, response) = (half("request"), half("response"));
         let Some(first) = request.as_ref().or(response.as_ref()) else { return };
-        let status = own::value_or_default(words, "status", own::DEFAULTS.status, |name| named(&Status::ALL, Status::text, name));
+        let status = own::value_or_default(text, "status", own::DEFAULTS.status, |name| named(&Status::ALL, Status::text, name));
         let Some(status) = status else { return };
-        let other = |key: &str| number(words, key).map(|txn| retold.txns_before + txn);
-        let mut exchange = Box::new(Exchange {
+        let other = |key: &str| number(text, key).map(|txn| reimport.txns_before + txn);
+        let mut transaction = Box::new(PendingTransaction {
             txn,
             unit: first.adu.first().copied().unwrap_or(0),
             function: first.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT),
             status,
-            exception: number(words, "exception").map(|code| code as u8),
-            response_time: micros(words, "response_us"),
-            waited: micros(words, "waited_us"),
-            late_response: micros(words, "late_us"),
+            exception: number(text, "exception").map(|code| code as u8),
+            response_time: micros(text, "response_us"),
+            waited: micros(text, "waited_us"),
+            late_response: micros(text, "late_us"),
             retry_of: other("retry_of"),
             late_for: other("late_for"),
-            gap: micros(words, "gap_us"),
-            mbap_id: number(words, "mbap_id").map(|id| id as u16),
-            findings: findings(words),
+            gap: micros(text, "gap_us"),
+            mbap_id: number(text, "mbap_id").map(|id| id as u16),
+            findings: finding_codes(text),
             origin: first.packet,
-            retold: true,
-            ..Exchange::new(first.mode)
+            is_reimported: true,
+            ..PendingTransaction::new(first.mode)
         });
         let bus = first.bus;
-        for (half, kept) in [(request, true), (response, false)] {
+        for (half, is_request) in [(request, true), (response, false)] {
             let Some(half) = half else { continue };
-            let (pair, later): (Vec<_>, Vec<_>) = half.notes.into_iter().partition(|(code, _)| exchange.findings.contains(code));
-            exchange.told.extend(pair);
-            for (finding, detail) in later {
-                self.retold_note(bus, &half.kept, (txn, exchange.unit, half.packet), finding, detail);
+            let is_on_transaction = |(code, _): &(Finding, String)| transaction.findings.contains(code);
+            let (on_transaction, delayed): (Vec<_>, Vec<_>) = half.other_findings.into_iter().partition(is_on_transaction);
+            transaction.imported_findings.extend(on_transaction);
+            for (finding, detail) in delayed {
+                self.emit_delayed_finding(bus, &half.frame, (txn, transaction.unit, half.packet), finding, detail);
             }
-            *(if kept { &mut exchange.request } else { &mut exchange.response }) = half.kept;
+            *(if is_request { &mut transaction.request } else { &mut transaction.response }) = half.frame;
         }
-        self.done.push(exchange);
-        self.write_done(bus);
-        retold.waiting.retain(|_, waiting| waiting.txn != txn);
+        self.done.push(transaction);
+        self.emit_transactions(bus);
+        reimport.waiting.retain(|_, waiting| waiting.txn != txn);
     }
 
-    /// What showed later of a frame.
-    fn retold_note(&mut self, bus: usize, kept: &Kept, of: (u64, u8, u64), finding: Finding, detail: String) {
+    /// Emits a finding that had shown only after the row of its frame was written. `of`: transaction, unit and packet.
+    fn emit_delayed_finding(&mut self, bus: usize, frame: &BufferedFrame, of: (u64, u8, u64), finding: Finding, detail: String) {
         self.stats.finding(finding);
         if self.wanted.findings {
             let (txn, unit, origin) = of;
             self.batch.findings.push(FindingRow {
-                frame: Some(kept.frame),
+                frame: Some(frame.number),
                 txn: Some(txn),
                 bus: bus as u32,
-                start: kept.start,
-                elapsed: elapsed(self.origin, kept.start),
+                start: frame.start,
+                elapsed: elapsed(self.origin, frame.start),
                 unit: Some(unit),
                 finding,
                 detail,
@@ -303,23 +319,24 @@ impl Session {
         }
     }
 
-    /// The file is over: transactions that nobody told the end of were open when it was written.
-    pub(super) fn end_retold(&mut self, retold: &mut Retold) {
-        while let Some((_, first)) = retold.waiting.pop_first() {
-            retold.waiting.retain(|_, other| other.txn != first.txn);
-            let mut exchange = Box::new(Exchange {
+    /// Ends the import of a file. Transactions of which only frames were read were open when the file was written.
+    pub(super) fn end_reimport(&mut self, reimport: &mut ReimportState) {
+        while let Some((_, first)) = reimport.waiting.pop_first() {
+            reimport.waiting.retain(|_, other| other.txn != first.txn);
+            let mut transaction = Box::new(PendingTransaction {
                 txn: first.txn,
                 unit: first.adu.first().copied().unwrap_or(0),
                 function: first.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT),
                 status: if first.direction == Direction::Response { Status::Unrequested } else { Status::NotSeen },
                 gap: first.gap,
                 origin: first.packet,
-                retold: true,
-                ..Exchange::new(first.mode)
+                is_reimported: true,
+                ..PendingTransaction::new(first.mode)
             });
-            *(if first.direction == Direction::Response { &mut exchange.response } else { &mut exchange.request }) = first.kept;
-            self.done.push(exchange);
-            self.write_done(first.bus);
+            let is_response = first.direction == Direction::Response;
+            *(if is_response { &mut transaction.response } else { &mut transaction.request }) = first.frame;
+            self.done.push(transaction);
+            self.emit_transactions(first.bus);
         }
     }
 }

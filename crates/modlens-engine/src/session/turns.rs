@@ -1,70 +1,74 @@
-//! Whose turn it is on the two lines of a bus.
+//! Which of the two lines of a bus is next, where a clock gives the times of their reads.
 //!
-//! The line whose first unframed byte is the oldest, where the clock tells the two apart. Adapters that hold bytes back
-//! do so on each line by itself: an answer may be seen before its request. There, what the bytes say decides: an answer
-//! comes behind the request that it fits, and a line on which nothing is due waits for the other one's bytes.
+//! It is the line whose first unframed byte is older, if the two times differ by more than the adapters' delays. If they
+//! do not, a response may have been seen before its request, because adapters hold bytes back on each line by itself. Then
+//! the content decides: a response comes behind the request that it fits, and a line whose frame is not due waits for the
+//! bytes of the other one.
 
 use std::cmp::Ordering;
 
 use crate::input::Input;
-use crate::session::bus::{voted, BusState};
+use crate::session::bus::{add_vote, BusState};
 use modlens_protocol::checksum::{crc_valid, CHECKSUM};
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
-/// Who speaks on which line is looked for in so many bytes of a line, and live for so long, before anything is told.
-const SURVEY: usize = 4096;
+/// The survey of who speaks on which line reads so many bytes of each line. Live, it ends after so long. Nothing is
+/// emitted before.
+const SURVEY_BYTES: usize = 4096;
 const SURVEY_NS: Ns = 1_000_000_000;
 
-/// Frames that only one side can send, of both lines, that say who speaks on them.
-const VOTES: i32 = 3;
+/// Lead in votes with which the survey is decided: frames, of both lines together, that only one side can send.
+const MIN_SURVEY_VOTES: i32 = 3;
 
-/// Strays before a frame that do not hide it.
-const STRAYS: usize = 4;
+/// A frame is found behind fewer stray bytes than this.
+const MAX_FRAME_START: usize = 4;
 
-/// Unit, function code, checksum: bytes of a frame beside its body.
-const AROUND: usize = 4;
+/// Bytes of an RTU frame beside the body of its PDU: unit, function code and checksum.
+const FRAME_OVERHEAD_BYTES: usize = 4;
 
-/// How well the first bytes of a line fit a request.
+/// How well the first bytes of a line fit as the response to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Fit {
     /// Another unit or function.
     No,
-    /// A whole frame that answers something else of this unit and function.
+    /// A whole frame of this unit and function that is the response to another request.
     Partly,
-    /// Unit and function, of a frame that is not there yet, or damaged.
+    /// Unit and function of a frame that is damaged or not complete yet.
     Header,
-    /// A whole answer.
+    /// A whole response to the request.
     Fully,
 }
 
-fn fits(functions: &Functions, bytes: &[u8], asked: Asked<'_>) -> Fit {
-    let Some(&wanted) = asked.pdu.first() else { return Fit::No };
-    if let Some((frame, _)) = whole(functions, bytes, Direction::Response) {
-        return match answers(functions, asked, frame[0], &frame[1..]) {
+fn response_fit(functions: &Functions, bytes: &[u8], request: Asked<'_>) -> Fit {
+    let Some(&function) = request.pdu.first() else { return Fit::No };
+    if let Some((frame, _)) = first_frame(functions, bytes, Direction::Response) {
+        return match answers(functions, request, frame[0], &frame[1..]) {
             Match::No => Fit::No,
             Match::Partly => Fit::Partly,
             Match::Fully => Fit::Fully,
         };
     }
-    let header = |two: &[u8]| two[0] == asked.unit && two[1] & !EXCEPTION_BIT == wanted;
-    if bytes.windows(2).take(STRAYS).any(header) {
+    let is_header = |pair: &[u8]| pair[0] == request.unit && pair[1] & !EXCEPTION_BIT == function;
+    if bytes.windows(2).take(MAX_FRAME_START).any(is_header) {
         Fit::Header
     } else {
         Fit::No
     }
 }
 
-/// Unit and PDU of the frame that a line's bytes begin with, and the bytes behind it.
-fn whole<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
-    let (at, frame) = (0..STRAYS).find_map(|at| Some((at, frame_at(functions, bytes.get(at..)?, direction)?)))?;
+/// Unit and PDU of the frame that a line's bytes begin with, at most a few stray bytes in front of it, and the bytes
+/// behind it.
+fn first_frame<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
+    let (at, frame) = (0..MAX_FRAME_START).find_map(|at| Some((at, frame_here(functions, bytes.get(at..)?, direction)?)))?;
     Some((frame, &bytes[at + frame.len() + CHECKSUM..]))
 }
 
-/// Unit and PDU of the frame that these bytes begin with, as far as its layout tells its length.
-fn frame_at<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<&'a [u8]> {
+/// Unit and PDU of the RTU frame that these bytes begin with, if the layout of its function gives its length and the
+/// checksum is right.
+fn frame_here<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<&'a [u8]> {
     let (&code, body) = bytes.get(1..)?.split_first()?;
     let row = functions.row(code & !EXCEPTION_BIT, body)?;
     let length = match (code & EXCEPTION_BIT != 0, direction) {
@@ -75,165 +79,189 @@ fn frame_at<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) ->
             _ => return None,
         },
     };
-    let frame = bytes.get(..length + AROUND).filter(|frame| crc_valid(frame))?;
+    let frame = bytes.get(..length + FRAME_OVERHEAD_BYTES).filter(|frame| crc_valid(frame))?;
     Some(&frame[..frame.len() - CHECKSUM])
 }
 
-/// Frames that only a master can send, less those that only a unit can, among the first bytes of a line.
+/// Votes on who speaks on a line, from its first bytes: frames that only a master can send, less those that only a unit
+/// can send.
 fn survey(functions: &Functions, input: &Input) -> i32 {
-    let bytes = &input.bytes()[..input.bytes().len().min(SURVEY)];
+    let bytes = &input.bytes()[..input.bytes().len().min(SURVEY_BYTES)];
     let (mut votes, mut at) = (0, 0);
-    while at + AROUND < bytes.len() {
-        let frame = [Direction::Request, Direction::Response].map(|side| frame_at(functions, &bytes[at..], side));
+    while at + FRAME_OVERHEAD_BYTES < bytes.len() {
+        let frame = [Direction::Request, Direction::Response].map(|side| frame_here(functions, &bytes[at..], side));
         let Some(adu) = frame.into_iter().flatten().max_by_key(|frame| frame.len()) else {
             at += 1;
             continue;
         };
-        votes = voted(votes, functions, adu);
+        votes = add_vote(votes, functions, adu);
         at += adu.len() + CHECKSUM;
     }
     votes
 }
 
 impl BusState {
-    /// Whether it is not known yet who speaks on which of two lines, and more bytes will tell.
-    pub(super) fn surveys(&mut self, functions: &Functions, live: bool) -> bool {
-        if self.surveyed || self.lines.is_empty() {
+    /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted
+    /// until then, because the first frames would be paired the wrong way.
+    ///
+    /// It is only asked for two lines with a clock whose source does not say who sends: not for a connection, whose sides
+    /// are known, nor for ASCII.
+    pub(super) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
+        if self.is_surveyed || self.lines.is_empty() {
             return false;
         }
-        let plain = |input: &Input| input.timed && input.first_read().is_some_and(|read| !read.record && read.side.is_none());
-        let lines = || self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());
-        let two = self.lines[0].0 != 0 && self.options.bus.network.is_none() && self.options.mode != Some(Mode::Ascii);
-        let over = lines().any(|(_, line)| line.input.ended || line.input.bytes().len() >= SURVEY || !plain(&line.input));
+        let lacks_side =
+            |input: &Input| input.timed && input.first_read().is_some_and(|read| !read.record && read.side.is_none());
+        let is_full = |input: &Input| input.ended || input.bytes().len() >= SURVEY_BYTES || !lacks_side(input);
+        let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
+        let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
+        let mut with_bytes = self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());
+        let is_over = with_bytes.any(|(_, line)| is_full(&line.input));
         let until = self.survey_deadline().filter(|_| live);
-        let late = until.zip(self.now).is_some_and(|(until, now)| now >= until);
-        self.surveyed = !two || over || late;
-        if two {
+        let is_too_late = until.zip(self.now).is_some_and(|(until, now)| now >= until);
+        self.is_surveyed = !is_needed || is_over || is_too_late;
+        if is_needed {
             let votes: Vec<i32> = self.lines.iter().map(|(_, line)| survey(functions, &line.input)).collect();
-            let sum: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
-            if sum.abs() >= VOTES {
-                self.surveyed = true;
-                self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.votes = votes);
+            let lead: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
+            if lead.abs() >= MIN_SURVEY_VOTES {
+                self.is_surveyed = true;
+                self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.request_votes = votes);
             }
         }
-        !self.surveyed
+        !self.is_surveyed
     }
 
     fn survey_deadline(&self) -> Option<Ns> {
         let waiting = self.lines.iter().filter(|(id, line)| *id != 0 && !line.input.bytes().is_empty());
-        waiting.filter_map(|(_, line)| line.input.byte_time(0)).min().filter(|_| !self.surveyed).map(|first| first + SURVEY_NS)
+        waiting.filter_map(|(_, line)| line.input.byte_time(0)).min().filter(|_| !self.is_surveyed).map(|first| first + SURVEY_NS)
     }
 
-    /// The line that is asked for its next frame; `None` while the other one's bytes may come before it.
+    /// The line whose frame is next; `None` while bytes of the other line may still come that were on the wire before.
     pub(super) fn turn(&self, functions: &Functions) -> Option<usize> {
-        let waiting = (0..self.lines.len()).filter(|&at| !self.lines[at].1.input.bytes().is_empty());
-        let first = waiting.clone().min_by_key(|&at| self.first_seen(at))?;
-        let Some((requests, responses)) = self.roles() else { return Some(first) };
-        if waiting.count() == 1 {
-            return Some(first).filter(|_| !self.waits(functions, first, requests));
+        let with_bytes = (0..self.lines.len()).filter(|&at| !self.lines[at].1.input.bytes().is_empty());
+        let oldest = with_bytes.clone().min_by_key(|&at| self.first_seen(at))?;
+        let Some((requests, responses)) = self.roles() else { return Some(oldest) };
+        if with_bytes.count() == 1 {
+            return Some(oldest).filter(|_| !self.must_wait(functions, oldest, requests));
         }
-        let apart = self.first_seen(requests).zip(self.first_seen(responses)).map(|(asked, told)| (asked - told).abs());
-        if apart.is_none_or(|apart| apart >= self.uncertain()) {
-            return Some(first);
+        let times = self.first_seen(requests).zip(self.first_seen(responses));
+        let apart = times.map(|(request, response)| (request - response).abs());
+        if apart.is_none_or(|apart| apart >= self.max_reordering()) {
+            return Some(oldest);
         }
-        let told = self.lines[responses].1.input.bytes();
-        let of_next = self.answers_next(functions, requests, told);
-        let Some(open) = self.pairing.asked() else {
-            if of_next >= Fit::Header && self.is_second_answer(functions, told) {
-                return self.after_second_answer(functions, requests, responses);
+        self.turn_by_content(functions, oldest, (requests, responses))
+    }
+
+    /// Which of two lines is next where the clock does not tell: the response goes to the request that it fits best, the
+    /// outstanding one or the first one that is not emitted yet.
+    fn turn_by_content(&self, functions: &Functions, oldest: usize, (requests, responses): (usize, usize)) -> Option<usize> {
+        let response_bytes = self.lines[responses].1.input.bytes();
+        let fit_of_next = self.fit_of_next_request(functions, requests, response_bytes);
+        let Some(outstanding) = self.pairing.outstanding_request() else {
+            if fit_of_next >= Fit::Header && self.repeats_response_to_retry(functions, response_bytes) {
+                return self.turn_after_retry(functions, requests, responses);
             }
-            return Some(if of_next >= Fit::Header { requests } else { first });
+            return Some(if fit_of_next >= Fit::Header { requests } else { oldest });
         };
-        match fits(functions, told, open).cmp(&of_next) {
-            // After a time-out it is the retry's.
-            _ if of_next != Fit::No && self.given_up(responses) => Some(requests),
+        match response_fit(functions, response_bytes, outstanding).cmp(&fit_of_next) {
+            // Behind a time-out, it is the response to the retry that is next.
+            _ if fit_of_next != Fit::No && self.is_after_timeout(responses) => Some(requests),
             Ordering::Greater => Some(responses),
             Ordering::Less => Some(requests),
-            Ordering::Equal => Some(first),
+            Ordering::Equal => Some(oldest),
         }
     }
 
-    /// How well a line's first bytes fit the first request of the other one.
-    fn answers_next(&self, functions: &Functions, requests: usize, told: &[u8]) -> Fit {
+    /// How well a response fits the first request of the other line, of which only the header may have come.
+    fn fit_of_next_request(&self, functions: &Functions, requests: usize, response: &[u8]) -> Fit {
         let bytes = self.lines[requests].1.input.bytes();
-        if let Some((frame, _)) = whole(functions, bytes, Direction::Request) {
-            return fits(functions, told, Asked { unit: frame[0], pdu: &frame[1..] });
+        if let Some((frame, _)) = first_frame(functions, bytes, Direction::Request) {
+            return response_fit(functions, response, Asked { unit: frame[0], pdu: &frame[1..] });
         }
         match bytes {
-            &[unit, ref pdu @ ..] if !pdu.is_empty() => fits(functions, told, Asked { unit, pdu: &pdu[..1] }).min(Fit::Header),
+            &[unit, ref pdu @ ..] if !pdu.is_empty() => {
+                response_fit(functions, response, Asked { unit, pdu: &pdu[..1] }).min(Fit::Header)
+            }
             _ => Fit::No,
         }
     }
 
-    /// Whether a line begins with the answer to a retry once more: the late one and its own, or the next request's,
-    /// which is the same by chance.
-    fn is_second_answer(&self, functions: &Functions, told: &[u8]) -> bool {
-        let first = whole(functions, told, Direction::Response);
-        first.zip(self.pairing.answer_to_retry()).is_some_and(|((frame, _), (unit, pdu))| frame[0] == unit && frame[1..] == *pdu)
+    /// Whether a line begins with the same response that a retry has just had. It is the second of the two responses, to
+    /// the first request and to the retry, or it is that of the next request and has the same content by chance.
+    fn repeats_response_to_retry(&self, functions: &Functions, bytes: &[u8]) -> bool {
+        let first = first_frame(functions, bytes, Direction::Response);
+        let last = self.pairing.last_response_to_retry();
+        first.zip(last).is_some_and(|((frame, _), (unit, pdu))| frame[0] == unit && frame[1..] == *pdu)
     }
 
-    /// Which line comes first there: the answers', if the next request's own one stands behind. It is waited for.
-    fn after_second_answer(&self, functions: &Functions, requests: usize, responses: usize) -> Option<usize> {
-        let told = &self.lines[responses].1.input;
-        let (_, behind) = whole(functions, told.bytes(), Direction::Response)?;
-        if self.answers_next(functions, requests, behind) == Fit::Fully {
+    /// The line that is next behind an answered retry whose response repeats: that of the responses, if the one behind the
+    /// repeated one fits the next request, so that the repeated one is left over. As long as it may come, it is waited for.
+    fn turn_after_retry(&self, functions: &Functions, requests: usize, responses: usize) -> Option<usize> {
+        let input = &self.lines[responses].1.input;
+        let (_, behind) = first_frame(functions, input.bytes(), Direction::Response)?;
+        if self.fit_of_next_request(functions, requests, behind) == Fit::Fully {
             return Some(responses);
         }
-        let more = !told.ended && !told.closed && self.is_young(responses);
-        (!more).then_some(requests)
+        let may_come = !input.ended && !input.closed && self.may_be_overtaken(responses);
+        (!may_come).then_some(requests)
     }
 
-    /// Whether the first bytes of a line came so long after the open request that its master has rather given up.
-    fn given_up(&self, at: usize) -> bool {
-        let waited = self.first_seen(at).zip(self.pairing.asked_at()).map(|(told, asked)| told - asked);
-        self.pairing.tempo.judge(waited) > 0.0
+    /// Whether the first bytes of a line came so long after the outstanding request that its master has rather given up.
+    fn is_after_timeout(&self, at: usize) -> bool {
+        let times = self.first_seen(at).zip(self.pairing.outstanding_request_end());
+        self.pairing.timing.timeout_log_odds(times.map(|(seen, request_end)| seen - request_end)) > 0.0
     }
 
-    /// When a line need not wait for the other one any more.
+    /// When a line need not wait for the other one any more, or when the survey ends.
     pub(super) fn turn_deadline(&self) -> Option<Ns> {
         if let Some(survey) = self.survey_deadline().filter(|&until| self.now.is_some_and(|now| now < until)) {
             return Some(survey);
         }
         self.roles()?;
         let waiting = self.lines.iter().enumerate().filter(|(_, (_, line))| !line.input.bytes().is_empty());
-        let until = waiting.filter_map(|(at, _)| Some(self.first_seen(at)? + self.uncertain())).min();
+        let until = waiting.filter_map(|(at, _)| Some(self.first_seen(at)? + self.max_reordering())).min();
         until.filter(|&until| self.now.is_some_and(|now| now < until))
     }
 
-    /// The lines of the requests and of the responses, where the order of their reads is not that of the wire.
+    /// The lines of the requests and of the responses, where the order of reads may differ from that on the wire. `None`
+    /// for a TCP connection, for byte-exact times, and as long as it is unknown who speaks on which line.
     fn roles(&self) -> Option<(usize, usize)> {
-        let late = self.lines.len() == 2 && self.options.bus.network.is_none();
-        if !late || !self.lines.iter().any(|(_, line)| line.input.coarse) {
+        let is_two_line_tap = self.lines.len() == 2 && self.options.bus.network.is_none();
+        if !is_two_line_tap || !self.lines.iter().any(|(_, line)| line.input.coarse) {
             return None;
         }
-        let rtu = self.lines.iter().all(|(_, line)| line.framer.mode() == Mode::Rtu);
-        match self.speaker(0).filter(|_| rtu)? {
+        let is_rtu = self.lines.iter().all(|(_, line)| line.framer.mode() == Mode::Rtu);
+        match self.speaker(0).filter(|_| is_rtu)? {
             Direction::Request => Some((0, 1)),
             _ => Some((1, 0)),
         }
     }
 
-    /// Whether what stands in front of this line, the only one with bytes, may have come behind what the other one brings.
-    fn waits(&self, functions: &Functions, at: usize, requests: usize) -> bool {
+    /// Whether the only line with bytes has to wait, since bytes of the other line may come that were on the wire before:
+    /// a request waits while another one is outstanding, a response while no request that it fits is outstanding.
+    fn must_wait(&self, functions: &Functions, at: usize, requests: usize) -> bool {
         let input = &self.lines[at].1.input;
-        let due = match self.pairing.asked() {
+        let is_due = match self.pairing.outstanding_request() {
             None => at == requests,
-            Some(open) => at != requests && fits(functions, input.bytes(), open) != Fit::No && !self.given_up(at),
+            Some(request) => {
+                at != requests && response_fit(functions, input.bytes(), request) != Fit::No && !self.is_after_timeout(at)
+            }
         };
-        let over = input.ended || input.closed;
-        !due && !over && self.is_young(at)
+        let is_over = input.ended || input.closed;
+        !is_due && !is_over && self.may_be_overtaken(at)
     }
 
-    /// Whether bytes of the other line that come now may have been before the first bytes of this one.
-    fn is_young(&self, at: usize) -> bool {
-        self.now.zip(self.first_seen(at)).is_some_and(|(now, seen)| now - seen < self.uncertain())
+    /// Whether bytes of the other line that come now may have been on the wire before the first bytes of this one.
+    fn may_be_overtaken(&self, at: usize) -> bool {
+        self.now.zip(self.first_seen(at)).is_some_and(|(now, seen)| now - seen < self.max_reordering())
     }
 
-    /// Reads within this time may have been on the two lines in any order.
-    fn uncertain(&self) -> Ns {
-        self.pairing.tempo.skew().max(2 * self.coarsest())
+    /// Reads on the two lines that are less than this apart may have been on the wire in any order.
+    fn max_reordering(&self) -> Ns {
+        self.pairing.timing.max_skew().max(2 * self.coarsest_resolution())
     }
 
+    /// Time of the first unframed byte of a line.
     fn first_seen(&self, at: usize) -> Option<Ns> {
         self.lines[at].1.input.byte_time(0)
     }

@@ -7,7 +7,7 @@ use foldhash::fast::RandomState;
 use serde_json::{json, Value as Json};
 
 use super::Times;
-use crate::pairing::Exchange;
+use crate::pairing::PendingTransaction;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -38,14 +38,14 @@ impl Hash for Key {
 
 impl Key {
     /// What tells this request from others; single writes ask for one.
-    pub(crate) fn of(functions: &Functions, exchange: &Exchange) -> Self {
-        let body = exchange.request.pdu().get(1..).unwrap_or(&[]);
+    pub(crate) fn of(functions: &Functions, transaction: &PendingTransaction) -> Self {
+        let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
         let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
-        let range = functions.row(exchange.function, body).and_then(|row| {
+        let range = functions.row(transaction.function, body).and_then(|row| {
             let address = u16_at(row.roles.address.or(row.roles.write_address)?)?;
             Some((address, row.roles.quantity.or(row.roles.write_quantity).map_or(Some(1), u16_at)?))
         });
-        Self(exchange.unit, exchange.function, range)
+        Self(transaction.unit, transaction.function, range)
     }
 
     /// A request for so many from an address on.
@@ -97,37 +97,37 @@ impl Requests {
     }
 
     /// A transaction was decided.
-    pub fn transaction(&mut self, functions: &Functions, exchange: &Exchange) {
-        if let Some(txn) = exchange.late_for {
-            self.answered_late(txn, exchange.late_response);
+    pub fn transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
+        if let Some(txn) = transaction.late_for {
+            self.answered_late(txn, transaction.late_response);
         }
-        if exchange.request.frame == 0 || exchange.status == Status::BadRequest {
+        if !transaction.request.is_present() || transaction.status == Status::BadRequest {
             return;
         }
-        let key = Key::of(functions, exchange);
-        let previous = self.previous.replace((exchange.unit, exchange.status));
+        let key = Key::of(functions, transaction);
+        let previous = self.previous.replace((transaction.unit, transaction.status));
         let Some(at) = self.place(key) else { return };
         let slot = &mut self.slots[at];
-        if exchange.retry_of.is_none() {
-            slot.turn(exchange.request.start);
+        if transaction.retry_of.is_none() {
+            slot.turn(transaction.request.start);
         } else {
             slot.asked += 1;
         }
-        if exchange.status != Status::NoResponse {
+        if transaction.status != Status::NoResponse {
             return;
         }
         slot.unanswered += 1;
-        slot.damaged += u64::from(self.last_damaged > exchange.request.frame);
+        slot.damaged += u64::from(self.last_damaged > transaction.request.number);
         if let Some(before) = previous {
             *slot.before.entry(before).or_default() += 1;
         }
-        if let Some(waited) = exchange.waited {
+        if let Some(waited) = transaction.waited {
             self.waited.add(waited);
         }
         if self.missing.len() == REMEMBERED {
             self.missing.pop_front();
         }
-        self.missing.push_back((exchange.txn, key, exchange.waited));
+        self.missing.push_back((transaction.txn, key, transaction.waited));
     }
 
     /// A request was answered once more.

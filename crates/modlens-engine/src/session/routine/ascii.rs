@@ -4,7 +4,7 @@ use memchr::memchr;
 
 use crate::framer::ascii::LIMIT;
 use crate::framer::exchange::Exchange;
-use crate::session::bus::{said, BusState};
+use crate::session::bus::{declared_direction, BusState};
 use crate::session::routine::{adjacent_spans, may_hold_no_map, BatchTotals, MatchedExchange};
 use crate::session::Session;
 use modlens_protocol::checksum::lrc;
@@ -54,8 +54,9 @@ fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adu
     }
     if expected.mirrored {
         // Request and response have the same bytes: the second may be a retry, if the recording or the pause says so.
-        let declared = |index| input.read(index).and_then(|read| read.side).map(|side| said(state.sides, side));
-        let timeout_log_odds = state.pairing.tempo.judge(input.pause_before(request_length));
+        let declared =
+            |index| input.read(index).and_then(|read| read.side).map(|side| declared_direction(state.side_votes, side));
+        let timeout_log_odds = state.pairing.timing.timeout_log_odds(input.pause_before(request_length));
         let is_declared_otherwise =
             declared(0) == Some(Direction::Response) || declared(request_length) == Some(Direction::Request);
         if is_declared_otherwise || timeout_log_odds > 0.0 {
@@ -72,12 +73,12 @@ impl Session {
     pub(super) fn routine_ascii(&mut self, bus: usize) {
         let mut adus = std::mem::take(&mut self.adus);
         let state = &mut self.buses[bus];
-        let timing = state.setting(0);
-        let min_measurable_ns = 2 * state.coarsest();
+        let timing = state.timing_config(0);
+        let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
         loop {
             let state = &mut self.buses[bus];
-            let patience = if timing.clocked { state.pairing.patience() } else { Ns::MAX };
+            let patience = if timing.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
             let Some(matched) = match_exchange(state, &self.functions, patience, &mut adus) else { break };
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.keep(wire).start as usize, matched.lengths);

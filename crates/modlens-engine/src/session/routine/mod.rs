@@ -10,8 +10,8 @@ mod rows;
 
 use crate::framer::exchange::Exchange;
 use crate::records::Span;
+use crate::session::bus::FROM_SERVER;
 use crate::session::bus::{learn_side, LineState};
-use crate::session::capture::FROM_SERVER;
 use crate::session::moment::{Moment, Setting};
 use crate::session::Session;
 use crate::stats::Key;
@@ -41,7 +41,7 @@ impl Session {
     /// Emits exchanges at the heads of the lines of a bus, as long as there is no doubt about each.
     pub(super) fn routine(&mut self, bus: usize) {
         let state = &self.buses[bus];
-        if state.jumped || !state.pairing.idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
+        if state.clock_jumped || !state.pairing.idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
             return;
         }
         match &state.lines[..] {
@@ -62,8 +62,8 @@ impl Session {
         if state.lines[0].1.input.timed && state.options.rule().is_some() {
             return;
         }
-        let timing = state.setting(0);
-        let min_measurable_ns = 2 * state.coarsest();
+        let timing = state.timing_config(0);
+        let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
         let mut last: Option<Exchange> = None;
         let mut last_answered = state.lines[0].1.framer.routine().and_then(|framer| framer.before());
@@ -71,9 +71,9 @@ impl Session {
         loop {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
-            let patience = if timing.clocked { state.pairing.patience() } else { Ns::MAX };
+            let patience = if timing.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
             let Some(framer) = line.framer.routine() else { break };
-            let pause = |index| state.pairing.tempo.judge(line.input.pause_before(index));
+            let pause = |index| state.pairing.timing.timeout_log_odds(line.input.pause_before(index));
             let exchange = framer.exchange(&self.functions, &line.input, last_answered, patience, pause);
             let Some(expected) = exchange.filter(may_hold_no_map) else { break };
             let lengths @ [request_bytes, response_bytes] = [expected.asked + CHECKSUM, expected.answered + CHECKSUM];
@@ -107,8 +107,8 @@ impl Session {
     fn routine_tcp(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let state = &mut self.buses[bus];
-        let timing = state.setting(client);
-        let min_measurable_ns = 2 * state.coarsest();
+        let timing = state.timing_config(client);
+        let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
         let mut last_response_bytes = None;
         loop {
@@ -121,7 +121,7 @@ impl Session {
             let Some(((requested_at, next_request_at), (answered_at, _))) = packets else { break };
             // The response comes behind the request, in time, and before the next request.
             let is_in_turn = requested_at < answered_at
-                && answered_at - requested_at < state.pairing.patience()
+                && answered_at - requested_at < state.pairing.request_timeout()
                 && next_request_at.is_none_or(|time| time > answered_at);
             // A packet always has all of its bytes.
             let (request, response) = (&request[..expected.asked], &server_input.bytes()[..lengths[1]]);
@@ -168,9 +168,10 @@ impl Session {
         let MatchedExchange { expected, mode, mbap_id, lines: [client, server], lengths } = matched;
         let request_moment = consume(&mut state.lines[*client].1, lengths[0], timing);
         let response_moment = consume(&mut state.lines[*server].1, lengths[1], timing);
-        learn_side(&mut state.sides, request_moment.side, Direction::Request);
-        learn_side(&mut state.sides, response_moment.side, Direction::Response);
-        let response_time = state.pairing.since(request_moment.end, response_moment.start, response_moment.clean_start);
+        learn_side(&mut state.side_votes, request_moment.side, Direction::Request);
+        learn_side(&mut state.side_votes, response_moment.side, Direction::Response);
+        let response_time =
+            state.pairing.measurable_interval(request_moment.end, response_moment.start, response_moment.clean_start);
         state.pairing.again(expected.unit, *mbap_id, expected.mirrored, response_time);
         let unit = usize::from(expected.unit);
         (state.known_units[unit], state.paired_units[unit]) = (true, true);
