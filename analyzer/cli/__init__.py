@@ -36,13 +36,13 @@ COMMANDS = {
     "extcap": "serial lines in Wireshark's list of interfaces",
     "wireshark-setup": "a Wireshark profile: columns and colours for Modbus",
 }
-"""Command -> what it does; `module_of` names its module."""
+"""The commands, with one line about each; `module_of` gives a command's module."""
 
 INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; gives the exit status and prints every error as one line."""
+    """Run the command line and return its exit status; every error is printed as one line."""
     _survive_odd_text(sys.stdout, sys.stderr)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):
@@ -80,7 +80,7 @@ def _run(command: str, words: list[str]) -> int:
 
 
 def module_of(command: str) -> str:
-    """The module of a command; that of a word of Python's has a stroke behind it.
+    """The module of a command; a Python keyword such as `import` gets an underscore behind it.
 
     >>> module_of("wireshark-setup"), module_of("import")
     ('analyzer.cli.wireshark_setup', 'analyzer.cli.import_')
@@ -90,7 +90,7 @@ def module_of(command: str) -> str:
 
 
 def _flush(*, reported: bool) -> None:
-    """Write what is left in the buffer; `SourceError` if that fails and nobody was told so yet."""
+    """Flush standard output; `SourceError` if that fails and no error has been reported yet."""
     from dissectors.errors import SourceError  # noqa: PLC0415
 
     try:
@@ -135,7 +135,7 @@ def _unknown(command: str) -> int:
 
 
 def _survive_odd_text(*streams: TextIO) -> None:
-    """A terminal that lacks a letter shows another one; it does not end the program."""
+    """Make characters that a terminal's encoding lacks appear as escapes instead of raising."""
     for stream in streams:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:

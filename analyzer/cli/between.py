@@ -1,4 +1,4 @@
-"""`--between T1 T2`: the part of a recording from one moment on and before another.
+"""`--between T1 T2`: the part of a recording from T1 (inclusive) to T2 (exclusive).
 
 It is a filter like `--where`, and both may be there:
 
@@ -20,7 +20,7 @@ __all__ = ["combine_filters"]
 
 
 def combine_filters(where: str | None, between: Sequence[str] | None) -> str | None:
-    """The filter that `--where` and `--between` say together; None for all rows.
+    """Combine `--where` and `--between` into one filter text; None where neither is given.
 
     A bound is an ISO time, UTC unless it says its zone, or a number of seconds since the first byte
     of the recording. `UsageError` if one is neither, or if nothing can be between them.
@@ -39,7 +39,7 @@ def combine_filters(where: str | None, between: Sequence[str] | None) -> str | N
 
 
 def _bound(text: str) -> tuple[str, Decimal, str]:
-    """The column that a bound is of, its value there, and how a filter says it."""
+    """One bound of `--between`: the column it compares, its value there, and its filter literal."""
     moment = parse_ns(text)
     if moment is not None:
         return "time", Decimal(moment), repr(text)

@@ -15,7 +15,7 @@ from dissectors.errors import UsageError
 __all__ = ["add_arguments", "run"]
 
 SAMPLE_BLOCKS = 4
-"""Of a recording, to judge it by: a MiB."""
+"""Blocks at the beginning of a recording that `--detect` looks at: 1 MiB together."""
 
 EPILOG = """\
 examples:
@@ -62,7 +62,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _say_settings(options: argparse.Namespace) -> None:
-    """What recordings of bytes tell of the line; text has lost it."""
+    """Report the line settings that each recording's bytes and marks of line errors suggest.
+
+    Only raw bytes and raw recordings (`tap --record`) can tell: logs in text have lost the errors.
+    """
     messages, given = Messages(quiet=False), settings(options).line
     for name in options.files:
         if name == STDIN:

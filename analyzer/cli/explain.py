@@ -55,6 +55,6 @@ def _body(found: Explanation, width: int) -> list[str]:
 
 
 def _indented(line: str, width: int) -> list[str]:
-    """A line of an example, two spaces in; what does not fit hangs below its beginning."""
+    """A line of an example, indented by two spaces, wrapped with a hanging indent."""
     start = " " * (len(line) - len(line.lstrip()) + 2)
     return textwrap.wrap(line, width, initial_indent="  ", subsequent_indent=f"{start}  ")

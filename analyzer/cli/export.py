@@ -1,4 +1,4 @@
-"""`modlens export`: recordings to files, without a word unless something is wrong."""
+"""`modlens export`: convert recordings to files; prints nothing unless something is wrong."""
 
 from __future__ import annotations
 

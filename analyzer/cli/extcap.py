@@ -89,13 +89,13 @@ def _ports() -> list[str]:
 
 
 def _interface(port: str) -> str:
-    """A name for a port that Wireshark takes: letters, digits, dots and dashes."""
+    """A port's name with the characters that Wireshark allows: letters, digits, `.` and `-`."""
     plain = port.removeprefix("/dev/").replace("/", "-")
     return f"modlens-{plain}"
 
 
 def _settings(interface: str) -> str:
-    """The dialog of an interface."""
+    """The options dialog of an interface in extcap's configuration syntax."""
     lines: list[str] = []
 
     def ask(
@@ -127,10 +127,11 @@ def _settings(interface: str) -> str:
 
 
 def _capture(options: argparse.Namespace) -> int:
-    """Write a capture into Wireshark's pipe until it has enough."""
+    """Write a capture into Wireshark's pipe until Wireshark closes it."""
     from analyzer.cli import main  # noqa: PLC0415
 
-    # Before anything can fail: tshark waits at its end of the pipe, and would not learn of it.
+    # The pipe is opened before anything can fail: tshark blocks until both ends are open, and would
+    # wait forever if we ended with an error first.
     pipe = _pipe(options.fifo)
     words = ["--line", f"{options.baud}-{options.format}", "--mode", options.mode]
     words += ["--to", "pcapng", "--style", options.style]
@@ -149,7 +150,7 @@ def _capture(options: argparse.Namespace) -> int:
 
 
 def _pipe(path: str) -> int:
-    """Our end of Wireshark's pipe."""
+    """Open the named pipe that Wireshark reads from; gives the file descriptor."""
     if not path:
         raise UsageError("extcap: --capture needs --fifo")
     try:
@@ -165,7 +166,7 @@ def _said(text: str, what: str) -> str:
 
 
 def _folders() -> list[Path]:
-    """Wireshark's personal folders for such programs: that of 4.0 and that of later ones."""
+    """Wireshark's personal extcap folders: the one of version 4.0 and the one of later versions."""
     if os.name == "nt":
         return [Path(os.environ.get("APPDATA", "")) / "Wireshark" / "extcap"]
     config = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
@@ -178,7 +179,7 @@ def _file(folder: Path) -> Path:
 
 
 def _content() -> str:
-    """What Wireshark runs: this very installation."""
+    """The script that Wireshark runs; it starts this very Python installation."""
     if os.name == "nt":
         return f'@echo off\n"{sys.executable}" -m analyzer extcap %*\n'
     quoted = "'" + sys.executable.replace("'", "'\\''") + "'"

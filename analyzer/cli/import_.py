@@ -26,7 +26,7 @@ What is assumed and what cannot be carried over is said on standard error.
 """
 
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
-"""Byte order marks and the encodings that they say."""
+"""Byte order mark -> the encoding of the text behind it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,14 +60,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def show_notes(notes: Iterable[str], stream: TextIO) -> None:
-    """A line each, below the output's own channel."""
+    """Print each note as a dimmed line on a stream, usually standard error."""
     screen = Screen(stream)
     for note in notes:
         screen.line(visible(note), "dim")
 
 
 def write_text(text: str, path: str | None) -> None:
-    """To a file that appears when it is whole, or to standard output."""
+    """Write a text to a file that appears when it is complete, or to standard output for None."""
     output = StandardOutput() if path is None else AtomicFile(path)
     try:
         output.append(text.encode("utf-8"))
@@ -78,7 +78,7 @@ def write_text(text: str, path: str | None) -> None:
 
 
 def decode_text(data: bytes, encoding: str | None, name: str) -> tuple[str, list[str]]:
-    """The text of a file, and a note where its encoding was guessed.
+    """Decode the bytes of a file; gives the text, and a note where its encoding was guessed.
 
     >>> decode_text("Größe".encode("utf-16"), None, "x")
     ('Größe', [])
@@ -98,7 +98,10 @@ def decode_text(data: bytes, encoding: str | None, name: str) -> tuple[str, list
 
 
 def _decode_utf16(data: bytes, name: str) -> tuple[str, list[str]]:
-    """Text with a zero byte in every character, which is UTF-16 that says nothing of itself."""
+    """Decode UTF-16 without a byte order mark; the byte order follows from where the zeros are.
+
+    `SourceError` where the zeros are not those of UTF-16: the file is binary.
+    """
     for first, code in ((1, "utf-16-le"), (0, "utf-16-be")):
         zeros, letters = data[first::2], data[1 - first :: 2]
         if len(data) % 2 == 0 and 5 * zeros.count(0) > 4 * len(zeros) and 0 not in letters:

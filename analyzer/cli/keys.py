@@ -1,7 +1,7 @@
-"""Keys of the terminal, one at a time and without waiting.
+"""Reads keys from the terminal one at a time, without waiting for them or for Enter.
 
-The terminal is put back as it was when the `with` ends. On a system without termios the console's
-own keys are asked (Windows); where standard input is no terminal there are no keys.
+The terminal's settings are restored when the `with` block ends. On Windows, which has no termios,
+the console is asked instead. Where standard input is not a terminal there are no keys.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ __all__ = ["Keys"]
 
 
 class Keys:
-    """What was typed since one last asked; used by `with`."""
+    """A keyboard that can be polled; use it in `with`."""
 
     def __init__(self) -> None:
         self._fd = -1
         self._saved_attributes: list[Any] | None = None
 
     def pressed(self) -> str:
-        """The characters, none if nothing was typed; no escape sequences of arrows and the like."""
+        """The characters typed since the last call; escape sequences (arrow keys) are dropped."""
         if self._saved_attributes is None:
             return _windows_console_keys() if os.name == "nt" else ""
         text = ""

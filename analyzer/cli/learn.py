@@ -1,4 +1,4 @@
-"""`modlens learn`: what traffic tells of a device, as a skeleton of a profile."""
+"""`modlens learn`: derive a skeleton of a device profile from recorded traffic."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
 def tables_of_unit(
     tables: list[dict[str, Any]], unit: int | None, command: str
 ) -> list[dict[str, Any]]:
-    """The tables of one unit; `UsageError` where it is not said which of several."""
+    """The tables of one unit; `UsageError` where several units were seen and none is chosen."""
     units = sorted({table["unit"] for table in tables})
     if unit is None and len(units) == 1:
         unit = units[0]

@@ -1,6 +1,7 @@
-"""The live screens of `modlens tap --view`: draws them, and obeys the keys.
+"""The live screens of `modlens tap --view`: draws them and handles the keys.
 
-A sink like others, so it is asked after each batch; it draws five times a second at most.
+`LiveScreen` is a sink like others, so it is called after each batch; it redraws five times a second
+at most.
 """
 
 from __future__ import annotations
@@ -26,10 +27,11 @@ _HELP = "l log t table m map h health  p pause / filter k mark q quit"
 
 
 class LiveScreen:
-    """Shows `state` on the terminal, beginning with the view of that name; used by `with`.
+    """Shows `state` on the terminal, beginning with the view of that name; use it in `with`.
 
-    `quit_requested` is True when somebody pressed q. Notes of the tap (`show_message`) are shown at
-    the bottom and kept in `messages`, because they would spoil the screen.
+    `quit_requested` is True once the user has pressed q. Messages of the tap (`show_message`)
+    appear in the bottom line and are kept in `messages`, so that they can be printed when the
+    screen is closed.
     """
 
     name = "the screen"
@@ -59,7 +61,7 @@ class LiveScreen:
         }
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Take what was decided, look at the keys, draw if it is time."""
+        """Add a batch to the state, handle the keys pressed, and redraw if it is time to."""
         self._state.put(batch)
         keys = self._keys.pressed()
         for key in keys:
@@ -68,12 +70,12 @@ class LiveScreen:
             self.draw()
 
     def show_message(self, text: str) -> None:
-        """A note of the tap."""
+        """Show a message of the tap in the bottom line, and keep it."""
         self.messages.append(text)
         self._message = text
 
     def draw(self) -> None:
-        """The whole screen, now."""
+        """Draw the whole screen now."""
         self._last_drawn_s = time.monotonic()
         self._state.refresh()
         width, height = self._screen.size
@@ -88,10 +90,10 @@ class LiveScreen:
         self._screen.page([self._title(width), *shown, *[[]] * (room - len(shown)), foot])
 
     def close(self) -> None:
-        """Nothing to do: what was drawn is drawn."""
+        """Nothing to do: the terminal is restored when the `with` block ends."""
 
     def rollback(self) -> None:
-        """Nothing to do."""
+        """Nothing to do: a screen leaves nothing behind."""
 
     def __enter__(self) -> Self:
         self._keys.__enter__()

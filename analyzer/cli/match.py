@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _usable() -> Iterator[Profile]:
-    """All profiles that are known; one that has mistakes is said, and hides no other one."""
+    """All available profiles that can be loaded; those with mistakes are reported and skipped."""
     for one in available_profiles():
         try:
             yield load(one.name)

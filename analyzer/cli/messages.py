@@ -1,7 +1,4 @@
-"""What is said on standard error beside the rows.
-
-What was detected, what could not be read, the summary.
-"""
+"""Messages for the user on standard error: detection, unread lines, the summary, errors."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from dissectors.errors import SourceError
 __all__ = ["Messages"]
 
 EXCERPT_COLUMNS = 60
-"""Columns of a line that was not understood."""
+"""Terminal columns that are shown of a line that could not be parsed."""
 
 _CLOCKS = {
     "none": "no clock",
@@ -36,7 +33,10 @@ _COARSE_NS = 100_000_000
 
 
 class Messages:
-    """Lines for the person at the terminal; none but errors when `quiet`."""
+    """Prints messages to standard error; with `quiet` errors only.
+
+    `unparsed_lines` counts the lines of text recordings that could not be parsed so far.
+    """
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet
@@ -44,7 +44,7 @@ class Messages:
         self.unparsed_lines = 0
 
     def recording_status(self, status: RecordingStatus) -> None:
-        """A recording: at its beginning what it is, at its end what could not be read."""
+        """Report a recording: at its beginning the format, at its end what was not read."""
         if not status.format:
             self.info(f"{status.name}: passed over: {status.reason}")
         elif status.ended:
@@ -53,7 +53,7 @@ class Messages:
             self._report_detection(status)
 
     def info(self, text: str) -> None:
-        """One line, unless quiet; wrapped on a terminal."""
+        """Print one line unless quiet; on a terminal it is wrapped."""
         if self._quiet:
             return
         width = self._screen.width if self._screen.is_terminal else sys.maxsize
@@ -61,22 +61,22 @@ class Messages:
             self._print(part.rstrip(), "dim")
 
     def error(self, text: str) -> None:
-        """One line of an error, always."""
+        """Print an error as one line, even when quiet."""
         self._print(f"modlens: {text}", "")
 
     def statistics(self, stats: dict[str, Any]) -> None:
-        """What `modlens stats` says of the same."""
+        """Print the statistics table of `modlens stats`."""
         if not self._quiet:
             with contextlib.suppress(BrokenPipeError, SourceError):
                 show_stats(stats, self._screen)
 
     def summary(self, stats: dict[str, Any]) -> None:
-        """The last lines of a run."""
+        """Print the summary of a run: frames by verdict, transactions by status, findings."""
         for line in summary(stats):
             self.info(line)
 
     def _print(self, text: str, style: str) -> None:
-        """Print one line; a terminal that is gone must not harm the outputs."""
+        """Print one line; a closed standard error is ignored so that the outputs are completed."""
         try:
             self._screen.line(visible(text), style)
         except (BrokenPipeError, SourceError):
@@ -115,7 +115,7 @@ class Messages:
 
 
 def _resolution(details: dict[str, Any], clock: str) -> str:
-    """What the clock can tell apart, and what that means where it is coarse."""
+    """The resolution of a recording's clock in words, with a warning where it is coarse."""
     resolution = details.get("resolution_ns")
     if clock == "none" or not resolution:
         return ""

@@ -1,7 +1,7 @@
-"""What tap, decode and export have in common: open the outputs, pump, close them.
+"""The outputs of tap, decode and export: opens them, passes batches to them, closes them.
 
-If the input fails, exports that are not whole are taken away (a live tap's files grow in place and
-stay).
+If the input fails, incomplete export files are deleted; the files of a live tap grow in place and
+stay.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ DAMAGED = 1
 SIGNALLED = 128
 
 TABLE = "table"
-"""The word of `--to` that means the table for people."""
+"""The value of `--to` that means the table for people on standard output."""
 
 
 def run_settings(options: argparse.Namespace) -> Settings:
-    """The settings, with the tables that the outputs need."""
+    """The settings from the options, with the tables that the outputs need."""
     wanted = targets(options)
     if options.to not in (None, TABLE):
         wanted.append(with_suitable_table(Target(options.table, options.to, None), named=False))
@@ -57,7 +57,7 @@ def run_settings(options: argparse.Namespace) -> Settings:
 def run_files(
     options: argparse.Namespace, *, to: str | None, quiet: bool, follow: bool = False
 ) -> int:
-    """Decode the files of the options into all outputs; gives the exit status."""
+    """Decode the input files into all outputs; gives the exit status."""
     messages = Messages(quiet=quiet)
     settings = run_settings(options)
     report_silence_limits(settings, messages)
@@ -88,24 +88,28 @@ def run_files(
 
 
 class OutputSink(Sink, Protocol):
-    """A sink that counts its rows and can be closed; `table` is empty where nothing is written."""
+    """A sink that counts its rows and can be closed.
+
+    `table` names the table whose rows it writes, and is empty for a sink that writes none.
+    """
 
     table: str
     row_count: int
 
     def close(self) -> None:
-        """All rows are there."""
+        """Complete the output: no more rows will come."""
 
     def rollback(self) -> None:
-        """The input failed: leave nothing half written."""
+        """Discard the output because the input failed: no incomplete file is left."""
 
 
 class Outputs:
-    """All sinks of a run; `to` is what goes to standard output: the table, a format, or nothing.
+    """All sinks of a run; use it in `with`, which rolls back the sinks that have not been closed.
 
-    `status` is the exit status of what went wrong with them; `reader_gone` is True when the only
-    reader has gone away. Those that are not closed when the `with` ends are taken away. `names` are
-    the buses; `extra_sinks` are sinks that somebody else has made.
+    `to` says what goes to standard output: `TABLE`, an export format, or None for nothing. `names`
+    are the names of the buses, `extra_sinks` are sinks that the caller has made. `status` is the
+    exit status for what went wrong in the sinks; `reader_gone` is True when standard output was the
+    only sink and its reader has closed the pipe.
     """
 
     def __init__(  # noqa: PLR0913 - all but two by keyword
@@ -162,9 +166,9 @@ class Outputs:
             raise UsageError("nowhere to write to; add -o FILE or --to FORMAT")
 
     def pump(self, run: Run, stop: Callable[[], bool]) -> None:
-        """Pass everything through until `stop()` says so, or nobody is left to write to.
+        """Pass the run's batches to the sinks until `stop()` is True or all sinks have failed.
 
-        Errors of the input are raised when the sinks have got what came before.
+        Errors of the input are raised after the sinks have got the batches before.
         """
         pump(
             run,
@@ -174,11 +178,11 @@ class Outputs:
         )
 
     def add_observers(self, *sinks: Sink) -> None:
-        """Show them everything, too; they write nothing."""
+        """Pass all batches to these sinks, too; they write nothing and need no closing."""
         self._observers += sinks
 
     def close(self) -> None:
-        """All rows are there: the files take their names."""
+        """Complete all outputs, whose files take their final names, and report their row counts."""
         for sink in self._sinks:
             try:
                 sink.close()
@@ -208,7 +212,10 @@ class Outputs:
 
 
 def targets(options: argparse.Namespace) -> list[Target]:
-    """What `-o` asks for; `UsageError` for two in one file, and for one that is read, too."""
+    """The targets of the `-o` options.
+
+    `UsageError` where two outputs name the same file, or an output would overwrite an input.
+    """
     found = [parse_target(text, options.table) for text in options.outputs]
     read = {os.path.realpath(name) for name in getattr(options, "files", ()) if isfile(name)}
     seen = set()

@@ -1,6 +1,6 @@
-"""argparse with the manners of this program.
+"""The argument parser, and the options that several commands share.
 
-One line for an error, and the words that several commands share.
+Errors of use are one line without the usage text.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _DURATION_UNITS_NS = {
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises `UsageError` for wrong use."""
+    """An argument parser that raises `UsageError` where argparse would print its usage and exit."""
 
     def __init__(self, *, prog: str, description: str) -> None:
         super().__init__(
@@ -61,12 +61,12 @@ class Parser(argparse.ArgumentParser):
         )
 
     def error(self, message: str) -> NoReturn:
-        """Raise the message as `UsageError`; argparse would print its usage and exit."""
+        """Raise the message as `UsageError`."""
         raise UsageError(f"{self.prog.removeprefix('modlens ')}: {message}; see {self.prog} --help")
 
 
 def add_line(parser: argparse.ArgumentParser) -> None:
-    """`--line` and its parts."""
+    """Add `--line`, and `--baud`, `--bits`, `--parity`, `--stop` for its parts."""
     group = parser.add_argument_group("line settings")
     group.add_argument(
         "--line", metavar=EXAMPLE, help="baud, data bits, parity and stop bits in one word"
@@ -78,7 +78,7 @@ def add_line(parser: argparse.ArgumentParser) -> None:
 
 
 def add_decoding(parser: argparse.ArgumentParser) -> None:
-    """`--mode`, `--timeout`, `--functions`: how bytes become transactions."""
+    """Add the options that say how bytes become transactions: `--mode`, `--timeout` ..."""
     group = parser.add_argument_group("decoding")
     group.add_argument("--mode", choices=MODES, default="auto", help="framing (auto)")
     group.add_argument(
@@ -117,7 +117,7 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
 
 
 def add_functions(parser: argparse._ActionsContainer) -> None:
-    """`--functions`, repeatable."""
+    """Add `--functions`, which can be repeated."""
     parser.add_argument(
         "--functions",
         action="append",
@@ -128,7 +128,7 @@ def add_functions(parser: argparse._ActionsContainer) -> None:
 
 
 def add_input(parser: argparse.ArgumentParser) -> None:
-    """`FILE...` and `--from`."""
+    """Add `FILE...`, `--from` and what text recordings leave open: `--timezone`, `--date`."""
     parser.add_argument(
         "files",
         nargs="+",
@@ -153,7 +153,7 @@ def add_input(parser: argparse.ArgumentParser) -> None:
 
 
 def add_dialects(parser: argparse._ActionsContainer) -> None:
-    """`--dialects`, repeatable."""
+    """Add `--dialects`, which can be repeated."""
     parser.add_argument(
         "--dialects",
         action="append",
@@ -164,10 +164,7 @@ def add_dialects(parser: argparse._ActionsContainer) -> None:
 
 
 def add_rows(parser: argparse.ArgumentParser) -> None:
-    """`--table`, `--columns`, `--where`, `--between`, `--address`, `--times`, `--to`, `-o`.
-
-    Which rows go where, looking how.
-    """
+    """Add the options that choose rows (`--table`, `--where`) and outputs (`-o`, `--to`)."""
     group = parser.add_argument_group("rows")
     group.add_argument("--table", choices=TABLES, default=TABLES[0], help="which (transactions)")
     group.add_argument("--columns", metavar="A,B,C", help="columns of exports, in this order")
@@ -212,9 +209,9 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
 
 
 def settings(options: argparse.Namespace) -> Settings:
-    """What the options say of line and decoding.
+    """The settings of line and decoding from the parsed options.
 
-    `UsageError` or `ProfileError` for what cannot be.
+    `UsageError` or `ProfileError` for values that are not possible.
     """
     bus = None if options.bus is None else choose_bus(options.bus)
     profiles = tuple(parse_binding(text) for text in options.profiles)
@@ -241,7 +238,7 @@ def settings(options: argparse.Namespace) -> Settings:
 
 
 def load_dialects(names: list[str]) -> _modlens.Dialects | None:
-    """The table of dialects with the rows of these files; None where there are none."""
+    """The table of text dialects with the rows of these files; None where no file is given."""
     if not names:
         return None
     dialects = _modlens.Dialects()
@@ -256,7 +253,7 @@ def load_dialects(names: list[str]) -> _modlens.Dialects | None:
 
 
 def load_functions(names: list[str]) -> _modlens.Functions:
-    """The table of functions with the rows of vendors (by name) and files (by path)."""
+    """The table of functions with the rows of these vendors (by name) and files (by path)."""
     functions = _modlens.Functions()
     for name in names:
         path = Path(name)
@@ -297,7 +294,7 @@ def _line(options: argparse.Namespace) -> Line | None:
 
 
 def _ports(words: list[str]) -> tuple[int, ...] | None:
-    """The ports of `--port`; None if nothing was said, an empty tuple for all.
+    """The ports of `--port`; None where the option is not given, an empty tuple for `any`.
 
     >>> _ports(["502,1502", "503"]), _ports(["any"]), _ports([])
     ((502, 1502, 503), (), None)
@@ -312,7 +309,9 @@ def _ports(words: list[str]) -> tuple[int, ...] | None:
 
 
 def parse_duration(text: str, option: str = "--timeout", max_s: float = _MAX_DURATION_S) -> int:
-    """Nanoseconds of `500ms`, `1.5s`, `2h` or `0.3` (seconds).
+    """Parse `500ms`, `1.5s`, `2h` or `0.3` (seconds); gives nanoseconds.
+
+    `UsageError` names the option if the text is no duration, or is `max_s` or longer.
 
     >>> parse_duration("500ms"), parse_duration("0.3")
     (500000000, 300000000)

@@ -1,4 +1,4 @@
-"""`modlens ports`: the serial adapters of this machine, and what is known of them."""
+"""`modlens ports`: lists the serial adapters of this machine and their properties."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def _convert(options: argparse.Namespace) -> None:
 
 
 def format_of(name: str | None, output: str | None) -> str:
-    """The format that `--to` names, or that the suffix of the output says; TOML otherwise."""
+    """The format of `--to`, else that of the output's suffix, else TOML."""
     if name is not None or output is None:
         return name or "toml"
     suffix = Path(output).suffix.lower()

@@ -1,4 +1,4 @@
-"""What `learn` and `match` have in common: a recording, gone through for its registers."""
+"""The survey of registers that `learn` and `match` work on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["survey"]
 
 
 def survey(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """The tables of `_modlens.Survey` over the files of the options."""
+    """Survey the registers in the input files; gives the tables of `_modlens.Survey`."""
     messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=("transactions",))
     files = FileRun(

@@ -1,4 +1,4 @@
-"""`--segmentation`: where frames end, by evidence or by the textbook."""
+"""`--segmentation`: how RTU frames are found, by all evidence or by silences only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["add_segmentation", "report_silence_limits"]
 
 
 def add_segmentation(group: argparse._ArgumentGroup) -> None:
-    """`--segmentation`, `--t35`, `--t15`."""
+    """Add `--segmentation`, `--t35` and `--t15`."""
     group.add_argument(
         "--segmentation",
         choices=SEGMENTATIONS,
@@ -28,7 +28,7 @@ def add_segmentation(group: argparse._ArgumentGroup) -> None:
 
 
 def report_silence_limits(settings: Settings, messages: Messages) -> None:
-    """Say which silences frames are cut by."""
+    """Report t3.5 and t1.5 where frames are cut by silences."""
     if settings.silence_ns is not None:
         t35, t15 = (f"{ns / 1000:,.0f} us" for ns in settings.silence_ns)
         messages.info(

@@ -144,7 +144,7 @@ def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
 
 
 def _decode_hex(text: str, mode: str, chosen: Settings) -> list[DisplayedExchange]:
-    """The frames of pasted text, decoded as if they had been recorded."""
+    """Decode pasted text like a recording; gives its frames."""
     if text.lstrip().startswith(":"):
         data, mode = text.strip().encode("ascii", "replace") + b"\r\n", "ascii"
     else:
@@ -169,7 +169,7 @@ def _decode_hex(text: str, mode: str, chosen: Settings) -> list[DisplayedExchang
 
 
 def _looks_like_tcp(data: bytes) -> bool:
-    """Whether an MBAP header fits these bytes, and a CRC does not."""
+    """Whether the bytes have a valid MBAP header and no valid CRC."""
     fits = (
         len(data) > MBAP_BYTES
         and data[2:4] == b"\0\0"
@@ -179,7 +179,7 @@ def _looks_like_tcp(data: bytes) -> bool:
 
 
 def parse_hex(text: str) -> bytes:
-    """The bytes of hex text in any spacing; `UsageError` where it is no hex.
+    """The bytes of hex digits in any spacing and notation; `UsageError` for other text.
 
     >>> parse_hex("0x01, 0x03").hex(), parse_hex("01-03:00 6b").hex(), parse_hex("1 3 0 6B").hex()
     ('0103', '0103006b', '0103006b')

@@ -1,7 +1,4 @@
-"""What `modlens show` draws.
-
-One frame, or a request and its response with what lies between them.
-"""
+"""Looks up and draws what `modlens show` shows."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ MBAP_BYTES = 7
 
 @dataclass(frozen=True, slots=True)
 class DisplayedFrame:
-    """One frame: its title, its bytes, how to read them."""
+    """One frame: its title, its bytes, and how they are to be read."""
 
     title: str
     data: bytes
@@ -39,7 +36,11 @@ class DisplayedFrame:
 
 @dataclass(frozen=True, slots=True)
 class DisplayedExchange:
-    """Frames in order, what lies between them, the PDU that the last one answers, findings."""
+    """A frame, or a request and its response, with all that is shown of them.
+
+    `pause` is the text between the two frames; `request` is the request's PDU, by which the
+    response is decoded; `readings` are names and values from the unit's profile.
+    """
 
     frames: tuple[DisplayedFrame, ...]
     pause: str
@@ -52,7 +53,7 @@ class DisplayedExchange:
     def of_frame(
         cls, row: Any, *, request: bytes | None, findings: list[dict[str, Any]]
     ) -> DisplayedExchange:
-        """One row of the frames table; `request` is the frame it answers."""
+        """From a row of the frames table; `request` is the frame that it responds to."""
         direction = _direction_text(row.direction)
         one = DisplayedFrame(
             f"frame {row.frame}: {direction}, {row.mode}, {row.verdict}{_time_text(row)}",
@@ -67,7 +68,7 @@ class DisplayedExchange:
     def of_transaction(
         cls, row: Any, findings: list[dict[str, Any]], readings: tuple[tuple[str, str], ...] = ()
     ) -> DisplayedExchange:
-        """One row of the transactions table; `readings` are its values by name."""
+        """From a row of the transactions table; `readings` are pairs of name and value."""
         title = f"transaction {row.txn}: {row.mode}, {row.status}{_time_text(row)}"
         request = DisplayedFrame(
             f"request, frame {row.request_frame}", row.request_hex, row.mode, "request"
@@ -92,7 +93,7 @@ def show(
     functions: _modlens.Functions,
     direction: Direction | None,
 ) -> None:
-    """Draw it; `direction` overrides what was found out."""
+    """Draw an exchange; `direction` overrides the detected one."""
     if exchange.title:
         screen.line(exchange.title, "head")
         screen.line("")
@@ -120,7 +121,11 @@ def show(
 
 
 def lookup_frame(run: FileRun, number: int) -> DisplayedExchange | None:
-    """The frame with that number; reads on until the transaction it belongs to is known."""
+    """Find a frame by its number; None if there is no such frame.
+
+    Reads on until the transaction of the frame is known, because a response is decoded by its
+    request.
+    """
     wanted = parse(f"frame == {number}", "frames").predicate()
     of_frame_findings = parse(f"frame == {number}", "findings").predicate()
     row, findings = None, []
@@ -140,7 +145,7 @@ def lookup_frame(run: FileRun, number: int) -> DisplayedExchange | None:
 
 
 def lookup_packet(run: FileRun, name: str, number: int) -> list[DisplayedExchange]:
-    """The frames that begin in that packet of the capture called `name`."""
+    """Find the frames that begin in a packet of the capture called `name`; packets count from 1."""
     here = parse(f"source == {f'{name}#{number}'!r}", "frames").predicate()
     rows, requests, findings = [], {}, []
     for batch in run.batches():
@@ -163,7 +168,7 @@ def lookup_packet(run: FileRun, name: str, number: int) -> list[DisplayedExchang
 
 
 def lookup_transaction(run: FileRun, number: int) -> DisplayedExchange | None:
-    """The transaction with that number."""
+    """Find a transaction by its number; None if there is no such transaction."""
     wanted = parse(f"txn == {number}", "transactions").predicate()
     of_frame_findings = parse(f"txn == {number}", "findings").predicate()
     findings: list[dict[str, Any]] = []
@@ -176,7 +181,7 @@ def lookup_transaction(run: FileRun, number: int) -> DisplayedExchange | None:
 
 
 def _readings(rows: Iterable[Any]) -> Iterator[tuple[str, str]]:
-    """What a profile names: the name, and the value with its unit."""
+    """Name, and value with its unit of measure, of each reading that a profile names."""
     for row in rows:
         if row.name is not None:
             value = row.status if row.value_text is None else row.value_text
@@ -204,7 +209,7 @@ def _pause_text(row: Any) -> str:
 
 
 def _request_pdu(frame: bytes | None, mode: str) -> bytes | None:
-    """The PDU of a request's frame; None where there is none."""
+    """The PDU in a request's frame; None where there is no frame, or it is not decodable."""
     if not frame:
         return None
     if mode == "tcp":

@@ -1,4 +1,4 @@
-"""`modlens show FILE --at 3:hr:107 --as all`: the same registers as every type, over time."""
+"""`modlens show FILE --at 3:hr:107 --as all`: registers interpreted as every type, over time."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ __all__ = ["add_place", "show_registers"]
 ORDERS = ("ABCD", "CDAB", "BADC", "DCBA")
 
 TYPES_BY_COUNT = {1: ("u16", "s16"), 2: ("u32", "s32", "f32"), 4: ("u64", "s64", "f64")}
-"""Types by the registers they take."""
+"""Number of registers -> the types that take so many."""
 
 MAX_CHANGES = 20
-"""Samples that are printed: those where something changed."""
+"""Samples that are printed at most; only those with changed values are."""
 
 _PLACE = re.compile(r"(\d+):(hr|ir):(0x[0-9A-Fa-f]+|\d+)")
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What stood in the registers: when, in which transaction."""
+    """The values of the registers in one transaction."""
 
     txn: int
     elapsed_us: float | None
@@ -44,7 +44,7 @@ class Sample:
 
 
 def add_place(parser: argparse.ArgumentParser) -> None:
-    """`--at`, `--count`, `--as`."""
+    """Add `--at`, `--count` and `--as`."""
     parser.add_argument(
         "--at", metavar="UNIT:hr:ADDR", help="these registers over time (wire address; hr or ir)"
     )
@@ -55,7 +55,7 @@ def add_place(parser: argparse.ArgumentParser) -> None:
 
 
 def show_registers(options: argparse.Namespace, screen: Screen) -> None:
-    """Draw the samples, and say which reading is plausible; `UsageError` where nothing is there."""
+    """Draw the samples and say which type is plausible; `UsageError` without samples."""
     match = _PLACE.fullmatch(options.at)
     if match is None:
         raise UsageError(f"show: --at {options.at}; write unit, hr or ir, address: 3:hr:107")

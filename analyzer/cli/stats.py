@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Count everything, then print it; gives the exit status."""
+    """Decode the recordings, then print the statistics; gives the exit status."""
     messages = Messages(quiet=False)
     chosen = replace(settings(options), tables=())
     report_silence_limits(chosen, messages)

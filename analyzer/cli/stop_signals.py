@@ -1,9 +1,7 @@
-"""Ctrl-C, SIGTERM and SIGHUP ask the program to finish its outputs.
+"""Ctrl-C, SIGTERM and SIGHUP ask the program to complete its outputs and end.
 
-Asked a second time it ends at once.
-
-The handlers only remember, so that no output is cut in the middle of a row: whoever reads looks at
-`received` between blocks.
+A second signal ends it at once. The handlers only set a flag, so that no output is cut in the
+middle of a row: the loop that reads the input checks `received` between blocks.
 """
 
 from __future__ import annotations
@@ -18,14 +16,14 @@ _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
 
 
 class StopSignals:
-    """Catches the signals within a `with`; `signal` is the number of the one that came."""
+    """Catches the signals inside a `with` block; `signal` is the number of the last one."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
         self._previous_handlers: dict[int, object] = {}
 
     def received(self) -> bool:
-        """Whether a signal has come."""
+        """Whether a signal has been received."""
         return self.signal is not None
 
     def __enter__(self) -> Self:

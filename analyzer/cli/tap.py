@@ -1,4 +1,4 @@
-"""`modlens tap`: what happens on a serial line, live. It listens only."""
+"""`modlens tap`: decode a serial line live. It only listens."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Listen until a signal comes or what is asked for has happened; gives the exit status."""
+    """Listen until a signal, a stop condition or the user ends it; gives the exit status."""
     taps, bound = _taps(options)
     settings = _settings(options, bound)
     messages = Messages(quiet=False)
@@ -136,7 +136,9 @@ def run(options: argparse.Namespace) -> int:
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))
         tap_messages.info(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")
-        recording.open(opened)  # the ports are open: there is something to record
+        # The recording begins only when the ports are open, so that no empty file is left where
+        # they fail.
+        recording.open(opened)
         try:
             with tap_messages.use_screen():
                 outputs.pump(
@@ -159,7 +161,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 class _TapMessages:
-    """Where the tap's notes go: standard error, or the screen while there is one."""
+    """Routes messages of the tap: to standard error, or to the live screen while it is shown."""
 
     def __init__(self, messages: Messages) -> None:
         self.screen: LiveScreen | None = None
@@ -168,18 +170,18 @@ class _TapMessages:
 
     @property
     def quit_requested(self) -> bool:
-        """Whether somebody at the screen wants to end."""
+        """Whether the user has asked the live screen to end."""
         return self.screen is not None and self.screen.quit_requested
 
     def info(self, text: str) -> None:
-        """One note."""
+        """Show one message."""
         if self.screen is not None and self._screen_is_shown:
             self.screen.show_message(text)
         else:
             self._messages.info(text)
 
     def use_screen(self) -> ExitStack:
-        """Take the terminal while the `with` lasts; what was said there is said again behind it."""
+        """Show the screen inside the `with` block; its messages are printed afterwards."""
         stack = ExitStack()
         if self.screen is not None:
             self._screen_is_shown = True
@@ -194,7 +196,7 @@ class _TapMessages:
 
 
 class _Recording:
-    """The raw recording that the options ask for; a port joins it when its settings are known."""
+    """The raw recording of `--record`; a port is added when its line settings are known."""
 
     def __init__(
         self, options: argparse.Namespace, messages: Messages, tap_messages: _TapMessages
@@ -210,7 +212,7 @@ class _Recording:
         self._keep = None if options.keep is None else parse_retention(options.keep)
 
     def open(self, opened: ExitStack) -> None:
-        """Open the file; it is closed with `opened`."""
+        """Open the recording's file, if there is to be one; `opened` closes it."""
         if self._options.record is not None:
             self._recorder = opened.enter_context(
                 closing(
@@ -226,7 +228,7 @@ class _Recording:
             )
 
     def add_bus(self, tap: Tap, settings: Line | None) -> None:
-        """A bus is going to be heard, with these settings."""
+        """Add the ports of a bus whose settings are now known; called before its first read."""
         for port, letter in zip(tap.ports, LINES, strict=False):
             which = letter if len(tap.ports) > 1 else None
             one = RecordedPort(tap.bus, which, port, None if settings is None else str(settings))
@@ -235,7 +237,7 @@ class _Recording:
                 self._recorder.add_port(one)
 
     def write_read(self, bus: str, line: str | None, chunk: Chunk) -> None:
-        """A read, before anything else is done with it."""
+        """Record one read; called before it is decoded."""
         if self._recorder is not None:
             self._recorder.write_read(bus, line, chunk)
 
@@ -244,7 +246,10 @@ class _Recording:
 
 
 def _taps(options: argparse.Namespace) -> tuple[list[Tap], tuple[Binding, ...]]:
-    """The buses to listen to; without ports those of the bus file, each with its own profiles."""
+    """The buses to listen to, and profiles bound to single buses.
+
+    Without ports on the command line the buses are those of the bus file.
+    """
     if options.ports:
         return [parse_tap(port) for port in options.ports], ()
     if options.bus is None:
@@ -265,7 +270,7 @@ def _port(tap: Tap) -> str:
 
 
 def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settings:
-    """The settings, with the tables that screens, triggers and feeds need."""
+    """The settings from the options, with the tables that screens, triggers and feeds need."""
     settings = run_settings(options)
     settings = replace(
         settings,
@@ -286,7 +291,7 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
 def _sinks(
     options: argparse.Namespace, live: LiveRun, tap_messages: _TapMessages, opened: ExitStack
 ) -> list[OutputSink]:
-    """The sinks that only a tap has."""
+    """The sinks that only a tap has: live screen, event captures, MQTT, metrics."""
     sinks: list[OutputSink] = []
     if options.view is not None:
         screen = stdout()

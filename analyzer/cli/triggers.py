@@ -1,6 +1,6 @@
-"""What ends a tap by itself, what is written around events, and the summary of each hour.
+"""Stop conditions of a tap, files around events, and the hourly summary.
 
-All of them are sinks: they see what is decided and decide nothing about it.
+All of them are sinks: they see the decoded batches and do not change them.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ HOUR_S = 3600.0
 
 
 class StopConditions:
-    """Ends a tap after `count` transactions, `duration` seconds, or a row for which `until` holds.
+    """Ends a tap after `count` transactions, `duration` seconds, or a row that matches `until`.
 
-    `FilterError` for an `until` that means nothing.
+    `reached` is True once one of them is met. `FilterError` if `until` is not a valid filter.
     """
 
     name = "limits"
@@ -37,11 +37,11 @@ class StopConditions:
 
     @property
     def any_set(self) -> bool:
-        """Whether there is any."""
+        """Whether there is any condition."""
         return not (self._remaining is None and self._until is None and self._deadline_s is None)
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Count and compare."""
+        """Check the conditions with one more batch."""
         if self._remaining is not None:
             self._remaining -= len(batch.transactions)
             self.reached |= self._remaining <= 0
@@ -52,10 +52,10 @@ class StopConditions:
 
 
 class EventCapture:
-    """Writes `context` transactions before and after each one for which `where` holds.
+    """Writes `context` transactions before and after each one that matches `where`.
 
-    A file for each event, `target`'s name with a number; an event that follows within `context`
-    goes into the same file.
+    Each event gets a file of its own: `target`'s name with a number. An event that follows within
+    `context` transactions of another goes into the same file.
     """
 
     def __init__(self, context: int, where: str, target: Target, columns: str | None) -> None:
@@ -72,7 +72,7 @@ class EventCapture:
         self._remaining_transactions = 0
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Keep it, or write it where an event is near."""
+        """Write the batch if an event is near, otherwise buffer it for the next event."""
         count = len(batch.transactions)
         event = count > 0 and len(batch.transactions.where(self._predicate)) > 0
         if event and self._sink is None:
@@ -93,20 +93,24 @@ class EventCapture:
             self.close()
 
     def close(self) -> None:
-        """The file of the event that is being written is complete."""
+        """Complete the file of the current event, if there is one."""
         if self._sink is not None:
             self._sink.close()
             self.row_count += self._sink.row_count
             self._sink = None
 
     def rollback(self) -> None:
-        """Leave what is written."""
+        """Discard the file of the current event, if there is one."""
         if self._sink is not None:
             self._sink.rollback()
             self._sink = None
 
     def _append_to_buffer(self, batch: _modlens.Batch, count: int) -> None:
-        """Whole batches: a few transactions more than asked for, never fewer."""
+        """Add a batch to the buffer and drop the oldest batches that are no longer needed.
+
+        Whole batches are kept, so the buffer has a few transactions more than `context`, never
+        fewer.
+        """
         if not (count or len(batch.frames)):
             return
         self._buffer.append(batch)
@@ -125,7 +129,10 @@ class EventCapture:
 
 
 class HourlySummary:
-    """Says once an hour what the hour brought; `stats` as in views/stats.py."""
+    """Reports once an hour how many frames and transactions the hour brought.
+
+    `stats` returns the statistics so far, with the keys described in views/stats.py.
+    """
 
     name = "the hourly summary"
 
@@ -141,7 +148,7 @@ class HourlySummary:
         self._frames = 0
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Look at the clock."""
+        """Report if the hour is over."""
         if time.monotonic() < self._next_s:
             return
         self._next_s += self._period_s

@@ -51,7 +51,7 @@ COLOURS = (
     ("Modbus: repeated", 'frame.comment contains "retry"', YELLOW),
     ("Modbus: noise", 'exported_pdu.prot_name == "data"', GREY),
 )
-"""Name, display filter, background; the first that holds is taken."""
+"""Name, display filter, background colour; Wireshark applies the first rule that matches."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,7 +89,7 @@ def _profiles() -> Path:
 
 
 def _check_ours(folder: Path) -> None:
-    """`SourceError` if the profile is somebody else's work."""
+    """`SourceError` if the folder is a profile that modlens has not made."""
     if not folder.exists():
         return
     try:
