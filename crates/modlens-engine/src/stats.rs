@@ -1,5 +1,6 @@
-//! Counters by unit and function: bounded, whatever the size of the recording.
+//! Statistics of a session: counters by bus, unit and function. Their memory is bounded, whatever the size of the recording.
 
+mod histogram;
 mod requests;
 
 use std::collections::BTreeMap;
@@ -13,117 +14,57 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-pub(crate) use requests::Key;
-use requests::Requests;
+use histogram::TimeHistogram;
+pub(crate) use requests::RequestKey;
+use requests::RequestTable;
 
-/// Times in 32 equal buckets an octave: percentiles within 2 %.
-const STEPS_PER_OCTAVE: usize = 1 << STEP_BITS;
-const STEP_BITS: u32 = 5;
-
-/// A bounded histogram of times.
+/// The transactions of one function with one unit.
 #[derive(Clone, Debug, Default)]
-struct Times {
-    count: u64,
-    sum: Ns,
-    least: Ns,
-    most: Ns,
-    buckets: Vec<u64>,
-}
-
-/// 2^40 ns are 18 minutes; what is longer counts there.
-const BUCKETS: usize = 40 * STEPS_PER_OCTAVE + 1;
-
-impl Times {
-    fn add(&mut self, ns: Ns) {
-        self.least = if self.count == 0 { ns } else { self.least.min(ns) };
-        self.most = self.most.max(ns);
-        self.count += 1;
-        self.sum += ns;
-        if self.buckets.is_empty() {
-            self.buckets.resize(BUCKETS, 0);
-        }
-        self.buckets[bucket(ns)] += 1;
-    }
-
-    fn percentile(&self, share: f64) -> Ns {
-        let rank = (self.count as f64 * share).ceil() as u64;
-        let mut below = 0;
-        for (bucket, count) in self.buckets.iter().enumerate() {
-            below += count;
-            if below >= rank {
-                return middle(bucket).clamp(self.least, self.most);
-            }
-        }
-        self.most
-    }
-
-    fn json(&self) -> Json {
-        if self.count == 0 {
-            return Json::Null;
-        }
-        let us = |ns: Ns| ns as f64 / 1000.0;
-        json!({
-            "count": self.count, "min_us": us(self.least), "mean_us": us(self.sum) / self.count as f64,
-            "p50_us": us(self.percentile(0.5)), "p95_us": us(self.percentile(0.95)), "max_us": us(self.most),
-        })
-    }
-}
-
-/// The octave of a time, and behind it the bits below its highest one: no logarithm is needed.
-fn bucket(ns: Ns) -> usize {
-    let ns = ns.max(1) as u64;
-    let octave = ns.ilog2();
-    let step = ((ns << (63 - octave)) >> (63 - STEP_BITS)) as usize & (STEPS_PER_OCTAVE - 1);
-    (octave as usize * STEPS_PER_OCTAVE + step).min(BUCKETS - 1)
-}
-
-/// The middle of a bucket.
-fn middle(bucket: usize) -> Ns {
-    let (octave, step) = (bucket / STEPS_PER_OCTAVE, bucket % STEPS_PER_OCTAVE);
-    ((1u64 << octave) as f64 * (1.0 + (step as f64 + 0.5) / STEPS_PER_OCTAVE as f64)) as Ns
-}
-
-/// The transactions of a function with one unit.
-#[derive(Clone, Debug, Default)]
-struct Row {
+struct FunctionCounts {
     function: u8,
+    /// By status, in the order of `Status::ALL`.
     statuses: [u64; 8],
     retries: u64,
+    /// By exception code.
     exceptions: BTreeMap<u8, u64>,
-    response: Times,
+    response_times: TimeHistogram,
 }
 
-/// The functions of a unit, which are few.
+/// The transactions with one unit, by function.
 #[derive(Clone, Debug, Default)]
-struct Unit {
-    rows: Vec<Row>,
-    /// One more than the place of a function in them; 0 where it was not frame.
-    places: Vec<u8>,
+struct UnitCounts {
+    functions: Vec<FunctionCounts>,
+    /// For each function code, its index in `functions` plus one; 0 where it has not appeared.
+    indices: Vec<u8>,
 }
 
+/// The counters of one bus.
 #[derive(Clone, Debug, Default)]
 struct BusCounts {
     name: String,
     mode: Option<Mode>,
+    /// By verdict, in the order of `Verdict::ALL`.
     frames: [u64; 5],
     bytes: [u64; 5],
-    /// By unit.
-    units: Vec<Unit>,
-    silence: Option<Silence>,
-    requests: Requests,
-    busy: Ns,
+    /// By unit number; empty before the first transaction.
+    units: Vec<UnitCounts>,
+    silence: Option<SilenceComparison>,
+    requests: RequestTable,
+    /// Sum of the durations of all frames.
+    busy_ns: Ns,
     first: Option<Ns>,
     last: Option<Ns>,
 }
 
-/// How often silences alone would have cut otherwise.
+/// How often a receiver that delimits frames by silences of t3.5 alone would have got other frames.
 #[derive(Clone, Copy, Debug, Default)]
-struct Silence {
+struct SilenceComparison {
     t35_ns: Ns,
     frames: u64,
+    /// Frames that it would have delimited otherwise.
     otherwise: u64,
-    /// The last row was a frame that silences alone would have begun there, too.
-    open: bool,
+    /// The last frame was one that it would have delimited in the same way, provided that a silence follows.
+    agrees_so_far: bool,
 }
 
 /// Statistics of a session.
@@ -135,89 +76,96 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// A bus was added; gives its number here.
+    /// Adds a bus; gives its index here.
     pub fn add_bus(&mut self, name: &str) -> usize {
         self.buses.push(BusCounts { name: name.into(), ..BusCounts::default() });
         self.buses.len() - 1
     }
 
-    /// The number of the bus of this name, which is added if it is new.
+    /// The index of the bus of this name, which is added if it is new.
     pub fn bus_named(&mut self, name: &str) -> usize {
         self.buses.iter().position(|bus| bus.name == name).unwrap_or_else(|| self.add_bus(name))
     }
 
-    /// A bus has got another name.
+    /// Renames a bus.
     pub fn rename_bus(&mut self, bus: usize, name: &str) {
         self.buses[bus].name = name.into();
     }
 
-    /// A frame was decided.
+    /// Counts a frame.
     pub fn frame(&mut self, bus: usize, mode: Mode, frame: &ObservedFrame<'_>) {
         let counts = &mut self.buses[bus];
         counts.mode = Some(mode);
         counts.frames[frame.verdict as usize] += 1;
         counts.bytes[frame.verdict as usize] += frame.wire.len() as u64;
         if !frame.verdict.good() {
-            counts.requests.damaged(frame.number);
+            counts.requests.note_damaged_frame(frame.number);
         }
-        counts.on_the_line(frame.start.zip(frame.end));
+        counts.add_bus_time(frame.start.zip(frame.end));
     }
 
-    /// What a silence of `t35_ns` would have made of this frame: whether one is before it, and whether one is inside.
+    /// Counts whether silences of `t35_ns` alone would have delimited this frame in the same way: whether there is one
+    /// before it, none inside it, and one before the next frame.
     pub fn silence(&mut self, bus: usize, t35_ns: Ns, frame: &ObservedFrame<'_>, before: bool, inside: bool) {
-        let counts = self.buses[bus].silence.get_or_insert(Silence { t35_ns, ..Silence::default() });
-        // What is not cut here goes to the frame before, too.
-        counts.otherwise += u64::from(counts.open && !before);
+        let counts = self.buses[bus].silence.get_or_insert(SilenceComparison { t35_ns, ..SilenceComparison::default() });
+        // Without a silence here, the frame before would not have ended where it did.
+        counts.otherwise += u64::from(counts.agrees_so_far && !before);
         let good = frame.verdict.good();
-        counts.open = good && before && !inside;
+        counts.agrees_so_far = good && before && !inside;
         counts.frames += u64::from(good);
-        counts.otherwise += u64::from(good && !counts.open);
+        counts.otherwise += u64::from(good && !counts.agrees_so_far);
     }
 
-    /// A transaction was decided.
+    /// Counts a transaction.
     pub fn transaction(&mut self, bus: usize, functions: &Functions, transaction: &PendingTransaction) {
         self.buses[bus].requests.transaction(functions, transaction);
-        let row = self.buses[bus].row(transaction.unit, transaction.function);
-        row.statuses[transaction.status as usize] += 1;
-        row.retries += u64::from(transaction.retry_of.is_some());
+        let counts = self.buses[bus].function(transaction.unit, transaction.function);
+        counts.statuses[transaction.status as usize] += 1;
+        counts.retries += u64::from(transaction.retry_of.is_some());
         if let Some(code) = transaction.exception {
-            *row.exceptions.entry(code).or_default() += 1;
+            *counts.exceptions.entry(code).or_default() += 1;
         }
         if let Some(time) = transaction.response_time {
-            row.response.add(time);
+            counts.response_times.add(time);
         }
     }
 
-    /// So many requests of which nothing is to be said were decided with their answers, of so many bytes.
-    pub(crate) fn run(&mut self, bus: usize, mode: Mode, exchanges: u64, bytes: u64) {
+    /// Counts the frames of a run of the fast path: requests with their responses, all of them good, and their bytes.
+    pub(crate) fn record_batch(&mut self, bus: usize, mode: Mode, exchanges: u64, bytes: u64) {
         let counts = &mut self.buses[bus];
         counts.mode = Some(mode);
         counts.frames[Verdict::Ok as usize] += 2 * exchanges;
         counts.bytes[Verdict::Ok as usize] += bytes;
     }
 
-    /// One of them: when it and its answer were on the line, and how long the answer took.
+    /// Counts one transaction of the fast path. `spans`: start and end of the request and of the response.
     #[inline]
-    pub(crate) fn again(&mut self, bus: usize, key: Key, spans: [Option<(Ns, Ns)>; 2], response_time: Option<Ns>) {
+    pub(crate) fn record_exchange(
+        &mut self,
+        bus: usize,
+        key: RequestKey,
+        spans: [Option<(Ns, Ns)>; 2],
+        response_time: Option<Ns>,
+    ) {
         let counts = &mut self.buses[bus];
         for span in spans {
-            counts.on_the_line(span);
+            counts.add_bus_time(span);
         }
-        counts.requests.asked(key, spans[0].map(|(start, _)| start));
-        let row = counts.row(key.unit(), key.function());
-        row.statuses[Status::Ok as usize] += 1;
+        counts.requests.record_exchange(key, spans[0].map(|(start, _)| start));
+        let function = counts.function(key.unit(), key.function());
+        function.statuses[Status::Ok as usize] += 1;
         if let Some(time) = response_time {
-            row.response.add(time);
+            function.response_times.add(time);
         }
     }
 
-    /// Something was found.
+    /// Counts a finding.
     pub fn finding(&mut self, finding: Finding) {
         self.findings.resize(Finding::ALL.len(), 0);
         self.findings[finding as usize] += 1;
     }
 
-    /// All counters.
+    /// All counters as JSON; analyzer/views/stats.py documents the keys.
     pub fn json(&self, functions: &Functions) -> Json {
         let mut statuses: BTreeMap<&str, u64> = BTreeMap::new();
         let buses: Vec<Json> = self.buses.iter().map(|bus| bus.json(&mut statuses, functions)).collect();
@@ -228,39 +176,41 @@ impl Stats {
 }
 
 impl BusCounts {
+    /// Adds the time from `start` to `end` in which a frame occupied the bus.
     #[inline]
-    fn on_the_line(&mut self, span: Option<(Ns, Ns)>) {
+    fn add_bus_time(&mut self, span: Option<(Ns, Ns)>) {
         if let Some((start, end)) = span {
-            self.busy += (end - start).max(0);
+            self.busy_ns += (end - start).max(0);
             self.first.get_or_insert(start);
             self.last = Some(end);
         }
     }
 
-    fn row(&mut self, unit: u8, function: u8) -> &mut Row {
-        match self.units.get(usize::from(unit)).and_then(|unit| unit.places.get(usize::from(function))) {
-            Some(&place @ 1..) => &mut self.units[usize::from(unit)].rows[usize::from(place) - 1],
-            _ => self.new_row(unit, function),
+    /// The counters of a function of a unit, which are added if they are new.
+    fn function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
+        match self.units.get(usize::from(unit)).and_then(|unit| unit.indices.get(usize::from(function))) {
+            Some(&index @ 1..) => &mut self.units[usize::from(unit)].functions[usize::from(index) - 1],
+            _ => self.add_function(unit, function),
         }
     }
 
     #[cold]
-    fn new_row(&mut self, unit: u8, function: u8) -> &mut Row {
-        self.units.resize_with(256, Unit::default);
-        let Unit { rows, places } = &mut self.units[usize::from(unit)];
-        places.resize(256, 0);
-        rows.push(Row { function, ..Row::default() });
-        // Function codes have seven bits.
-        places[usize::from(function)] = rows.len() as u8;
-        rows.last_mut().expect("just added")
+    fn add_function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
+        self.units.resize_with(256, UnitCounts::default);
+        let UnitCounts { functions, indices } = &mut self.units[usize::from(unit)];
+        indices.resize(256, 0);
+        functions.push(FunctionCounts { function, ..FunctionCounts::default() });
+        // There are at most 128 functions, since their codes have seven bits.
+        indices[usize::from(function)] = functions.len() as u8;
+        functions.last_mut().expect("just added")
     }
 
-    /// By unit and function.
-    fn rows(&self) -> impl Iterator<Item = (usize, &Row)> {
-        self.units.iter().enumerate().flat_map(|(unit, of)| {
-            let mut rows: Vec<&Row> = of.rows.iter().collect();
-            rows.sort_by_key(|row| row.function);
-            rows.into_iter().map(move |row| (unit, row))
+    /// Unit number and counters of each function, sorted by unit and function.
+    fn functions(&self) -> impl Iterator<Item = (usize, &FunctionCounts)> {
+        self.units.iter().enumerate().flat_map(|(unit, counts)| {
+            let mut functions: Vec<&FunctionCounts> = counts.functions.iter().collect();
+            functions.sort_by_key(|counts| counts.function);
+            functions.into_iter().map(move |counts| (unit, counts))
         })
     }
 
@@ -273,49 +223,29 @@ impl BusCounts {
                 .into()
         };
         let units: Vec<Json> = self
-            .rows()
-            .map(|(unit, row)| {
-                let counted = Status::ALL.iter().map(|status| (status.text(), row.statuses[*status as usize])).filter(|(_, count)| *count > 0);
+            .functions()
+            .map(|(unit, counts)| {
+                let counted = Status::ALL.iter().map(|status| (status.text(), counts.statuses[*status as usize])).filter(|(_, count)| *count > 0);
                 let statuses: BTreeMap<&str, u64> = counted.collect();
                 for (status, count) in &statuses {
                     *total.entry(status).or_default() += count;
                 }
                 json!({
-                    "unit": unit, "function": row.function, "transactions": row.statuses.iter().sum::<u64>(), "statuses": statuses,
-                    "retries": row.retries, "exceptions": row.exceptions.iter().map(|(k, v)| (k.to_string(), *v)).collect::<BTreeMap<_, _>>(),
-                    "response_time": row.response.json(),
+                    "unit": unit, "function": counts.function, "transactions": counts.statuses.iter().sum::<u64>(), "statuses": statuses,
+                    "retries": counts.retries, "exceptions": counts.exceptions.iter().map(|(k, v)| (k.to_string(), *v)).collect::<BTreeMap<_, _>>(),
+                    "response_time": counts.response_times.json(),
                 })
             })
             .collect();
         let span = self.first.zip(self.last).map(|(first, last)| last - first).filter(|&span| span > 0);
         json!({
             "bus": self.name, "mode": self.mode.map(Mode::text), "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
-            "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy as f64 / 1000.0),
+            "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy_ns as f64 / 1000.0),
             "silence": self.silence.map(|counts| json!({
                 "t35_us": counts.t35_ns as f64 / 1000.0, "frames": counts.frames, "otherwise": counts.otherwise,
             })),
-            "load": span.map(|span| self.busy as f64 / span as f64), "units": units,
+            "load": span.map(|span| self.busy_ns as f64 / span as f64), "units": units,
             "cycle": self.requests.cycle(), "timeouts": self.requests.timeouts(functions),
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times_stand_in_buckets_of_a_part_of_an_octave() {
-        // Behind 2^19 = 524,288 ns in steps of 16,384: number 29 begins at 999,424 and holds a millisecond.
-        assert_eq!(bucket(1_000_000), 19 * 32 + 29);
-        assert_eq!(middle(19 * 32 + 29), 999_424 + 8_192);
-        assert_eq!((bucket(-5), bucket(0), bucket(1)), (0, 0, 0));
-        assert_eq!(bucket(Ns::MAX), BUCKETS - 1);
-        let mut last = 0;
-        for ns in (0..39 * 8).map(|eighth| (f64::from(eighth) / 8.0).exp2() as Ns).filter(|&ns| ns > 32) {
-            assert!(bucket(ns) >= last, "{ns}");
-            assert!((middle(bucket(ns)) - ns).abs() * 64 <= ns + 64, "{ns}");
-            last = bucket(ns);
-        }
     }
 }

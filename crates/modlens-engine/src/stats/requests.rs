@@ -1,4 +1,5 @@
-//! The different requests of a bus: how often each is repeated, how often not answered, and what was about it then.
+//! Statistics of the distinct requests of a bus: how often each is sent, how often it times out, and under which
+//! circumstances.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::hash::{Hash, Hasher};
@@ -6,38 +7,38 @@ use std::hash::{Hash, Hasher};
 use foldhash::fast::RandomState;
 use serde_json::{json, Value as Json};
 
-use super::Times;
+use super::histogram::TimeHistogram;
 use crate::pairing::PendingTransaction;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// Different requests that are kept; a scanner that asks for every address does not fill the memory.
-const MOST: usize = 1024;
+/// Distinct requests that are counted. The limit keeps a scanner that asks for every address from filling the memory.
+const MAX_REQUESTS: usize = 1024;
 
-/// Unanswered requests that a late answer may belong to.
-const REMEMBERED: usize = 64;
+/// Unanswered requests that a late response may still belong to.
+const MAX_UNANSWERED: usize = 64;
 
-/// A request that was repeated so often has a cycle.
-const REPEATED: u64 = 3;
+/// A request that was sent so often counts for the poll cycle.
+const MIN_POLLS: u64 = 3;
 
-/// Unit, function, address, quantity.
+/// Unit, function, address and quantity, in which two requests of a poll cycle differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Key(u8, u8, Option<(u16, u16)>);
+pub(crate) struct RequestKey(u8, u8, Option<(u16, u16)>);
 
-/// All of it in one number.
-impl Hash for Key {
+/// Hashes the key as one number, which is faster than field by field.
+impl Hash for RequestKey {
     #[inline]
     fn hash<H: Hasher>(&self, state: &mut H) {
         let (address, quantity) = self.2.unwrap_or_default();
         let head = u16::from_be_bytes([self.0, self.1]);
-        let of = |part: u16, at: u32| u64::from(part) << (16 * at);
-        state.write_u64(of(head, 3) | of(address, 2) | of(quantity, 1) | u64::from(self.2.is_some()));
+        let shifted = |part: u16, words: u32| u64::from(part) << (16 * words);
+        state.write_u64(shifted(head, 3) | shifted(address, 2) | shifted(quantity, 1) | u64::from(self.2.is_some()));
     }
 }
 
-impl Key {
-    /// What tells this request from others; single writes ask for one.
+impl RequestKey {
+    /// The key of a transaction's request. Writes of a single value have quantity 1.
     pub(crate) fn of(functions: &Functions, transaction: &PendingTransaction) -> Self {
         let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
         let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
@@ -48,7 +49,7 @@ impl Key {
         Self(transaction.unit, transaction.function, range)
     }
 
-    /// A request for so many from an address on.
+    /// The key of a plain read or write.
     pub(crate) fn plain(unit: u8, function: u8, address: u16, quantity: u16) -> Self {
         Self(unit, function, Some((address, quantity)))
     }
@@ -62,181 +63,193 @@ impl Key {
     }
 }
 
+/// The counters of one distinct request.
 #[derive(Clone, Debug)]
-struct Slot {
-    key: Key,
-    asked: u64,
+struct RequestCounts {
+    key: RequestKey,
+    /// How often it was sent.
+    sent: u64,
     unanswered: u64,
-    damaged: u64,
-    late: u64,
-    late_by: Times,
+    /// Of those unanswered: behind which a damaged frame or noise was seen.
+    unanswered_with_damage: u64,
+    late_responses: u64,
+    /// How long behind the master's time-out the late responses came.
+    late_by: TimeHistogram,
+    /// Of those unanswered: unit and status of the transaction before.
     before: BTreeMap<(u8, Status), u64>,
-    last: Option<Ns>,
-    cycle: Times,
+    last_start: Option<Ns>,
+    /// From one poll to the next.
+    cycle: TimeHistogram,
 }
 
-/// Requests of one bus.
+/// The distinct requests of one bus.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Requests {
-    slots: Vec<Slot>,
-    /// Of each: what is asked, and the slot of the request that came after it the last time.
-    turns: Vec<(Key, u32)>,
-    places: HashMap<Key, usize, RandomState>,
-    /// The slot of the last request.
+pub(super) struct RequestTable {
+    counts: Vec<RequestCounts>,
+    /// For each of `counts`: its key, and the index of the request that followed it the last time.
+    followers: Vec<(RequestKey, u32)>,
+    indices: HashMap<RequestKey, usize, RandomState>,
+    /// Index of the last request.
     latest: usize,
-    waited: Times,
-    missing: VecDeque<(u64, Key, Option<Ns>)>,
+    /// How long the master waited for responses that did not come.
+    waited: TimeHistogram,
+    /// The last unanswered requests: transaction, key, and how long the master waited.
+    recent_unanswered: VecDeque<(u64, RequestKey, Option<Ns>)>,
+    /// Unit and status of the last transaction.
     previous: Option<(u8, Status)>,
-    last_damaged: u64,
+    /// Number of the last frame that was damaged, or noise.
+    last_damaged_frame: u64,
 }
 
-impl Requests {
-    /// A frame arrived damaged, or as noise.
-    pub fn damaged(&mut self, frame: u64) {
-        self.last_damaged = frame;
+impl RequestTable {
+    /// Notes a frame that arrived damaged, or noise.
+    pub fn note_damaged_frame(&mut self, number: u64) {
+        self.last_damaged_frame = number;
     }
 
-    /// A transaction was decided.
+    /// Counts a transaction.
     pub fn transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
         if let Some(txn) = transaction.late_for {
-            self.answered_late(txn, transaction.late_response);
+            self.count_late_response(txn, transaction.late_response);
         }
         if !transaction.request.is_present() || transaction.status == Status::BadRequest {
             return;
         }
-        let key = Key::of(functions, transaction);
+        let key = RequestKey::of(functions, transaction);
         let previous = self.previous.replace((transaction.unit, transaction.status));
-        let Some(at) = self.place(key) else { return };
-        let slot = &mut self.slots[at];
+        let Some(at) = self.index(key) else { return };
+        let counts = &mut self.counts[at];
         if transaction.retry_of.is_none() {
-            slot.turn(transaction.request.start);
+            counts.add_poll(transaction.request.start);
         } else {
-            slot.asked += 1;
+            counts.sent += 1;
         }
         if transaction.status != Status::NoResponse {
             return;
         }
-        slot.unanswered += 1;
-        slot.damaged += u64::from(self.last_damaged > transaction.request.number);
+        counts.unanswered += 1;
+        counts.unanswered_with_damage += u64::from(self.last_damaged_frame > transaction.request.number);
         if let Some(before) = previous {
-            *slot.before.entry(before).or_default() += 1;
+            *counts.before.entry(before).or_default() += 1;
         }
         if let Some(waited) = transaction.waited {
             self.waited.add(waited);
         }
-        if self.missing.len() == REMEMBERED {
-            self.missing.pop_front();
+        if self.recent_unanswered.len() == MAX_UNANSWERED {
+            self.recent_unanswered.pop_front();
         }
-        self.missing.push_back((transaction.txn, key, transaction.waited));
+        self.recent_unanswered.push_back((transaction.txn, key, transaction.waited));
     }
 
-    /// A request was answered once more.
+    /// Counts a request of the fast path, which was answered.
     #[inline]
-    pub fn asked(&mut self, key: Key, start: Option<Ns>) {
+    pub fn record_exchange(&mut self, key: RequestKey, start: Option<Ns>) {
         self.previous = Some((key.0, Status::Ok));
-        if let Some(at) = self.place(key) {
-            self.slots[at].turn(start);
+        if let Some(at) = self.index(key) {
+            self.counts[at].add_poll(start);
         }
     }
 
-    /// The slot of a request. A master asks in turn: the request that came next the last time is tried first.
+    /// The index of a request, which is added if it is new and there is room. A master polls in a cycle, so the request
+    /// that followed the last one before is tried first; this saves the hash map's look-up.
     #[inline]
-    fn place(&mut self, key: Key) -> Option<usize> {
-        let likely = self.turns.get(self.latest).map_or(0, |turn| turn.1 as usize);
-        let at = if self.turns.get(likely).is_some_and(|turn| turn.0 == key) {
+    fn index(&mut self, key: RequestKey) -> Option<usize> {
+        let likely = self.followers.get(self.latest).map_or(0, |follower| follower.1 as usize);
+        let at = if self.followers.get(likely).is_some_and(|follower| follower.0 == key) {
             likely
-        } else if let Some(&at) = self.places.get(&key) {
+        } else if let Some(&at) = self.indices.get(&key) {
             at
-        } else if self.slots.len() < MOST {
-            self.places.insert(key, self.slots.len());
-            self.slots.push(Slot::new(key));
-            self.turns.push((key, 0));
-            self.slots.len() - 1
+        } else if self.counts.len() < MAX_REQUESTS {
+            self.indices.insert(key, self.counts.len());
+            self.counts.push(RequestCounts::new(key));
+            self.followers.push((key, 0));
+            self.counts.len() - 1
         } else {
             return None;
         };
-        self.turns[self.latest].1 = at as u32;
+        self.followers[self.latest].1 = at as u32;
         self.latest = at;
         Some(at)
     }
 
-    /// By key: the order of output must not depend on the traffic.
-    fn sorted(&self) -> Vec<&Slot> {
-        let mut slots: Vec<&Slot> = self.slots.iter().collect();
-        slots.sort_by_key(|slot| slot.key);
-        slots
+    /// The requests sorted by key, so that the order of output does not depend on the order of the traffic.
+    fn sorted(&self) -> Vec<&RequestCounts> {
+        let mut counts: Vec<&RequestCounts> = self.counts.iter().collect();
+        counts.sort_by_key(|counts| counts.key);
+        counts
     }
 
-    fn answered_late(&mut self, txn: u64, after: Option<Ns>) {
-        let Some(&(_, key, waited)) = self.missing.iter().find(|(number, ..)| *number == txn) else { return };
-        let Some(slot) = self.places.get(&key).map(|&at| &mut self.slots[at]) else { return };
-        slot.late += 1;
+    /// Counts the late response to a transaction, `after` the end of its request.
+    fn count_late_response(&mut self, txn: u64, after: Option<Ns>) {
+        let Some(&(_, key, waited)) = self.recent_unanswered.iter().find(|(number, ..)| *number == txn) else { return };
+        let Some(counts) = self.indices.get(&key).map(|&at| &mut self.counts[at]) else { return };
+        counts.late_responses += 1;
         if let Some((after, waited)) = after.zip(waited) {
-            slot.late_by.add((after - waited).max(0));
+            counts.late_by.add((after - waited).max(0));
         }
     }
 
-    /// The time between a request and its next turn: that of the request in the middle, of those that come again.
+    /// The poll cycle: of all requests that were polled several times, the one with the median cycle. Null without any.
     pub fn cycle(&self) -> Json {
-        let slots = self.sorted().into_iter().filter(|slot| slot.asked >= REPEATED && slot.cycle.count > 0);
-        let mut repeated: Vec<&Times> = slots.map(|slot| &slot.cycle).collect();
-        // To find the middle of a histogram is to go through it.
-        repeated.sort_by_cached_key(|times| times.percentile(0.5));
-        let Some(middle) = repeated.get(repeated.len() / 2) else { return Json::Null };
-        let mut found = middle.json();
-        found["requests"] = repeated.len().into();
+        let polled = self.sorted().into_iter().filter(|counts| counts.sent >= MIN_POLLS && counts.cycle.count > 0);
+        let mut cycles: Vec<&TimeHistogram> = polled.map(|counts| &counts.cycle).collect();
+        // The median of a histogram takes a pass over it, so it is computed once for each.
+        cycles.sort_by_cached_key(|cycle| cycle.percentile(0.5));
+        let Some(median) = cycles.get(cycles.len() / 2) else { return Json::Null };
+        let mut found = median.json();
+        found["requests"] = cycles.len().into();
         found
     }
 
-    /// Requests that were not answered, the most frequent first; null where all were.
+    /// The requests that were not answered, the most frequent first; null where all were answered.
     pub fn timeouts(&self, functions: &Functions) -> Json {
-        let mut slots: Vec<&Slot> = self.slots.iter().filter(|slot| slot.unanswered > 0).collect();
-        if slots.is_empty() {
+        let mut unanswered: Vec<&RequestCounts> = self.counts.iter().filter(|counts| counts.unanswered > 0).collect();
+        if unanswered.is_empty() {
             return Json::Null;
         }
-        slots.sort_by_key(|slot| (std::cmp::Reverse(slot.unanswered), slot.key));
-        let rows: Vec<Json> = slots.iter().map(|slot| slot.json(functions)).collect();
+        unanswered.sort_by_key(|counts| (std::cmp::Reverse(counts.unanswered), counts.key));
+        let rows: Vec<Json> = unanswered.iter().map(|counts| counts.json(functions)).collect();
         json!({"waited": self.waited.json(), "requests": rows})
     }
 }
 
-impl Slot {
-    fn new(key: Key) -> Self {
+impl RequestCounts {
+    fn new(key: RequestKey) -> Self {
         Self {
             key,
-            asked: 0,
+            sent: 0,
             unanswered: 0,
-            damaged: 0,
-            late: 0,
-            late_by: Times::default(),
+            unanswered_with_damage: 0,
+            late_responses: 0,
+            late_by: TimeHistogram::default(),
             before: BTreeMap::new(),
-            last: None,
-            cycle: Times::default(),
+            last_start: None,
+            cycle: TimeHistogram::default(),
         }
     }
 
-    /// It was asked in its turn.
+    /// Counts a request that is not a retry.
     #[inline]
-    fn turn(&mut self, start: Option<Ns>) {
-        self.asked += 1;
-        if let Some((last, start)) = self.last.zip(start).filter(|(last, start)| start > last) {
+    fn add_poll(&mut self, start: Option<Ns>) {
+        self.sent += 1;
+        if let Some((last, start)) = self.last_start.zip(start).filter(|(last, start)| start > last) {
             self.cycle.add(start - last);
         }
-        self.last = start.or(self.last);
+        self.last_start = start.or(self.last_start);
     }
 
     fn json(&self, functions: &Functions) -> Json {
-        let Key(unit, function, range) = self.key;
+        let RequestKey(unit, function, range) = self.key;
         let mut before: Vec<(&(u8, Status), &u64)> = self.before.iter().collect();
-        before.sort_by_key(|(who, count)| (std::cmp::Reverse(**count), **who));
+        before.sort_by_key(|(transaction, count)| (std::cmp::Reverse(**count), **transaction));
         let before: Vec<Json> =
             before.iter().map(|((unit, status), count)| json!({"unit": unit, "status": status.text(), "count": count})).collect();
         json!({
             "unit": unit, "function": function, "address": range.map(|(address, _)| address),
             "quantity": range.map(|(_, quantity)| quantity),
             "register_type": functions.row(function, &[]).and_then(|row| row.register_type.clone()),
-            "count": self.unanswered, "asked": self.asked, "late": self.late, "late_by": self.late_by.json(),
-            "damaged": self.damaged, "before": before,
+            "count": self.unanswered, "asked": self.sent, "late": self.late_responses, "late_by": self.late_by.json(),
+            "damaged": self.unanswered_with_damage, "before": before,
         })
     }
 }

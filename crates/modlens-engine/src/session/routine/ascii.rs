@@ -89,7 +89,7 @@ impl Session {
         }
         self.adus = adus;
         if totals.exchanges > 0 {
-            self.stats.run(self.buses[bus].counts, Mode::Ascii, totals.exchanges, totals.bytes as u64);
+            self.stats.record_batch(self.buses[bus].counts, Mode::Ascii, totals.exchanges, totals.bytes as u64);
         }
     }
 }

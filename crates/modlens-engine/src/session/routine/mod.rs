@@ -14,7 +14,7 @@ use crate::session::bus::FROM_SERVER;
 use crate::session::bus::{learn_side, LineState};
 use crate::session::moment::{Moment, Setting};
 use crate::session::Session;
-use crate::stats::Key;
+use crate::stats::RequestKey;
 use modlens_profiles::points::sunspec::may_begin_in;
 use modlens_protocol::checksum::CHECKSUM;
 use modlens_protocol::direction::Direction;
@@ -94,7 +94,7 @@ impl Session {
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
         self.batch.arena.extend_from_slice(line.input.forgotten(totals.bytes));
-        self.stats.run(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
+        self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
         if let Some(framer) = line.framer.routine() {
             framer.resume(&line.input, &last);
         }
@@ -143,7 +143,7 @@ impl Session {
         }
         let Some(response_bytes) = last_response_bytes else { return };
         let state = &mut self.buses[bus];
-        self.stats.run(state.counts, Mode::Tcp, totals.exchanges, totals.bytes as u64);
+        self.stats.record_batch(state.counts, Mode::Tcp, totals.exchanges, totals.bytes as u64);
         let response = state.lines[server].1.input.forgotten(response_bytes);
         state.pairing.resume(response[0], &response[1..]);
     }
@@ -189,8 +189,8 @@ impl Session {
             recording_start: self.origin,
         };
         let spans = [request_moment.span(), response_moment.span()];
-        let key = Key::plain(expected.unit, expected.code, expected.address, expected.quantity);
-        self.stats.again(state.counts, key, spans, rows.response_time);
+        let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
+        self.stats.record_exchange(state.counts, key, spans, rows.response_time);
         totals.exchanges += 1;
         totals.bytes += lengths[0] + lengths[1];
         self.next_txn += 1;
