@@ -9,19 +9,18 @@
 
 use std::collections::VecDeque;
 
-pub mod align;
-mod answers;
-mod exchange;
+mod damaged_request;
+mod history;
 mod masters;
-mod past;
 mod requests;
+mod responses;
 mod routine;
-mod tempo;
-mod wreck;
+mod timing;
+pub(crate) mod transaction;
 
-pub use exchange::{BufferedFrame, ObservedFrame, PendingTransaction};
 pub use masters::FrameLocation;
-pub use tempo::TimingModel;
+pub use timing::TimingModel;
+pub use transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::finding::Finding;
@@ -30,10 +29,10 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-use answers::{EarlyResponse, UnitMismatch};
+use history::History;
 use masters::{MasterEvidence, Overlap};
-use past::History;
 use requests::EchoStatistics;
+use responses::{EarlyResponse, UnitMismatch};
 
 /// A request is given up after this time at the latest (records.md).
 pub const DEFAULT_TIMEOUT: Ns = 1_000_000_000;

@@ -1,8 +1,8 @@
 //! Pairing of a request: new, repeated, echoed by the adapter, or sent while another one still waits for its response.
 
-use crate::pairing::exchange::OverlappingRequest;
-use crate::pairing::past::PastRequest;
-use crate::pairing::wreck::DamagedRequest;
+use crate::pairing::damaged_request::DamagedRequest;
+use crate::pairing::history::PastRequest;
+use crate::pairing::transaction::OverlappingRequest;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;

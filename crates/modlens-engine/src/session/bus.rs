@@ -8,10 +8,10 @@ use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
 use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
-use crate::session::ahead::{next_lines, UnmergedFrames};
-use crate::session::clock::Lateness;
-use crate::session::moment::Setting;
+use crate::session::frame_timing::TimingConfig;
+use crate::session::lateness::Lateness;
 use crate::session::profiles::Profiles;
+use crate::session::two_lines::unmerged::{next_lines, UnmergedFrames};
 use modlens_protocol::direction::{readings, Direction};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -205,14 +205,14 @@ impl BusState {
 
     /// The parameters from which the times of a line's next frame are computed. Pairing is told the clock on this
     /// occasion, since what has been learned of it changes with every frame.
-    pub(super) fn timing_config(&mut self, at: usize) -> Setting {
+    pub(super) fn timing_config(&mut self, at: usize) -> TimingConfig {
         let resolution = self.resolution(at);
         let has_several_lines = self.lines.len() > 1;
         let (_, line) = &self.lines[at];
         self.pairing.resolution = self.options.resolution.unwrap_or_else(|| Lateness::finest_resolution(&line.input));
         self.pairing.read_lateness = resolution;
         self.pairing.is_wire_order = !(has_several_lines && self.lines.iter().any(|(_, line)| line.input.coarse));
-        Setting {
+        TimingConfig {
             has_clock: self.options.bus.clock != Clock::None,
             resolution,
             place: self.options.bus.place,

@@ -7,7 +7,7 @@ use crate::framer::silence::Rule;
 use crate::pairing::Pairing;
 use crate::records::{Bus, FindingRow, Network};
 use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
-use crate::session::told::ReimportState;
+use crate::session::reimport::ReimportState;
 use crate::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;

@@ -3,20 +3,19 @@
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]
 
-mod ahead;
 mod bus;
 mod capture;
-mod clock;
-mod done;
 mod feed;
+mod frame_timing;
+mod lateness;
 mod logic;
-mod moment;
 mod profiles;
-mod recorded;
+mod reimport;
 mod routine;
 mod rows;
-mod told;
-mod turns;
+mod text;
+mod transactions;
+mod two_lines;
 
 use std::sync::Arc;
 
@@ -38,8 +37,8 @@ pub use capture::CaptureOptions;
 
 use bus::{add_vote, learn, BusState};
 use capture::CaptureState;
+use frame_timing::{FrameTiming, TimingConfig};
 use logic::LogicState;
-use moment::{Moment, Setting};
 use profiles::Assignment;
 use rows::{elapsed, framing_detail, marked_detail, placed_detail};
 
@@ -245,7 +244,7 @@ impl Session {
         state.clock_jumped = false;
         let rule = state.options.rule();
         let input = state.lines[at].1.emission_input();
-        let timing = Moment::of(input, cut.length, &config);
+        let timing = FrameTiming::of(input, cut.length, &config);
         timing.list_inner_packets(input, (number, cut.length), config.place, &mut self.batch.between);
         let wire = &input.bytes()[..cut.length];
         let mut frame = observed(number, wire, adu, cut, &timing, config.mode);
@@ -318,7 +317,7 @@ impl BusState {
 
 /// The frame as pairing and the checks get it; its findings are not known yet.
 #[inline]
-fn observed<'a>(number: u64, wire: &'a [u8], adu: &'a [u8], cut: &Cut, timing: &Moment, mode: Mode) -> ObservedFrame<'a> {
+fn observed<'a>(number: u64, wire: &'a [u8], adu: &'a [u8], cut: &Cut, timing: &FrameTiming, mode: Mode) -> ObservedFrame<'a> {
     ObservedFrame {
         number,
         wire,
@@ -344,7 +343,7 @@ fn find_on_frame(
     input: &Input,
     cut: &Cut,
     frame: &ObservedFrame<'_>,
-    (config, rule): (&Setting, Option<Rule>),
+    (config, rule): (&TimingConfig, Option<Rule>),
     found: &mut check::Found,
 ) {
     check::frame(functions, frame, found);
@@ -384,7 +383,7 @@ fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedF
 
 /// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller.
 #[inline]
-fn frame_row(cut: &Cut, frame: &ObservedFrame<'_>, timing: &Moment, wire: Span, findings: Span) -> Frame {
+fn frame_row(cut: &Cut, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
     let is_frame = cut.verdict != Verdict::Noise;
     let code = frame.adu.get(1).copied().filter(|_| is_frame);
     let is_exception = code.is_some_and(|code| code & EXCEPTION_BIT != 0) && cut.verdict.good();

@@ -12,7 +12,7 @@ use crate::framer::exchange::Exchange;
 use crate::records::Span;
 use crate::session::bus::FROM_SERVER;
 use crate::session::bus::{learn_side, LineState};
-use crate::session::moment::{Moment, Setting};
+use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::Session;
 use crate::stats::RequestKey;
 use modlens_profiles::points::sunspec::may_begin_in;
@@ -160,7 +160,7 @@ impl Session {
         matched: &MatchedExchange,
         wires: [Span; 2],
         pdus: Option<[Span; 2]>,
-        timing: &Setting,
+        timing: &TimingConfig,
         min_measurable_ns: Ns,
         totals: &mut BatchTotals,
     ) {
@@ -236,8 +236,8 @@ fn adjacent_spans(start: usize, [request_length, response_length]: [usize; 2]) -
 /// Consumes the first bytes of a line as a frame; returns when and where it was.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and `Session::exchange` takes it apart at once.
-fn consume(line: &mut LineState, length: usize, timing: &Setting) -> Moment {
-    let moment = Moment::of(&line.input, length, &Setting { last_end: line.last_end, ..*timing });
+fn consume(line: &mut LineState, length: usize, timing: &TimingConfig) -> FrameTiming {
+    let moment = FrameTiming::of(&line.input, length, &TimingConfig { last_end: line.last_end, ..*timing });
     line.input.consume(length);
     line.last_end = moment.end.or(line.last_end);
     moment

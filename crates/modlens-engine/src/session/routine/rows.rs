@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::framer::{ascii, rtu, tcp};
 use crate::records::{Frame, Half, Span, Transaction};
-use crate::session::moment::Moment;
+use crate::session::frame_timing::FrameTiming;
 use crate::session::routine::MatchedExchange;
 use crate::session::rows::elapsed;
 use modlens_profiles::points::Bound;
@@ -26,8 +26,8 @@ pub(super) struct ExchangeRows<'a> {
     /// Places of the request and of the response in the arena of the batch.
     pub request_wire: Span,
     pub response_wire: Span,
-    pub request_moment: Moment,
-    pub response_moment: Moment,
+    pub request_moment: FrameTiming,
+    pub response_moment: FrameTiming,
     /// `None` if the clock cannot measure it.
     pub response_time: Option<Ns>,
     /// When the recording began.

@@ -106,7 +106,7 @@ impl BusState {
     ///
     /// It is only asked for two lines with a clock whose source does not say who sends: not for a connection, whose sides
     /// are known, nor for ASCII.
-    pub(super) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
+    pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
         if self.is_surveyed || self.lines.is_empty() {
             return false;
         }
@@ -137,7 +137,7 @@ impl BusState {
     }
 
     /// The line whose frame is next; `None` while bytes of the other line may still come that were on the wire before.
-    pub(super) fn turn(&self, functions: &Functions) -> Option<usize> {
+    pub(in crate::session) fn turn(&self, functions: &Functions) -> Option<usize> {
         let with_bytes = (0..self.lines.len()).filter(|&at| !self.lines[at].1.input.bytes().is_empty());
         let oldest = with_bytes.clone().min_by_key(|&at| self.first_seen(at))?;
         let Some((requests, responses)) = self.roles() else { return Some(oldest) };
@@ -213,7 +213,7 @@ impl BusState {
     }
 
     /// When a line need not wait for the other one any more, or when the survey ends.
-    pub(super) fn turn_deadline(&self) -> Option<Ns> {
+    pub(in crate::session) fn turn_deadline(&self) -> Option<Ns> {
         if let Some(survey) = self.survey_deadline().filter(|&until| self.now.is_some_and(|now| now < until)) {
             return Some(survey);
         }

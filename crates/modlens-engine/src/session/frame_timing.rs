@@ -8,7 +8,7 @@ use modlens_readers::chunk::Side;
 
 /// The parameters from which the times of a frame are computed, beside the reads that it came in.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Setting {
+pub(super) struct TimingConfig {
     /// The bus has a clock.
     pub has_clock: bool,
     /// The step of the clock; a silence is reported from twice this on.
@@ -25,7 +25,7 @@ pub(super) struct Setting {
 
 /// When a frame was on the line, and its place in the recording.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Moment {
+pub(super) struct FrameTiming {
     /// Start of the first character.
     pub start: Option<Ns>,
     /// End of the last character.
@@ -44,7 +44,7 @@ pub(super) struct Moment {
     pub last_origin: u64,
 }
 
-impl Moment {
+impl FrameTiming {
     /// Start and end, where both are known.
     pub(super) fn span(&self) -> Option<(Ns, Ns)> {
         self.start.zip(self.end)
@@ -70,7 +70,7 @@ impl Moment {
     /// Without a clock, `start`, `end` and `gap` are `None`.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
-    pub(super) fn of(input: &Input, length: usize, setting: &Setting) -> Self {
+    pub(super) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {
         let has_clock = setting.has_clock && input.timed;
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
         let first = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));

@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 use crate::framer::{Context, Cut};
 use crate::input::Input;
-use crate::pairing::align::{merge_order, LineFrame, WINDOW_FRAMES};
 use crate::session::bus::{add_vote, LineState};
+use crate::session::two_lines::alignment::{merge_order, LineFrame, WINDOW_FRAMES};
 use modlens_protocol::direction::{readings, Direction};
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::Functions;
@@ -17,28 +17,28 @@ use modlens_protocol::functions::Functions;
 const MAX_WAITING_BYTES: usize = 16 << 20;
 
 /// The frames of a line that wait for their place among those of the other line.
-pub(super) struct UnmergedFrames {
+pub(in crate::session) struct UnmergedFrames {
     cuts: VecDeque<Cut>,
     /// For each of `cuts`, what its place depends on.
     frames: VecDeque<LineFrame>,
     /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
-    pub(super) input: Input,
+    pub(in crate::session) input: Input,
 }
 
 impl UnmergedFrames {
-    pub(super) fn new(input: Input) -> Self {
+    pub(in crate::session) fn new(input: Input) -> Self {
         Self { cuts: VecDeque::new(), frames: VecDeque::new(), input }
     }
 }
 
 impl LineState {
     /// The bytes from the next frame to emit on.
-    pub(super) fn emission_input(&self) -> &Input {
+    pub(in crate::session) fn emission_input(&self) -> &Input {
         self.unmerged.as_ref().map_or(&self.input, |unmerged| &unmerged.input)
     }
 
     /// Removes the bytes of a frame that was emitted.
-    pub(super) fn consume(&mut self, length: usize) {
+    pub(in crate::session) fn consume(&mut self, length: usize) {
         match &mut self.unmerged {
             Some(unmerged) => unmerged.input.consume(length),
             None => self.input.consume(length),
@@ -46,7 +46,7 @@ impl LineState {
     }
 
     /// Finds one more frame in the bytes that have come, unless the window is full; says whether there was one.
-    pub(super) fn frame_next(&mut self, context: &Context<'_>) -> bool {
+    pub(in crate::session) fn frame_next(&mut self, context: &Context<'_>) -> bool {
         let Self { unmerged: Some(unmerged), input, framer, request_votes, .. } = self else { return false };
         if unmerged.frames.len() >= WINDOW_FRAMES || input.bytes().is_empty() {
             return false;
@@ -65,7 +65,7 @@ impl LineState {
     }
 
     /// Assigns frames that either side may send to the one that, as is known by now, speaks on this line.
-    pub(super) fn assign_ambiguous_to(&mut self, functions: &Functions, speaker: Direction) {
+    pub(in crate::session) fn assign_ambiguous_to(&mut self, functions: &Functions, speaker: Direction) {
         let Some(unmerged) = &mut self.unmerged else { return };
         for (cut, frame) in unmerged.cuts.iter_mut().zip(&mut unmerged.frames) {
             if frame.adu.len() > 1 && cut.direction != speaker && readings(functions, &frame.adu[1..]) == (true, true) {
@@ -75,7 +75,7 @@ impl LineState {
     }
 
     /// The next waiting frame of this line; `adu` gets its unit and PDU.
-    pub(super) fn pop_unmerged(&mut self, adu: &mut Vec<u8>) -> Option<Cut> {
+    pub(in crate::session) fn pop_unmerged(&mut self, adu: &mut Vec<u8>) -> Option<Cut> {
         let unmerged = self.unmerged.as_mut()?;
         *adu = unmerged.frames.pop_front()?.adu;
         unmerged.cuts.pop_front()
@@ -89,7 +89,7 @@ impl LineState {
 }
 
 /// The lines of the next frames, as indices into `lines`; empty while more frames of one line must be known first.
-pub(super) fn next_lines(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
+pub(in crate::session) fn next_lines(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
     let has_waited_enough = lines.iter().any(|(_, line)| line.input.bytes().len() > MAX_WAITING_BYTES);
     let is_over = lines.iter().all(|(_, line)| line.input.ended && line.input.bytes().is_empty());
     let lacks_second_line = lines.len() < 2 && !is_over;

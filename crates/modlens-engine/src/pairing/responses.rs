@@ -1,7 +1,7 @@
 //! Pairing of a response: requested, late, sent twice, damaged, or from a unit that was not asked.
 
+use crate::pairing::history::UnexpectedResponse;
 use crate::pairing::masters::{FrameLocation, Overlap};
-use crate::pairing::past::UnexpectedResponse;
 use crate::pairing::{DelayedFinding, ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
 use modlens_protocol::finding::Finding;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::pairing::wreck::DamagedRequest;
+use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::{ObservedFrame, PendingTransaction};
 use modlens_protocol::direction::{answers, Asked, Match};
 use modlens_protocol::functions::Functions;
