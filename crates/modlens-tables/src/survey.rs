@@ -1,5 +1,5 @@
-//! What traffic tells of a device: which registers are asked for, in which blocks, what their values do, and which of
-//! them belong together. The result is a skeleton of a profile, with the evidence.
+//! Learns a device's registers from traffic: which registers are read and written, in which blocks, how their values
+//! change, and which of them belong together. The result is the skeleton of a profile with the evidence for it.
 
 use std::collections::BTreeMap;
 
@@ -12,28 +12,30 @@ use modlens_profiles::profile::Order;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
-/// Samples of a block that are kept: the first ones.
+/// The number of samples kept of a block, from the beginning of the recording.
 const SAMPLES: usize = 512;
 
-/// Collects blocks of registers over a whole recording.
+/// Collects the blocks that a master reads and writes over a whole recording.
 #[derive(Debug, Default)]
 pub struct Survey {
     units: BTreeMap<(u8, Space), Blocks>,
 }
 
-/// The blocks of one table of one unit, by first register and quantity.
+/// The blocks of one table of one unit, by first address and quantity.
 type Blocks = BTreeMap<(u16, u16), Block>;
 
+/// The transactions that accessed one block.
 #[derive(Debug, Default)]
 struct Block {
     reads: u64,
     writes: u64,
     exceptions: BTreeMap<u8, u64>,
+    /// The values of its registers or bits, one row per transaction.
     rows: Vec<Vec<u16>>,
 }
 
 impl Survey {
-    /// The transactions of a batch.
+    /// Adds the transactions of a batch.
     pub fn add(&mut self, batch: &Batch) {
         for t in &batch.transactions {
             let space = row_of(batch, t).and_then(|row| row.space);
@@ -52,13 +54,14 @@ impl Survey {
         }
     }
 
-    /// What was learnt of each unit, as JSON.
+    /// The result for each table of each unit, as JSON.
     pub fn json(&self) -> Json {
         self.units.iter().map(|((unit, space), blocks)| table(*unit, *space, blocks)).collect()
     }
 }
 
 impl Block {
+    /// Adds one transaction with the values that it read or wrote.
     fn put(&mut self, t: &Transaction, items: Option<Items<'_>>) {
         if let Some(code) = t.exception {
             *self.exceptions.entry(code).or_default() += 1;
@@ -68,6 +71,8 @@ impl Block {
     }
 }
 
+/// Everything learnt about one table of a unit: its blocks, single registers, multi-register points and correlated
+/// pairs.
 fn table(unit: u8, space: Space, blocks: &Blocks) -> Json {
     let listed: Vec<Json> = blocks
         .iter()
@@ -85,16 +90,16 @@ fn table(unit: u8, space: Space, blocks: &Blocks) -> Json {
         }
     }
     if !space.bits() {
-        points = claims(blocks, &registers);
+        points = learned_points(blocks, &registers);
     }
     let singles: Vec<Json> = registers.iter().map(|(address, register)| register.json(*address)).collect();
     json!({
         "unit": unit, "register_type": space.long(), "space": space.short(), "blocks": listed, "registers": singles,
-        "points": points.iter().map(Found::json).collect::<Vec<_>>(), "together": together(blocks),
+        "points": points.iter().map(LearnedPoint::json).collect::<Vec<_>>(), "together": together(blocks),
     })
 }
 
-/// What one register did.
+/// The values of one register over time.
 #[derive(Debug, Default)]
 struct Register {
     values: Vec<u16>,
@@ -115,7 +120,7 @@ impl Register {
         distinct.dedup();
         let changes = self.values.windows(2).filter(|pair| pair[0] != pair[1]).count();
         let rising = self.values.windows(2).all(|pair| pair[1].wrapping_sub(pair[0]) < 0x1000);
-        // Around zero a signed quantity jumps from 65535 to 0.
+        // A signed quantity that crosses zero jumps between 65535 and 0.
         let signed = distinct.iter().any(|&value| value >= 0xFF00) && distinct.iter().any(|&value| value < 0x0100);
         let looks = match (changes, distinct.len()) {
             (0, _) => "constant",
@@ -132,9 +137,9 @@ impl Register {
     }
 }
 
-/// Registers that belong together.
+/// Consecutive registers that form one value, with the evidence for it.
 #[derive(Clone, Debug)]
-struct Found {
+struct LearnedPoint {
     address: u16,
     count: u16,
     kind: &'static str,
@@ -145,18 +150,18 @@ struct Found {
     rivals: Vec<(&'static str, Order)>,
 }
 
-impl Found {
+impl LearnedPoint {
     fn end(&self) -> u32 {
         u32::from(self.address) + u32::from(self.count)
     }
 
-    /// Whether another claim takes some of its registers.
+    /// Whether both take some of the same registers. Other interpretations of exactly the same registers do not count.
     fn overlaps(&self, other: &Self) -> bool {
         let same = (self.address, self.count) == (other.address, other.count);
         !same && u32::from(self.address) < other.end() && u32::from(other.address) < self.end()
     }
 
-    /// What nothing else comes near counts more than what is a guess.
+    /// The weight in the choice between overlapping points. A point without a close rival counts more than a guess.
     fn worth(&self) -> f64 {
         if self.sure {
             self.bits
@@ -174,16 +179,17 @@ impl Found {
     }
 }
 
-/// The best set of claims that do not overlap.
-fn claims(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<Found> {
+/// The best set of non-overlapping points: texts and numbers of two and four registers. If it shows which order the
+/// device uses, the choice is made again with a preference for that order.
+fn learned_points(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<LearnedPoint> {
     let constant: BTreeMap<u16, u16> = registers
         .iter()
         .filter(|(_, register)| register.values.windows(2).all(|pair| pair[0] == pair[1]))
         .filter_map(|(address, register)| Some((*address, *register.values.first()?)))
         .collect();
-    let texts: Vec<Found> = text::runs(&constant)
+    let texts: Vec<LearnedPoint> = text::runs(&constant)
         .into_iter()
-        .map(|run| Found {
+        .map(|run| LearnedPoint {
             address: run.address,
             count: run.count,
             kind: "str",
@@ -194,7 +200,7 @@ fn claims(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<Found> {
             rivals: Vec::new(),
         })
         .collect();
-    let chosen = |usual: Option<Order>| {
+    let choose_points = |usual: Option<Order>| {
         let mut all = texts.clone();
         for &address in registers.keys() {
             for width in [2u16, 4] {
@@ -203,33 +209,35 @@ fn claims(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<Found> {
         }
         best_set(all)
     };
-    let first = chosen(None);
+    let first = choose_points(None);
     match usual_order(&first) {
         None => first,
-        usual => chosen(usual),
+        usual => choose_points(usual),
     }
 }
 
-/// The order that the device has for most of what is sure.
-fn usual_order(claims: &[Found]) -> Option<Order> {
-    let sure: Vec<Order> = claims.iter().filter(|claim| claim.sure && claim.kind != "str").map(|claim| claim.order).collect();
+/// The order that most of the certain points have: at least three of them, and two thirds of all.
+fn usual_order(points: &[LearnedPoint]) -> Option<Order> {
+    let sure: Vec<Order> = points.iter().filter(|point| point.sure && point.kind != "str").map(|point| point.order).collect();
     let votes = |order: Order| sure.iter().filter(|&&other| other == order).count();
     let (order, _) = Order::ALL.into_iter().max_by_key(|(order, _)| votes(*order))?;
     (votes(order) >= 3 && votes(order) * 3 >= sure.len() * 2).then_some(order)
 }
 
-fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Option<Found> {
-    let holds = |first: u16, count: u16| {
+/// The best hypothesis for `width` registers from an address, judged by the block with the most samples that contains
+/// them.
+fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Option<LearnedPoint> {
+    let block_contains = |first: u16, count: u16| {
         u32::from(first) <= u32::from(address) && u32::from(address) + u32::from(width) <= u32::from(first) + u32::from(count)
     };
-    let (mut best, mut just, mut all): (Option<(usize, &Block)>, u64, u64) = (None, 0, 0);
+    let (mut best, mut exact_requests, mut all_requests): (Option<(usize, &Block)>, u64, u64) = (None, 0, 0);
     for ((first, count), block) in blocks {
-        if !holds(*first, *count) {
+        if !block_contains(*first, *count) {
             continue;
         }
-        all += block.reads + block.writes;
+        all_requests += block.reads + block.writes;
         if (*first, *count) == (address, width) {
-            just += block.reads + block.writes;
+            exact_requests += block.reads + block.writes;
         }
         if best.is_none_or(|(_, other)| other.rows.len() < block.rows.len()) {
             best = Some((usize::from(address - first), block));
@@ -238,73 +246,80 @@ fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Op
     let (at, block) = best?;
     let end = at + usize::from(width);
     let rows: Vec<&[u16]> = block.rows.iter().filter_map(|row| row.get(at..end)).collect();
-    let claims = judge(&rows, just as f64 / all.max(1) as f64, usual);
-    let claim = claims.first()?;
-    let rivals = claims.iter().skip(1).take(2).map(|claim| (claim.kind.word(), claim.order)).collect();
-    Some(Found {
+    let hypotheses = judge(&rows, exact_requests as f64 / all_requests.max(1) as f64, usual);
+    let best_hypothesis = hypotheses.first()?;
+    let rivals =
+        hypotheses.iter().skip(1).take(2).map(|best_hypothesis| (best_hypothesis.kind.word(), best_hypothesis.order)).collect();
+    Some(LearnedPoint {
         address,
         count: width,
-        kind: claim.kind.word(),
-        order: claim.order,
-        bits: claim.bits,
-        sure: claim.sure,
-        reason: claim.reason.clone(),
+        kind: best_hypothesis.kind.word(),
+        order: best_hypothesis.order,
+        bits: best_hypothesis.bits,
+        sure: best_hypothesis.sure,
+        reason: best_hypothesis.reason.clone(),
         rivals,
     })
 }
 
-/// Weighted interval scheduling: the claims without overlap that have the most bits together. One that another set of
-/// claims comes near without is not sure.
-fn best_set(mut all: Vec<Found>) -> Vec<Found> {
-    all.sort_by_key(Found::end);
-    let before: Vec<usize> = all.iter().map(|one| all.partition_point(|other| other.end() <= u32::from(one.address))).collect();
-    // front[i]: of the first i claims.
-    let mut front = vec![0.0f64; all.len() + 1];
-    for (i, found) in all.iter().enumerate() {
-        front[i + 1] = front[i].max(front[before[i]] + found.worth());
+/// Chooses the non-overlapping points with the largest total weight (weighted interval scheduling). A chosen point is
+/// not certain if some set without it, containing a point that overlaps it, has nearly the same total.
+fn best_set(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
+    all.sort_by_key(LearnedPoint::end);
+    let last_before: Vec<usize> =
+        all.iter().map(|candidate| all.partition_point(|other| other.end() <= u32::from(candidate.address))).collect();
+    // best_of_first[i]: the best total of the first i points, sorted by their end.
+    let mut best_of_first = vec![0.0f64; all.len() + 1];
+    for (i, point) in all.iter().enumerate() {
+        best_of_first[i + 1] = best_of_first[i].max(best_of_first[last_before[i]] + point.worth());
     }
-    // back[at]: of the claims that begin at or behind an address.
-    let mut back: BTreeMap<u32, f64> = BTreeMap::new();
-    let mut by_start: Vec<&Found> = all.iter().collect();
-    by_start.sort_by_key(|found| std::cmp::Reverse(found.address));
-    let behind = |back: &BTreeMap<u32, f64>, at: u32| back.range(at..).next().map_or(0.0, |(_, bits)| *bits);
-    for found in by_start {
-        let with = found.worth() + behind(&back, found.end());
-        let best = behind(&back, u32::from(found.address)).max(with);
-        back.insert(u32::from(found.address), best);
+    // best_from[address]: the best total of the points that begin at this address or later.
+    let mut best_from: BTreeMap<u32, f64> = BTreeMap::new();
+    let mut by_start: Vec<&LearnedPoint> = all.iter().collect();
+    by_start.sort_by_key(|point| std::cmp::Reverse(point.address));
+    let best_total_from =
+        |best_from: &BTreeMap<u32, f64>, address: u32| best_from.range(address..).next().map_or(0.0, |(_, bits)| *bits);
+    for point in by_start {
+        let with = point.worth() + best_total_from(&best_from, point.end());
+        let best = best_total_from(&best_from, u32::from(point.address)).max(with);
+        best_from.insert(u32::from(point.address), best);
     }
-    let through: Vec<f64> =
-        all.iter().zip(&before).map(|(one, at)| front[*at] + one.worth() + behind(&back, one.end())).collect();
-    let (mut chosen, mut at) = (Vec::new(), all.len());
-    while at > 0 {
-        let i = at - 1;
-        if front[at] > front[i] {
-            let mut found = all[i].clone();
-            let rival = all.iter().zip(&through).filter(|(other, _)| other.overlaps(&found)).map(|(_, bits)| *bits);
-            found.sure &= rival.fold(0.0, f64::max) + AHEAD <= through[i];
-            chosen.push(found);
-            at = before[i];
+    let best_total_with: Vec<f64> = all
+        .iter()
+        .zip(&last_before)
+        .map(|(candidate, before)| best_of_first[*before] + candidate.worth() + best_total_from(&best_from, candidate.end()))
+        .collect();
+    let (mut chosen, mut remaining) = (Vec::new(), all.len());
+    while remaining > 0 {
+        let i = remaining - 1;
+        if best_of_first[remaining] > best_of_first[i] {
+            let mut point = all[i].clone();
+            let rival = all.iter().zip(&best_total_with).filter(|(other, _)| other.overlaps(&point)).map(|(_, bits)| *bits);
+            point.sure &= rival.fold(0.0, f64::max) + AHEAD <= best_total_with[i];
+            chosen.push(point);
+            remaining = last_before[i];
         } else {
-            at = i;
+            remaining = i;
         }
     }
     chosen.reverse();
     chosen
 }
 
-/// Pairs of registers of one block that change at the same samples, nine times of ten at least.
+/// Pairs of registers of one block that change together: where one changes, the other does, too, at least nine times of
+/// ten.
 fn together(blocks: &Blocks) -> Vec<Json> {
     let mut found = Vec::new();
     for ((first, _), block) in blocks.iter().filter(|(_, block)| block.rows.len() > 8) {
         let width = block.rows.iter().map(Vec::len).min().unwrap_or(0);
-        let moves: Vec<Vec<bool>> =
+        let changed: Vec<Vec<bool>> =
             (0..width).map(|i| block.rows.windows(2).map(|pair| pair[0][i] != pair[1][i]).collect()).collect();
         for a in 0..width {
             for b in a + 1..width {
-                let both = moves[a].iter().zip(&moves[b]).filter(|(x, y)| **x && **y).count();
-                let any = moves[a].iter().zip(&moves[b]).filter(|(x, y)| **x || **y).count();
-                // What changes at every sample goes along with everything.
-                if any > 4 && any * 2 < moves[a].len() && both * 10 >= any * 9 {
+                let both = changed[a].iter().zip(&changed[b]).filter(|(x, y)| **x && **y).count();
+                let any = changed[a].iter().zip(&changed[b]).filter(|(x, y)| **x || **y).count();
+                // A register that changes at nearly every sample coincides with all others by chance.
+                if any > 4 && any * 2 < changed[a].len() && both * 10 >= any * 9 {
                     found.push(json!([usize::from(*first) + a, usize::from(*first) + b]));
                 }
             }

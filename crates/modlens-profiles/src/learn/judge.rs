@@ -1,9 +1,9 @@
-//! Which type, in which order? Judged from the values that the same registers had over time.
+//! Ranks the types and orders that two or four registers may have, by the values that they had over time.
 //!
-//! What counts, in bits: a lower register that jumps all over its range while the upper one hardly moves; carries, where
-//! the upper one steps as the lower one wraps; numbers that are short in decimal, as people and sensors make them;
-//! and that a master asks for just these registers. What an upper register that never moves leaves open, the order tells
-//! that the device has elsewhere. Without any of it the registers are told as what they are, single.
+//! Evidence, in bits: a lower register that jumps over its whole range while the upper one hardly moves; carries, where
+//! the upper register steps as the lower one wraps; numbers that are short in decimal, as people and sensors make them;
+//! and a master that requests exactly these registers. Where an upper register never moves, the order that the device
+//! uses elsewhere decides. Without any such evidence the registers are reported as separate 16-bit values.
 
 use std::fmt::Write;
 
@@ -13,43 +13,48 @@ use crate::learn::whole::whole;
 use crate::points::{Convert, Value};
 use crate::profile::{Order, Type};
 
-/// A reading of some registers, with what speaks for it.
+/// A hypothesis about the type and order of some registers, with the evidence for it.
 #[derive(Clone, Debug)]
 pub struct Claim {
-    /// How they are read.
+    /// The type.
     pub kind: Type,
-    /// In which order.
+    /// The order of registers and bytes.
     pub order: Order,
-    /// What speaks for it, in bits.
+    /// The evidence for it, in bits (log2 of a likelihood ratio against separate registers).
     pub bits: f64,
-    /// The same in words.
+    /// The evidence as text.
     pub reason: String,
-    /// Whether nothing else comes near.
+    /// Whether no other hypothesis comes close.
     pub sure: bool,
-    /// Mean step of the number: in the wrong order it is larger.
+    /// Mean absolute difference between consecutive samples. A wrong order makes it larger.
     pub(super) step: f64,
 }
 
-/// Enough to claim a type.
+/// The evidence that a type needs to be reported, in bits.
 pub(super) const ENOUGH: f64 = 6.0;
 
-/// Devices keep to an order, most of them.
-const USUAL: f64 = 3.0;
+/// Bonus in bits for the order that the device uses elsewhere; most devices use only one.
+const DEVICE_ORDER_BITS: f64 = 3.0;
 
-/// Hardly any device turns the bytes of its registers.
-const TURNED: f64 = 4.0;
+/// Penalty in bits for an order with the low byte first, which hardly any device uses.
+const SWAPPED_BYTES_PENALTY_BITS: f64 = 4.0;
 
-/// What a carry is worth: that the upper part steps by one just where the lower one wraps, of all samples.
+/// Evidence in bits for one carry: among all samples, the upper part steps by one exactly where the lower part wraps.
 pub(super) const CARRY: f64 = 8.0;
 
-/// What the best claim has to be ahead.
+/// The margin in bits by which the best hypothesis must beat the second to be certain.
 pub const AHEAD: f64 = 2.0;
 
-/// A lower register that moves so far at a time is no quantity of its own.
+/// A register with a mean step above this moves too far to be a quantity of its own, so it is likely the lower part of
+/// a larger number.
 pub(super) const WILD: f64 = 6_000.0;
 
-/// Judges windows of two or four registers; `asked` is the share of requests that asked for just them, `usual` the order
-/// that the device has shown elsewhere. Best claim first.
+/// Ranks the hypotheses for two or four consecutive registers, best first. `rows` has one sample per row. `asked` is
+/// the share of requests for these registers that asked for exactly them, `usual` the order that the device uses
+/// elsewhere.
+///
+/// Hypotheses of one kind (floats or integers) are compared by how smoothly the number moves: each doubling of the mean
+/// step costs a bit.
 pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
     let words = rows.first().map_or(0, |row| row.len());
     if !matches!(words, 2 | 4) || rows.iter().all(|row| row.iter().all(|&word| word == 0)) {
@@ -62,37 +67,40 @@ pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
         claims.extend(whole(&values, words, order, asked));
     }
     for float in [false, true] {
-        let same = |claim: &Claim| matches!(claim.kind, Type::F32 | Type::F64) == float;
-        let least = claims.iter().filter(|claim| same(claim)).map(|claim| claim.step).fold(f64::MAX, f64::min).max(1.0);
-        for claim in claims.iter_mut().filter(|claim| same(claim)) {
-            claim.bits -= (claim.step.max(1.0) / least).log2().min(10.0);
+        let is_of_kind = |claim: &Claim| matches!(claim.kind, Type::F32 | Type::F64) == float;
+        let least_step =
+            claims.iter().filter(|claim| is_of_kind(claim)).map(|claim| claim.step).fold(f64::MAX, f64::min).max(1.0);
+        for claim in claims.iter_mut().filter(|claim| is_of_kind(claim)) {
+            claim.bits -= (claim.step.max(1.0) / least_step).log2().min(10.0);
         }
     }
     for claim in &mut claims {
         if Some(claim.order) == usual {
-            claim.bits += USUAL;
+            claim.bits += DEVICE_ORDER_BITS;
         } else if matches!(claim.order, Order::Badc | Order::Dcba) {
-            claim.bits -= TURNED;
+            claim.bits -= SWAPPED_BYTES_PENALTY_BITS;
         }
     }
     claims.retain(|claim| claim.bits > 0.0);
     claims.sort_by(|a, b| b.bits.total_cmp(&a.bits));
-    let ahead = match &claims[..] {
+    let margin = match &claims[..] {
         [] => return claims,
         [only] => only.bits,
         [best, next, ..] => best.bits - next.bits,
     };
-    claims[0].sure = claims[0].bits >= ENOUGH && ahead >= AHEAD;
+    claims[0].sure = claims[0].bits >= ENOUGH && margin >= AHEAD;
     claims
 }
 
-/// Whether two or four registers may be a float in this order; where one sample is none, `judge` claims no float.
+/// Whether the bytes of two or four registers are a plausible float in this order. If one sample is not, `judge` does
+/// not consider a float.
 pub fn sensible_float(registers: &[u8], order: Order) -> bool {
     let kind = if registers.len() == 4 { Type::F32 } else { Type::F64 };
     let number = Convert::of_type(kind, order).value(registers, None).number();
     number.is_some_and(|number| number == 0.0 || SIZES.contains(&number.abs()))
 }
 
+/// The samples as integers, with the registers and bytes in this order.
 fn bits_of(rows: &[&[u16]], words: usize, order: Order) -> Vec<u64> {
     let convert = Convert::of_type(if words == 2 { Type::U32 } else { Type::U64 }, order);
     let bits = |row: &&[u16]| {
@@ -105,7 +113,7 @@ fn bits_of(rows: &[&[u16]], words: usize, order: Order) -> Vec<u64> {
     rows.iter().map(bits).collect()
 }
 
-/// Bits for the movement, and the words for it.
+/// The evidence, in bits, that the lower register continues the upper one; appends it as text to `reason`.
 pub(super) fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     let mut bits = 0.0;
     if movement.high_changes > 0 && movement.carries == movement.high_changes {
@@ -128,6 +136,7 @@ pub(super) fn coupling(movement: &Movement, reason: &mut String) -> f64 {
     bits
 }
 
+/// The evidence, in bits, of the master's requests: a master that reads exactly these registers reads one value.
 pub(super) fn asked_for(asked: f64, reason: &mut String) -> f64 {
     if asked < 0.5 {
         return 0.0;
@@ -136,14 +145,15 @@ pub(super) fn asked_for(asked: f64, reason: &mut String) -> f64 {
     6.0
 }
 
-/// The words for what these numbers would be.
+/// Appends the range of the numbers to the reason.
 pub(super) fn span(kind: Type, numbers: &[f64], reason: &mut String) {
-    let least = figure(numbers.iter().copied().fold(f64::MAX, f64::min));
-    let most = figure(numbers.iter().copied().fold(f64::MIN, f64::max));
+    let least = rounded_text(numbers.iter().copied().fold(f64::MAX, f64::min));
+    let most = rounded_text(numbers.iter().copied().fold(f64::MIN, f64::max));
     let _ = write!(reason, "as {} from {least} to {most}", kind.word());
 }
 
-fn figure(number: f64) -> String {
+/// A number as text, rounded to four decimals.
+fn rounded_text(number: f64) -> String {
     Value::Double(if number.abs() < 1e15 { (number * 1e4).round() / 1e4 } else { number }).text().unwrap_or_default()
 }
 
@@ -184,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_still_upper_half_needs_the_order_that_the_device_keeps_to() {
+    fn a_constant_upper_register_needs_the_order_of_the_device() {
         let total: Vec<_> = (0..60u32).map(|i| words(0x0007_1234 + 3 * i, Order::Cdab)).collect();
         let debt: Vec<_> = (0..60u32).map(|i| words((-300_000i32 - 7 * (i % 13) as i32) as u32, Order::Cdab)).collect();
         for (rows, kind) in [(total, Type::U32), (debt, Type::S32)] {
@@ -192,7 +202,7 @@ mod tests {
             assert_eq!(claimed(&rows, Some(Order::Abcd)), None);
             assert_eq!(claimed(&rows, None), None);
         }
-        // 65535 and 0 stand beside counters that have nothing to do with them.
+        // 65535 and 0 often stand beside counters to which they do not belong.
         for idle in [0, 0xFFFF] {
             let rows: Vec<_> = (0..60u16).map(|i| [idle, 700 + 3 * i]).collect();
             assert_eq!(claimed(&rows, Some(Order::Abcd)), None);
@@ -200,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn round_constants_are_floats() {
+    fn round_constants_are_recognised_as_floats() {
         // 12.25 and 100.0 (IEEE 754).
         assert_eq!(best(&[[0x4144, 0]; 40]), Some((Type::F32, Order::Abcd)));
         assert_eq!(best(&[[0, 0x42C8]; 40]), Some((Type::F32, Order::Cdab)));
@@ -208,13 +218,13 @@ mod tests {
     }
 
     #[test]
-    fn what_only_rises_is_no_float_below_zero() {
+    fn a_rising_bit_pattern_is_not_a_negative_float() {
         let rows: Vec<_> = (0..90u32).map(|i| words(0xB747_1000 + 4001 * i, Order::Abcd)).collect();
         assert_eq!(best(&rows), Some((Type::U32, Order::Abcd)));
     }
 
     #[test]
-    fn neighbours_that_have_nothing_to_do_with_each_other_are_undecided() {
+    fn unrelated_neighbours_get_no_type() {
         let pairs: Vec<_> = (0..60u16).map(|i| [200 + i % 7, 1000 + 3 * (i % 11)]).collect();
         assert_eq!(best(&pairs), None);
         assert_eq!(best(&[[1, 34_464]; 40]), None);

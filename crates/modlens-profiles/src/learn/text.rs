@@ -1,31 +1,32 @@
-//! Letters in registers that never change.
+//! Finds text in registers that never change.
 
 use std::collections::BTreeMap;
 
-/// Registers that hold a text.
+/// Consecutive registers that hold a text.
 pub struct Run {
-    /// The first.
+    /// Address of the first register.
     pub address: u16,
-    /// How many.
+    /// The number of registers.
     pub count: u16,
-    /// The text.
+    /// The text, without padding.
     pub text: String,
-    /// Whether the low byte comes first.
+    /// Whether the low byte of a register comes first.
     pub swapped: bool,
 }
 
-/// Letters that make a text; fewer may be numbers, unless there are so many characters.
-const LETTERS: usize = 4;
-const CHARACTERS: usize = 8;
+/// The least number of letters in a text; half of them suffice if there are `LONG_TEXT_BYTES` characters. Fewer may be
+/// numbers.
+const MIN_LETTERS: usize = 4;
+const LONG_TEXT_BYTES: usize = 8;
 
-/// The runs of registers that hold a text, from the constant ones.
+/// Finds the texts among constant registers, given by address.
 pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<Run> {
     let mut found = Vec::new();
     let mut run: Vec<(u16, u16)> = Vec::new();
     for (&address, &word) in constant {
-        let next = run.last().is_none_or(|(last, _)| u32::from(*last) + 1 == u32::from(address));
+        let is_adjacent = run.last().is_none_or(|(last, _)| u32::from(*last) + 1 == u32::from(address));
         let ended = run.last().is_some_and(|(_, last)| last.to_be_bytes().contains(&0));
-        if !(next && !ended && holds_letters(word)) {
+        if !(is_adjacent && !ended && holds_letters(word)) {
             found.extend(finish(&run));
             run.clear();
         }
@@ -37,31 +38,33 @@ pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<Run> {
     found
 }
 
-/// Two printable bytes, or one and the zero that ends a text.
+/// Whether a register may belong to a text: two printable bytes, or one and the zero that ends the text.
 fn holds_letters(word: u16) -> bool {
     let [high, low] = word.to_be_bytes();
     let printable = |byte: u8| (0x20..0x7F).contains(&byte);
     (printable(high) && (printable(low) || low == 0)) || (high == 0 && printable(low) && low.is_ascii_alphanumeric())
 }
 
+/// The text of a run of registers, if it looks like one, in the byte order that makes it look more like a text.
 fn finish(run: &[(u16, u16)]) -> Option<Run> {
     let run = &run[run.iter().position(|(_, word)| !word.to_be_bytes().contains(&0))?..];
     let straight: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_be_bytes()).collect();
     let swapped: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_le_bytes()).collect();
-    // Most devices have the first letter in front.
-    let turned = disorder(&swapped) + 1 < disorder(&straight);
-    let bytes = if turned { &swapped } else { &straight };
+    // Most devices store the first character in the high byte.
+    let is_swapped = disorder(&swapped) + 1 < disorder(&straight);
+    let bytes = if is_swapped { &swapped } else { &straight };
     let letters = bytes.iter().filter(|byte| byte.is_ascii_alphabetic()).count();
-    let usual = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric() || b" -_./\0".contains(byte)).count();
-    let long = letters * 2 >= LETTERS && bytes.len() >= CHARACTERS && usual == bytes.len();
-    if !(letters >= LETTERS || long) || usual * 10 < bytes.len() * 9 {
+    let printable_bytes = bytes.iter().filter(|byte| byte.is_ascii_alphanumeric() || b" -_./\0".contains(byte)).count();
+    let is_long_text = letters * 2 >= MIN_LETTERS && bytes.len() >= LONG_TEXT_BYTES && printable_bytes == bytes.len();
+    if !(letters >= MIN_LETTERS || is_long_text) || printable_bytes * 10 < bytes.len() * 9 {
         return None;
     }
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\0', ' ']).to_owned();
-    Some(Run { address: run[0].0, count: run.len() as u16, text, swapped: turned })
+    Some(Run { address: run[0].0, count: run.len() as u16, text, swapped: is_swapped })
 }
 
-/// Zeros before the end, and changes between capitals, small letters, figures and the rest.
+/// How little the bytes look like a text: counts changes between capitals, small letters, digits and other characters,
+/// and zeros before the end.
 fn disorder(bytes: &[u8]) -> usize {
     let class = |byte: u8| match byte {
         b'A'..=b'Z' => 1,

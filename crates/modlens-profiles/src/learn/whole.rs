@@ -1,21 +1,23 @@
-//! What speaks for a whole number.
+//! The evidence that registers are an integer.
 
 use crate::learn::judge::{asked_for, coupling, span, Claim, CARRY, ENOUGH, WILD};
 use crate::learn::movement::Movement;
 use crate::profile::{Order, Type};
 
-/// A total in four registers is not so large that more than these bits of the highest one are used.
-const TOP: u64 = 0x0200;
+/// A counter of four registers hardly ever uses more than the low bits of its highest register: this value bounds it.
+const MAX_TOP_REGISTER: u64 = 0x0200;
 
-/// An upper register that never moves.
-const STILL: f64 = 3.5;
+/// Evidence in bits for a constant upper register beside a moving lower one.
+const CONSTANT_UPPER_BITS: f64 = 3.5;
 
-/// The registers as a whole number.
+/// The hypothesis that the registers are an integer in the order that `values` were loaded with; `None` if the evidence
+/// is too weak.
 pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
     let movement = Movement::of(values, words, false);
     let width = 16 * words as u32;
     let top = |value: u64| value >> (width - 16);
-    // Numbers whose upper half is empty are told as the shorter type they may be.
+    // An integer whose upper half is always zero is reported with the shorter type, unless the master requests all four
+    // registers.
     let upper_half_empty = words == 4 && values.iter().all(|&value| value >> 32 == 0);
     let (any_negative, all_negative) =
         (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0xF000));
@@ -26,9 +28,9 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
     }
     let mut reason = String::new();
     let mut bits = asked_for(asked, &mut reason);
-    let still = if words == 2 { still_half(values, &mut reason) } else { 0.0 };
-    bits += if words == 4 { halves(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
-    bits = bits.max(still);
+    let constant_upper_bits = if words == 2 { constant_upper_half(values, &mut reason) } else { 0.0 };
+    bits += if words == 4 { four_registers(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
+    bits = bits.max(constant_upper_bits);
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     if all_negative && !any_small && bits > 0.0 {
         bits += 2.0;
@@ -38,7 +40,7 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
         bits += 2.0;
         reason.push_str("the sign changes where the value passes zero; ");
     }
-    if bits < ENOUGH && still == 0.0 {
+    if bits < ENOUGH && constant_upper_bits == 0.0 {
         return None;
     }
     let kind = match (words, signed) {
@@ -61,9 +63,9 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
     Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
-/// Bits for an upper register that never moves, beside a lower one that does: never enough without the order that the
-/// device has shown elsewhere.
-fn still_half(values: &[u64], reason: &mut String) -> f64 {
+/// Evidence in bits for an upper register that never changes, beside a lower one that does. It never suffices without
+/// the order that the device uses elsewhere.
+fn constant_upper_half(values: &[u64], reason: &mut String) -> f64 {
     let top = values[0] >> 16;
     let mut lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF).collect();
     let rising = lower.windows(2).all(|pair| pair[0] <= pair[1]);
@@ -72,37 +74,39 @@ fn still_half(values: &[u64], reason: &mut String) -> f64 {
         return 0.0;
     }
     match top {
-        // 65535 alone says "not there" in many devices.
+        // 65535 is excluded because many devices use it for "not available".
         0xFF00..=0xFFFE => {
             reason.push_str("the upper register is that of a small number below zero; ");
-            STILL
+            CONSTANT_UPPER_BITS
         }
         1..0x8000 if rising => {
             reason.push_str("a register that only rises beside a constant one, as the halves of a total; ");
-            // Totals are of all sizes, so small upper halves are more frequent than large ones (Benford); constants of
-            // their own are small, too, but not that much.
-            STILL + (65_536.0 / (11.0 * top as f64)).log2().clamp(-STILL, 2.0)
+            // Counters have values of all magnitudes, so small upper halves are more frequent than large ones
+            // (Benford's law). Unrelated constants are small, too, but less often.
+            CONSTANT_UPPER_BITS + (65_536.0 / (11.0 * top as f64)).log2().clamp(-CONSTANT_UPPER_BITS, 2.0)
         }
         _ => 0.0,
     }
 }
 
-/// Bits for a whole number of four registers: its halves are judged as numbers of two.
-fn halves(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
+/// Evidence in bits for an integer of four registers. Its upper and lower halves are judged as numbers of two
+/// registers.
+fn four_registers(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
     let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
     let changes = upper.windows(2).filter(|pair| pair[0] != pair[1]).count();
     if changes * 20 <= upper.len() {
-        // A total whose upper half hardly moves; or a shorter one behind constants.
+        // Either a counter whose upper half hardly moves, or a shorter number behind constants. The two are told apart
+        // by the carries.
         let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
         let bits = coupling(&Movement::of(&lower, 2, false), reason);
         let carries = (1..upper.len()).filter(|&at| upper[at] == upper[at - 1] + 1 && lower[at] < lower[at - 1]).count();
-        let total = !signed && upper[0] > 0 && upper[0] >> 16 < TOP;
+        let is_plausible_counter = !signed && upper[0] > 0 && upper[0] >> 16 < MAX_TOP_REGISTER;
         return match (bits > 0.0, carries == changes) {
-            (true, true) => bits + CARRY * changes as f64 + if total { 2.0 } else { -3.0 },
+            (true, true) => bits + CARRY * changes as f64 + if is_plausible_counter { 2.0 } else { -3.0 },
             _ => 0.0,
         };
     }
-    // An upper half that moves leaves nothing smooth below it.
+    // If the upper half changes often, the lower registers must jump over their whole range.
     if whole.low_step < WILD || whole.next_step < WILD {
         return 0.0;
     }

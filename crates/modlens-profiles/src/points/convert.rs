@@ -1,44 +1,46 @@
-//! From bytes on the wire to a value. How is chosen once, when the plan is made: a loader by width and order, and what
-//! to make of the bits.
+//! Converts bytes on the wire to a value. The conversion is chosen once, when the plan is compiled: a function that
+//! loads the bits in the given order, and the interpretation of those bits.
 
 use crate::points::value::Value;
 use crate::profile::{Decimal, Order, Point, Sentinel, Type};
 
-/// How a point is converted.
+/// How the registers of a point are converted.
 #[derive(Clone, Debug)]
 pub struct Convert {
+    /// Loads the registers as one integer, most significant byte first.
     load: fn(&[u8]) -> u64,
-    /// The part of the bits that counts: shift to the right, then keep so many.
+    /// The significant bits: shift to the right by `shift`, then keep `width` bits.
     shift: u32,
     width: u32,
-    make: Make,
+    interpretation: Interpretation,
     /// value = raw * scale + offset.
     linear: Option<(Decimal, Decimal)>,
+    /// Raw values that mean "no value".
     nan: Vec<Sentinel>,
 }
 
-/// What to make of the bits.
+/// How the bits are interpreted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Make {
+pub(super) enum Interpretation {
     Unsigned,
     Signed,
     Half,
     Single,
     Double,
     Digits,
-    Text { order: Order, halves: Halves },
+    Text { order: Order, text_bytes: TextBytes },
     Hex,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Halves {
+pub(super) enum TextBytes {
     Both,
     High,
     Low,
 }
 
 impl Convert {
-    /// Chooses for a point.
+    /// Chooses the conversion of a point.
     pub fn new(point: &Point) -> Self {
         let mut chosen = Self::of_type(point.kind, point.order);
         if let Some((first, last)) = point.bits {
@@ -51,50 +53,50 @@ impl Convert {
         chosen
     }
 
-    /// Chooses for a bare type.
+    /// Chooses the conversion of a type without scale and labels.
     pub fn of_type(kind: Type, order: Order) -> Self {
-        let text = |halves| Make::Text { order, halves };
-        let make = match kind {
-            Type::F16 => Make::Half,
-            Type::F32 => Make::Single,
-            Type::F64 => Make::Double,
-            Type::Bcd16 | Type::Bcd32 => Make::Digits,
-            Type::Str => text(Halves::Both),
-            Type::Strh => text(Halves::High),
-            Type::Strl => text(Halves::Low),
-            Type::Raw => Make::Hex,
-            kind if kind.signed() => Make::Signed,
-            _ => Make::Unsigned,
+        let text = |text_bytes| Interpretation::Text { order, text_bytes };
+        let interpretation = match kind {
+            Type::F16 => Interpretation::Half,
+            Type::F32 => Interpretation::Single,
+            Type::F64 => Interpretation::Double,
+            Type::Bcd16 | Type::Bcd32 => Interpretation::Digits,
+            Type::Str => text(TextBytes::Both),
+            Type::Strh => text(TextBytes::High),
+            Type::Strl => text(TextBytes::Low),
+            Type::Raw => Interpretation::Hex,
+            kind if kind.signed() => Interpretation::Signed,
+            _ => Interpretation::Unsigned,
         };
         let shift = if matches!(kind, Type::U8h | Type::S8h) { 8 } else { 0 };
         let width = if kind == Type::Bool { 1 } else { kind.width() };
-        Self { load: loader(kind.registers(), order), shift, width, make, linear: None, nan: Vec::new() }
+        Self { load: loader(kind.registers(), order), shift, width, interpretation, linear: None, nan: Vec::new() }
     }
 
-    /// Which part of the bits counts (shift, width), and what is made of it.
-    pub(super) fn part(&self) -> (u32, u32, Make) {
-        (self.shift, self.width, self.make)
+    /// The significant bits (shift, width) and their interpretation.
+    pub(super) fn part(&self) -> (u32, u32, Interpretation) {
+        (self.shift, self.width, self.interpretation)
     }
 
-    /// The value of a bit of a block of coils.
+    /// The value of a coil or discrete input.
     pub fn bit(bit: i32) -> Value<'static> {
         Value::Decimal(i128::from(bit), 0)
     }
 
-    /// The value of these registers; `factor` is the exponent of a scale factor, where the point has one.
+    /// The value of these registers. `factor` is the exponent of the point's scale factor, if it has one.
     #[inline]
     pub fn value(&self, bytes: &[u8], factor: Option<i32>) -> Value<'static> {
-        match self.make {
-            Make::Unsigned | Make::Signed | Make::Digits => self.whole(bytes, factor),
-            Make::Half => self.float(half((self.load)(bytes) as u16), bytes, factor),
-            Make::Single => self.float(f32::from_bits((self.load)(bytes) as u32), bytes, factor),
-            Make::Double => self.double(f64::from_bits((self.load)(bytes)), bytes, factor),
-            Make::Text { order, halves } => Value::Text(text(bytes, order, halves)),
-            Make::Hex => Value::Text(modlens_protocol::hex::hex(bytes)),
+        match self.interpretation {
+            Interpretation::Unsigned | Interpretation::Signed | Interpretation::Digits => self.whole(bytes, factor),
+            Interpretation::Half => self.float(half((self.load)(bytes) as u16), bytes, factor),
+            Interpretation::Single => self.float(f32::from_bits((self.load)(bytes) as u32), bytes, factor),
+            Interpretation::Double => self.double(f64::from_bits((self.load)(bytes)), bytes, factor),
+            Interpretation::Text { order, text_bytes } => Value::Text(text(bytes, order, text_bytes)),
+            Interpretation::Hex => Value::Text(modlens_protocol::hex::hex(bytes)),
         }
     }
 
-    /// The bits of a value, before anything is made of them.
+    /// The significant bits, not interpreted yet.
     #[inline]
     pub fn bits(&self, bytes: &[u8]) -> u64 {
         let raw = (self.load)(bytes) >> self.shift;
@@ -105,19 +107,20 @@ impl Convert {
         }
     }
 
-    /// The whole number that stands on the wire, without scale; `None` where it is none, or none is meant.
+    /// The integer on the wire, before scaling. `None` if the bits are no number (BCD) or mean "no value".
     #[inline]
     pub fn raw(&self, bytes: &[u8]) -> Option<i128> {
         let bits = self.bits(bytes);
-        let number = match self.make {
-            Make::Signed => i128::from(((bits << (64 - self.width)) as i64) >> (64 - self.width)),
-            Make::Digits => digits(bits)?,
+        let number = match self.interpretation {
+            Interpretation::Signed => i128::from(((bits << (64 - self.width)) as i64) >> (64 - self.width)),
+            Interpretation::Digits => digits(bits)?,
             _ => i128::from(bits),
         };
         let missing = |nan: &Sentinel| matches!(nan, Sentinel::Whole(nan) if *nan == number || *nan == i128::from(bits));
         (!self.nan.iter().any(missing)).then_some(number)
     }
 
+    /// Converts an integer, with its scale, offset and scale factor.
     #[inline]
     fn whole(&self, bytes: &[u8], factor: Option<i32>) -> Value<'static> {
         let Some(number) = self.raw(bytes) else { return Value::Missing };
@@ -125,6 +128,7 @@ impl Convert {
         linear(number, scale, offset, factor.unwrap_or(0))
     }
 
+    /// Converts a single precision number. It stays single if it is not scaled, so that its text stays short.
     fn float(&self, number: f32, bytes: &[u8], factor: Option<i32>) -> Value<'static> {
         if self.linear.is_none() && factor.is_none() && self.nan.is_empty() {
             return Value::Single(number);
@@ -135,6 +139,7 @@ impl Convert {
         }
     }
 
+    /// Converts a double precision number, or one that has to be scaled.
     fn double(&self, number: f64, bytes: &[u8], factor: Option<i32>) -> Value<'static> {
         let missing = |nan: &Sentinel| match nan {
             Sentinel::Whole(nan) => *nan == i128::from(self.bits(bytes)) || (*nan as f64).total_cmp(&number).is_eq(),
@@ -143,20 +148,22 @@ impl Convert {
         if self.nan.iter().any(missing) {
             return Value::Missing;
         }
-        // Zero times anything plus zero would lose its sign.
+        // Scaling is skipped rather than neutral: -0 * 1 + 0 would be +0.
         let scaled = self.linear.map_or(number, |(scale, offset)| number * scale.to_f64() + offset.to_f64());
         Value::Double(factor.map_or(scaled, |power| scaled * 10f64.powi(power)))
     }
 }
 
-/// raw * scale + offset, then times 10^factor, all of it exact; a floating point number where that overflows.
+/// Computes (raw * scale + offset) * 10^factor exactly, or as a floating point number if the exact result overflows.
 fn linear(number: i128, scale: Decimal, offset: Decimal, factor: i32) -> Value<'static> {
     let exponent = if offset.digits == 0 { scale.exponent } else { scale.exponent.min(offset.exponent) };
-    let aligned = |number: i128, from: i32| number.checked_mul(10i128.checked_pow((from - exponent).unsigned_abs())?);
+    let with_common_exponent =
+        |number: i128, from: i32| number.checked_mul(10i128.checked_pow((from - exponent).unsigned_abs())?);
     let exact = || {
-        let product = aligned(number.checked_mul(i128::from(scale.digits))?, scale.exponent)?;
-        let shift = if offset.digits == 0 { 0 } else { aligned(i128::from(offset.digits), offset.exponent)? };
-        product.checked_add(shift)
+        let product = with_common_exponent(number.checked_mul(i128::from(scale.digits))?, scale.exponent)?;
+        let scaled_offset =
+            if offset.digits == 0 { 0 } else { with_common_exponent(i128::from(offset.digits), offset.exponent)? };
+        product.checked_add(scaled_offset)
     };
     exact().map_or_else(
         || Value::Double((number as f64 * scale.to_f64() + offset.to_f64()) * 10f64.powi(factor)),
@@ -164,7 +171,7 @@ fn linear(number: i128, scale: Decimal, offset: Decimal, factor: i32) -> Value<'
     )
 }
 
-/// The decimal number whose digits stand in half bytes.
+/// Binary coded decimal: the number whose decimal digits are the half bytes; `None` if one of them is above 9.
 fn digits(bits: u64) -> Option<i128> {
     let nibbles = (0..16).rev().map(|i| (bits >> (4 * i) & 0xF) as i128);
     nibbles.into_iter().try_fold(0, |number, digit| (digit < 10).then_some(number * 10 + digit))
@@ -182,6 +189,7 @@ fn half(bits: u16) -> f32 {
     }
 }
 
+/// The function that loads one, two or four registers in this order.
 fn loader(registers: u16, order: Order) -> fn(&[u8]) -> u64 {
     match (registers, order) {
         (2, Order::Abcd) => |b| u64::from(u32::from_be_bytes([b[0], b[1], b[2], b[3]])),
@@ -197,16 +205,16 @@ fn loader(registers: u16, order: Order) -> fn(&[u8]) -> u64 {
     }
 }
 
-/// Text up to its first zero byte, without the blanks that fill it up; what is no UTF-8 is read as Latin-1, so that no
-/// byte is lost.
-fn text(bytes: &[u8], order: Order, halves: Halves) -> String {
+/// The text in some registers, up to the first zero byte and without trailing blanks. Bytes that are not valid UTF-8
+/// are read as Latin-1, so that none is lost.
+fn text(bytes: &[u8], order: Order, text_bytes: TextBytes) -> String {
     let mut letters: Vec<u8> = Vec::with_capacity(bytes.len());
     for pair in bytes.chunks_exact(2) {
         let (high, low) = if order.swaps_bytes() { (pair[1], pair[0]) } else { (pair[0], pair[1]) };
-        match halves {
-            Halves::Both => letters.extend([high, low]),
-            Halves::High => letters.push(high),
-            Halves::Low => letters.push(low),
+        match text_bytes {
+            TextBytes::Both => letters.extend([high, low]),
+            TextBytes::High => letters.push(high),
+            TextBytes::Low => letters.push(low),
         }
     }
     let end = letters.iter().position(|&byte| byte == 0).unwrap_or(letters.len());
@@ -220,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves() {
+    fn half_precision_examples_of_the_standard() {
         // Values of IEEE 754-2019, 3.6: largest, smallest normal, smallest subnormal, one third.
         for (bits, value) in
             [(0x7BFF, 65_504.0), (0x0400, 6.103_515_6e-5), (0x0001, 5.960_464_5e-8), (0x3555, 0.333_251_95), (0x8000, -0.0)]

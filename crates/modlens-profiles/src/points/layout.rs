@@ -1,16 +1,18 @@
-//! What stands behind which register, laid out once for a plan, so that a block of registers is a slice of it.
+//! The layout of a device's tables, computed once per plan, so that the points of a block of registers are a slice of
+//! it.
 //!
-//! The slice is right between *clean* borders, which no value crosses. Where a block begins or ends inside a value, the
-//! few registers up to the next clean border are looked at one by one.
+//! The slice is correct between *clean* addresses, which no value spans: every value that begins before such an address
+//! ends before it, too. Where a block begins or ends inside a value, the few registers up to the next clean address are
+//! examined one by one.
 
 use std::ops::Range;
 
-/// A value that begins with a register or bit, or a bare one that no value has.
+/// An entry of a layout: a value that begins at an address, or a bare register or bit that belongs to no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Its first register or bit.
+    /// The address of its first register or bit.
     pub address: u16,
-    /// In `Plan::shortcuts`.
+    /// Index of its fast decoder in `Plan::shortcuts`.
     pub(super) shortcut: u16,
     compiled: u32,
 }
@@ -20,74 +22,75 @@ impl Step {
         Self { address, shortcut, compiled }
     }
 
-    /// A register or bit that is in no value.
+    /// The entry of a register or bit that belongs to no value.
     pub fn bare(address: u16) -> Self {
         Self { address, shortcut: 0, compiled: u32::MAX }
     }
 
-    /// Its value in the plan; `None` for a bare register or bit.
+    /// Index of its value in the plan; `None` for a bare register or bit.
     #[inline]
     pub fn compiled(self) -> Option<u32> {
         (self.compiled != u32::MAX).then_some(self.compiled)
     }
 }
 
-/// A part of a block. Addresses are counted without an end at 65535, as blocks are.
+/// A part of a block. Addresses may exceed 65535 here if a block does.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// No point of the plan is near.
+    /// Addresses without any point of the plan nearby.
     Bare(Range<usize>),
-    /// These of the layout's steps.
+    /// A range of the layout's steps, all of them complete values or bare registers.
     Steps(Range<usize>),
-    /// A value may be cut.
+    /// Registers in which a value may be cut off by the end of the block.
     Edge(Edge),
 }
 
-/// Registers at an end of a block, up to a border that no value crosses.
+/// The registers at one end of a block, up to the next clean address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// The registers.
+    /// The addresses of the registers.
     pub place: Range<usize>,
-    /// What begins in them.
+    /// The range of the layout's steps that begin in them.
     pub steps: Range<usize>,
 }
 
-/// The steps of one table of a device.
+/// Finds the steps of one table of a device by address.
 #[derive(Debug, Default)]
 pub struct Layout {
     regions: Vec<Region>,
 }
 
-/// Registers near each other.
+/// A range of addresses without large gaps between the points.
 #[derive(Debug)]
 struct Region {
     first: usize,
-    /// For each register, and for the end: its first step, and whether the border in front of it is clean.
+    /// For each address, and for the end: the index of its first step, and whether the address is clean.
     borders: Vec<(u32, bool)>,
 }
 
-/// So many registers without a point part regions.
-const APART: usize = 64;
+/// A gap of this many registers without a point ends a region, so that sparse tables need little memory.
+const MAX_GAP_REGISTERS: usize = 64;
 
 impl Layout {
-    /// Lays out values, which are sorted by address (address, width, step); appends their steps.
+    /// Lays out values `(address, width, step)`, sorted by address, and appends their steps and those of the bare
+    /// registers between them.
     pub fn new(values: &[(u16, u16, Step)], steps: &mut Vec<Step>) -> Self {
         let mut regions: Vec<Region> = Vec::new();
-        let mut reach = 0;
+        let mut values_end = 0;
         let mut next = values.iter().peekable();
         while let Some((address, ..)) = next.peek() {
             let first = usize::from(*address);
             let mut region = Region { first, borders: Vec::new() };
             for at in first.. {
-                region.borders.push((steps.len() as u32, reach <= at));
-                if reach <= at && next.peek().is_none_or(|(address, ..)| usize::from(*address) > at + APART) {
+                region.borders.push((steps.len() as u32, values_end <= at));
+                if values_end <= at && next.peek().is_none_or(|(address, ..)| usize::from(*address) > at + MAX_GAP_REGISTERS) {
                     break;
                 }
                 while let Some((_, width, step)) = next.next_if(|(address, ..)| usize::from(*address) == at) {
-                    reach = reach.max(at + usize::from(*width));
+                    values_end = values_end.max(at + usize::from(*width));
                     steps.push(*step);
                 }
-                if reach <= at {
+                if values_end <= at {
                     steps.push(Step::bare(at as u16));
                 }
             }
@@ -96,7 +99,7 @@ impl Layout {
         Self { regions }
     }
 
-    /// The parts of a block.
+    /// Splits a block of `count` registers or bits from address `first` into parts.
     pub fn pieces(&self, first: u16, count: usize, mut piece: impl FnMut(Piece)) {
         let (mut at, end) = (usize::from(first), usize::from(first) + count);
         for region in &self.regions[self.regions.partition_point(|region| region.end() <= at)..] {
@@ -107,9 +110,9 @@ impl Layout {
                 piece(Piece::Bare(at..region.first));
                 at = region.first;
             }
-            let stop = end.min(region.end());
-            region.pieces(at..stop, &mut piece);
-            at = stop;
+            let block_end = end.min(region.end());
+            region.pieces(at..block_end, &mut piece);
+            at = block_end;
         }
         if at < end {
             piece(Piece::Bare(at..end));
@@ -122,6 +125,7 @@ impl Region {
         self.first + self.borders.len() - 1
     }
 
+    /// Splits the part of a block that lies inside this region: the clean middle, and an edge before and after it.
     #[inline]
     fn pieces(&self, block: Range<usize>, piece: &mut impl FnMut(Piece)) {
         let clean = |at: &usize| self.borders[at - self.first].1;

@@ -1,7 +1,9 @@
-//! A profile compiled to a plan: which points a block of registers holds, and how each is converted.
+//! A device profile compiled to a plan: which points (named values) a block of registers contains, and how each is
+//! converted.
 //!
 //! This is the only place where registers become values. A value counts only if one transaction carries all of its
-//! registers: what is cut by the end of a read, or split over two, is not put together.
+//! registers: a value that is cut at the end of a read, or split over two reads, is not put together, because the
+//! device may have changed it in between.
 
 mod convert;
 mod layout;
@@ -22,60 +24,65 @@ pub use convert::Convert;
 pub use layout::{Edge, Piece, Step};
 pub use value::{push_float, Value};
 
-/// One value of a point, as it is looked for in blocks.
+/// One value of a point, ready for decoding. A point with several values (an array) is compiled to one of these per
+/// value.
 #[derive(Clone, Debug)]
 pub struct Compiled {
-    /// Its first register or bit.
+    /// Address of its first register or bit.
     pub address: u16,
-    /// Registers or bits that it takes.
+    /// The number of registers or bits that it takes.
     pub width: u16,
-    /// Its name; those of an array have their number behind it.
+    /// Its name; values of an array have their index appended: `t[0]`, `t[1]`.
     pub name: String,
-    /// The point in the profile.
+    /// Index of the point in the profile.
     pub point: u32,
-    /// Which scale factor it needs.
+    /// Index of the scale factor that it needs, in `Bound::factors`.
     pub factor: Option<u16>,
     convert: Convert,
-    /// In `Plan::shortcuts`.
+    /// Index in `Plan::shortcuts`.
     shortcut: u16,
 }
 
 /// A compiled profile.
 #[derive(Debug, Default)]
 pub struct Plan {
-    /// The profile.
+    /// The profile that was compiled.
     pub profile: Profile,
     compiled: Vec<Compiled>,
-    /// For each table, its part of `compiled`, which is sorted by address.
+    /// For each table (coils, discrete inputs, input registers, holding registers), its index range in `compiled`,
+    /// where the values of a table are sorted by address.
     spaces: [(u32, u32); 4],
-    /// How numbers are come to quickly; the first is that of a bare register.
+    /// Fast decoders for numbers, shared by all points that are encoded alike. The first one decodes a register without
+    /// a point.
     shortcuts: Vec<Shortcut>,
-    /// Where the steps of each table are.
+    /// For each table, where its addresses are found in `steps`.
     layouts: [Layout; 4],
     steps: Vec<Step>,
-    /// What holds the scale factors, in `compiled`.
+    /// The values that contain scale factors, as indices into `compiled`.
     holders: Vec<u32>,
     wide: Vec<Wide>,
 }
 
-/// A number of several registers, whose order matters.
+/// A number of several registers. Its register and byte order matters, so it is checked against the traffic (see
+/// `watch`).
 #[derive(Clone, Copy, Debug)]
 pub struct Wide {
-    /// Which table.
+    /// The table that it belongs to.
     pub space: Space,
-    /// Its first register.
+    /// Address of its first register.
     pub address: u16,
-    /// How many it takes.
+    /// The number of registers that it takes.
     pub width: u16,
-    /// In the plan.
+    /// Index of the value in the plan.
     pub compiled: u32,
 }
 
-/// A plan as it applies to a unit at one moment: the scale factors last seen.
+/// A plan as it applies to one unit at one moment: with the scale factors that were last read from the unit.
 #[derive(Clone, Debug)]
 pub struct Bound {
     /// The plan.
     pub plan: Arc<Plan>,
+    /// The power of ten of each scale factor in `Plan::holders`; `None` until it was read.
     factors: Vec<Option<i32>>,
 }
 
@@ -96,14 +103,16 @@ impl Plan {
         plan
     }
 
+    /// Compiles the values of all points, sorts them by table and address, and finds the values that contain the scale
+    /// factors.
     fn compile(&mut self) {
-        let scoped = |point: &Point| point.sf.clone().map(|sf| (point.scope, sf));
-        let mut holders: Vec<(u16, String)> = self.profile.points.iter().filter_map(scoped).collect();
+        let scale_factor_of = |point: &Point| point.sf.clone().map(|sf| (point.scope, sf));
+        let mut holders: Vec<(u16, String)> = self.profile.points.iter().filter_map(scale_factor_of).collect();
         holders.sort_unstable();
         holders.dedup();
         let mut all: Vec<(Space, Compiled)> = Vec::new();
         for (i, point) in self.profile.points.iter().enumerate() {
-            let factor = scoped(point).and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
+            let factor = scale_factor_of(point).and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
             let convert = Convert::new(point);
             let shortcut = shared(&mut self.shortcuts, Shortcut::new(point, &convert, factor));
             let (address, width) = (point.address, point.step());
@@ -121,17 +130,18 @@ impl Plan {
                 point.scope == *scope && point.name == *name
             })
         };
-        // Checked when the profile was read: every scale factor has its holder.
+        // Always found: reading a profile fails if a scale factor refers to no point.
         self.holders = holders.iter().filter_map(named).map(|at| at as u32).collect();
         self.compiled = all.into_iter().map(|(_, compiled)| compiled).collect();
     }
 
-    /// One of the values.
+    /// The value with this index.
     #[inline]
     pub fn compiled(&self, index: u32) -> &Compiled {
         &self.compiled[index as usize]
     }
 
+    /// The value as a `Wide`, if it is a number of several registers.
     fn wide_number(&self, compiled: u32) -> Option<Wide> {
         let value = self.compiled(compiled);
         let point = self.point(value);
@@ -139,12 +149,12 @@ impl Plan {
         (value.width > 1 && point.kind.number()).then_some(wide)
     }
 
-    /// The numbers of several registers, by table and address.
+    /// The numbers of several registers, sorted by table and address.
     pub fn wide(&self) -> &[Wide] {
         &self.wide
     }
 
-    /// All values, by table and address.
+    /// All values, sorted by table and address.
     pub fn all(&self) -> &[Compiled] {
         &self.compiled
     }
@@ -155,52 +165,56 @@ impl Plan {
         &self.profile.points[compiled.point as usize]
     }
 
-    /// The steps of all layouts.
+    /// The steps of all layouts, to which the ranges of `Piece::Steps` and `Edge::steps` refer.
     #[inline]
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
 
-    /// A block in parts: slices of `steps`, and edges.
+    /// Splits a block of `count` registers or bits from address `first` into parts: slices of `steps`, bare registers,
+    /// and edges.
     #[inline]
     pub fn pieces(&self, space: Space, first: u16, count: usize, piece: impl FnMut(Piece)) {
         self.layouts[space as usize].pieces(first, count, piece);
     }
 
-    /// What an edge holds, by address: values that it holds whole, and the registers that are in none of them.
+    /// Lists the steps of an edge by address: the values that lie completely inside it, and every register that belongs
+    /// to none of those.
     pub fn edge(&self, edge: &Edge, mut step: impl FnMut(Step)) {
-        // Registers before `covered` were told already.
+        // Registers before `covered` belong to steps that were passed on already.
         let mut covered = edge.place.start;
-        for one in &self.steps[edge.steps.clone()] {
-            let first = usize::from(one.address);
+        for entry in &self.steps[edge.steps.clone()] {
+            let first = usize::from(entry.address);
             (covered..first).for_each(|address| step(Step::bare(address as u16)));
             covered = covered.max(first);
-            let behind = first + usize::from(self.shortcuts[usize::from(one.shortcut)].width);
-            if behind <= edge.place.end {
-                step(*one);
-                covered = covered.max(behind);
+            let end = first + usize::from(self.shortcuts[usize::from(entry.shortcut)].width);
+            if end <= edge.place.end {
+                step(*entry);
+                covered = covered.max(end);
             }
         }
         (covered..edge.place.end).for_each(|address| step(Step::bare(address as u16)));
     }
 
-    /// What a block of `count` registers or bits holds, by address: values that it holds whole, and the registers that
-    /// are in none of them.
+    /// Lists the steps of a block of `count` registers or bits, by address: the values that lie completely inside it,
+    /// and every register or bit that belongs to none of those.
     pub fn block(&self, space: Space, first: u16, count: usize, mut step: impl FnMut(Step)) {
         self.pieces(space, first, count, |piece| match piece {
             Piece::Bare(place) => place.for_each(|address| step(Step::bare(address as u16))),
-            Piece::Steps(steps) => self.steps[steps].iter().for_each(|one| step(*one)),
+            Piece::Steps(steps) => self.steps[steps].iter().for_each(|entry| step(*entry)),
             Piece::Edge(edge) => self.edge(&edge, &mut step),
         });
     }
 }
 
-/// So many shortcuts are told apart; then only widths are.
-const SHORTCUTS: usize = 1024;
+/// The number of different fast decoders that a plan keeps. Further points only share a slow decoder per width, so that
+/// the linear search in `shared` stays short.
+const MAX_SHORTCUTS: usize = 1024;
 
-/// The number of a shortcut; points of a plan have few different ones.
+/// The index of a fast decoder, which is added if no point has needed it before. The points of a plan need few
+/// different ones.
 fn shared(shortcuts: &mut Vec<Shortcut>, wanted: Shortcut) -> u16 {
-    let wanted = if shortcuts.len() < SHORTCUTS { wanted } else { Shortcut::long(wanted.width) };
+    let wanted = if shortcuts.len() < MAX_SHORTCUTS { wanted } else { Shortcut::general(wanted.width) };
     let known = shortcuts.iter().position(|known| *known == wanted);
     known.unwrap_or_else(|| {
         shortcuts.push(wanted);
@@ -208,6 +222,7 @@ fn shared(shortcuts: &mut Vec<Shortcut>, wanted: Shortcut) -> u16 {
     }) as u16
 }
 
+/// The values of a point: one, or the items of an array at consecutive addresses.
 fn values<'a>(point: &'a Point, base: &'a Compiled) -> impl Iterator<Item = Compiled> + 'a {
     let (width, length) = (point.step(), point.length());
     (0..length).map(move |i| Compiled {
@@ -218,13 +233,14 @@ fn values<'a>(point: &'a Point, base: &'a Compiled) -> impl Iterator<Item = Comp
 }
 
 impl Bound {
-    /// A plan before any scale factor has been seen.
+    /// A plan with no scale factor known yet.
     pub fn new(plan: Arc<Plan>) -> Self {
         let factors = vec![None; plan.holders.len()];
         Self { plan, factors }
     }
 
-    /// A larger plan of the same unit, with the scale factors that this one has seen.
+    /// A larger plan of the same unit (after a further SunSpec model was found), keeping the scale factors that were
+    /// read so far.
     #[must_use]
     pub fn extended(&self, plan: Arc<Plan>) -> Self {
         let mut larger = Self::new(plan);
@@ -236,12 +252,13 @@ impl Bound {
         larger
     }
 
-    /// The value of a step that has one, from the registers that it takes.
+    /// The value of a point, from the bytes of its registers. `Value::Missing` if its scale factor has not been read
+    /// yet.
     #[inline]
     pub fn value<'p>(&'p self, compiled: &'p Compiled, bytes: &[u8]) -> Value<'p> {
         let factor = match compiled.factor {
             None => None,
-            // A factor that was never seen is not guessed.
+            // An unknown factor is not guessed.
             Some(slot) => match self.factors.get(usize::from(slot)) {
                 Some(Some(power)) => Some(*power),
                 _ => return Value::Missing,
@@ -250,7 +267,8 @@ impl Bound {
         self.labelled(compiled, compiled.convert.value(bytes, factor), || compiled.convert.raw(bytes))
     }
 
-    /// The numbers of some steps in a block of registers, `NOTHING` where there is none: tight, unlike `value`.
+    /// Passes on the numbers of consecutive steps in a block of registers, `NOTHING` for a step without a number. A
+    /// tight loop over fast decoders, which gives the same numbers as `value` does one at a time.
     pub fn numbers(&self, steps: &[Step], first: u16, bytes: &[u8], part: &mut Part, each: impl FnMut(&[f64])) {
         let (shortcuts, factors) = (&self.plan.shortcuts[..], &self.factors[..]);
         part.of(steps, each, |step| {
@@ -260,6 +278,7 @@ impl Bound {
         });
     }
 
+    /// The number of a step by the general path through a `Value`, for points that the fast decoders do not cover.
     #[cold]
     fn long_number(&self, step: Step, bytes: &[u8], at: usize) -> f64 {
         let compiled = step.compiled().map(|index| self.plan.compiled(index));
@@ -272,6 +291,7 @@ impl Bound {
         self.labelled(compiled, Convert::bit(bit), || Some(i128::from(bit)))
     }
 
+    /// Replaces a number by its label or by the labels of its set bits, if the profile has any for the raw number.
     #[inline]
     fn labelled<'p>(&'p self, compiled: &'p Compiled, value: Value<'static>, raw: impl Fn() -> Option<i128>) -> Value<'p> {
         let point = self.plan.point(compiled);
@@ -288,12 +308,13 @@ impl Bound {
         Value::Flags(number as u64, &point.bit_labels)
     }
 
-    /// Whether blocks have to be looked through for scale factors.
+    /// Whether the plan has scale factors, so that blocks must be searched for them.
     pub fn has_factors(&self) -> bool {
         !self.plan.holders.is_empty()
     }
 
-    /// The scale factors of a block of registers that was read; gives the plan with them, if any is new.
+    /// Takes the scale factors from a block of registers that was read. Returns the plan with them if any has changed,
+    /// or `None`.
     pub fn learn(&self, space: Space, first: u16, bytes: &[u8]) -> Option<Self> {
         let mut changed: Option<Self> = None;
         for (slot, &holder) in self.plan.holders.iter().enumerate() {
@@ -302,7 +323,7 @@ impl Bound {
             let range = start.map(|start| start..start + 2 * usize::from(holder.width));
             let same = self.plan.point(holder).space == space;
             let Some(bytes) = range.filter(|_| same).and_then(|range| bytes.get(range)) else { continue };
-            // An exponent beyond these is no scale but a mistake of the device.
+            // A larger exponent is no scale factor but a fault of the device.
             let power = holder.convert.raw(bytes).and_then(|raw| i32::try_from(raw).ok()).filter(|power| power.abs() <= 20);
             if self.factors[slot] != power {
                 changed.get_or_insert_with(|| self.clone()).factors[slot] = power;
@@ -311,31 +332,32 @@ impl Bound {
         changed
     }
 
-    /// The device's own words for an exception code.
+    /// The name that the device's profile has for an exception code.
     pub fn exception(&self, code: u8) -> Option<&str> {
         let words = &self.plan.profile.device.exceptions;
         words.iter().find(|(known, _)| *known == code).map(|(_, text)| text.as_str())
     }
 }
 
-/// So many numbers are given at a time: a place for all of them would have to be filled twice.
-const PART: usize = 64;
+/// Numbers that are passed on at a time. Room for all numbers of a block would have to be initialised before it is
+/// filled.
+const PART_NUMBERS: usize = 64;
 
-/// Room for some numbers.
-pub struct Part([f64; PART]);
+/// A buffer for the numbers that are passed on at a time.
+pub struct Part([f64; PART_NUMBERS]);
 
 impl Default for Part {
     fn default() -> Self {
-        Self([NOTHING; PART])
+        Self([NOTHING; PART_NUMBERS])
     }
 }
 
 impl Part {
-    /// Gives the numbers of some items, a part of them at a time.
+    /// Computes the number of each item and passes the numbers on, one buffer at a time.
     #[inline]
     pub fn of<T>(&mut self, items: &[T], mut each: impl FnMut(&[f64]), number: impl Fn(&T) -> f64) {
-        for items in items.chunks(PART) {
-            self.0.iter_mut().zip(items).for_each(|(place, item)| *place = number(item));
+        for items in items.chunks(PART_NUMBERS) {
+            self.0.iter_mut().zip(items).for_each(|(slot, item)| *slot = number(item));
             each(&self.0[..items.len()]);
         }
     }
@@ -359,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_is_cut_is_not_invented() {
+    fn a_value_cut_by_the_end_of_a_block_is_not_decoded() {
         let plan = plan("[[registers]]\nat='hr:10'\nname='a'\ntype='u32'\n[[registers]]\nat='hr:12'\nname='b'");
         let a = |item| (item, Some("a".to_owned()));
         let b = |item| (item, Some("b".to_owned()));
@@ -369,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_a_register_are_values_each() {
+    fn bits_of_a_register_are_separate_values() {
         let plan = plan(
             "[[registers]]\nat='hr:5.0'\nname='run'\n[[registers]]\nat='hr:5.4-6'\nname='mode'\n[[registers]]\nat='hr:6'\nname='t'\ncount=2",
         );
@@ -382,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_factor_has_to_be_seen() {
+    fn a_scaled_value_is_missing_until_its_factor_was_read() {
         let plan =
             plan("[[registers]]\nat='hr:1'\nname='w'\nsf='w_sf'\n[[registers]]\nat='hr:2'\nname='w_sf'\ntype='s16'\nnan=0x8000");
         let bound = Bound::new(Arc::clone(&plan));

@@ -1,140 +1,146 @@
-//! From registers to numbers in a tight loop, for the points that are simple: whole numbers of up to 32 bits with scale,
-//! offset, scale factor, "no value", labels, and floats as they are. The same numbers as `Value::number` of their values.
+//! Decodes registers to numbers in a tight loop, for simple points: integers of up to 32 bits with scale, offset, scale
+//! factor, "no value" and labels, and unscaled floats. The results equal `Value::number` of the general conversion in
+//! `convert`.
 
-use crate::points::convert::{Convert, Make};
+use crate::points::convert::{Convert, Interpretation};
 use crate::profile::{Decimal, Order, Point, Sentinel, Type};
 
-/// How a point's number is come to. Points of a plan share them.
+/// How the number of a point is decoded. Points that are encoded alike share one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shortcut {
-    /// Registers or bits of a value.
+    /// The number of registers or bits that a value takes.
     pub width: u16,
-    form: Form,
-    quick: Quick,
+    kind: DecoderKind,
+    integer: IntegerDecoder,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
-    /// The way of a `Value`.
-    Long,
-    /// An unsigned register as it is.
+enum DecoderKind {
+    /// Not covered here: the caller has to take the general path through a `Value`.
+    General,
+    /// An unsigned register without scale.
     Plain,
-    /// A float of two registers.
+    /// A single precision float in two registers.
     Float,
-    /// An unsigned register in tenths, hundredths and so on.
+    /// An unsigned register divided by a power of ten.
     Scaled,
-    Quick,
-    /// A scale factor, in `Bound::factors`, goes with this exponent.
-    Factor {
-        exponent: i32,
-        slot: u16,
-    },
-    /// A float of four registers.
+    /// An integer with everything that `IntegerDecoder` can express.
+    Integer,
+    /// An integer with the scale factor in `factors[slot]`, whose exponent is added to this one.
+    Factor { exponent: i32, slot: u16 },
+    /// A double precision float in four registers.
     Double(Order),
 }
 
-/// A whole number of up to two registers, with all that there may be.
+/// How to extract an integer from one or two registers. All of the operations below are always executed; neutral
+/// operands disable them, so that the code needs no branches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Quick {
+struct IntegerDecoder {
     /// Whether the low byte of a register comes first.
     swapped: bool,
-    /// To the left around the end, so that the register that counts more stands in front.
-    turn: u8,
-    /// To the left, so that the bits that count stand in front, then with their sign to the right.
-    up: u8,
-    down: u8,
-    /// Takes the sign off where there is none.
+    /// Rotation to the left, in bits, that moves the most significant register to the front.
+    rotate_left: u8,
+    /// Shift to the left, in bits, that moves the first significant bit to the front; `shift_right` then shifts to the right,
+    /// extending the sign.
+    shift_left: u8,
+    shift_right: u8,
+    /// Clears the extended sign bits of an unsigned number.
     mask: i64,
-    /// A number that says "no value"; or one that never is.
+    /// The raw number that means "no value"; `NO_SENTINEL` if there is none.
     nan: i64,
-    /// (raw * digits + offset) / divisor, all of it exact but the division.
+    /// The value is (raw * digits + offset) / divisor. Everything but the division is exact.
     digits: i64,
     offset: i64,
     divisor: f64,
 }
 
-/// A number that is none: what a point has no number for.
+/// Stands for "this point has no number".
 pub const NOTHING: f64 = f64::NAN;
 
-/// No 32 bits are this.
-const NEVER: i64 = i64::MIN;
+/// A raw number that 32 bits cannot represent.
+const NO_SENTINEL: i64 = i64::MIN;
 
-/// Powers of ten that a float64 holds exactly.
+/// The powers of ten that a float64 represents exactly.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21,
     1e22,
 ];
 
 impl Shortcut {
-    /// That of a bare register.
-    pub const BARE: Self = Self { width: 1, form: Form::Plain, quick: Quick::BARE };
+    /// The decoder of a register without a point.
+    pub const BARE: Self = Self { width: 1, kind: DecoderKind::Plain, integer: IntegerDecoder::BARE };
 
-    /// The long way.
-    pub fn long(width: u16) -> Self {
-        Self { width, form: Form::Long, quick: Quick::BARE }
+    /// A decoder that refers the caller to the general path.
+    pub fn general(width: u16) -> Self {
+        Self { width, kind: DecoderKind::General, integer: IntegerDecoder::BARE }
     }
 
-    /// Chooses for a point.
+    /// Chooses the decoder of a point. `factor` is the index of its scale factor.
     pub fn new(point: &Point, convert: &Convert, factor: Option<u16>) -> Self {
-        let (width, long) = (point.step(), Self::long(point.step()));
-        let bare = point.scale.is_none() && point.offset.is_none() && factor.is_none();
-        let plain = bare && point.nan.is_empty();
+        let (width, general) = (point.step(), Self::general(point.step()));
+        let has_no_scale = point.scale.is_none() && point.offset.is_none() && factor.is_none();
+        let is_unscaled = has_no_scale && point.nan.is_empty();
         match point.kind {
-            Type::F64 if plain => return Self { form: Form::Double(point.order), ..long },
-            Type::F32 if plain => return Self { width, form: Form::Float, quick: Quick::of(2, point.order) },
+            Type::F64 if is_unscaled => return Self { kind: DecoderKind::Double(point.order), ..general },
+            Type::F32 if is_unscaled => {
+                return Self { width, kind: DecoderKind::Float, integer: IntegerDecoder::of(2, point.order) }
+            }
             _ => {}
         }
-        // The label of a scaled number is that of the raw one, and so is the number then.
-        if !(bare || point.labels.is_empty() && point.bit_labels.is_empty()) {
-            return long;
+        // A label belongs to the raw number, and the number of a labelled value is the raw one, too. The decoders below
+        // would return the scaled number.
+        if !(has_no_scale || point.labels.is_empty() && point.bit_labels.is_empty()) {
+            return general;
         }
-        let Some((quick, exponent)) = Quick::whole(point, convert) else { return long };
+        let Some((integer, exponent)) = IntegerDecoder::for_point(point, convert) else { return general };
         if let Some(slot) = factor {
-            return Self { width, form: Form::Factor { exponent, slot }, quick };
+            return Self { width, kind: DecoderKind::Factor { exponent, slot }, integer };
         }
-        match POWERS.get(-exponent as usize).map(|&divisor| Quick { divisor, ..quick }) {
-            Some(Quick::BARE) => Self::BARE,
-            Some(quick @ Quick { divisor, .. }) if quick == (Quick { divisor, ..Quick::BARE }) => {
-                Self { width, form: Form::Scaled, quick }
+        match POWERS.get(-exponent as usize).map(|&divisor| IntegerDecoder { divisor, ..integer }) {
+            Some(IntegerDecoder::BARE) => Self::BARE,
+            Some(integer @ IntegerDecoder { divisor, .. }) if integer == (IntegerDecoder { divisor, ..IntegerDecoder::BARE }) => {
+                Self { width, kind: DecoderKind::Scaled, integer }
             }
-            Some(quick) => Self { width, form: Form::Quick, quick },
-            None => long,
+            Some(integer) => Self { width, kind: DecoderKind::Integer, integer },
+            None => general,
         }
     }
 
-    /// The number that stands at `at` in these registers; `Err` where it takes the long way, or is not there.
+    /// The number whose first register stands at byte offset `at`. `Err` if the caller has to take the general path, or
+    /// the registers are not there.
     ///
-    /// Neighbours are seldom alike, but their order comes again: a branch for each of the frequent forms costs less than
-    /// one way for all of them.
+    /// Neighbouring points are seldom encoded alike, but the sequence repeats with every poll and the branch predictor
+    /// learns it: a branch for each of the frequent forms is cheaper than one code path for all of them.
     #[inline]
     pub fn number(&self, bytes: &[u8], at: usize, factors: &[Option<i32>]) -> Result<f64, ()> {
-        if self.form == Form::Plain {
+        if self.kind == DecoderKind::Plain {
             return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)));
         }
-        if self.form == Form::Scaled {
-            return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)) / self.quick.divisor);
+        if self.kind == DecoderKind::Scaled {
+            return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)) / self.integer.divisor);
         }
-        if self.form == Form::Float {
-            let number = f32::from_bits(self.quick.turned(u32::from_be_bytes(array(bytes, at)?)));
+        if self.kind == DecoderKind::Float {
+            let number = f32::from_bits(self.integer.most_significant_first(u32::from_be_bytes(array(bytes, at)?)));
             return Ok(if number.is_finite() { f64::from(number) } else { NOTHING });
         }
-        if self.form == Form::Quick {
-            return Ok(self.quick.number(loaded(bytes, at, self.width)?));
+        if self.kind == DecoderKind::Integer {
+            return Ok(self.integer.number(load_two_registers(bytes, at, self.width)?));
         }
-        self.rarer(bytes, at, factors)
+        self.decode_rare_kind(bytes, at, factors)
     }
 
+    /// The forms that are rare, kept out of the inlined code.
     #[inline(never)]
-    fn rarer(&self, bytes: &[u8], at: usize, factors: &[Option<i32>]) -> Result<f64, ()> {
-        match self.form {
-            Form::Factor { exponent, slot } => {
+    fn decode_rare_kind(&self, bytes: &[u8], at: usize, factors: &[Option<i32>]) -> Result<f64, ()> {
+        match self.kind {
+            DecoderKind::Factor { exponent, slot } => {
                 // A factor that was never seen is not guessed.
                 let Some(Some(power)) = factors.get(usize::from(slot)) else { return Ok(NOTHING) };
                 let divisor = *POWERS.get(-(exponent + power) as usize).ok_or(())?;
-                Ok(Quick { divisor, ..self.quick }.number(loaded(bytes, at, self.width)?))
+                Ok(IntegerDecoder { divisor, ..self.integer }.number(load_two_registers(bytes, at, self.width)?))
             }
-            Form::Double(order) => {
-                let number = f64::from_bits(four(array(bytes, at)?, order));
+            DecoderKind::Double(order) => {
+                let number = f64::from_bits(bits_of_four_registers(array(bytes, at)?, order));
                 Ok(if number.is_finite() { number } else { NOTHING })
             }
             _ => Err(()),
@@ -142,9 +148,9 @@ impl Shortcut {
     }
 }
 
-/// Two registers; zeros stand for a second one that does not belong to the value and is not there.
+/// Loads two registers. If the value takes only one and the block ends behind it, zeros replace the second.
 #[inline]
-fn loaded(bytes: &[u8], at: usize, width: u16) -> Result<u32, ()> {
+fn load_two_registers(bytes: &[u8], at: usize, width: u16) -> Result<u32, ()> {
     match bytes.get(at..).ok_or(())? {
         [a, b, c, d, ..] => Ok(u32::from_be_bytes([*a, *b, *c, *d])),
         [a, b, ..] if width == 1 => Ok(u32::from_be_bytes([*a, *b, 0, 0])),
@@ -152,89 +158,105 @@ fn loaded(bytes: &[u8], at: usize, width: u16) -> Result<u32, ()> {
     }
 }
 
-impl Quick {
+impl IntegerDecoder {
     /// An unsigned register.
-    const BARE: Self =
-        Self { swapped: false, turn: 0, up: 0, down: 16, mask: 0xFFFF, nan: NEVER, digits: 1, offset: 0, divisor: 1.0 };
+    const BARE: Self = Self {
+        swapped: false,
+        rotate_left: 0,
+        shift_left: 0,
+        shift_right: 16,
+        mask: 0xFFFF,
+        nan: NO_SENTINEL,
+        digits: 1,
+        offset: 0,
+        divisor: 1.0,
+    };
 
-    /// All bits of so many registers.
+    /// Extracts all bits of one or two registers, in this order.
     fn of(registers: u16, order: Order) -> Self {
-        // Turned in its bytes, the first register stands behind the second.
+        // After the bytes of the loaded 32 bits are swapped, a single register stands in the lower half and must be
+        // moved to the front.
         let behind = match registers {
             1 => order.swaps_bytes(),
             _ => matches!(order, Order::Cdab | Order::Badc),
         };
-        let turn = 16 * u8::from(behind);
+        let rotate_left = 16 * u8::from(behind);
         if registers == 1 {
-            Self { swapped: order.swaps_bytes(), turn, ..Self::BARE }
+            Self { swapped: order.swaps_bytes(), rotate_left, ..Self::BARE }
         } else {
-            Self { swapped: order.swaps_bytes(), turn, down: 0, mask: 0xFFFF_FFFF, ..Self::BARE }
+            Self { swapped: order.swaps_bytes(), rotate_left, shift_right: 0, mask: 0xFFFF_FFFF, ..Self::BARE }
         }
     }
 
+    /// The scaled number in the loaded registers; `NOTHING` if the raw number means "no value".
     #[inline]
-    fn number(&self, loaded: u32) -> f64 {
-        let raw = self.raw(self.turned(loaded));
+    fn number(&self, registers: u32) -> f64 {
+        let raw = self.raw(self.most_significant_first(registers));
         if raw == self.nan {
             return NOTHING;
         }
         (raw * self.digits + self.offset) as f64 / self.divisor
     }
 
+    /// The loaded registers with the most significant byte first.
     #[inline]
-    fn turned(&self, loaded: u32) -> u32 {
-        if self.swapped { loaded.swap_bytes() } else { loaded }.rotate_left(u32::from(self.turn))
+    fn most_significant_first(&self, registers: u32) -> u32 {
+        if self.swapped { registers.swap_bytes() } else { registers }.rotate_left(u32::from(self.rotate_left))
     }
 
+    /// The significant bits as a signed number.
     #[inline]
-    fn raw(&self, turned: u32) -> i64 {
-        i64::from((turned << self.up) as i32 >> self.down) & self.mask
+    fn raw(&self, registers: u32) -> i64 {
+        i64::from((registers << self.shift_left) as i32 >> self.shift_right) & self.mask
     }
 
-    /// The whole number of a point, where an i64 and a float64 hold it exactly; and the power of ten that it takes.
-    fn whole(point: &Point, convert: &Convert) -> Option<(Self, i32)> {
+    /// The extraction of an integer point and the power of ten that its number must be multiplied with. `None` if the
+    /// result would not be exact in an i64 and a float64.
+    fn for_point(point: &Point, convert: &Convert) -> Option<(Self, i32)> {
         let registers = point.kind.registers();
-        let (shift, width, make) = convert.part();
-        if !matches!(make, Make::Unsigned | Make::Signed) || registers > 2 {
+        let (shift, width, interpretation) = convert.part();
+        if !matches!(interpretation, Interpretation::Unsigned | Interpretation::Signed) || registers > 2 {
             return None;
         }
-        let signed = make == Make::Signed;
+        let signed = interpretation == Interpretation::Signed;
         let (scale, offset) = (point.scale.unwrap_or(Decimal::ONE), point.offset.unwrap_or(Decimal::ZERO));
         let least = if offset.digits == 0 { scale.exponent } else { scale.exponent.min(offset.exponent) };
         let exponent = least.min(0);
         let aligned = |one: Decimal| one.digits.checked_mul(10i64.checked_pow((one.exponent - exponent).unsigned_abs())?);
         let (digits, offset) = (aligned(scale)?, if offset.digits == 0 { 0 } else { aligned(offset)? });
-        // 32 bits times 20, and as much again: a float64 has 53.
+        // 32 bits times 20 bits plus an offset of 52 bits: the sum stays within the 53 bits of a float64.
         let exact = digits.unsigned_abs() < 1 << 20 && offset.unsigned_abs() < 1 << 52 && exponent >= -22;
         let all = 16 * u32::from(registers);
-        // The bits that count stand behind those of higher value; and the half without registers is below all.
-        let up = all.checked_sub(shift + width)? as u8;
-        let down = (32 - width) as u8;
+        // The significant bits end `shift` bits above the lowest one. A point of one register is loaded into the upper
+        // half of the 32 bits.
+        let shift_left = all.checked_sub(shift + width)? as u8;
+        let shift_right = (32 - width) as u8;
         let mask = if signed { -1 } else { (1 << width) - 1 };
-        let mut quick = Self { up, down, mask, digits, offset, ..Self::of(registers, point.order) };
-        quick.nan = match &point.nan[..] {
-            [] => NEVER,
-            [Sentinel::Whole(nan)] => quick.raw(pattern(*nan, width, signed)? << (32 - width) >> up),
+        let mut integer = Self { shift_left, shift_right, mask, digits, offset, ..Self::of(registers, point.order) };
+        integer.nan = match &point.nan[..] {
+            [] => NO_SENTINEL,
+            [Sentinel::Whole(nan)] => integer.raw(sentinel_bits(*nan, width, signed)? << (32 - width) >> shift_left),
             _ => return None,
         };
-        exact.then_some((quick, exponent))
+        exact.then_some((integer, exponent))
     }
 }
 
-/// The bits of a number that means "no value".
-fn pattern(nan: i128, width: u32, signed: bool) -> Option<u32> {
+/// The bit pattern of the number that means "no value"; `None` if the width cannot represent it.
+fn sentinel_bits(nan: i128, width: u32, signed: bool) -> Option<u32> {
     let bits = u32::try_from(nan).ok().filter(|&bits| u64::from(bits) < 1 << width);
     bits.or_else(|| (signed && -(1 << (width - 1)) <= nan && nan < 0).then_some(nan as u32 & (u32::MAX >> (32 - width))))
 }
 
+/// The bits of four registers in this order, most significant first.
 #[inline]
-fn four(bytes: [u8; 8], order: Order) -> u64 {
+fn bits_of_four_registers(bytes: [u8; 8], order: Order) -> u64 {
     let straight = u64::from_be_bytes(bytes);
-    let turned = |bits: u64| (bits & 0x00FF_00FF_00FF_00FF) << 8 | bits >> 8 & 0x00FF_00FF_00FF_00FF;
+    let swap_bytes_of_registers = |bits: u64| (bits & 0x00FF_00FF_00FF_00FF) << 8 | bits >> 8 & 0x00FF_00FF_00FF_00FF;
     match order {
         Order::Abcd => straight,
-        Order::Cdab => turned(straight.swap_bytes()),
-        Order::Badc => turned(straight),
+        Order::Cdab => swap_bytes_of_registers(straight.swap_bytes()),
+        Order::Badc => swap_bytes_of_registers(straight),
         Order::Dcba => straight.swap_bytes(),
     }
 }

@@ -1,56 +1,60 @@
-//! `SunSpec` without a file: the marker `SunS` and the chain of models behind it, as a master reads them.
+//! Finds the `SunSpec` models of a device from the traffic: the marker `SunS` and the chain of models behind it, as a
+//! master reads them.
 //!
-//! The marker stands at 40000, 50000 or 0 of the holding registers; behind it models follow each other, each with its
-//! number and its length, the last one with number 65535 (`SunSpec` Device Information Model Specification, 2021, 6).
+//! The marker stands at address 40000, 50000 or 0 of the holding registers. Behind it the models follow each other,
+//! each with its number and its length; model number 65535 ends the chain (`SunSpec` Device Information Model
+//! Specification, 2021, section 6).
 
 use crate::profile::{Device, Form, Profile, SUNSPEC};
 
-/// Where the marker may stand.
+/// The addresses at which the specification allows the marker.
 const BASES: [u16; 3] = [40_000, 50_000, 0];
 
-/// The marker.
+/// The two registers of the marker.
 const MARKER: [u8; 4] = *b"SunS";
 
-/// The number that ends the chain.
-const END: u16 = 0xFFFF;
+/// The model number that ends the chain.
+const END_OF_CHAIN: u16 = 0xFFFF;
 
-/// Where the marker stands in a block of holding registers.
+/// The address of the marker, if this block of holding registers contains it.
 pub fn marker(first: u16, bytes: &[u8]) -> Option<u16> {
     BASES.into_iter().find(|&base| words(first, bytes, base).is_some_and(|words| words == MARKER))
 }
 
-/// Whether the marker may begin in a block of so many registers.
+/// Whether a block of this many registers contains an address at which the marker may begin.
 pub fn may_begin_in(first: u16, count: usize) -> bool {
     BASES.into_iter().any(|base| base >= first && usize::from(base - first) < count)
 }
 
-/// What is known of a unit's models.
+/// The models of one unit, as far as they were read.
 #[derive(Debug, Default)]
 pub struct Chain {
+    /// Number and address of each model.
     models: Vec<(u16, u16)>,
+    /// Address of the next model header; `None` before the marker and after the end of the chain.
     next: Option<u16>,
 }
 
 impl Chain {
-    /// A block of holding registers; whether a model was found that was not known before.
+    /// Follows the chain through a block of holding registers that was read. Returns whether a new model was found.
     pub fn see(&mut self, first: u16, bytes: &[u8]) -> bool {
         if self.next.is_none() && self.models.is_empty() {
             self.next = marker(first, bytes).map(|base| base + 2);
         }
-        let before = self.models.len();
+        let known = self.models.len();
         while let Some(at) = self.next {
-            let Some(head) = words(first, bytes, at) else { break };
-            let (number, length) = (u16::from_be_bytes([head[0], head[1]]), u16::from_be_bytes([head[2], head[3]]));
-            let behind = u32::from(at) + 2 + u32::from(length);
-            if number != END {
+            let Some(header) = words(first, bytes, at) else { break };
+            let (number, length) = (u16::from_be_bytes([header[0], header[1]]), u16::from_be_bytes([header[2], header[3]]));
+            let next_address = u32::from(at) + 2 + u32::from(length);
+            if number != END_OF_CHAIN {
                 self.models.push((number, at));
             }
-            self.next = u16::try_from(behind).ok().filter(|_| number != END && number != 0);
+            self.next = u16::try_from(next_address).ok().filter(|_| number != END_OF_CHAIN && number != 0);
         }
-        self.models.len() > before
+        self.models.len() > known
     }
 
-    /// The profile of all models so far, at their addresses; those that are not shipped have none.
+    /// The profile of all models so far, moved to their addresses. Models that modlens has no profile of are left out.
     pub fn profile(&self) -> Profile {
         let device = Device { id: Some("sunspec".into()), vendor: Some("SunSpec".into()), ..Device::default() };
         let mut whole = Profile { device, points: Vec::new() };
@@ -68,7 +72,7 @@ impl Chain {
     }
 }
 
-/// Two registers of a block.
+/// The bytes of two registers of a block; `None` if the block does not contain both.
 fn words(first: u16, bytes: &[u8], at: u16) -> Option<&[u8]> {
     let start = 2 * usize::from(at.checked_sub(first)?);
     bytes.get(start..start + 4)

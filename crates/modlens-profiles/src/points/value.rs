@@ -1,4 +1,4 @@
-//! What a value is, once it has been converted: exact where it was exact on the wire.
+//! A converted value. It is exact wherever the number on the wire is.
 
 use std::fmt::{Display, LowerExp};
 use std::io::Write;
@@ -9,27 +9,27 @@ use modlens_protocol::decimal::push_int;
 /// A converted value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value<'p> {
-    /// The device says that it has none, or its bytes are none (no BCD digits).
+    /// The device reports that it has no value, or the bytes are not valid for the type (BCD with a digit above 9).
     Missing,
     /// `digits * 10^exponent`, exact.
     Decimal(i128, i32),
     /// Single precision as it was on the wire.
     Single(f32),
-    /// Double precision, or a floating point number that was scaled.
+    /// Double precision, or the result of scaling a floating point number.
     Double(f64),
-    /// A number with the label that the profile has for it.
+    /// A number, and its label in the profile.
     Label(i64, &'p str),
-    /// A number with the labels of its set bits.
+    /// A number, and the labels of its bits.
     Flags(u64, &'p [(u8, String)]),
     /// Text.
     Text(String),
 }
 
-/// Whole numbers up to here have an exact float64.
-const EXACT: i128 = 1 << 53;
+/// Largest integer up to which every integer has an exact float64.
+const EXACT_INTEGER_MAX: i128 = 1 << 53;
 
 impl Value<'_> {
-    /// The number, where there is one and a float64 can hold it.
+    /// The value as a number, if it is one and a float64 represents it without losing digits.
     pub fn number(&self) -> Option<f64> {
         match *self {
             Self::Missing | Self::Text(_) => None,
@@ -41,19 +41,19 @@ impl Value<'_> {
         }
     }
 
-    /// The value in letters, exact; `None` where there is none.
+    /// The value as exact text; `None` if there is no value.
     pub fn text(&self) -> Option<String> {
         let mut out = Vec::new();
         self.push(&mut out);
         (*self != Self::Missing).then(|| String::from_utf8(out).unwrap_or_default())
     }
 
-    /// Whether its text is a number, which nobody has to quote.
+    /// Whether its text is a number, and so needs no quoting in CSV.
     pub fn is_number(&self) -> bool {
         matches!(self, Self::Decimal(..) | Self::Single(_) | Self::Double(_))
     }
 
-    /// Appends the value in letters.
+    /// Appends the text of the value; nothing if there is no value.
     pub fn push(&self, out: &mut Vec<u8>) {
         match self {
             Self::Missing => {}
@@ -67,7 +67,7 @@ impl Value<'_> {
     }
 }
 
-/// Whole numbers, which most are, without a detour.
+/// Appends a decimal number. Most are integers, which need no intermediate text.
 fn push_decimal(digits: i128, exponent: i32, out: &mut Vec<u8>) {
     match i64::try_from(digits) {
         Ok(digits) if exponent == 0 => push_int(digits, out),
@@ -75,31 +75,34 @@ fn push_decimal(digits: i128, exponent: i32, out: &mut Vec<u8>) {
     }
 }
 
-/// The shortest text that reads back as the same number of the same precision; powers of ten where zeros would pile up.
+/// Appends the shortest text that reads back as the same number in the same precision, with an exponent where there
+/// would be many zeros. `size` is the number as a float64.
 pub fn push_float<F: Display + LowerExp>(size: f64, value: &F, out: &mut Vec<u8>) {
     let plain = size == 0.0 || (1e-5..1e16).contains(&size.abs()) || !size.is_finite();
     let written = if plain { write!(out, "{value}") } else { write!(out, "{value:e}") };
+    // Writing to a vector cannot fail.
     debug_assert!(written.is_ok(), "a vector takes everything");
 }
 
-/// The nearest float64 of a decimal; `None` where whole digits would be lost.
+/// The float64 nearest to `digits * 10^exponent`; `None` if integer digits would be lost.
 fn decimal(digits: i128, exponent: i32) -> Option<f64> {
-    if digits.abs() <= EXACT && (-22..=0).contains(&exponent) {
-        // Both sides are exact, so the division is the nearest.
+    if digits.abs() <= EXACT_INTEGER_MAX && (-22..=0).contains(&exponent) {
+        // Both operands are exact, so the rounded quotient is the nearest float64.
         return Some(digits as f64 / 10f64.powi(-exponent));
     }
     if exponent < 0 {
-        return format!("{digits}e{exponent}").parse().ok().filter(|value: &f64| value.abs() <= EXACT as f64);
+        return format!("{digits}e{exponent}").parse().ok().filter(|value: &f64| value.abs() <= EXACT_INTEGER_MAX as f64);
     }
     let whole = digits.checked_mul(10i128.checked_pow(exponent.unsigned_abs())?)?;
     Some(whole as f64).filter(|value| *value as i128 == whole)
 }
 
+/// The labels of all bits that are set, separated by blanks; a bit without a label is called `bit7`.
 fn flags_text(number: u64, labels: &[(u8, String)]) -> String {
     let named = labels.iter().filter(|(bit, _)| number >> bit & 1 == 1).map(|(_, label)| label.clone());
-    let known = labels.iter().fold(0, |known, (bit, _)| known | 1 << bit);
-    let others = (0..64).filter(|bit| number & !known & 1 << bit != 0).map(|bit| format!("bit{bit}"));
-    named.chain(others).collect::<Vec<_>>().join(" ")
+    let labelled_bits = labels.iter().fold(0, |labelled_bits, (bit, _)| labelled_bits | 1 << bit);
+    let unlabelled = (0..64).filter(|bit| number & !labelled_bits & 1 << bit != 0).map(|bit| format!("bit{bit}"));
+    named.chain(unlabelled).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -107,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_exact_or_nothing() {
+    fn numbers_are_exact_or_absent() {
         assert_eq!(Value::Decimal(214, -1).number(), Some(21.4));
         assert_eq!(Value::Decimal(214, -1).text().unwrap(), "21.4");
         assert_eq!(Value::Decimal(i128::from(u64::MAX), 0).number(), None);
@@ -121,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn flags_name_what_is_set() {
+    fn flags_list_the_bits_that_are_set() {
         let labels = [(0, "run".to_owned()), (3, "fault".to_owned())];
         assert_eq!(Value::Flags(0b1101, &labels).text().unwrap(), "run fault bit2");
         assert_eq!(Value::Flags(0, &labels).text().unwrap(), "");

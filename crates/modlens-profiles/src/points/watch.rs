@@ -1,61 +1,66 @@
-//! Whether the values of a bound profile make sense in the order that it says.
+//! Checks whether the values of a profile's points make sense in the register and byte order that the profile gives.
+//! The result becomes the finding `order_mismatch`.
 
 use crate::learn::{judge, sensible_float};
 use crate::points::{Plan, Wide};
 use crate::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
 
-/// Samples after which a point is judged.
-const ENOUGH: usize = 40;
+/// The number of samples after which a point is judged.
+const ENOUGH_SAMPLES: usize = 40;
 
-/// A bit for every order.
+/// A bit set that contains every order.
 const EVERY_ORDER: u8 = (1 << Order::ALL.len()) - 1;
 
-/// Samples of the points of one unit that are wider than a register, until they are judged.
+/// Samples of one unit's points that take more than one register. They are dropped once the point has been judged.
 #[derive(Debug, Default)]
 pub struct Watch {
-    /// For each of `Plan::wide`.
+    /// The samples of each point in `Plan::wide`.
     points: Vec<Samples>,
     open: Open,
+    /// The number of points that have been judged.
     judged: usize,
 }
 
-/// By table and register: whether a value begins there that is still to be judged. Empty before the first block.
+/// For each table, a bit per address: set if a value that is still to be judged begins there. Empty before the first
+/// block.
 #[derive(Debug, Default)]
 struct Open([Vec<u64>; 4]);
 
-/// What a point had so far; nothing once it is judged.
+/// The samples of one point so far; empty once it has been judged.
 #[derive(Clone, Debug, Default)]
 struct Samples {
-    /// The registers, one sample behind the other.
+    /// The registers of all samples, one sample after the other.
     registers: Vec<u16>,
-    /// A bit for every order in which a float would be none; with all of them there is no mismatch.
-    absurd: u8,
+    /// A bit set of the orders in which a sample is no plausible float. If it contains every order, the point cannot be
+    /// judged, and no mismatch is reported.
+    implausible_orders: u8,
 }
 
-/// A point whose values make sense in another order.
+/// A point whose values make sense in another order than the profile's.
 pub struct Mismatch {
-    /// In the plan.
+    /// Index of the value in the plan.
     pub compiled: u32,
-    /// The order that fits.
+    /// The order in which its values make sense.
     pub order: Order,
-    /// What speaks for it.
+    /// The evidence for that order, as text.
     pub reason: String,
 }
 
 impl Watch {
-    /// Whether there is nothing left to judge: most of the time.
+    /// Whether all points have been judged, which is the case for most of a recording.
     pub fn done(&self, plan: &Plan) -> bool {
         self.judged >= plan.wide().len()
     }
 
-    /// Takes a block of registers that was read, unless a point can be judged with it: that is for `see`.
+    /// Adds a block of registers that was read, unless a point can be judged with it. Returns `false` in that case,
+    /// without adding anything: the caller must then call `see`, which is slower.
     pub fn take(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> bool {
         if self.points.is_empty() {
             return plan.wide().is_empty();
         }
         let Self { points, open, .. } = self;
-        let ready = |(at, wide, block): (usize, &Wide, &[u8])| points[at].with(plan, wide, block).1;
+        let ready = |(at, wide, block): (usize, &Wide, &[u8])| points[at].after_adding(plan, wide, block).1;
         if open.within(plan, space, first, bytes).any(ready) {
             return false;
         }
@@ -65,17 +70,17 @@ impl Watch {
         true
     }
 
-    /// A block of registers that was read.
+    /// Adds a block of registers that was read, and judges each point that now has enough samples.
     pub fn see(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> Vec<Mismatch> {
         if self.points.is_empty() {
-            self.begin(plan);
+            self.start(plan);
         }
-        let (mut found, mut judged) = (Vec::new(), Vec::<usize>::new());
+        let (mut mismatches, mut judged) = (Vec::new(), Vec::<usize>::new());
         for (at, wide, block) in self.open.within(plan, space, first, bytes) {
             let point = &mut self.points[at];
             if point.add(plan, wide, block) {
                 let samples = std::mem::take(point);
-                found.extend(samples.mismatch(plan, wide));
+                mismatches.extend(samples.mismatch(plan, wide));
                 judged.push(at);
             }
         }
@@ -83,10 +88,11 @@ impl Watch {
         for at in judged {
             self.open.close(&plan.wide()[at]);
         }
-        found
+        mismatches
     }
 
-    fn begin(&mut self, plan: &Plan) {
+    /// Prepares for all points of the plan, when the first block arrives.
+    fn start(&mut self, plan: &Plan) {
         self.points.resize_with(plan.wide().len(), Samples::default);
         plan.wide().iter().for_each(|wide| self.open.add(wide));
     }
@@ -103,7 +109,8 @@ impl Open {
         self.0[wide.space as usize][usize::from(wide.address) / 64] &= !(1 << (wide.address % 64));
     }
 
-    /// The values of a block that are still to be judged: in `Plan::wide`, and their registers.
+    /// The values of a block that are still to be judged: their index in `Plan::wide`, and the bytes of their
+    /// registers.
     fn within<'a>(
         &'a self,
         plan: &'a Plan,
@@ -113,10 +120,10 @@ impl Open {
     ) -> impl Iterator<Item = (usize, &'a Wide, &'a [u8])> {
         let end = usize::from(first) + bytes.len() / 2;
         let any = self.any(space, first, end);
-        let begin =
+        let first_index =
             if any { plan.wide().partition_point(|wide| (wide.space, wide.address) < (space, first)) } else { usize::MAX };
         let within = move |(_, wide): &(usize, &Wide)| wide.space == space && usize::from(wide.address) < end;
-        plan.wide().iter().enumerate().skip(begin).take_while(within).filter_map(move |(at, wide)| {
+        plan.wide().iter().enumerate().skip(first_index).take_while(within).filter_map(move |(at, wide)| {
             let start = 2 * usize::from(wide.address - first);
             let block = bytes.get(start..start + 2 * usize::from(wide.width))?;
             self.has(space, wide.address).then_some((at, wide, block))
@@ -127,7 +134,7 @@ impl Open {
         self.0[space as usize][usize::from(address) / 64] >> (address % 64) & 1 == 1
     }
 
-    /// Whether a value that is still to be judged begins in the block.
+    /// Whether a value that is still to be judged begins in the block. Checks 64 addresses at a time.
     fn any(&self, space: Space, first: u16, end: usize) -> bool {
         let (mut at, last) = (usize::from(first), end.min(0x1_0000));
         let open = &self.0[space as usize];
@@ -143,44 +150,51 @@ impl Open {
 }
 
 impl Samples {
-    /// In which orders no float has made sense with a further sample, and whether there is enough to judge by then.
-    fn with(&self, plan: &Plan, wide: &Wide, block: &[u8]) -> (u8, bool) {
+    /// The orders that are ruled out for a float once this sample is added (as in `implausible_orders`), and whether there are then
+    /// enough samples to judge.
+    fn after_adding(&self, plan: &Plan, wide: &Wide, block: &[u8]) -> (u8, bool) {
         let point = plan.point(plan.compiled(wide.compiled));
-        let mut absurd = self.absurd;
+        let mut implausible_orders = self.implausible_orders;
         if is_float(point.kind) {
-            absurd |= 1 << point.order as u8;
+            implausible_orders |= 1 << point.order as u8;
             for (order, _) in Order::ALL {
-                absurd |= u8::from(!sensible_float(block, order)) << order as u8;
+                implausible_orders |= u8::from(!sensible_float(block, order)) << order as u8;
             }
         }
-        let enough = self.registers.len() + usize::from(wide.width) >= ENOUGH * usize::from(wide.width);
-        (absurd, enough || absurd == EVERY_ORDER)
+        let enough = self.registers.len() + usize::from(wide.width) >= ENOUGH_SAMPLES * usize::from(wide.width);
+        (implausible_orders, enough || implausible_orders == EVERY_ORDER)
     }
 
-    /// A further sample; whether there is enough to judge by.
+    /// Adds a sample. Returns whether there are now enough to judge.
     fn add(&mut self, plan: &Plan, wide: &Wide, block: &[u8]) -> bool {
-        let (absurd, enough) = self.with(plan, wide, block);
-        self.absurd = absurd;
-        if absurd == EVERY_ORDER {
+        let (implausible_orders, enough) = self.after_adding(plan, wide, block);
+        self.implausible_orders = implausible_orders;
+        if implausible_orders == EVERY_ORDER {
             return true;
         }
         if self.registers.is_empty() {
-            self.registers.reserve_exact(ENOUGH * usize::from(wide.width));
+            self.registers.reserve_exact(ENOUGH_SAMPLES * usize::from(wide.width));
         }
         self.registers.extend(block.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])));
         enough
     }
 
+    /// Judges a point: the mismatch, if another order is clearly more plausible than that of the profile.
     fn mismatch(&self, plan: &Plan, wide: &Wide) -> Option<Mismatch> {
-        let enough = self.registers.len() >= ENOUGH * usize::from(wide.width);
+        let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide.width);
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide.width)).filter(|_| enough).collect();
         let point = plan.point(plan.compiled(wide.compiled));
         let claims = judge(&rows, 0.0, None);
         let best = claims.first().filter(|claim| claim.sure && claim.order != point.order)?;
-        // A float is not told to be a counter: the type is the profile's, only the order is judged.
-        let same = is_float(best.kind) == is_float(point.kind);
-        let rival = claims.iter().any(|claim| claim.order == point.order && claim.bits + 6.0 > best.bits);
-        (same && !rival).then(|| Mismatch { compiled: wide.compiled, order: best.order, reason: best.reason.clone() })
+        // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings
+        // as an integer.
+        let same_kind_of_number = is_float(best.kind) == is_float(point.kind);
+        let profile_order_comes_close = claims.iter().any(|claim| claim.order == point.order && claim.bits + 6.0 > best.bits);
+        (same_kind_of_number && !profile_order_comes_close).then(|| Mismatch {
+            compiled: wide.compiled,
+            order: best.order,
+            reason: best.reason.clone(),
+        })
     }
 }
 

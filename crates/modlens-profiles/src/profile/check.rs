@@ -1,23 +1,23 @@
-//! From a tree to a profile: every key is looked at, whatever was wrong before.
+//! Checks a tree and converts it to a profile. Every key is checked, whatever is wrong with the others.
 
-use crate::profile::keys::{near, Key, DEVICE, FILE, POINT};
+use crate::profile::keys::{similar_word, Key, DEVICE, FILE, POINT};
 use crate::profile::kinds::{Access, Decimal, Order, Type};
 use crate::profile::node::{Entry, Node, Value};
 use crate::profile::place::{self, Place};
 use crate::profile::{Base, Device, Lines, Mistake, Point, Profile, Sentinel};
 
-/// The profile of a tree, as far as it can be understood.
+/// The profile of a tree, as far as it can be understood. Mistakes are added to `mistakes`.
 pub fn profile(tree: &Node, mistakes: &mut Vec<Mistake>) -> Profile {
     let mut check = Checker { mistakes };
     if !matches!(tree.value, Value::Map(_)) {
-        check.say(tree.line, "", format!("a profile is a table, not {}", tree.kind()));
+        check.report(tree.line, "", format!("a profile is a table, not {}", tree.kind()));
         return Profile::default();
     }
     check.known(tree, "", FILE.iter().copied());
     match tree.get("profile").map(|node| (&node.value, node)) {
         Some((Value::Integer(1), _)) => {}
-        Some((_, node)) => check.say(node.line, "profile", format!("is 1, the version of this format, not {}", node.shown())),
-        None => check.say(1, "profile", "is missing; the file begins with profile = 1".into()),
+        Some((_, node)) => check.report(node.line, "profile", format!("is 1, the version of this format, not {}", node.shown())),
+        None => check.report(1, "profile", "is missing; the file begins with profile = 1".into()),
     }
     let device = tree.get("device").map_or_else(Device::default, |node| check.device(node));
     let mut points = Vec::new();
@@ -25,39 +25,42 @@ pub fn profile(tree: &Node, mistakes: &mut Vec<Mistake>) -> Profile {
         Some((Value::List(items), _)) => {
             points.extend(items.iter().enumerate().filter_map(|(i, node)| check.point(node, i, &device)));
         }
-        Some((_, node)) => check.say(node.line, "registers", format!("takes a list of points, not {}", node.kind())),
+        Some((_, node)) => check.report(node.line, "registers", format!("takes a list of points, not {}", node.kind())),
         None => {}
     }
     Profile { device, points }
 }
 
+/// Collects the mistakes of one profile.
 struct Checker<'m> {
     mistakes: &'m mut Vec<Mistake>,
 }
 
-/// One table with the way to it.
+/// A table of the file and the path to it.
 struct Table<'t> {
     node: &'t Node,
     path: String,
 }
 
 impl Table<'_> {
+    /// The path of a key of this table: `registers[3].type`.
     fn path(&self, key: &str) -> String {
         format!("{}.{key}", self.path)
     }
 }
 
 impl Checker<'_> {
-    fn say(&mut self, line: u32, key: &str, message: String) {
+    fn report(&mut self, line: u32, key: &str, message: String) {
         self.mistakes.push(Mistake::new(line, key, message));
     }
 
+    /// Reports keys that are not known, with a similar known key as a hint, and keys that occur twice.
     fn known<'a>(&mut self, node: &Node, path: &str, known: impl Iterator<Item = &'a str> + Clone) {
         let mut seen: Vec<&str> = Vec::new();
         for entry in node.entries() {
             let key = if path.is_empty() { entry.key.clone() } else { format!("{path}.{}", entry.key) };
             if !known.clone().any(|name| name == entry.key) {
-                let hint = near(&entry.key, known.clone()).map(str::to_owned);
+                let hint = similar_word(&entry.key, known.clone()).map(str::to_owned);
                 let all = if hint.is_none() {
                     format!("; there are {}", known.clone().collect::<Vec<_>>().join(", "))
                 } else {
@@ -65,34 +68,35 @@ impl Checker<'_> {
                 };
                 self.mistakes.push(Mistake { line: entry.line, key, message: format!("no such key{all}"), hint });
             } else if seen.contains(&entry.key.as_str()) {
-                self.say(entry.line, &key, "stands twice".into());
+                self.report(entry.line, &key, "stands twice".into());
             }
             seen.push(&entry.key);
         }
     }
 
-    /// The table, its keys compared with those that are known.
+    /// The table at this path, after its keys were checked; `None` if it is not a table.
     fn table<'t>(&mut self, node: &'t Node, path: String, keys: &'static [Key]) -> Option<Table<'t>> {
         if !matches!(node.value, Value::Map(_)) {
-            self.say(node.line, &path, format!("takes a table, not {}", node.kind()));
+            self.report(node.line, &path, format!("takes a table, not {}", node.kind()));
             return None;
         }
         self.known(node, &path, keys.iter().map(|key| key.key));
         Some(Table { node, path })
     }
 
-    /// The value of a key, read by `read`, whose error is what the key takes.
+    /// The value of a key, converted by `read`. If that fails, its error is reported as a mistake.
     fn read<T>(&mut self, table: &Table<'_>, key: &str, read: impl FnOnce(&Node) -> Result<T, String>) -> Option<T> {
         let node = table.node.get(key)?;
         match read(node) {
             Ok(value) => Some(value),
             Err(message) => {
-                self.say(node.line, &table.path(key), message);
+                self.report(node.line, &table.path(key), message);
                 None
             }
         }
     }
 
+    /// The text of a key; numbers are accepted as text.
     fn text(&mut self, table: &Table<'_>, key: &str) -> Option<String> {
         self.read(table, key, |node| match &node.value {
             Value::Text(text) => Ok(text.clone()),
@@ -101,13 +105,14 @@ impl Checker<'_> {
         })
     }
 
+    /// The value of a key that takes one of some known words. Not case-sensitive.
     fn word<T: Copy>(&mut self, table: &Table<'_>, key: &str, known: &[(&'static str, T)]) -> Option<T> {
         let node = table.node.get(key)?;
         let text = if let Value::Text(text) = &node.value { text.trim() } else { "" };
         let found = known.iter().find(|(word, _)| word.eq_ignore_ascii_case(text)).map(|(_, value)| *value);
         if found.is_none() {
             let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
-            let hint = near(text, words.iter().copied()).filter(|_| words.len() > 4).map(str::to_owned);
+            let hint = similar_word(text, words.iter().copied()).filter(|_| words.len() > 4).map(str::to_owned);
             let message = format!("{} is none of {}", node.shown(), words.join(", "));
             self.mistakes.push(Mistake { line: node.line, key: table.path(key), message, hint });
         }
@@ -118,6 +123,7 @@ impl Checker<'_> {
         self.word(table, "order", &Order::ALL.map(|(order, word)| (word, order)))
     }
 
+    /// Checks the table `[device]`.
     fn device(&mut self, node: &Node) -> Device {
         let Some(table) = self.table(node, "device".into(), DEVICE) else { return Device::default() };
         let codes = |node: &Node| {
@@ -148,11 +154,12 @@ impl Checker<'_> {
         }
     }
 
+    /// Checks one point of `[[registers]]`. `None` if it has no usable address or name.
     fn point(&mut self, node: &Node, index: usize, device: &Device) -> Option<Point> {
         let table = self.table(node, format!("registers[{index}]"), POINT)?;
         for key in ["at", "name"] {
             if node.get(key).is_none() {
-                self.say(node.line, &table.path(key), "is missing; every point has at and name".into());
+                self.report(node.line, &table.path(key), "is missing; every point has at and name".into());
             }
         }
         let at = self.read(&table, "at", |node| match &node.value {
@@ -162,17 +169,17 @@ impl Checker<'_> {
         let name = self.text(&table, "name").filter(|name| {
             let good = !name.trim().is_empty();
             if !good {
-                self.say(line_of(node, "name"), &table.path("name"), "is empty".into());
+                self.report(line_of(node, "name"), &table.path("name"), "is empty".into());
             }
             good
         });
         let kind = self.word(&table, "type", &Type::ALL.map(|row| (row.1, row.0)));
-        let wrong_kind = kind.is_none() && node.get("type").is_some();
+        let is_type_wrong = kind.is_none() && node.get("type").is_some();
         let count = self.read(&table, "count", whole);
         let order = self.order(&table).unwrap_or(device.order);
         let scale = self.read(&table, "scale", decimal).filter(|scale| {
             if scale.digits == 0 {
-                self.say(line_of(node, "scale"), &table.path("scale"), "is 0: every value would be the same".into());
+                self.report(line_of(node, "scale"), &table.path("scale"), "is 0: every value would be the same".into());
             }
             scale.digits != 0
         });
@@ -186,14 +193,14 @@ impl Checker<'_> {
         let Place { space, address, bits } = at?;
         let single = space.bits() || bits.is_some_and(|(first, last)| first == last);
         let kind = kind.unwrap_or(if single { Type::Bool } else { Type::U16 });
-        let own = kind.registers();
+        let type_registers = kind.registers();
         let point = Point {
             space,
             address,
             bits,
             name: name?,
             kind,
-            count: count.unwrap_or(own.max(1)),
+            count: count.unwrap_or(type_registers.max(1)),
             order,
             scale,
             offset,
@@ -208,65 +215,67 @@ impl Checker<'_> {
             scope: 0,
             lines: Lines { index, at: line_of(node, "at"), name: line_of(node, "name"), sf: line_of(node, "sf") },
         };
-        if !wrong_kind {
-            self.fit(&table, &point, count);
+        if !is_type_wrong {
+            self.check_consistency(&table, &point, count);
         }
         Some(point)
     }
 
-    /// Keys that do not go together with the type.
-    fn fit(&mut self, table: &Table<'_>, point: &Point, count: Option<u16>) {
-        let (kind, word, own) = (point.kind, point.kind.word(), point.kind.registers());
-        let mut wrong = |key: &str, message: String| self.say(line_of(table.node, key), &table.path(key), message);
+    /// Reports keys that contradict the type of a point or each other. `count` is the value in the file, if there is
+    /// one.
+    fn check_consistency(&mut self, table: &Table<'_>, point: &Point, count: Option<u16>) {
+        let (kind, word, type_registers) = (point.kind, point.kind.word(), point.kind.registers());
+        let mut report_key = |key: &str, message: String| self.report(line_of(table.node, key), &table.path(key), message);
         match count {
-            None if own == 0 => wrong("type", format!("{word} needs count, the number of its registers")),
-            Some(count) if own > 1 && !count.is_multiple_of(own) => {
-                wrong("count", format!("{count} registers, but each {word} takes {own}"));
+            None if type_registers == 0 => report_key("type", format!("{word} needs count, the number of its registers")),
+            Some(count) if type_registers > 1 && !count.is_multiple_of(type_registers) => {
+                report_key("count", format!("{count} registers, but each {word} takes {type_registers}"));
             }
-            Some(count) if count > 1 && point.bits.is_some() => wrong("count", "a part of a register has no count".into()),
+            Some(count) if count > 1 && point.bits.is_some() => report_key("count", "a part of a register has no count".into()),
             _ => {}
         }
         if u32::from(point.address) + u32::from(point.count) > 0x1_0000 {
-            wrong("at", format!("{} from wire address {} on reach beyond 65535", point.count, point.address));
+            report_key("at", format!("{} from wire address {} on reach beyond 65535", point.count, point.address));
         }
         if point.space.bits() && kind != Type::Bool {
-            wrong("type", format!("{word}, but a {} is a bool", point.space.long().replace('_', " ")));
+            report_key("type", format!("{word}, but a {} is a bool", point.space.long().replace('_', " ")));
         } else if kind == Type::Bool && !point.space.bits() && point.bits.is_none_or(|(first, last)| first != last) {
-            wrong("type", "bool takes one bit: at = \"hr:10.3\"".into());
+            report_key("type", "bool takes one bit: at = \"hr:10.3\"".into());
         } else if point.bits.is_some() && !matches!(kind, Type::Bool | Type::U16 | Type::S16) {
-            wrong("type", format!("{word}, but a part of a register is bool, u16 or s16"));
+            report_key("type", format!("{word}, but a part of a register is bool, u16 or s16"));
         }
         for key in ["scale", "offset", "sf"] {
             if table.node.get(key).is_some() && !kind.number() {
-                wrong(key, format!("a {word} is no number to be scaled"));
+                report_key(key, format!("a {word} is no number to be scaled"));
             }
         }
         let labelled = kind.whole() || kind == Type::Bool;
         if !point.labels.is_empty() && !labelled {
-            wrong("enum", format!("a {word} is no whole number to be labelled"));
+            report_key("enum", format!("a {word} is no whole number to be labelled"));
         }
         if let Some((bit, _)) = point.bit_labels.iter().find(|(bit, _)| u32::from(*bit) >= kind.width().max(1)) {
-            wrong("bits", format!("bit {bit}, but a {word} has bits 0 to {}", kind.width().max(1) - 1));
+            report_key("bits", format!("bit {bit}, but a {word} has bits 0 to {}", kind.width().max(1) - 1));
         }
         if point.nan.iter().any(|nan| matches!(nan, Sentinel::Float(_))) && kind.whole() {
-            wrong("nan", format!("a {word} is a whole number; raw values that mean no value are, too"));
+            report_key("nan", format!("a {word} is a whole number; raw values that mean no value are, too"));
         }
         if !point.nan.is_empty() && !kind.number() {
-            wrong("nan", format!("a {word} is no number"));
+            report_key("nan", format!("a {word} is no number"));
         }
     }
 
+    /// The labels of a table number -> text, with numbers from `low` to `high`, sorted by number.
     fn labels(&mut self, table: &Table<'_>, key: &str, low: i64, high: i64) -> Vec<(i64, String)> {
         let Some(node) = table.node.get(key) else { return Vec::new() };
         let Value::Map(entries) = &node.value else {
-            self.say(node.line, &table.path(key), format!("takes a table of number = \"label\", not {}", node.kind()));
+            self.report(node.line, &table.path(key), format!("takes a table of number = \"label\", not {}", node.kind()));
             return Vec::new();
         };
         let mut found = Vec::new();
         for entry in entries {
             match label(entry, low, high) {
                 Ok(pair) => found.push(pair),
-                Err(message) => self.say(entry.line, &format!("{}.{}", table.path(key), entry.key), message),
+                Err(message) => self.report(entry.line, &format!("{}.{}", table.path(key), entry.key), message),
             }
         }
         found.sort_by_key(|(number, _)| *number);
@@ -274,10 +283,12 @@ impl Checker<'_> {
     }
 }
 
+/// The line of a key, or of its table if the key is absent.
 fn line_of(node: &Node, key: &str) -> u32 {
     node.get(key).map_or(node.line, |node| node.line)
 }
 
+/// One entry of a table of labels.
 fn label(entry: &Entry, low: i64, high: i64) -> Result<(i64, String), String> {
     let text = entry.key.trim();
     let number = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
@@ -295,6 +306,7 @@ fn label(entry: &Entry, low: i64, high: i64) -> Result<(i64, String), String> {
     }
 }
 
+/// Converts the items of a list; a single value counts as a list of one.
 fn list<T>(node: &Node, read: impl Fn(&Node) -> Result<T, String>) -> Result<Vec<T>, String> {
     match &node.value {
         Value::List(items) => items.iter().map(read).collect(),
@@ -302,6 +314,7 @@ fn list<T>(node: &Node, read: impl Fn(&Node) -> Result<T, String>) -> Result<Vec
     }
 }
 
+/// An integer from 1 to 65535.
 fn whole(node: &Node) -> Result<u16, String> {
     match node.value {
         Value::Integer(number @ 1..=0xFFFF) => Ok(number as u16),
@@ -309,6 +322,7 @@ fn whole(node: &Node) -> Result<u16, String> {
     }
 }
 
+/// A decimal number, kept exactly.
 fn decimal(node: &Node) -> Result<Decimal, String> {
     let text = match &node.value {
         Value::Integer(_) | Value::Float(_) => node.shown(),
@@ -317,6 +331,7 @@ fn decimal(node: &Node) -> Result<Decimal, String> {
     Decimal::parse(&text).ok_or_else(|| format!("takes a number of at most 18 digits, not {text}"))
 }
 
+/// A raw value that means "no value".
 fn sentinel(node: &Node) -> Result<Sentinel, String> {
     match &node.value {
         Value::Integer(number) => Ok(Sentinel::Whole(*number)),
@@ -325,6 +340,7 @@ fn sentinel(node: &Node) -> Result<Sentinel, String> {
     }
 }
 
+/// The way in which a file counts addresses.
 fn base(node: &Node) -> Result<Base, String> {
     match &node.value {
         Value::Integer(0) => Ok(Base::Zero),

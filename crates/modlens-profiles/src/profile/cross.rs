@@ -1,11 +1,11 @@
-//! What is wrong between points: the same name twice, registers taken twice, scale factors that are not there.
+//! Checks the points of a profile against each other: names used twice, registers taken twice, missing scale factors.
 
 use std::collections::HashMap;
 
 use crate::profile::{Mistake, Point, Profile};
 use modlens_protocol::register_type::Space;
 
-/// Compares the points with each other.
+/// Checks all points against each other.
 pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
     let mut names: HashMap<&str, usize> = HashMap::new();
     for (i, point) in profile.points.iter().enumerate() {
@@ -24,7 +24,7 @@ pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
         let key = format!("registers[{}].sf", point.lines.index);
         match names.get(sf.as_str()).map(|&at| &profile.points[at]) {
             None => {
-                let hint = crate::profile::keys::near(sf, names.keys().copied()).map(str::to_owned);
+                let hint = crate::profile::keys::similar_word(sf, names.keys().copied()).map(str::to_owned);
                 let message = format!("no point {sf:?} holds the scale factor");
                 mistakes.push(Mistake { line: point.lines.sf, key, message, hint });
             }
@@ -38,30 +38,31 @@ pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
     overlaps(&profile.points, mistakes);
 }
 
-/// A register belongs to one point, or is shared by parts of it: halves and bits.
+/// Reports registers that belong to two points. Only bit fields and bytes may share a register.
 fn overlaps(points: &[Point], mistakes: &mut Vec<Mistake>) {
     for space in Space::ALL.map(|row| row.0) {
-        let mut taken: Vec<(u32, u32, usize)> = points
+        let mut ranges: Vec<(u32, u32, usize)> = points
             .iter()
             .enumerate()
             .filter(|(_, point)| point.space == space && !is_part(point))
             .map(|(i, point)| (u32::from(point.address), u32::from(point.address) + u32::from(point.count), i))
             .collect();
-        taken.sort_unstable();
-        let mut reach: Option<(u32, usize)> = None;
-        for (start, end, i) in taken {
-            if let Some((until, other)) = reach.filter(|(until, _)| *until > start) {
+        ranges.sort_unstable();
+        let mut furthest_end: Option<(u32, usize)> = None;
+        for (start, end, i) in ranges {
+            if let Some((end_so_far, other)) = furthest_end.filter(|(end_so_far, _)| *end_so_far > start) {
                 let (point, other) = (&points[i], &points[other]);
                 let message = format!("takes wire address {start} of {}, which belongs to {:?}", space.short(), other.name);
                 mistakes.push(Mistake::new(point.lines.at, &format!("registers[{}].at", point.lines.index), message));
-                reach = Some((until.max(end), i));
+                furthest_end = Some((end_so_far.max(end), i));
                 continue;
             }
-            reach = Some((end, i));
+            furthest_end = Some((end, i));
         }
     }
 }
 
+/// Whether a point takes only a part of a register.
 fn is_part(point: &Point) -> bool {
     point.bits.is_some() || point.kind.width() == 8
 }

@@ -1,4 +1,4 @@
-//! The spreadsheet's spelling: `#base=1` lines for the device, a line of keys, a line a point.
+//! The notation for spreadsheets: `#base=1` lines for the device, a header line with the keys, and a line per point.
 //!
 //! ```text
 //! #base=1
@@ -8,35 +8,35 @@
 //! hr:105,mode,,,,0=off;1=on
 //! ```
 
-use crate::profile::keys::{Shape, DEVICE, POINT};
+use crate::profile::keys::{ValueKind, DEVICE, POINT};
 use crate::profile::node::{Entry, Node, Value};
 use crate::profile::Mistake;
 
-/// The tree of a text; what is no such table goes to `mistakes`.
+/// Parses CSV into a tree. Mistakes in the CSV itself are added to `mistakes`.
 pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     let text = text.trim_start_matches('\u{feff}');
     let mut device = Vec::new();
-    let mut head: Option<Vec<String>> = None;
+    let mut header: Option<Vec<String>> = None;
     let mut registers = Vec::new();
     let delimiter = delimiter(text);
-    // Where semicolons or tabs part the cells, 0,1 is a number.
-    let comma = delimiter != ',';
+    // If semicolons or tabs separate the cells, commas may be decimal points.
+    let decimal_comma = delimiter != ',';
     for (line, cells) in records(text, delimiter, mistakes) {
         if let Some(setting) = cells[0].strip_prefix('#') {
-            // A spreadsheet fills the line up to the width of the table.
-            device.extend(setting_of(setting.trim_end_matches(delimiter), line, comma));
+            // Spreadsheets append delimiters up to the width of the table.
+            device.extend(setting_of(setting.trim_end_matches(delimiter), line, decimal_comma));
         } else if cells.iter().all(|cell| cell.trim().is_empty()) {
-            // An empty line, or one of commas only, as spreadsheets leave them.
-        } else if let Some(head) = &head {
-            if cells.len() > head.len() {
-                mistakes.push(Mistake::new(line, "", format!("{} cells, but {} keys in the head", cells.len(), head.len())));
+            // Spreadsheets leave lines without content, or with delimiters only.
+        } else if let Some(header) = &header {
+            if cells.len() > header.len() {
+                mistakes.push(Mistake::new(line, "", format!("{} cells, but {} keys in the head", cells.len(), header.len())));
             }
-            registers.push(row(head, &cells, line, comma));
+            registers.push(row(header, &cells, line, decimal_comma));
         } else {
-            head = Some(cells.iter().map(|cell| cell.trim().to_ascii_lowercase()).collect());
+            header = Some(cells.iter().map(|cell| cell.trim().to_ascii_lowercase()).collect());
         }
     }
-    if head.is_none() {
+    if header.is_none() {
         mistakes.push(Mistake::new(1, "at", "no line of keys such as at,name,type,scale,unit".into()));
     }
     let entry = |key: &str, value| Entry { key: key.into(), line: 1, node: Node { line: 1, value } };
@@ -48,33 +48,36 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     Node { line: 1, value: Value::Map(entries) }
 }
 
-fn setting_of(setting: &str, line: u32, comma: bool) -> Option<Entry> {
-    // A line that begins with # and has no = is a comment.
+/// A setting of the device, from a line such as `#base=1`.
+fn setting_of(setting: &str, line: u32, decimal_comma: bool) -> Option<Entry> {
+    // A line that begins with # but has no = is a comment.
     let (key, value) = setting.split_once('=')?;
     let key = key.trim().to_ascii_lowercase();
     let key = if key == "base" { "address_base".to_owned() } else { key };
-    let shape = DEVICE.iter().find(|known| known.key == key).map_or(Shape::Text, |known| known.shape);
-    Some(Entry { key, line, node: cell(shape, value.trim(), line, comma) })
+    let value_kind = DEVICE.iter().find(|known| known.key == key).map_or(ValueKind::Text, |known| known.value_kind);
+    Some(Entry { key, line, node: cell(value_kind, value.trim(), line, decimal_comma) })
 }
 
-fn row(head: &[String], cells: &[String], line: u32, comma: bool) -> Node {
-    let filled = head.iter().zip(cells).filter(|(_, cell)| !cell.trim().is_empty());
+/// A point, from the header and a line of cells. Empty cells are left out.
+fn row(header: &[String], cells: &[String], line: u32, decimal_comma: bool) -> Node {
+    let filled = header.iter().zip(cells).filter(|(_, cell)| !cell.trim().is_empty());
     let entries = filled.map(|(key, text)| {
-        let shape = POINT.iter().find(|known| known.key == *key).map_or(Shape::Text, |known| known.shape);
-        Entry { key: key.clone(), line, node: cell(shape, text.trim(), line, comma) }
+        let value_kind = POINT.iter().find(|known| known.key == *key).map_or(ValueKind::Text, |known| known.value_kind);
+        Entry { key: key.clone(), line, node: cell(value_kind, text.trim(), line, decimal_comma) }
     });
     Node { line, value: Value::Map(entries.collect()) }
 }
 
-/// A cell as the value that its key wants; what cannot be one stays a text, which is then refused with its line.
-fn cell(shape: Shape, text: &str, line: u32, comma: bool) -> Node {
-    let one = |text: &str| Node { line, value: number(text, comma).unwrap_or_else(|| Value::Text(text.to_owned())) };
+/// Converts a cell to the kind of value that its key takes. Text that cannot be converted stays text, which the checks
+/// refuse with its line.
+fn cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> Node {
+    let one = |text: &str| Node { line, value: number(text, decimal_comma).unwrap_or_else(|| Value::Text(text.to_owned())) };
     let parts = || text.split(';').map(str::trim).filter(|part| !part.is_empty());
-    let value = match shape {
-        Shape::Number | Shape::Whole | Shape::Base => return one(text),
-        Shape::Numbers | Shape::Codes => Value::List(parts().map(one).collect()),
-        Shape::Names => Value::List(parts().map(|part| Node { line, value: Value::Text(part.into()) }).collect()),
-        Shape::Labels | Shape::Wording => {
+    let value = match value_kind {
+        ValueKind::Number | ValueKind::Whole | ValueKind::Base => return one(text),
+        ValueKind::Numbers | ValueKind::Codes => Value::List(parts().map(one).collect()),
+        ValueKind::Names => Value::List(parts().map(|part| Node { line, value: Value::Text(part.into()) }).collect()),
+        ValueKind::Labels | ValueKind::Wording => {
             let entry = |part: &str| {
                 let (key, label) = part.split_once('=').unwrap_or((part, ""));
                 Entry { key: key.trim().into(), line, node: Node { line, value: Value::Text(label.trim().into()) } }
@@ -86,44 +89,46 @@ fn cell(shape: Shape, text: &str, line: u32, comma: bool) -> Node {
     Node { line, value }
 }
 
-fn number(text: &str, comma: bool) -> Option<Value> {
+/// A decimal or hexadecimal number; with `decimal_comma`, the decimal point may be a comma.
+fn number(text: &str, decimal_comma: bool) -> Option<Value> {
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         return i128::from_str_radix(digits, 16).ok().map(Value::Integer);
     }
     if let Ok(number) = text.parse() {
         return Some(Value::Integer(number));
     }
-    let point = if comma { text.replacen(',', ".", 1) } else { text.to_owned() };
-    point.parse::<f64>().ok().map(|_| Value::Float(point))
+    let with_decimal_point = if decimal_comma { text.replacen(',', ".", 1) } else { text.to_owned() };
+    with_decimal_point.parse::<f64>().ok().map(|_| Value::Float(with_decimal_point))
 }
 
+/// The delimiter that is most frequent in the header line.
 fn delimiter(text: &str) -> char {
-    let head = text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or("");
-    [',', ';', '\t'].into_iter().max_by_key(|&mark| head.matches(mark).count()).unwrap_or(',')
+    let header = text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or("");
+    [',', ';', '\t'].into_iter().max_by_key(|&separator| header.matches(separator).count()).unwrap_or(',')
 }
 
-/// Records of RFC 4180 with the line each begins on.
+/// The records of an RFC 4180 file, each with the line that it begins on.
 fn records(text: &str, delimiter: char, mistakes: &mut Vec<Mistake>) -> Vec<(u32, Vec<String>)> {
     let mut all = Vec::new();
-    let (mut line, mut begun) = (1, 1);
-    let (mut cells, mut cell, mut quoted, mut empty) = (Vec::new(), String::new(), false, true);
-    let mut letters = text.chars().peekable();
-    while let Some(letter) = letters.next() {
-        match letter {
-            '"' if quoted && letters.peek() == Some(&'"') => {
-                letters.next();
+    let (mut line, mut first_line) = (1, 1);
+    let (mut cells, mut cell, mut is_quoted, mut is_line_empty) = (Vec::new(), String::new(), false, true);
+    let mut characters = text.chars().peekable();
+    while let Some(character) = characters.next() {
+        match character {
+            '"' if is_quoted && characters.peek() == Some(&'"') => {
+                characters.next();
                 cell.push('"');
             }
-            '"' if quoted || cell.is_empty() => quoted = !quoted,
-            '\n' if !quoted => {
+            '"' if is_quoted || cell.is_empty() => is_quoted = !is_quoted,
+            '\n' if !is_quoted => {
                 cells.push(std::mem::take(&mut cell).trim_end_matches('\r').to_owned());
-                all.push((begun, std::mem::take(&mut cells)));
-                (line, empty) = (line + 1, true);
-                begun = line;
+                all.push((first_line, std::mem::take(&mut cells)));
+                (line, is_line_empty) = (line + 1, true);
+                first_line = line;
                 continue;
             }
-            // A comment or a setting is one cell, whatever stands in it.
-            mark if mark == delimiter && !quoted && !(cells.is_empty() && cell.starts_with('#')) => {
+            // A comment or setting is a single cell, even if it contains delimiters.
+            separator if separator == delimiter && !is_quoted && !(cells.is_empty() && cell.starts_with('#')) => {
                 cells.push(std::mem::take(&mut cell));
             }
             other => {
@@ -131,14 +136,14 @@ fn records(text: &str, delimiter: char, mistakes: &mut Vec<Mistake>) -> Vec<(u32
                 cell.push(other);
             }
         }
-        empty = false;
+        is_line_empty = false;
     }
-    if quoted {
-        mistakes.push(Mistake::new(begun, "", "a quotation mark that is never closed".into()));
+    if is_quoted {
+        mistakes.push(Mistake::new(first_line, "", "a quotation mark that is never closed".into()));
     }
-    if !empty {
+    if !is_line_empty {
         cells.push(cell);
-        all.push((begun, cells));
+        all.push((first_line, cells));
     }
     all
 }

@@ -1,11 +1,12 @@
-//! A profile as JSON, with wire addresses: what exporters, views and `match` see of it.
+//! A profile as JSON with wire addresses, as exporters, views and profile matching use it.
 
 use serde_json::{json, Map, Value as Json};
 
 use crate::profile::kinds::{Access, Order};
 use crate::profile::{Device, Point, Profile, Sentinel};
 
-/// The profile as plain JSON in the words of the file; addresses are those on the wire. It can be read again.
+/// The profile as plain JSON with the keys of the file format and with addresses as on the wire. It can be parsed
+/// again.
 pub fn to_json(profile: &Profile) -> Json {
     json!({
         "profile": 1,
@@ -31,7 +32,7 @@ fn device(device: &Device) -> Json {
     ] {
         put(&mut map, key, text.clone());
     }
-    // Points are told with wire addresses.
+    // The points below have wire addresses.
     map.insert("address_base".into(), 0.into());
     put(&mut map, "order", Some(device.order.word()).filter(|_| device.order != Order::default()));
     put(&mut map, "functions", Some(device.functions.clone()).filter(|codes| !codes.is_empty()));

@@ -1,101 +1,106 @@
-//! The keys of a profile: one row each. The checks, the JSON Schema and the CSV reader go by these rows.
+//! The keys of a profile, one row each. The checks, the JSON Schema and the CSV reader are all driven by these rows.
 
-/// What a key takes.
+/// The kind of value that a key takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum ValueKind {
     /// A text.
     Text,
     /// `hr:0x00CD`, `hr:10.3`.
     At,
-    /// A word of `Type::ALL`.
+    /// The name of a `Type`.
     Type,
-    /// A word of `Order::ALL`.
+    /// The name of an `Order`.
     Order,
-    /// A word of `Access::ALL`.
+    /// The name of an `Access`.
     Access,
-    /// A whole number from 1 on.
+    /// An integer from 1 on.
     Whole,
     /// A number.
     Number,
     /// A number or a list of numbers.
     Numbers,
-    /// A table of number -> text.
+    /// A table of number -> label.
     Labels,
-    /// A table of exception code -> text.
+    /// A table of exception code -> name.
     Wording,
     /// A list of function codes.
     Codes,
-    /// A list of texts.
+    /// A list of names.
     Names,
     /// 0, 1 or `modicon`.
     Base,
 }
 
-/// One key.
+/// A key with its kind of value and its help text.
 #[derive(Clone, Copy, Debug)]
 pub struct Key {
-    /// The key.
+    /// Its name.
     pub key: &'static str,
-    /// What it takes.
-    pub shape: Shape,
-    /// What it is for.
+    /// The kind of value that it takes.
+    pub value_kind: ValueKind,
+    /// Help for the user.
     pub help: &'static str,
 }
 
-const fn key(key: &'static str, shape: Shape, help: &'static str) -> Key {
-    Key { key, shape, help }
+const fn key(key: &'static str, value_kind: ValueKind, help: &'static str) -> Key {
+    Key { key, value_kind, help }
 }
 
-/// Keys of the file.
+/// Keys at the top of the file.
 pub const FILE: &[&str] = &["profile", "device", "registers"];
 
 /// Keys of `[device]`.
 pub const DEVICE: &[Key] = &[
-    key("id", Shape::Text, "a name of its own, such as vendor.model"),
-    key("vendor", Shape::Text, "who makes it"),
-    key("model", Shape::Text, "what it is called"),
-    key("source", Shape::Text, "the document that the profile is written from"),
-    key("note", Shape::Text, "free text"),
-    key("address_base", Shape::Base, "0: addresses as on the wire; 1: register 1 is wire address 0; modicon: 40001 or 400001"),
-    key("order", Shape::Order, "order of bytes of all points that say none"),
-    key("functions", Shape::Codes, "function codes that the device knows"),
-    key("exceptions", Shape::Wording, "the device's own words for exception codes"),
-    key("vendor_functions", Shape::Names, "vendors whose function rows are needed, as --functions names them"),
-    key("sunspec", Shape::Whole, "number of a SunSpec model; its addresses count from the model's ID register"),
+    key("id", ValueKind::Text, "a name of its own, such as vendor.model"),
+    key("vendor", ValueKind::Text, "who makes it"),
+    key("model", ValueKind::Text, "what it is called"),
+    key("source", ValueKind::Text, "the document that the profile is written from"),
+    key("note", ValueKind::Text, "free text"),
+    key(
+        "address_base",
+        ValueKind::Base,
+        "0: addresses as on the wire; 1: register 1 is wire address 0; modicon: 40001 or 400001",
+    ),
+    key("order", ValueKind::Order, "order of bytes of all points that say none"),
+    key("functions", ValueKind::Codes, "function codes that the device knows"),
+    key("exceptions", ValueKind::Wording, "the device's own words for exception codes"),
+    key("vendor_functions", ValueKind::Names, "vendors whose function rows are needed, as --functions names them"),
+    key("sunspec", ValueKind::Whole, "number of a SunSpec model; its addresses count from the model's ID register"),
 ];
 
 /// Keys of a point in `[[registers]]`.
 pub const POINT: &[Key] = &[
     key(
         "at",
-        Shape::At,
+        ValueKind::At,
         "where it stands: hr, ir, co or di, a colon, the address, and .bit or .bit-bit for a part of a register",
     ),
-    key("name", Shape::Text, "what it is called"),
-    key("type", Shape::Type, "how its registers are read; u16 if nothing is said, bool for single bits"),
-    key("count", Shape::Whole, "registers or bits that it takes; needed for texts and raw; several values make an array"),
-    key("order", Shape::Order, "order of bytes"),
-    key("scale", Shape::Number, "value = raw * scale + offset"),
-    key("offset", Shape::Number, "value = raw * scale + offset"),
-    key("sf", Shape::Text, "name of the point that holds the exponent n of a further scale 10^n"),
-    key("unit", Shape::Text, "unit of measure"),
-    key("access", Shape::Access, "r, w or rw"),
-    key("enum", Shape::Labels, "labels of values"),
-    key("bits", Shape::Labels, "labels of bits, counted from the lowest"),
-    key("nan", Shape::Numbers, "raw values that mean: no value"),
-    key("group", Shape::Text, "free text to group points by"),
-    key("note", Shape::Text, "free text"),
+    key("name", ValueKind::Text, "what it is called"),
+    key("type", ValueKind::Type, "how its registers are read; u16 if nothing is said, bool for single bits"),
+    key("count", ValueKind::Whole, "registers or bits that it takes; needed for texts and raw; several values make an array"),
+    key("order", ValueKind::Order, "order of bytes"),
+    key("scale", ValueKind::Number, "value = raw * scale + offset"),
+    key("offset", ValueKind::Number, "value = raw * scale + offset"),
+    key("sf", ValueKind::Text, "name of the point that holds the exponent n of a further scale 10^n"),
+    key("unit", ValueKind::Text, "unit of measure"),
+    key("access", ValueKind::Access, "r, w or rw"),
+    key("enum", ValueKind::Labels, "labels of values"),
+    key("bits", ValueKind::Labels, "labels of bits, counted from the lowest"),
+    key("nan", ValueKind::Numbers, "raw values that mean: no value"),
+    key("group", ValueKind::Text, "free text to group points by"),
+    key("note", ValueKind::Text, "free text"),
 ];
 
-/// The nearest of the known words, if one is near: at most a third of the letters differ.
-pub fn near<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+/// The known word with the most similar spelling, if at most a third of the letters differ.
+pub fn similar_word<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word: Vec<char> = word.to_lowercase().chars().take(64).collect();
-    let best = known.into_iter().map(|candidate| (distance(&word, &candidate.chars().collect::<Vec<_>>()), candidate)).min()?;
+    let best =
+        known.into_iter().map(|candidate| (edit_distance(&word, &candidate.chars().collect::<Vec<_>>()), candidate)).min()?;
     (best.0 * 3 <= word.len().max(best.1.len())).then_some(best.1)
 }
 
-/// Letters to change, add, drop, or to swap with their neighbour.
-fn distance(a: &[char], b: &[char]) -> usize {
+/// The edit distance of two words: letters to change, add or drop, or to swap with their neighbour.
+fn edit_distance(a: &[char], b: &[char]) -> usize {
     let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
     for (i, row) in rows.iter_mut().enumerate() {
         row[0] = i;
@@ -120,11 +125,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn near_names() {
+    fn misspelt_keys_are_recognised() {
         let known = || POINT.iter().map(|key| key.key);
-        assert_eq!(near("typ", known()), Some("type"));
-        assert_eq!(near("sacle", known()), Some("scale"));
-        assert_eq!(near("units", known()), Some("unit"));
-        assert_eq!(near("zzz", known()), None);
+        assert_eq!(similar_word("typ", known()), Some("type"));
+        assert_eq!(similar_word("sacle", known()), Some("scale"));
+        assert_eq!(similar_word("units", known()), Some("unit"));
+        assert_eq!(similar_word("zzz", known()), None);
     }
 }

@@ -1,19 +1,19 @@
-//! Types of values, orders of bytes, register types, exact decimal numbers.
+//! The types of values, the orders of registers and bytes, and exact decimal numbers.
 
 use std::fmt;
 
-/// What a value is made of.
+/// The type of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Type {
     /// A bit.
     Bool,
-    /// The high half of a register.
+    /// The high byte of a register.
     U8h,
-    /// The low half.
+    /// The low byte of a register.
     U8l,
-    /// The high half, signed.
+    /// The high byte, signed.
     S8h,
-    /// The low half, signed.
+    /// The low byte, signed.
     S8l,
     /// One register.
     U16,
@@ -27,28 +27,28 @@ pub enum Type {
     U64,
     /// Four registers, signed.
     S64,
-    /// Half precision.
+    /// Floating point, half precision.
     F16,
-    /// Single precision.
+    /// Floating point, single precision.
     F32,
-    /// Double precision.
+    /// Floating point, double precision.
     F64,
-    /// Four decimal digits.
+    /// Four decimal digits, one per half byte.
     Bcd16,
-    /// Eight decimal digits.
+    /// Eight decimal digits, one per half byte.
     Bcd32,
-    /// Two characters a register.
+    /// Text, two characters per register.
     Str,
-    /// One character a register, in the high half.
+    /// Text, one character per register, in the high byte.
     Strh,
-    /// One character a register, in the low half.
+    /// Text, one character per register, in the low byte.
     Strl,
-    /// Bytes without meaning.
+    /// Bytes without further meaning, shown as hex.
     Raw,
 }
 
 impl Type {
-    /// All of them: word, registers of one value (0: as many as `count` says), what it is.
+    /// All types: name, registers of one value (0: as many as `count` says), description.
     pub const ALL: [(Self, &'static str, u16, &'static str); 20] = [
         (Self::Bool, "bool", 1, "a bit"),
         (Self::U8h, "u8h", 1, "the high half of a register"),
@@ -72,37 +72,37 @@ impl Type {
         (Self::Raw, "raw", 0, "bytes without further meaning"),
     ];
 
-    /// By its word.
+    /// The type with this name.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|row| row.1 == word).map(|row| row.0)
     }
 
-    /// Its word.
+    /// Its name in profiles.
     pub fn word(self) -> &'static str {
         Self::ALL[self as usize].1
     }
 
-    /// Registers of one value; 0 where `count` says it.
+    /// The number of registers of one value; 0 if `count` says it.
     pub fn registers(self) -> u16 {
         Self::ALL[self as usize].2
     }
 
-    /// Whether it is a whole number, and so can have labels.
+    /// Whether it is an integer, so that values can have labels.
     pub fn whole(self) -> bool {
         self.number() && !matches!(self, Self::F16 | Self::F32 | Self::F64)
     }
 
-    /// Whether it is a number, and so can be scaled.
+    /// Whether it is a number, so that it can be scaled.
     pub fn number(self) -> bool {
         !matches!(self, Self::Bool | Self::Str | Self::Strh | Self::Strl | Self::Raw)
     }
 
-    /// Whether it carries a sign.
+    /// Whether it is a signed integer.
     pub fn signed(self) -> bool {
         matches!(self, Self::S8h | Self::S8l | Self::S16 | Self::S32 | Self::S64)
     }
 
-    /// Bits of one value, where it is a number.
+    /// The number of bits of one value, if it is a number.
     pub fn width(self) -> u32 {
         match self {
             Self::U8h | Self::U8l | Self::S8h | Self::S8l => 8,
@@ -111,31 +111,31 @@ impl Type {
     }
 }
 
-/// In which order the bytes of a value stand on the wire; named by where the bytes of 0xAABBCCDD go.
+/// The order of registers and bytes on the wire, named by where the bytes of 0xAABBCCDD are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Order {
-    /// Highest register first, high byte first.
+    /// Most significant register first, high byte first (big-endian).
     #[default]
     Abcd,
-    /// Lowest register first, high byte first.
+    /// Least significant register first, high byte first (word swap).
     Cdab,
-    /// Highest register first, low byte first.
+    /// Most significant register first, low byte first (byte swap).
     Badc,
-    /// Lowest register first, low byte first.
+    /// Least significant register first, low byte first (little-endian).
     Dcba,
 }
 
 impl Order {
-    /// All of them.
+    /// All orders with their names.
     pub const ALL: [(Self, &'static str); 4] =
         [(Self::Abcd, "ABCD"), (Self::Cdab, "CDAB"), (Self::Badc, "BADC"), (Self::Dcba, "DCBA")];
 
-    /// By its word, in any case.
+    /// The order with this name; not case-sensitive.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|row| row.1.eq_ignore_ascii_case(word)).map(|row| row.0)
     }
 
-    /// Its word.
+    /// Its name.
     pub fn word(self) -> &'static str {
         Self::ALL[self as usize].1
     }
@@ -145,38 +145,38 @@ impl Order {
         matches!(self, Self::Badc | Self::Dcba)
     }
 
-    /// Whether the lowest register comes first.
+    /// Whether the least significant register comes first.
     pub fn swaps_words(self) -> bool {
         matches!(self, Self::Cdab | Self::Dcba)
     }
 }
 
-/// Who may do what with a point.
+/// Whether masters read a point, write it, or both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Access {
-    /// Read.
+    /// Only read.
     #[default]
     Read,
-    /// Written.
+    /// Only written.
     Write,
-    /// Both.
+    /// Read and written.
     Both,
 }
 
 impl Access {
-    /// All of them.
+    /// All kinds of access with their names in profiles.
     pub const ALL: [(Self, &'static str); 3] = [(Self::Read, "r"), (Self::Write, "w"), (Self::Both, "rw")];
 
-    /// Its word.
+    /// Its name in profiles.
     pub fn word(self) -> &'static str {
         Self::ALL[self as usize].1
     }
 }
 
-/// A decimal number as it was written: `digits * 10^exponent`, exact.
+/// A decimal number, exactly as it was written: `digits * 10^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decimal {
-    /// The digits with their sign.
+    /// All digits as one signed number.
     pub digits: i64,
     /// The power of ten.
     pub exponent: i32,
@@ -188,7 +188,7 @@ impl Decimal {
     /// Zero.
     pub const ZERO: Self = Self { digits: 0, exponent: 0 };
 
-    /// Reads `0.1`, `-40`, `1e-3`. `None` where it is no such number, or has more than 18 digits.
+    /// Parses `0.1`, `-40`, `1e-3`. `None` if the text is not a decimal number, or has more than 18 digits.
     pub fn parse(text: &str) -> Option<Self> {
         let text = text.trim().replace('_', "");
         let (mantissa, power) = match text.split_once(['e', 'E']) {
@@ -199,7 +199,7 @@ impl Decimal {
         if !fraction.bytes().all(|byte| byte.is_ascii_digit()) || fraction.len() + whole.len() == 0 {
             return None;
         }
-        // Zeros at the end of a fraction say nothing; a scale of 0.10 is one of 0.1.
+        // Trailing zeros do not change the value: 0.10 is stored as 0.1.
         let fraction = fraction.trim_end_matches('0');
         let digits: i64 = format!("{whole}{fraction}").parse().ok()?;
         let exponent = power - fraction.len() as i32;
@@ -218,7 +218,7 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// `digits * 10^exponent` in plain figures.
+/// `digits * 10^exponent` without an exponent: `0.05`, `1200`.
 pub fn decimal_text(digits: i128, exponent: i32) -> String {
     if exponent >= 0 {
         let zeros = if digits == 0 { 0 } else { exponent as usize };
@@ -237,7 +237,7 @@ mod tests {
     use modlens_protocol::register_type::Space;
 
     #[test]
-    fn words_stand_in_the_order_of_their_enums() {
+    fn tables_of_names_follow_the_order_of_the_variants() {
         assert!(Type::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i && Type::from_word(row.1) == Some(row.0)));
         assert!(Space::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i));
         assert!(Order::ALL.iter().enumerate().all(|(i, row)| row.0 as usize == i));
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn decimals_are_exact() {
+    fn decimals_are_parsed_exactly() {
         for (text, back) in
             [("0.1", "0.1"), ("-40", "-40"), ("1e-3", "0.001"), ("2.50", "2.5"), ("1e3", "1000"), ("-0.05", "-0.05"), ("0", "0")]
         {

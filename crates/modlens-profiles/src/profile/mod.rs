@@ -1,7 +1,8 @@
-//! Device profiles: which registers mean what. One model, three spellings: TOML, YAML (as a tree from Python) and CSV.
+//! Device profiles (register maps): which registers have which meaning. One data model with three notations: TOML, YAML
+//! (parsed by Python and passed as a tree) and CSV.
 //!
-//! A file is read whatever is wrong with it, and every mistake is told at once, with line and key. `keys` has the keys,
-//! `points` turns a profile into a plan that converts.
+//! A file is read to its end whatever is wrong with it, and all mistakes are reported together, with line and key.
+//! `keys` lists the keys of the format; `points` compiles a profile to a plan that converts registers to values.
 
 mod check;
 mod cross;
@@ -21,13 +22,14 @@ pub use schema::schema;
 use modlens_protocol::register_type::Space;
 use serde_json::Value as Json;
 
-/// The profiles that are shipped: name, TOML text. In `dissectors/profiles/`.
+/// The profiles that are shipped: name and TOML text, from `dissectors/profiles/`.
 pub const SHIPPED: &[(&str, &str)] = &[
     ("mightyzap", include_str!("../../../../dissectors/profiles/mightyzap.toml")),
     ("grundfos", include_str!("../../../../dissectors/profiles/grundfos.toml")),
 ];
 
-/// `SunSpec` models by number; their addresses count from the model's ID register. In `dissectors/profiles/sunspec/`.
+/// `SunSpec` models: number and TOML text, from `dissectors/profiles/sunspec/`. Their addresses count from the ID
+/// register of the model.
 pub const SUNSPEC: &[(u16, &str)] = &[
     (1, include_str!("../../../../dissectors/profiles/sunspec/model_1.toml")),
     (101, include_str!("../../../../dissectors/profiles/sunspec/model_101.toml")),
@@ -42,16 +44,16 @@ pub const SUNSPEC: &[(u16, &str)] = &[
     (123, include_str!("../../../../dissectors/profiles/sunspec/model_123.toml")),
 ];
 
-/// Something that is wrong with a file.
+/// A mistake in a profile.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// The line, from 1; 0 where the file has none.
+    /// Its line, counted from 1; 0 if the format has no lines.
     pub line: u32,
-    /// The key, with the way to it: `registers[3].type`.
+    /// The key and the path to it: `registers[3].type`.
     pub key: String,
-    /// What is wrong, and what is right.
+    /// What is wrong, and what would be right.
     pub message: String,
-    /// A known word that is near.
+    /// A known word with a similar spelling.
     pub hint: Option<String>,
 }
 
@@ -62,7 +64,7 @@ impl Mistake {
     }
 }
 
-/// How addresses are counted in a file.
+/// How a file counts addresses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Base {
     /// As on the wire.
@@ -74,28 +76,29 @@ pub enum Base {
     Modicon,
 }
 
-/// What is known of the device as a whole.
+/// The properties of the device as a whole.
 #[derive(Clone, Debug, Default)]
 pub struct Device {
-    /// A name of its own.
+    /// A unique name, such as vendor.model.
     pub id: Option<String>,
-    /// Who makes it.
+    /// Its manufacturer.
     pub vendor: Option<String>,
-    /// What it is called.
+
+    /// Its model name.
     pub model: Option<String>,
-    /// The document.
+    /// The document that the profile was written from.
     pub source: Option<String>,
     /// Free text.
     pub note: Option<String>,
-    /// How the file counts.
+    /// How the file counts addresses.
     pub address_base: Base,
-    /// Order of points that say none.
+    /// The order of registers and bytes of points without an order of their own.
     pub order: Order,
-    /// Function codes that it knows; empty if that is not said.
+    /// The function codes that it supports; empty if the profile does not list them.
     pub functions: Vec<u8>,
-    /// Its words for exception codes.
+    /// Its own names for exception codes.
     pub exceptions: Vec<(u8, String)>,
-    /// Function rows that it needs.
+    /// The vendor tables of functions that it needs.
     pub vendor_functions: Vec<String>,
     /// The `SunSpec` model that the addresses are relative to.
     pub sunspec: Option<u16>,
@@ -104,70 +107,70 @@ pub struct Device {
 /// A raw value that means "no value".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sentinel {
-    /// The bits of the value, or the signed number.
+    /// The bits of the value as an unsigned number, or the signed number.
     Whole(i128),
     /// A floating point number.
     Float(f64),
 }
 
-/// A named value of the device.
+/// A named value of the device, or an array of such values.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Which table.
+    /// The table that it belongs to.
     pub space: Space,
-    /// First register or bit, as on the wire.
+    /// The address of its first register or bit, as on the wire.
     pub address: u16,
-    /// First and last bit, where it is a part of a register.
+    /// First and last bit, if it is a part of a register.
     pub bits: Option<(u8, u8)>,
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// How it is read.
+    /// The type of its values.
     pub kind: Type,
-    /// Registers or bits that it takes.
+    /// The number of registers or bits that all its values take together.
     pub count: u16,
-    /// Order of bytes.
+    /// The order of registers and bytes.
     pub order: Order,
     /// value = raw * scale + offset.
     pub scale: Option<Decimal>,
     /// value = raw * scale + offset.
     pub offset: Option<Decimal>,
-    /// The point that holds a power of ten.
+    /// The name of the point that holds a scale factor: a power of ten.
     pub sf: Option<String>,
     /// Unit of measure.
     pub unit: Option<String>,
-    /// Read or written.
+    /// Whether it is read, written or both.
     pub access: Access,
-    /// Labels of values.
+    /// Labels of values (an enumeration).
     pub labels: Vec<(i64, String)>,
-    /// Labels of bits.
+    /// Labels of bits (flags).
     pub bit_labels: Vec<(u8, String)>,
     /// Raw values that mean "no value".
     pub nan: Vec<Sentinel>,
-    /// Free text to group by.
+    /// The group under which it is listed.
     pub group: Option<String>,
     /// Free text.
     pub note: Option<String>,
-    /// Which of several profiles on one unit it comes from: names are unique in it.
+    /// The number of the profile, where several apply to one unit (SunSpec models). Names are unique within a scope.
     pub scope: u16,
-    /// Where its keys stand in the file.
+    /// The lines of its keys in the file.
     pub lines: Lines,
 }
 
-/// Where a point's keys stand, for what is found out later; lines are 0 where the file has none.
+/// The lines of a point's keys, for mistakes that are found later; 0 if the format has no lines.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lines {
-    /// Of `at`.
+    /// The line of `at`.
     pub at: u32,
-    /// Of `name`.
+    /// The line of `name`.
     pub name: u32,
-    /// Of `sf`.
+    /// The line of `sf`.
     pub sf: u32,
-    /// The point's number in the file, from 0.
+    /// The index of the point in the file, from 0.
     pub index: usize,
 }
 
 impl Point {
-    /// Registers or bits of one of its values.
+    /// The number of registers or bits of one of its values.
     pub fn step(&self) -> u16 {
         match self.kind.registers() {
             0 => self.count,
@@ -175,7 +178,7 @@ impl Point {
         }
     }
 
-    /// How many values it has.
+    /// The number of its values: more than one for an array.
     pub fn length(&self) -> u16 {
         self.count / self.step().max(1)
     }
@@ -190,21 +193,21 @@ pub struct Profile {
     pub points: Vec<Point>,
 }
 
-/// How a profile is spelled.
+/// The notation of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// TOML.
     Toml,
     /// CSV.
     Csv,
-    /// A JSON tree with lines, see `node::from_tree`; what Python makes of YAML.
+    /// A JSON tree in which every value has its line (see `node::from_tree`), which Python makes of YAML.
     Tree,
     /// Plain JSON.
     Json,
 }
 
 impl Form {
-    /// By its word.
+    /// The notation with this name.
     pub fn from_word(word: &str) -> Option<Self> {
         let all = [("toml", Self::Toml), ("csv", Self::Csv), ("tree", Self::Tree), ("json", Self::Json)];
         all.into_iter().find(|(name, _)| *name == word).map(|(_, form)| form)
@@ -212,7 +215,7 @@ impl Form {
 }
 
 impl Profile {
-    /// Reads a file; all mistakes at once, by line.
+    /// Parses a profile. The error lists all mistakes, sorted by line.
     ///
     /// ```
     /// use modlens_profiles::profile::{Form, Profile};
@@ -240,7 +243,7 @@ impl Profile {
         Err(mistakes)
     }
 
-    /// A shipped profile.
+    /// The shipped profile with this name.
     pub fn shipped(name: &str) -> Option<Self> {
         let (_, text) = SHIPPED.iter().find(|(known, _)| *known == name)?;
         Self::parse(text, Form::Toml).ok()

@@ -1,11 +1,12 @@
-//! A file without its spelling: values with the lines they stand on. TOML, CSV, YAML and JSON become this.
+//! The content of a profile file, independent of its notation: values with their lines. TOML, CSV, YAML and JSON are
+//! all converted to this.
 
 use serde_json::Value as Json;
 
-/// A value and its line, from 1; 0 where nothing is known of lines.
+/// A value with its line, counted from 1; 0 if lines are unknown.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// The line.
+    /// Its line.
     pub line: u32,
     /// The value.
     pub value: Value,
@@ -22,27 +23,27 @@ pub struct Entry {
     pub node: Node,
 }
 
-/// A value.
+/// A value of any kind.
 #[derive(Clone, Debug)]
 pub enum Value {
     /// Text.
     Text(String),
     /// A whole number.
     Integer(i128),
-    /// A number with a fraction or a power, as it was written.
+    /// A number with a fraction or an exponent, as it was written.
     Float(String),
-    /// Yes or no.
+    /// A truth value.
     Bool(bool),
     /// A list.
     List(Vec<Node>),
     /// A table.
     Map(Vec<Entry>),
-    /// What profiles have no use for, by its name: a date, null.
+    /// A kind of value that profiles do not use, such as a date, by its name for messages.
     Other(&'static str),
 }
 
 impl Node {
-    /// What kind of value it is, in a word.
+    /// The kind of the value, for messages.
     pub fn kind(&self) -> &'static str {
         match &self.value {
             Value::Text(_) => "a text",
@@ -54,7 +55,7 @@ impl Node {
         }
     }
 
-    /// The value as a message quotes it.
+    /// The value as messages quote it.
     pub fn shown(&self) -> String {
         match &self.value {
             Value::Text(text) => format!("{text:?}"),
@@ -79,8 +80,8 @@ impl Node {
     }
 }
 
-/// Reads the tree that Python makes of YAML: every value is `[line, value]`, every value of a table `[line of the key,
-/// [line, value]]`.
+/// Converts the tree that Python makes of YAML: every value is `[line, value]`, and every entry of a table is `[line of
+/// the key, [line, value]]`.
 pub fn from_tree(tree: &Json) -> Option<Node> {
     let pair = tree.as_array().filter(|pair| pair.len() == 2)?;
     let line = pair[0].as_u64()? as u32;
@@ -97,7 +98,7 @@ fn entry(key: &str, pair: &Json) -> Option<Entry> {
     Some(Entry { key: key.to_owned(), line: pair[0].as_u64()? as u32, node: from_tree(&pair[1])? })
 }
 
-/// Plain JSON, which has no lines: what programs hand over.
+/// Converts plain JSON, which has no lines. Programs pass it.
 pub fn from_json(json: &Json) -> Node {
     let value = match json {
         Json::Array(items) => Value::List(items.iter().map(from_json).collect()),
@@ -110,6 +111,7 @@ pub fn from_json(json: &Json) -> Node {
     Node { line: 0, value }
 }
 
+/// Converts a scalar JSON value.
 fn leaf(scalar: &Json) -> Value {
     match scalar {
         Json::String(text) => Value::Text(text.clone()),

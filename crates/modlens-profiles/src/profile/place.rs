@@ -1,20 +1,21 @@
-//! `at`: where a point stands. `hr:0x00CD`, `hr:40108` with base modicon, `hr:10.3`, `hr:10.4-7`, `co:5`.
+//! Parses the key `at`, the address of a point: `hr:0x00CD`, `hr:40108` with base modicon, `hr:10.3`, `hr:10.4-7`,
+//! `co:5`.
 
 use crate::profile::Base;
 use modlens_protocol::register_type::Space;
 
-/// A table, a wire address, and the bits of a register.
+/// The address of a point: table, wire address, and the bits of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Which table.
+    /// The table.
     pub space: Space,
-    /// The address on the wire.
+    /// The address on the wire, counted from 0.
     pub address: u16,
-    /// First and last bit.
+    /// First and last bit, if only a part of the register is meant.
     pub bits: Option<(u8, u8)>,
 }
 
-/// Reads it; the error says what is wrong and what is right.
+/// Parses an address; the error says what is wrong and what would be right.
 pub fn parse(text: &str, base: Base) -> Result<Place, String> {
     let (word, rest) = text.trim().split_once(':').ok_or("takes hr, ir, co or di, a colon and an address, such as hr:0x00CD")?;
     let space = Space::from_word(&word.trim().to_ascii_lowercase())
@@ -27,14 +28,16 @@ pub fn parse(text: &str, base: Base) -> Result<Place, String> {
     Ok(Place { space, address: to_wire(number, space, base)?, bits })
 }
 
+/// A decimal or hexadecimal number without a sign.
 fn parse_number(text: &str) -> Option<u64> {
     match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => u64::from_str_radix(digits, 16).ok(),
-        // A plus sign would be read, too.
+        // Checked because `parse` accepts a plus sign.
         None => text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok())?,
     }
 }
 
+/// A bit (`3`) or a range of bits (`4-7`) of a register.
 fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
     if space.bits() {
         return Err(format!("a {} has no bits of its own", space.long().replace('_', " ")));
@@ -52,6 +55,7 @@ fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
     Ok((first, last))
 }
 
+/// The wire address of a number as the file counts.
 fn to_wire(number: u64, space: Space, base: Base) -> Result<u16, String> {
     let wire = match base {
         Base::Zero => Some(number),
@@ -63,18 +67,19 @@ fn to_wire(number: u64, space: Space, base: Base) -> Result<u16, String> {
         .ok_or_else(|| format!("address {number} is beyond the last one, {}", 0xFFFF + u64::from(base == Base::One)))
 }
 
-/// 40001 to 49999, or 400001 to 465536. Coils have no leading digit, or a zero, which a number does not show.
+/// The wire address of a Modicon address: 40001 to 49999, or 400001 to 465536 for holding registers. Addresses of coils
+/// begin with 0, which a number does not show.
 fn from_modicon(number: u64, space: Space) -> Result<u64, String> {
     let digit = u64::from(space.digit());
-    let (five, six) = (digit * 10_000, digit * 100_000);
+    let (five_digits_base, six_digits_base) = (digit * 10_000, digit * 100_000);
     let word = space.short();
-    if (six + 1..=six + 65_536).contains(&number) {
-        return Ok(number - six - 1);
+    if (six_digits_base + 1..=six_digits_base + 65_536).contains(&number) {
+        return Ok(number - six_digits_base - 1);
     }
-    if (five + 1..=five + 9_999).contains(&number) {
-        return Ok(number - five - 1);
+    if (five_digits_base + 1..=five_digits_base + 9_999).contains(&number) {
+        return Ok(number - five_digits_base - 1);
     }
-    let examples = format!("{:05} or {:06}", five + 1, six + 1);
+    let examples = format!("{:05} or {:06}", five_digits_base + 1, six_digits_base + 1);
     Err(format!("{number} is no Modicon address of {word}; they begin with {examples}"))
 }
 
@@ -87,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn one_register_and_its_five_names() {
+    fn all_notations_of_one_register() {
         assert_eq!(wire("hr:107", Base::Zero), 107);
         assert_eq!(wire("hr:0x6B", Base::Zero), 107);
         assert_eq!(wire("hr:108", Base::One), 107);
@@ -104,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn five_digits_stop_at_9999() {
+    fn five_digit_modicon_addresses_end_at_9999() {
         assert_eq!(wire("hr:49999", Base::Modicon), 9_998);
         assert!(parse("hr:50000", Base::Modicon).is_err());
         assert_eq!(wire("hr:410000", Base::Modicon), 9_999);
@@ -113,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_explain_the_mistake() {
         for (text, base, part) in [
             ("107", Base::Zero, "colon"),
             ("xr:1", Base::Zero, "is no table"),

@@ -1,4 +1,5 @@
-//! TOML with lines. The crate's parser goes on behind a mistake of syntax, so that all of them are told at once.
+//! Parses TOML and keeps the lines. The library's parser goes on after a syntax error, so all mistakes can be reported
+//! together.
 
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
@@ -6,10 +7,10 @@ use toml::Spanned;
 use crate::profile::node::{Entry, Node, Value};
 use crate::profile::Mistake;
 
-/// The tree of a text; what is no TOML goes to `mistakes`.
+/// Parses TOML into a tree. Syntax errors are added to `mistakes`.
 pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     let (table, errors) = DeTable::parse_recoverable(text);
-    let lines = Lines::new(text);
+    let lines = LineEnds::new(text);
     for error in errors {
         let line = error.span().map_or(0, |span| lines.at(span.start));
         mistakes.push(Mistake::new(line, "", format!("no TOML: {}", error.message().replace('\n', " "))));
@@ -17,9 +18,10 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     Node { line: 1, value: map(table.get_ref(), &lines) }
 }
 
-struct Lines(Vec<usize>);
+/// The offsets of all line ends, to find the line of an offset.
+struct LineEnds(Vec<usize>);
 
-impl Lines {
+impl LineEnds {
     fn new(text: &str) -> Self {
         Self(memchr::memchr_iter(b'\n', text.as_bytes()).collect())
     }
@@ -29,17 +31,17 @@ impl Lines {
     }
 }
 
-fn map(table: &DeTable<'_>, lines: &Lines) -> Value {
+fn map(table: &DeTable<'_>, lines: &LineEnds) -> Value {
     let mut entries: Vec<Entry> = table
         .iter()
         .map(|(key, value)| Entry { key: key.get_ref().to_string(), line: lines.at(key.span().start), node: node(value, lines) })
         .collect();
-    // The crate sorts by name; people expect the order of the file.
+    // The library sorts keys by name; users expect the order of the file.
     entries.sort_by_key(|entry| entry.line);
     Value::Map(entries)
 }
 
-fn node(value: &Spanned<DeValue<'_>>, lines: &Lines) -> Node {
+fn node(value: &Spanned<DeValue<'_>>, lines: &LineEnds) -> Node {
     let line = lines.at(value.span().start);
     let value = match value.get_ref() {
         DeValue::String(text) => Value::Text(text.to_string()),

@@ -1,6 +1,8 @@
-//! The table of functions: `dissectors/functions.toml` compiled to shapes.
+//! The table of Modbus functions: `dissectors/functions.toml`, parsed into one row per function code (or per
+//! sub-function) with the field layout of its request and response.
 //!
-//! What is not here: any knowledge of a single function. It stands in the table, and users add rows in the same words.
+//! This module knows the format of the table and nothing about any single function. Users and vendors add rows in the
+//! same words.
 
 use std::sync::OnceLock;
 
@@ -21,28 +23,31 @@ pub const TABLE: &str = include_str!("../../../../dissectors/functions.toml");
 /// The embedded vocabulary: exceptions, sub-functions, MEI types, objects.
 pub const VOCABULARY: &str = include_str!("../../../../dissectors/vocabulary.toml");
 
-/// The embedded vendors' rows, by name; loaded only when asked for.
+/// Function tables of vendors, by vendor name. They are embedded in the library but loaded only on request, because
+/// vendors use the same function codes for different purposes.
 pub const VENDORS: &[(&str, &str)] = &[
     ("huawei", include_str!("../../../../dissectors/vendor/huawei.toml")),
     ("pace", include_str!("../../../../dissectors/vendor/pace.toml")),
     ("sungrow", include_str!("../../../../dissectors/vendor/sungrow.toml")),
 ];
 
-/// The bit that marks an exception response (application protocol, 7).
+/// Set in the function code of an exception response (Modbus Application Protocol V1.1b3, section 7).
 pub const EXCEPTION_BIT: u8 = 0x80;
-/// The rows of one function code.
+
+/// The rows of one function code: one row, or one row per value of its first field (sub-function, MEI type).
 #[derive(Clone, Debug)]
 struct Entry {
-    /// Width of the leading field that tells the variants apart; 0 where there are none.
+    /// Size in bytes of the leading field whose value selects the variant; 0 if the function has no variants.
     width: usize,
     variants: Vec<Row>,
 }
 
-/// The table: rows by function code.
+/// The table of functions: its rows, indexed by function code.
 #[derive(Clone, Debug)]
 pub struct Functions {
     entries: Vec<Option<Box<Entry>>>,
-    /// Those of them that are asked in a plain way.
+    /// For each function code, the checks of a request, if the function is a standard read or write (see `Plain`).
+    /// Computed once, because the fast path for request and response pairs needs it for every frame.
     plain: Vec<Option<Asks>>,
 }
 
@@ -63,9 +68,10 @@ impl Functions {
         })
     }
 
-    /// Adds the rows of a text; a row replaces the one with the same code and `when`.
+    /// Adds the rows of a TOML text. A row replaces an existing row with the same code and the same `when`. `origin` is
+    /// the file name for error messages.
     ///
-    /// The error says which row and key is wrong.
+    /// The error names the row and the key that is wrong.
     pub fn load(&mut self, text: &str, origin: &str, vendor: Option<&str>) -> Result<(), String> {
         let rows = parse(text, origin, vendor)?;
         for row in rows {
@@ -79,7 +85,8 @@ impl Functions {
                         entry.width = width;
                     }
                     entry.variants.push(row);
-                    // Rows for one value come first: the row without `when` is for all others.
+                    // The row without `when` applies to all values that have no row of their own, so it must be tried
+                    // last.
                     entry.variants.sort_by_key(|row| row.when.is_none());
                 }
                 None => *slot = Some(Box::new(Entry { width: if row.when.is_some() { width } else { 0 }, variants: vec![row] })),
@@ -90,7 +97,7 @@ impl Functions {
         Ok(())
     }
 
-    /// Adds an embedded vendor's rows.
+    /// Adds the rows of an embedded vendor table; the name is not case-sensitive. The error lists the known names.
     pub fn load_vendor(&mut self, name: &str) -> Result<(), String> {
         let known = || VENDORS.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
         let (_, text) = VENDORS
@@ -100,7 +107,9 @@ impl Functions {
         self.load(text, name, Some(name))
     }
 
-    /// The row for this function code and body, the exception bit taken off before. The body may be cut short.
+    /// The row for a function code (without the exception bit) and the body of its request or response, which selects
+    /// the variant. `None` if the code is unknown, or if the body is too short to contain the leading field and no
+    /// variant is generic.
     #[inline]
     pub fn row(&self, code: u8, body: &[u8]) -> Option<&Row> {
         let entry = self.entries[code as usize].as_deref()?;
@@ -111,24 +120,24 @@ impl Functions {
         entry.variants.iter().find(|row| row.when.is_none() || row.when == leading)
     }
 
-    /// What may be asked with this function code, if that is plain.
+    /// The limits of a request with this function code, if it is a standard read or write.
     #[inline]
     pub fn asks(&self, code: u8) -> Option<Asks> {
         self.plain[usize::from(code)]
     }
 
-    /// Whether the body is too short to tell which row it belongs to, and how many bytes that takes.
+    /// The number of body bytes that `row` needs to choose between the variants of a function; 0 if it has none.
     #[inline]
     pub fn leading_bytes(&self, code: u8) -> usize {
         self.entries[code as usize].as_deref().map_or(0, |entry| entry.width)
     }
 
-    /// The name of a function.
+    /// The name of a function, as the specification spells it.
     pub fn name(&self, code: u8) -> Option<&str> {
         self.any(code).map(|row| row.name.as_str())
     }
 
-    /// A row of this function code, whichever variant: they share the name.
+    /// The first row of this function code. Use it only for properties that all variants share, such as the name.
     #[inline]
     pub fn any(&self, code: u8) -> Option<&Row> {
         self.entries[code as usize].as_deref()?.variants.first()
@@ -145,9 +154,11 @@ impl Functions {
     }
 }
 
+/// Size in bytes of the first request field, which is the one that `when` compares.
 fn leading_width(row: &Row) -> usize {
     row.request.shape().and_then(|shape| shape.fields.first()).map_or(0, |field| field.word.width())
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,8 +168,8 @@ mod tests {
     }
 
     #[test]
-    fn lengths_of_the_specification() {
-        // Bodies, so without unit, function code and checksum; application protocol, section 6.
+    fn body_lengths_follow_the_specification() {
+        // Bodies are PDUs without the function code (Modbus Application Protocol V1.1b3, section 6).
         assert_eq!(row(3, &[]).request.extent(&[]), Extent::Exactly(4));
         assert_eq!(row(3, &[]).response.extent(&[]), Extent::AtLeast(1));
         assert_eq!(row(3, &[]).response.extent(&[6]), Extent::Exactly(7));
@@ -174,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn all_public_functions_are_there() {
+    fn table_contains_all_public_functions() {
         let codes: std::collections::BTreeSet<u8> = Functions::embedded().rows().map(|row| row.code).collect();
         for code in [1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 15, 16, 17, 20, 21, 22, 23, 24, 43] {
             assert!(codes.contains(&code), "{code}");
@@ -193,15 +204,15 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_named() {
+    fn errors_name_the_mistake() {
         let load =
             |row: &str| Functions::default().load(&format!("format = 1\n[[function]]\n{row}"), "my.toml", None).unwrap_err();
-        let rest = "name = \"X\"\nexample = { request = \"41\" }\n";
-        assert!(load(&format!("code = 65\n{rest}request = [\"a:u32\"]")).contains("known are u8 u16"));
-        assert!(load(&format!("code = 200\n{rest}")).contains("1 to 127"));
-        assert!(load(&format!("code = 65\n{rest}colour = 1")).contains("\"colour\""));
+        let required_keys = "name = \"X\"\nexample = { request = \"41\" }\n";
+        assert!(load(&format!("code = 65\n{required_keys}request = [\"a:u32\"]")).contains("known are u8 u16"));
+        assert!(load(&format!("code = 200\n{required_keys}")).contains("1 to 127"));
+        assert!(load(&format!("code = 65\n{required_keys}colour = 1")).contains("\"colour\""));
         assert!(load("code = 65\nname = \"X\"").contains("example"));
-        assert!(load(&format!("code = 65\n{rest}when = {{ b = 1 }}\nrequest = [\"a:u8\"]")).contains("first field"));
+        assert!(load(&format!("code = 65\n{required_keys}when = {{ b = 1 }}\nrequest = [\"a:u8\"]")).contains("first field"));
         assert!(Functions::default().load("x = 1", "my.toml", None).unwrap_err().contains("format = 1"));
     }
 }

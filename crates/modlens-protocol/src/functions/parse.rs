@@ -1,4 +1,4 @@
-//! The rows of a TOML text. Every mistake is named, with the words that are known.
+//! Parses the rows of a table of functions from TOML. Errors name the mistake and list the words that are known.
 
 use serde_json::Value as Json;
 
@@ -6,7 +6,7 @@ use crate::functions::row::{Echo, Operation, Permit, Plain, Roles, Row};
 use crate::functions::shape::{Extent, Field, Layout, Shape, Word};
 use crate::register_type::Space;
 
-/// The words of the table, as the messages name them.
+/// The field types, as error messages list them.
 pub const WORDS: &str = "u8 u16 len8 len16 count8 count16 bits u8[] u16[] bytes group{...}";
 
 const KEYS: &[&str] = &[
@@ -28,11 +28,14 @@ const KEYS: &[&str] = &[
 
 const REGISTER_TYPES: &[&str] = &["coil", "discrete_input", "holding_register", "input_register"];
 
-/// A TOML text as JSON.
+/// Parses TOML into a JSON value; a syntax error becomes one line of text.
 pub fn parse_toml(text: &str) -> Result<Json, String> {
     toml::from_str(text).map_err(|e| e.to_string().trim_end().replace('\n', " "))
 }
 
+/// Parses all rows of a file. `origin` is the file name for error messages, `vendor` the vendor whose table it is.
+///
+/// The file must begin with `format = 1`, so that a later format can be told apart.
 pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Vec<Row>, String> {
     let file: Json = parse_toml(text).map_err(|e| format!("{origin}: {e}"))?;
     if file.get("format").and_then(Json::as_u64) != Some(1) {
@@ -45,6 +48,7 @@ pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Ve
         .collect()
 }
 
+/// Parses one `[[function]]` row, checks its keys, and derives what the decoder and the framer need from its layouts.
 fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     let table = row.as_object().ok_or("not a table")?;
     if let Some(key) = table.keys().find(|key| !KEYS.contains(&key.as_str())) {
@@ -80,9 +84,9 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     let permits = [permits(row, &request)?, permits(row, &response)?];
     let echo = strings(row.get("echo"))?;
     let echoes = echoes(&echo, &request, &response);
-    let limits = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
+    let limits_end = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
     Ok(Row {
-        judged: limits.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
+        judged: limits_end.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
         code,
         unquoted: name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b" ()/_".contains(&byte)),
         name,
@@ -102,6 +106,8 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     })
 }
 
+/// The value of the first request field that the row applies to (`when = { sub_function = 4 }`); `None` for a row that
+/// applies to every value.
 fn parse_when(row: &Json, request: &Layout) -> Result<Option<u16>, String> {
     let Some(when) = row.get("when") else { return Ok(None) };
     let (key, value) = when.as_object().filter(|o| o.len() == 1).and_then(|o| o.iter().next()).ok_or("when takes one field")?;
@@ -113,6 +119,7 @@ fn parse_when(row: &Json, request: &Layout) -> Result<Option<u16>, String> {
     Ok(Some(value))
 }
 
+/// A list of strings, empty if the key is absent.
 fn strings(list: Option<&Json>) -> Result<Vec<String>, String> {
     let Some(list) = list else { return Ok(Vec::new()) };
     list.as_array()
@@ -120,6 +127,7 @@ fn strings(list: Option<&Json>) -> Result<Vec<String>, String> {
         .ok_or_else(|| "echo takes a list of field names".into())
 }
 
+/// The permitted values of all fields with a fixed offset in this layout, from the keys `limits` and `allowed`.
 fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
     let mut all = Vec::new();
     for (key, wrong) in [("limits", "field = [lowest, highest]"), ("allowed", "field = [values]")] {
@@ -133,7 +141,8 @@ fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
                 ("allowed", Some(values)) if !values.is_empty() => values.iter().map(|&v| (v, v)).collect(),
                 _ => return Err(wrong()),
             };
-            // Fields behind a list, or of the other direction, have no fixed place: nothing to check there.
+            // A field after a list has no fixed offset, and the tables name the fields of both directions: neither is
+            // checked here.
             if let Some((offset, width)) = layout.shape().and_then(|shape| shape.place_of(name)) {
                 all.push(Permit { name: name.clone(), offset, width, ranges });
             }
@@ -142,6 +151,8 @@ fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
     Ok(all)
 }
 
+/// A layout from a list of `"name:type"`, from the word `"none"` (the request is not answered), or unknown if the key
+/// is absent.
 fn parse_layout(layout: Option<&Json>) -> Result<Layout, String> {
     match layout {
         None => Ok(Layout::Unknown),
@@ -155,6 +166,7 @@ fn parse_layout(layout: Option<&Json>) -> Result<Layout, String> {
     }
 }
 
+/// One field from `"name:type"`; the fields of `group{...}` are separated by blanks.
 fn parse_field(text: &str) -> Result<Field, String> {
     let (name, word) = text.trim().split_once(':').ok_or_else(|| format!("field {text:?} is not \"name:word\""))?;
     if name.is_empty() || !name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
@@ -184,42 +196,58 @@ fn parse_field(text: &str) -> Result<Field, String> {
     Ok(Field { name: name.to_owned(), word })
 }
 
+/// The standard layout that a row has, if the response can be predicted from the request.
+///
+/// Three layouts qualify: a read (address and quantity, answered by a byte count and that many bytes), a write of a
+/// block (answered by its address and quantity) and a write of one value (answered by the same bytes). The names of the
+/// fields are not enough, so the lengths of the layouts are tried with sample bytes.
 fn plain(request: &Layout, response: &Layout, roles: &Roles, echoes: &[Echo], permits: &[Vec<Permit>; 2]) -> Option<Plain> {
-    let four = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
-    let counted = |layout: &Layout, at: usize| {
+    let is_four_bytes = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
+    let has_byte_count_at = |layout: &Layout, at: usize| {
         let extent = |count: u8| layout.extent(&[&[0u8; 4][..at], &[count]].concat());
         [1u8, 2, 250].iter().all(|&count| extent(count) == Extent::Exactly(at + 1 + usize::from(count)))
     };
-    // What is permitted of the answer must not depend on its values, unless those are the request's.
-    let by_count = permits[1].iter().all(|permit| permit.offset + permit.width <= 1);
-    let repeats = |at: usize| echoes.iter().any(|echo| (echo.asked, echo.answered, echo.width) == (at, at, 2));
-    let same = four(response) && repeats(0) && repeats(2) && permits[1].iter().all(|permit| permits[0].contains(permit));
+    // The fast path does not look at the values of a response. So its limits may concern only the byte count, or fields
+    // that repeat the request and have the same limits there.
+    let limits_only_byte_count = permits[1].iter().all(|permit| permit.offset + permit.width <= 1);
+    let is_echoed_at = |at: usize| echoes.iter().any(|echo| (echo.asked, echo.answered, echo.width) == (at, at, 2));
+    let repeats_address_and_number = is_four_bytes(response)
+        && is_echoed_at(0)
+        && is_echoed_at(2)
+        && permits[1].iter().all(|permit| permits[0].contains(permit));
     if roles.address != Some(0) {
         return None;
     }
     match (roles.quantity, roles.request_block, roles.response_block) {
-        (Some(2), None, Some((1, bits))) if four(request) && counted(response, 0) && by_count => {
+        (Some(2), None, Some((1, bits)))
+            if is_four_bytes(request) && has_byte_count_at(response, 0) && limits_only_byte_count =>
+        {
             Some(if bits { Plain::ReadBits } else { Plain::ReadRegisters })
         }
-        (Some(2), Some((5, bits)), None) if counted(request, 4) && same => {
+        (Some(2), Some((5, bits)), None) if has_byte_count_at(request, 4) && repeats_address_and_number => {
             Some(if bits { Plain::WriteBits } else { Plain::WriteRegisters })
         }
-        (None, None, None) if roles.value == Some(2) && four(request) && request == response && same => Some(Plain::WriteOne),
+        (None, None, None)
+            if roles.value == Some(2) && is_four_bytes(request) && request == response && repeats_address_and_number =>
+        {
+            Some(Plain::WriteOne)
+        }
         _ => None,
     }
 }
 
-/// The numbers of these names that have a place in both bodies.
+/// The echoed fields that are numbers with a fixed offset in both bodies.
 fn echoes(names: &[String], request: &Layout, response: &Layout) -> Vec<Echo> {
     let (Some(asked), Some(answered)) = (request.shape(), response.shape()) else { return Vec::new() };
-    let place = |name: &String| {
+    let echo_of = |name: &String| {
         let width = asked.fields.iter().find(|field| field.name == *name)?.word.width();
         let (asked, answered) = (asked.offset_of(name)?, answered.offset_of(name)?);
         Some(Echo { name: name.clone(), asked, answered, width })
     };
-    names.iter().filter_map(place).collect()
+    names.iter().filter_map(echo_of).collect()
 }
 
+/// The offsets of the fields that become columns, found by the names that the tables use for them.
 fn roles(request: &Layout, response: &Layout, operation: Operation) -> Roles {
     if operation == Operation::Other {
         return Roles::default();

@@ -1,4 +1,5 @@
-//! One row of the table: a function and what is known of it.
+//! One row of the table of functions, and what is derived from it once when the table is loaded: offsets, echoes,
+//! limits.
 
 use serde_json::Value as Json;
 
@@ -7,7 +8,7 @@ use crate::functions::shape::{number, Layout};
 use crate::functions::Functions;
 use crate::register_type::Space;
 
-/// What a transaction does.
+/// Whether a function reads or writes registers or bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Reads registers or bits.
@@ -21,7 +22,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// As the `operation` column spells it.
+    /// The value of the `operation` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Read => "read",
@@ -32,111 +33,116 @@ impl Operation {
     }
 }
 
-/// Where the columns of a transaction stand in the bodies; worked out once.
+/// Offsets in the PDU bodies of the fields that become columns of a transaction. Computed once when the table is
+/// loaded; `None` where the function has no such field.
 #[derive(Clone, Debug, Default)]
 pub struct Roles {
-    /// Request: first register or bit.
+    /// Request: address of the first register or bit.
     pub address: Option<usize>,
-    /// Request: how many.
+    /// Request: number of registers or bits.
     pub quantity: Option<usize>,
-    /// Request of a read-and-write: first register written.
+    /// Request of function 23: address of the first register written.
     pub write_address: Option<usize>,
-    /// Request of a read-and-write: how many are written.
+    /// Request of function 23: number of registers written.
     pub write_quantity: Option<usize>,
     /// Request: the value of a single write.
     pub value: Option<usize>,
-    /// Request: the block written (offset, bits).
+    /// Request: the data written (offset, whether it is packed bits).
     pub request_block: Option<(usize, bool)>,
-    /// Response: the block read (offset, bits).
+    /// Response: the data read (offset, whether it is packed bits).
     pub response_block: Option<(usize, bool)>,
 }
 
-/// A field that the response repeats.
+/// A field of the request that the response must repeat with the same value.
 #[derive(Clone, Debug)]
 pub struct Echo {
-    /// The field.
+    /// Name of the field.
     pub name: String,
-    /// Where it stands in the body of the request.
+    /// Its offset in the body of the request.
     pub asked: usize,
-    /// Where it stands in the body of the response.
+    /// Its offset in the body of the response.
     pub answered: usize,
-    /// Its bytes.
+    /// Its size in bytes.
     pub width: usize,
 }
 
-/// Functions of the plainest kinds.
+/// The request and response layouts of the standard functions 1 to 6, 15 and 16. Vendor functions with one of these
+/// layouts are handled the same way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plain {
-    /// Address and quantity are asked, a count and as many bytes are the answer; eight bits to a byte.
+    /// Functions 1 and 2: the request has address and quantity, the response a byte count and packed bits.
     ReadBits,
-    /// The same, two bytes each.
+    /// Functions 3 and 4: the request has address and quantity, the response a byte count and registers.
     ReadRegisters,
-    /// Behind address and quantity a count and as many bytes are sent, address and quantity are the answer; eight bits to
-    /// a byte.
+    /// Function 15: the request has address, quantity, byte count and packed bits; the response repeats address and
+    /// quantity.
     WriteBits,
-    /// The same, two bytes each.
+    /// Function 16: the request has address, quantity, byte count and registers; the response repeats address and
+    /// quantity.
     WriteRegisters,
-    /// Address and value are sent, and are the answer.
+    /// Functions 5 and 6: the request has address and value, and the response repeats both.
     WriteOne,
 }
 
-/// What a request of a plain function may be, in one look.
+/// The limits of a request of a standard read or write, checked with two comparisons on the fast path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asks {
-    /// Of which kind it is.
+    /// The request and response layout.
     pub kind: Plain,
     /// Whether request and response have the same layout.
     pub mirrored: bool,
-    /// The least and the greatest number behind the address.
+    /// The lowest and the highest permitted value of the 16-bit number after the address (quantity or value).
     permitted: (u16, u16),
-    /// Whether that is all that is permitted; else the row has to be asked.
-    whole: bool,
+    /// Whether `permitted` is the complete rule. If not (a list of ranges, or limits on other fields), `permits`
+    /// consults the row.
+    is_complete: bool,
 }
 
 impl Asks {
-    /// Where the number behind the address stands in a body, and its bytes.
+    /// Offset and size in a body of the number after the address.
     const NUMBER: (usize, usize) = (2, 2);
 
-    /// Of a row, if it is plain.
+    /// The limits of a row's request; `None` if the row is not a standard read or write.
     pub(super) fn of(row: &Row) -> Option<Self> {
-        let whole = |permitted| (permitted, true);
-        let (permitted, whole) = match &row.permits[0][..] {
-            [] => whole((0, u16::MAX)),
+        let complete = |permitted| (permitted, true);
+        let (permitted, complete) = match &row.permits[0][..] {
+            [] => complete((0, u16::MAX)),
             [Permit { offset, width, ranges, .. }] if (*offset, *width) == Self::NUMBER && ranges.len() == 1 => {
-                let narrow = |limit: u32| limit.min(u32::from(u16::MAX)) as u16;
-                whole((narrow(ranges[0].0), narrow(ranges[0].1)))
+                let clamp_to_u16 = |limit: u32| limit.min(u32::from(u16::MAX)) as u16;
+                complete((clamp_to_u16(ranges[0].0), clamp_to_u16(ranges[0].1)))
             }
             _ => ((0, u16::MAX), false),
         };
-        Some(Self { kind: row.plain?, mirrored: row.mirrored, permitted, whole })
+        Some(Self { kind: row.plain?, mirrored: row.mirrored, permitted, is_complete: complete })
     }
 
-    /// Whether a request for so many, or with this value, may be made. `body`: its bytes behind the function code.
+    /// Whether the table permits a request with this number (quantity or value) after its address. `body` is the PDU
+    /// without its function code.
     #[inline(always)]
-    #[allow(clippy::inline_always)] // A comparison, for nearly all functions.
+    #[allow(clippy::inline_always)] // For nearly all functions this is only a comparison, on the fast path of every request.
     pub fn permits(&self, functions: &Functions, code: u8, number: u16, body: &[u8]) -> bool {
         let (least, most) = self.permitted;
-        let by_row =
-            || functions.row(code, body).is_some_and(|row| row.permits[0].iter().all(|one| one.violated_by(body).is_none()));
-        (least..=most).contains(&number) && (self.whole || by_row())
+        let row_permits =
+            || functions.row(code, body).is_some_and(|row| row.permits[0].iter().all(|limit| limit.violated_by(body).is_none()));
+        (least..=most).contains(&number) && (self.is_complete || row_permits())
     }
 }
 
-/// What the specification permits for one number of a body.
+/// The values that the specification permits for one numeric field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Permit {
-    /// The field.
+    /// Name of the field.
     pub name: String,
-    /// Where it stands in the body.
+    /// Its offset in the body.
     pub offset: usize,
-    /// Its bytes.
+    /// Its size in bytes.
     pub width: usize,
-    /// Inclusive ranges; a permitted value is a range of one.
+    /// Permitted ranges, both ends included. A single permitted value is a range of one.
     pub ranges: Vec<(u32, u32)>,
 }
 
 impl Permit {
-    /// The value, if it is in the body and outside of what is permitted.
+    /// The field's value, if the body contains the field and the value is not permitted; `None` otherwise.
     #[inline]
     pub fn violated_by(&self, body: &[u8]) -> Option<u32> {
         let value = number(body, self.offset, self.width)? as u32;
@@ -144,47 +150,48 @@ impl Permit {
     }
 }
 
-/// One row of the table.
+/// One row of the table of functions.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// Function code.
     pub code: u8,
     /// Name in the specification.
     pub name: String,
-    /// Whether no writer has to quote or escape anything in the name.
+    /// Whether the name needs no quoting or escaping in any output format, so that writers can copy it.
     pub unquoted: bool,
-    /// Value of the leading field that this row is for.
+    /// The row applies only to bodies whose first field has this value (a sub-function or MEI type).
     pub when: Option<u16>,
     /// Layout of the request.
     pub request: Layout,
     /// Layout of the response.
     pub response: Layout,
-    /// What it does.
+    /// Whether the function reads or writes.
     pub operation: Operation,
-    /// To what: `coil`, `discrete_input`, `holding_register`, `input_register`.
+    /// The table it accesses: `coil`, `discrete_input`, `holding_register` or `input_register`.
     pub register_type: Option<String>,
-    /// The same as a table, worked out once.
+    /// `register_type` as an enum, parsed once.
     pub space: Option<Space>,
-    /// Whether it reads or writes in a plain way.
+    /// The standard layout that request and response have, if any.
     pub plain: Option<Plain>,
-    /// Whether request and response have the same layout: then they can look the same.
+    /// Whether request and response have the same layout, so that the two cannot be told apart by their bytes alone.
     pub mirrored: bool,
-    /// Bytes of a body that its limits and counts stand in: behind them nothing tells more of it.
+    /// The leading part of a body, in bytes, that contains all fields with limits, byte counts and quantities. The
+    /// bytes after it are data and cannot prove a frame wrong.
     pub judged: usize,
-    /// Fields that the response repeats.
+    /// Names of the fields that the response repeats.
     pub echo: Vec<String>,
-    /// Those of them that are numbers, worked out once.
+    /// The numeric ones of `echo` with their offsets, computed once.
     pub echoes: Vec<Echo>,
-    /// What the specification permits, of the request and of the response.
+    /// Permitted values: `[request, response]`.
     pub permits: [Vec<Permit>; 2],
-    /// The row as the file has it, and the vendor it comes from.
+    /// The row as it stands in the file, with the name of the vendor it comes from.
     pub source: Json,
-    /// Where the columns stand.
+    /// Offsets of the fields that become columns.
     pub roles: Roles,
 }
 
 impl Row {
-    /// The layout of one direction; an unknown direction has none.
+    /// The layout of the PDU in one direction; `Layout::Unknown` for an unknown direction.
     pub fn layout(&self, direction: Direction) -> &Layout {
         match direction {
             Direction::Request => &self.request,

@@ -1,34 +1,34 @@
-//! Shapes: the fields of a body and how long it is.
+//! The field layout of a PDU body, and how the length of a body follows from its first bytes.
 
-/// What one field of a body is.
+/// The type of one field of a body, with the spellings used in `functions.toml`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Word {
     /// One byte.
     U8,
     /// Two bytes, high byte first.
     U16,
-    /// One byte: how many bytes follow.
+    /// One byte: the number of bytes that follow to the end of the body.
     Len8,
-    /// Two bytes: how many bytes follow.
+    /// Two bytes: the number of bytes that follow to the end of the body.
     Len16,
-    /// One byte: how many items the next list has.
+    /// One byte: the number of items in the next list.
     Count8,
-    /// Two bytes: how many items the next list has.
+    /// Two bytes: the number of items in the next list.
     Count16,
-    /// Packed bits, lowest first.
+    /// Packed bits, least significant bit first.
     Bits,
-    /// Numbers of one byte.
+    /// A list of one-byte numbers.
     U8List,
-    /// Numbers of two bytes.
+    /// A list of two-byte numbers, high byte first.
     U16List,
-    /// Text or binary.
+    /// Text or binary data.
     Bytes,
-    /// Groups of fields.
+    /// A list of groups, each with these fields.
     Group(Vec<Field>),
 }
 
 impl Word {
-    /// Bytes of a number or length; 0 for lists.
+    /// Size in bytes of a number, length or count; 0 for a list, whose size varies.
     pub fn width(&self) -> usize {
         match self {
             Self::U8 | Self::Len8 | Self::Count8 => 1,
@@ -37,7 +37,7 @@ impl Word {
         }
     }
 
-    /// The word as the table spells it.
+    /// The spelling in the table of functions.
     pub fn spelling(&self) -> &'static str {
         match self {
             Self::U8 => "u8",
@@ -55,72 +55,76 @@ impl Word {
     }
 }
 
-/// One field: its name and word.
+/// One field of a body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Name, as columns and `show` print it.
+    /// Its name, as columns and `modlens show` print it.
     pub name: String,
-    /// What stands on the wire.
+    /// Its type on the wire.
     pub word: Word,
 }
 
-/// How long a body is, as far as its first bytes tell.
+/// The length of a body, as far as its first bytes determine it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// So many bytes.
+    /// The body has exactly this many bytes.
     Exactly(usize),
-    /// At least so many; more bytes will tell.
+    /// The body has at least this many bytes; with that many, the length can be determined.
     AtLeast(usize),
-    /// At least so many; the layout does not say how many. Only checksum or silence end it.
+    /// The body has at least this many bytes, and no field gives its length: only the checksum or a silence ends it.
     Open(usize),
 }
 
-/// The shortcut that `Shape::extent` takes for nearly every function.
+/// How `Shape::extent` finds the length. Nearly all functions need no walk through their fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Plan {
+enum LengthRule {
+    /// The length is constant.
     Fixed(usize),
+    /// The only variable part is announced by the length byte at this offset.
     LengthAt(usize),
+    /// The fields have to be read one after the other.
     Walk,
 }
 
-/// The fields of a body.
+/// The fields of a body, in wire order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Fields in wire order.
+    /// The fields, in wire order.
     pub fields: Vec<Field>,
-    plan: Plan,
+    length_rule: LengthRule,
 }
 
 impl Shape {
+    /// Builds a shape and chooses the fastest way to determine the length of its bodies.
     pub(super) fn new(fields: Vec<Field>) -> Self {
-        let mut fixed = 0;
-        let mut plan = None;
+        let mut fixed_bytes = 0;
+        let mut length_rule = None;
         for field in &fields {
             match field.word {
-                Word::U8 | Word::U16 => fixed += field.word.width(),
+                Word::U8 | Word::U16 => fixed_bytes += field.word.width(),
                 Word::Len8 => {
-                    plan = Some(Plan::LengthAt(fixed));
+                    length_rule = Some(LengthRule::LengthAt(fixed_bytes));
                     break;
                 }
                 _ => {
-                    plan = Some(Plan::Walk);
+                    length_rule = Some(LengthRule::Walk);
                     break;
                 }
             }
         }
-        Self { plan: plan.unwrap_or(Plan::Fixed(fixed)), fields }
+        Self { length_rule: length_rule.unwrap_or(LengthRule::Fixed(fixed_bytes)), fields }
     }
 
     /// The length of a body that starts with these bytes.
     #[inline]
     pub fn extent(&self, body: &[u8]) -> Extent {
-        match self.plan {
-            Plan::Fixed(length) => Extent::Exactly(length),
-            Plan::LengthAt(at) => match body.get(at) {
+        match self.length_rule {
+            LengthRule::Fixed(length) => Extent::Exactly(length),
+            LengthRule::LengthAt(at) => match body.get(at) {
                 Some(&length) => Extent::Exactly(at + 1 + length as usize),
                 None => Extent::AtLeast(at + 1),
             },
-            Plan::Walk => walk(&self.fields, body),
+            LengthRule::Walk => walk(&self.fields, body),
         }
     }
 
@@ -133,20 +137,21 @@ impl Shape {
         }
     }
 
-    /// Whether the groups of a body, if it has any, fill it without rest.
+    /// Whether the repeated groups at the end of a body (file records, for example) end exactly at the end of the body.
+    /// True for shapes without groups.
     pub fn groups_fit(&self, body: &[u8]) -> bool {
         let Some(Field { word: Word::Group(inner), .. }) = self.fields.last() else { return true };
-        let mut rest = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum::<usize>();
-        while rest < body.len() {
-            match walk(inner, &body[rest..]) {
-                Extent::Exactly(length) if length > 0 => rest += length,
+        let mut offset = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum::<usize>();
+        while offset < body.len() {
+            match walk(inner, &body[offset..]) {
+                Extent::Exactly(length) if length > 0 => offset += length,
                 _ => return false,
             }
         }
-        rest == body.len()
+        offset == body.len()
     }
 
-    /// The body offset of a number that stands before everything of variable length.
+    /// The body offset of a numeric field that stands before all fields of variable length, and so has a fixed offset.
     pub fn offset_of(&self, name: &str) -> Option<usize> {
         let mut offset = 0;
         for field in &self.fields {
@@ -162,21 +167,21 @@ impl Shape {
         None
     }
 
-    /// Body offset and width of a number that has a fixed place: before everything of variable length, or in the first
-    /// group behind that.
+    /// Offset and size in bytes of a numeric field with a fixed place: before all fields of variable length, or in the
+    /// first of the repeated groups that follow them.
     pub fn place_of(&self, name: &str) -> Option<(usize, usize)> {
-        let named =
+        let width_of =
             |fields: &[Field]| fields.iter().find(|field| field.name == name && field.word.width() > 0).map(|f| f.word.width());
         if let Some(offset) = self.offset_of(name) {
-            return Some((offset, named(&self.fields)?));
+            return Some((offset, width_of(&self.fields)?));
         }
         let Some(Field { word: Word::Group(inner), .. }) = self.fields.last() else { return None };
-        let before: usize = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum();
+        let fixed_bytes: usize = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum();
         let group = Self::new(inner.clone());
-        Some((before + group.offset_of(name)?, named(inner)?))
+        Some((fixed_bytes + group.offset_of(name)?, width_of(inner)?))
     }
 
-    /// The list that holds registers or bits: (body offset, whether it is bits).
+    /// The list of registers or bits in the body: (offset, whether it is packed bits).
     pub fn block(&self) -> Option<(usize, bool)> {
         let mut offset = 0;
         for field in &self.fields {
@@ -195,6 +200,7 @@ impl Shape {
     }
 }
 
+/// The big-endian number of `width` (1 or 2) bytes at an offset; `None` if the body ends before.
 pub(crate) fn number(body: &[u8], at: usize, width: usize) -> Option<usize> {
     match width {
         1 => body.get(at).map(|&b| b as usize),
@@ -202,57 +208,61 @@ pub(crate) fn number(body: &[u8], at: usize, width: usize) -> Option<usize> {
     }
 }
 
+/// Determines the length of a body by reading its lengths and counts field by field.
+///
+/// A length field covers the rest of the body, so the walk ends there. A list without a preceding count or length has
+/// no known end.
 fn walk(fields: &[Field], body: &[u8]) -> Extent {
-    let mut at = 0;
+    let mut offset = 0;
     let mut count = None;
     for field in fields {
         let width = field.word.width();
         if width > 0 {
-            let Some(value) = number(body, at, width) else {
-                return Extent::AtLeast(at + width);
+            let Some(value) = number(body, offset, width) else {
+                return Extent::AtLeast(offset + width);
             };
-            at += width;
+            offset += width;
             match field.word {
-                Word::Len8 | Word::Len16 => return Extent::Exactly(at + value),
+                Word::Len8 | Word::Len16 => return Extent::Exactly(offset + value),
                 Word::Count8 | Word::Count16 => count = Some(value),
                 _ => {}
             }
             continue;
         }
         let Some(items) = count.take() else {
-            return Extent::Open(at);
+            return Extent::Open(offset);
         };
         match &field.word {
-            Word::U16List => at += 2 * items,
-            Word::Bits => at += items.div_ceil(8),
+            Word::U16List => offset += 2 * items,
+            Word::Bits => offset += items.div_ceil(8),
             Word::Group(inner) => {
                 for _ in 0..items {
-                    match walk(inner, body.get(at..).unwrap_or(&[])) {
-                        Extent::Exactly(length) => at += length,
-                        Extent::AtLeast(length) => return Extent::AtLeast(at + length),
-                        Extent::Open(length) => return Extent::Open(at + length),
+                    match walk(inner, body.get(offset..).unwrap_or(&[])) {
+                        Extent::Exactly(length) => offset += length,
+                        Extent::AtLeast(length) => return Extent::AtLeast(offset + length),
+                        Extent::Open(length) => return Extent::Open(offset + length),
                     }
                 }
             }
-            _ => at += items,
+            _ => offset += items,
         }
     }
-    Extent::Exactly(at)
+    Extent::Exactly(offset)
 }
 
-/// What is known of one direction of a function.
+/// What is known about the body of a function in one direction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// The layout is not public.
+    /// The layout is not public (reserved or vendor-specific function without a row).
     Unknown,
-    /// There is none: the request is not answered.
+    /// The request is not answered, so there is no body.
     Silent,
-    /// The fields.
+    /// The body has these fields.
     Body(Shape),
 }
 
 impl Layout {
-    /// The shape, where there is one.
+    /// The fields, if they are known.
     pub fn shape(&self) -> Option<&Shape> {
         match self {
             Self::Body(shape) => Some(shape),
@@ -260,7 +270,7 @@ impl Layout {
         }
     }
 
-    /// The length of a body that starts with these bytes.
+    /// The length of a body that starts with these bytes; unbounded if the layout is not known.
     pub fn extent(&self, body: &[u8]) -> Extent {
         match self {
             Self::Body(shape) => shape.extent(body),
@@ -268,7 +278,7 @@ impl Layout {
         }
     }
 
-    /// Whether a body of exactly these bytes can have this layout; an unknown one takes any.
+    /// Whether a body of exactly these bytes can have this layout. An unknown layout accepts any body.
     pub fn fits(&self, body: &[u8]) -> bool {
         match self {
             Self::Body(shape) => shape.fits(body),

@@ -1,13 +1,14 @@
-//! The bytes of a PDU from the values of its fields.
+//! Encodes a PDU from the values of its fields.
 
 use serde_json::{Map, Value as Json};
 
 use crate::functions::{Field, Functions, Layout, Row, Word, EXCEPTION_BIT};
 use crate::hex::parse_hex;
 
-/// The PDU of these values; lengths and counts are filled in, and a quantity that only counts the values given.
+/// Encodes the PDU of a function from named values. Lengths and counts may be left out; they are computed. A quantity
+/// may be left out if it counts a list whose values are given.
 ///
-/// The error names the field and what it takes.
+/// The error names the field and the values it takes.
 pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<String, Json>) -> Result<Vec<u8>, String> {
     if let Some(exception) = values.get("exception_code") {
         let code = take_number("exception_code", exception, 1)?;
@@ -33,6 +34,7 @@ pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<
     Ok(pdu)
 }
 
+/// The row of the table for this function; among variants, the one whose first field has the given value.
 fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, Json>) -> Result<&'a Row, String> {
     let mut rows = functions.rows().filter(|row| row.code == function);
     let chosen = rows.find(|row| match (row.when, row.request.shape().and_then(|shape| shape.fields.first())) {
@@ -42,13 +44,14 @@ fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, J
     chosen.ok_or_else(|| format!("function {function} is not in the table; --functions loads further rows"))
 }
 
+/// Appends the fields in wire order. Fields inside groups are encoded by the same rules.
 fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>) -> Result<(), String> {
-    // The length counts everything behind it, so the rest is built first.
+    // A length counts all bytes after it, so those are encoded first and appended after the length.
     for (i, field) in fields.iter().enumerate() {
         let width = field.word.width();
         let rest = &fields[i + 1..];
-        let given = values.get(&field.name);
-        match (&field.word, given) {
+        let value_given = values.get(&field.name);
+        match (&field.word, value_given) {
             (_, Some(value)) if width > 0 => push_number(out, take_number(&field.name, value, width)?, width),
             (Word::Len8 | Word::Len16, None) => {
                 let mut tail = Vec::new();
@@ -64,8 +67,8 @@ fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>
             (_, None) if width > 0 => {
                 let quantity = quantity_field(&field.name).and_then(|prefix| {
                     rest.iter().find(|list| {
-                        let own = list.name.strip_prefix(prefix).is_some_and(|name| !name.contains('_'));
-                        matches!(list.word, Word::Bits | Word::U16List) && own
+                        let is_counted_list = list.name.strip_prefix(prefix).is_some_and(|name| !name.contains('_'));
+                        matches!(list.word, Word::Bits | Word::U16List) && is_counted_list
                     })
                 });
                 let Some(list) = quantity.filter(|list| values.contains_key(&list.name)) else {
@@ -86,11 +89,13 @@ fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>
     Ok(())
 }
 
-/// `quantity` counts `registers` or `coils`, `write_quantity` the list whose name starts with `write_`.
+/// The prefix of the list that a quantity counts: `quantity` counts `registers` or `coils`, `write_quantity` counts the
+/// list whose name starts with `write_`.
 fn quantity_field(name: &str) -> Option<&str> {
     name.strip_suffix("quantity")
 }
 
+/// The number of items given for a list, as a JSON list or as hex text.
 fn count_items(list: &Field, values: &Map<String, Json>) -> usize {
     match values.get(&list.name) {
         Some(Json::Array(items)) => items.len(),
@@ -106,6 +111,7 @@ fn count_items(list: &Field, values: &Map<String, Json>) -> usize {
     }
 }
 
+/// A computed length or count, if it fits into its field of `width` bytes.
 fn fitting(name: &str, value: usize, width: usize) -> Result<u32, String> {
     u32::try_from(value)
         .ok()
@@ -113,10 +119,11 @@ fn fitting(name: &str, value: usize, width: usize) -> Result<u32, String> {
         .ok_or_else(|| format!("{name}: {value} does not fit into {width} byte(s)"))
 }
 
+/// The value of a numeric field of `width` bytes, checked against its range.
 fn take_number(name: &str, value: &Json, width: usize) -> Result<u32, String> {
-    let top = (1u64 << (8 * width)) - 1;
+    let max = (1u64 << (8 * width)) - 1;
     let number =
-        value.as_u64().filter(|&v| v <= top).ok_or_else(|| format!("{name} takes a number from 0 to {top}, not {value}"))?;
+        value.as_u64().filter(|&v| v <= max).ok_or_else(|| format!("{name} takes a number from 0 to {max}, not {value}"))?;
     Ok(number as u32)
 }
 
@@ -124,6 +131,7 @@ fn push_number(out: &mut Vec<u8>, value: u32, width: usize) {
     out.extend(&value.to_be_bytes()[4 - width..]);
 }
 
+/// Appends the items of a list, given as a list of numbers or as hex text.
 fn push_list(name: &str, word: &Word, value: &Json, out: &mut Vec<u8>) -> Result<(), String> {
     if let Json::String(text) = value {
         out.extend(parse_hex(text).ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {text:?}"))?);

@@ -1,4 +1,4 @@
-//! PDU bodies by their shape. Values borrow the bytes.
+//! Decodes PDU bodies by the field layout of their function. The decoded fields borrow the bytes.
 
 mod encode;
 
@@ -15,26 +15,26 @@ use crate::hex::{hex, push_hex};
 pub struct Node<'a> {
     /// The field of the table.
     pub field: &'a Field,
-    /// Offset in the body.
+    /// Its offset in the body.
     pub offset: usize,
-    /// The bytes.
+    /// Its bytes.
     pub bytes: &'a [u8],
-    /// The groups of a group list.
+    /// The decoded groups, if the field is a list of groups; empty otherwise.
     pub groups: Vec<Vec<Node<'a>>>,
 }
 
 /// A decoded body.
 #[derive(Clone, Debug)]
 pub struct Decoded<'a> {
-    /// Fields in wire order.
+    /// The fields, in wire order.
     pub nodes: Vec<Node<'a>>,
-    /// Whether every announced byte was there.
+    /// Whether the body contained all bytes that its lengths, counts and fixed fields announce.
     pub complete: bool,
-    /// Body bytes that the layout covers.
+    /// The number of body bytes that the layout covers; bytes after these are extra.
     pub used: usize,
 }
 
-/// Decodes a body by its shape; never fails: what is missing makes it incomplete.
+/// Decodes a body by its field layout. It never fails: missing bytes make the result incomplete.
 pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
     let mut complete = true;
     let mut at = 0;
@@ -42,6 +42,8 @@ pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
     Decoded { nodes, complete, used: at }
 }
 
+/// Decodes fields from offset `at` on, and moves `at` behind them. `end` is the end of the body or of the part that a
+/// length field announced. Sets `complete` to false if bytes are missing.
 fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut end: usize, complete: &mut bool) -> Vec<Node<'a>> {
     let mut nodes = Vec::with_capacity(fields.len());
     let mut count: Option<usize> = None;
@@ -73,7 +75,8 @@ fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut en
             while *at < end && items.is_none_or(|items| groups.len() < items) {
                 let before = *at;
                 let group = decode_fields(inner, body, at, end, complete);
-                // Half an item takes no bytes: it stays outside and shows up as extra.
+                // An incomplete group took no bytes. It is left out and its bytes are shown as extra; going on would
+                // never end.
                 if *at == before {
                     break;
                 }
@@ -81,17 +84,19 @@ fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut en
             }
             *complete &= items.is_none_or(|items| groups.len() == items);
         } else {
-            let wanted = items.map_or(end - start, |items| list_bytes(&field.word, items));
-            *complete &= start + wanted <= end;
-            // Half a register at the end belongs to no value; it stays outside and shows up as extra.
-            let whole = if field.word == Word::U16List { (end - start).min(wanted) & !1 } else { (end - start).min(wanted) };
-            *at = start + whole;
+            let announced = items.map_or(end - start, |items| list_bytes(&field.word, items));
+            *complete &= start + announced <= end;
+            // An odd byte at the end of a register list belongs to no register. It is left out and shown as extra.
+            let taken =
+                if field.word == Word::U16List { (end - start).min(announced) & !1 } else { (end - start).min(announced) };
+            *at = start + taken;
         }
         nodes.push(Node { field, offset: start, bytes: &body[start..*at], groups });
     }
     nodes
 }
 
+/// The number of bytes that a list with this many items takes.
 fn list_bytes(word: &Word, items: usize) -> usize {
     match word {
         Word::U16List => 2 * items,
@@ -100,18 +105,18 @@ fn list_bytes(word: &Word, items: usize) -> usize {
     }
 }
 
-/// The big-endian number of one or two bytes.
+/// The big-endian number that these one or two bytes represent.
 pub fn number(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |value, &byte| value << 8 | u32::from(byte))
 }
 
-/// Two bytes at an offset of the body, if they are there.
+/// The big-endian 16-bit number at an offset of the body; `None` if the body ends before.
 #[inline]
 pub fn u16_at(body: &[u8], at: usize) -> Option<u16> {
     Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]))
 }
 
-/// The numbers of a list field.
+/// The numeric values of a list field.
 pub fn items(word: &Word, bytes: &[u8]) -> Vec<u32> {
     match word {
         Word::U16List => bytes.chunks_exact(2).map(number).collect(),
@@ -121,7 +126,7 @@ pub fn items(word: &Word, bytes: &[u8]) -> Vec<u32> {
 }
 
 impl Node<'_> {
-    /// The value as JSON: a number, a list, hex text for bytes, objects for groups.
+    /// The value as JSON: a number, a list of numbers, hex text for bytes, a list of objects for groups.
     pub fn json(&self) -> Json {
         match &self.field.word {
             Word::Group(_) => self.groups.iter().map(|group| Json::Object(object(group))).collect(),
@@ -131,23 +136,25 @@ impl Node<'_> {
         }
     }
 
-    fn tree(&self, shift: usize) -> Json {
+    /// The field as a JSON object with name, type, place and value, and the fields of its groups as children. `base`
+    /// is added to the offset: 1 makes it count from the function code.
+    fn tree(&self, base: usize) -> Json {
         let children: Vec<Json> =
-            self.groups.iter().map(|group| group.iter().map(|node| node.tree(shift)).collect::<Vec<_>>().into()).collect();
+            self.groups.iter().map(|group| group.iter().map(|node| node.tree(base)).collect::<Vec<_>>().into()).collect();
         let length = self
             .groups
             .last()
             .and_then(|g| g.last())
             .map_or(self.bytes.len(), |last| last.offset + last.bytes.len() - self.offset);
         json!({
-            "name": self.field.name, "word": self.field.word.spelling(), "offset": self.offset + shift, "length": length,
+            "name": self.field.name, "word": self.field.word.spelling(), "offset": self.offset + base, "length": length,
             "value": self.json(), "children": children,
         })
     }
 }
 
 impl Node<'_> {
-    /// Appends the value as JSON, as `json` spells it.
+    /// Appends the value as JSON text, equal to the text of `json`, without building a JSON value first.
     fn push(&self, out: &mut Vec<u8>) {
         match &self.field.word {
             Word::Group(_) => list(&self.groups, out, |group, out| push_object(group, out)),
@@ -164,6 +171,7 @@ impl Node<'_> {
     }
 }
 
+/// Appends a JSON list whose items `push` writes.
 fn list<T>(items: &[T], out: &mut Vec<u8>, push: impl Fn(&T, &mut Vec<u8>)) {
     out.push(b'[');
     for (at, item) in items.iter().enumerate() {
@@ -175,7 +183,7 @@ fn list<T>(items: &[T], out: &mut Vec<u8>, push: impl Fn(&T, &mut Vec<u8>)) {
     out.push(b']');
 }
 
-/// Appends the fields as a JSON object, as `object` has them; names need no escaping.
+/// Appends the fields as JSON text, equal to the text of `object`. Field names need no escaping.
 pub fn push_object(nodes: &[Node<'_>], out: &mut Vec<u8>) {
     out.push(b'{');
     for (at, node) in nodes.iter().enumerate() {
@@ -187,12 +195,13 @@ pub fn push_object(nodes: &[Node<'_>], out: &mut Vec<u8>) {
     out.push(b'}');
 }
 
-/// The fields as an object: name -> value.
+/// The fields as a JSON object: name -> value.
 pub fn object(nodes: &[Node<'_>]) -> Map<String, Json> {
     nodes.iter().map(|node| (node.field.name.clone(), node.json())).collect()
 }
 
-/// A whole PDU as a JSON tree; offsets count from the function code.
+/// A whole PDU as a JSON tree of its fields; offsets count from the function code. Bytes that the layout does not cover
+/// are listed as the field `extra`.
 pub fn describe(functions: &Functions, pdu: &[u8], response: bool) -> Json {
     let Some((&code, body)) = pdu.split_first() else {
         return json!({"function": null, "name": null, "exception": null, "complete": false, "fields": []});
@@ -206,7 +215,7 @@ pub fn describe(functions: &Functions, pdu: &[u8], response: bool) -> Json {
                 json!({"name": "exception_code", "word": "u8", "offset": 1, "length": 1, "value": exception, "children": []}),
             );
         }
-        extra(&mut fields, body, 1);
+        push_extra(&mut fields, body, 1);
         return json!({"function": function, "name": name, "exception": body.first(), "complete": !body.is_empty(), "fields": fields});
     }
     let row = functions.row(function, body);
@@ -218,15 +227,16 @@ pub fn describe(functions: &Functions, pdu: &[u8], response: bool) -> Json {
         (complete, used) = (decoded.complete, decoded.used);
         fields = decoded.nodes.iter().map(|node| node.tree(1)).collect();
     }
-    extra(&mut fields, body, used);
+    push_extra(&mut fields, body, used);
     json!({"function": function, "name": name, "exception": null, "complete": complete, "fields": fields})
 }
 
-fn extra(fields: &mut Vec<Json>, body: &[u8], used: usize) {
-    if let Some(rest) = body.get(used..).filter(|rest| !rest.is_empty()) {
-        let value = hex(rest);
+/// Lists the body bytes from `used` on as a field `extra`.
+fn push_extra(fields: &mut Vec<Json>, body: &[u8], used: usize) {
+    if let Some(uncovered) = body.get(used..).filter(|uncovered| !uncovered.is_empty()) {
+        let value = hex(uncovered);
         fields.push(
-            json!({"name": "extra", "word": "bytes", "offset": used + 1, "length": rest.len(), "value": value, "children": []}),
+            json!({"name": "extra", "word": "bytes", "offset": used + 1, "length": uncovered.len(), "value": value, "children": []}),
         );
     }
 }
@@ -240,7 +250,7 @@ mod tests {
     use crate::hex::parse_hex;
 
     #[test]
-    fn examples_decode_whole_and_encode_back() {
+    fn examples_decode_completely_and_encode_to_the_same_bytes() {
         let functions = Functions::embedded();
         for row in functions.rows() {
             for (key, response) in [("request", false), ("response", true)] {
@@ -259,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn half_an_item_of_a_group_does_not_hold_up_the_decoder() {
+    fn an_incomplete_group_does_not_stall_the_decoder() {
         let mut functions = Functions::default();
         let row = r#"
             format = 1
@@ -281,7 +291,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn text_of_fields_is_that_of_their_json(at in 0..64_usize, response: bool, body in proptest::collection::vec(any::<u8>(), 0..60)) {
+        fn pushed_text_equals_json_text(at in 0..64_usize, response: bool, body in proptest::collection::vec(any::<u8>(), 0..60)) {
             let rows: Vec<&Row> = Functions::embedded().rows().collect();
             let row = rows[at % rows.len()];
             let layout = if response { &row.response } else { &row.request };
@@ -294,7 +304,7 @@ mod tests {
         }
 
         #[test]
-        fn any_body_decodes(code in 0u8..=255, body in proptest::collection::vec(any::<u8>(), 0..260), response: bool) {
+        fn any_body_can_be_decoded(code in 0u8..=255, body in proptest::collection::vec(any::<u8>(), 0..260), response: bool) {
             let mut pdu = vec![code];
             pdu.extend(&body);
             let tree = describe(Functions::embedded(), &pdu, response);
