@@ -1,79 +1,82 @@
-//! Times as ISO-8601 text.
+//! Times as ISO 8601 text.
 
 use crate::decimal::{push_int, push_short};
 use crate::Ns;
 
-const DAY: i64 = 86_400;
+const DAY_SECONDS: i64 = 86_400;
 
-/// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`: microseconds, or nanoseconds where there are any.
+/// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`, with nine decimals only if the time is no whole number of
+/// microseconds.
 pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
     Stamp::default().push(ns, out);
 }
 
-/// Times as text, one after the other: the text of a second is made once.
+/// Formats consecutive times. The text of date and time is kept while the second stays the same.
 #[derive(Debug, Default)]
 pub struct Stamp {
     second: Option<i64>,
-    /// Date and time up to the point.
+    /// Date and time, including the decimal point.
     text: Vec<u8>,
 }
 
 impl Stamp {
-    /// Appends a time as `push_time` does.
+    /// Appends a time in the format of `push_time`.
     #[inline]
     pub fn push(&mut self, ns: Ns, out: &mut Vec<u8>) {
         let second = ns.div_euclid(1_000_000_000);
         if self.second != Some(second) {
-            self.turn(second);
+            self.change_second(second);
         }
         push_short(&self.text, out);
         let rest = ns.rem_euclid(1_000_000_000) as u32;
-        // Three digits each; a number of nanoseconds that is whole microseconds ends there.
-        triple(rest / 1_000_000, out);
-        triple(rest / 1000 % 1000, out);
+        // The fraction in groups of three digits: milliseconds, microseconds, and nanoseconds if there are any.
+        push_three_digits(rest / 1_000_000, out);
+        push_three_digits(rest / 1000 % 1000, out);
         if !rest.is_multiple_of(1000) {
-            triple(rest % 1000, out);
+            push_three_digits(rest % 1000, out);
         }
         out.push(b'Z');
     }
 
+    /// Formats date and time of a new second.
     #[cold]
-    fn turn(&mut self, second: i64) {
+    fn change_second(&mut self, second: i64) {
         self.second = Some(second);
         let out = &mut self.text;
         out.clear();
-        let (year, month, day) = civil(second.div_euclid(DAY));
-        let of_day = second.rem_euclid(DAY);
+        let (year, month, day) = date_of_day(second.div_euclid(DAY_SECONDS));
+        let of_day = second.rem_euclid(DAY_SECONDS);
         if (0..10_000).contains(&year) {
-            digits(year, 4, out);
+            push_digits(year, 4, out);
         } else {
             push_int(year, out);
         }
         for (value, between) in [(month, b'-'), (day, b'-'), (of_day / 3600, b'T'), (of_day / 60 % 60, b':'), (of_day % 60, b':')]
         {
             out.push(between);
-            digits(value, 2, out);
+            push_digits(value, 2, out);
         }
         out.push(b'.');
     }
 }
 
-/// Three digits.
+/// Appends a number below 1000 with three digits.
 #[inline]
-pub(super) fn triple(value: u32, out: &mut Vec<u8>) {
+pub(super) fn push_three_digits(value: u32, out: &mut Vec<u8>) {
     out.extend_from_slice(&[b'0' + (value / 100) as u8, b'0' + (value / 10 % 10) as u8, b'0' + (value % 10) as u8]);
 }
 
-fn digits(value: i64, width: u32, out: &mut Vec<u8>) {
+/// Appends a number with `width` digits.
+fn push_digits(value: i64, width: u32, out: &mut Vec<u8>) {
     for place in (0..width).rev() {
         out.push(b'0' + (value / 10i64.pow(place) % 10) as u8);
     }
 }
 
-/// Year, month and day of a day number since 1970 in the Gregorian calendar.
+/// Year, month and day (Gregorian calendar) of a day number since 1970.
 ///
-/// Counts from 1 March of year 0, so that the leap day is the last of its year; 400 years have 146 097 days.
-fn civil(days: i64) -> (i64, i64, i64) {
+/// Counts from 1 March of year 0, so that a leap day is the last day of its year. 400 years (an era) have 146 097 days.
+fn date_of_day(days: i64) -> (i64, i64, i64) {
     let days = days + 719_468;
     let era = days.div_euclid(146_097);
     let of_era = days.rem_euclid(146_097);
@@ -85,7 +88,7 @@ fn civil(days: i64) -> (i64, i64, i64) {
     (year_of_era + era * 400 + i64::from(month <= 2), month, day)
 }
 
-/// Day number since 1970 of a date.
+/// The day number since 1970 of a date in the Gregorian calendar.
 pub fn day_number(year: i64, month: i64, day: i64) -> i64 {
     let year = year - i64::from(month <= 2);
     let era = year.div_euclid(400);
@@ -99,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_dates() {
+    fn known_dates_are_formatted() {
         let text = |ns| {
             let mut out = Vec::new();
             push_time(ns, &mut out);
@@ -112,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stamp_tells_the_same_whatever_it_told_before() {
+    fn text_does_not_depend_on_the_time_before() {
         let mut stamp = Stamp::default();
         for ns in [0, 999_999_999, 1_000_000_000, -1, -1_000_000_000, 1_697_041_234_123_456_000, 1_697_041_234_000_000_007, 0] {
             let (mut one, mut other) = (Vec::new(), Vec::new());
@@ -123,9 +126,9 @@ mod tests {
     }
 
     #[test]
-    fn days_there_and_back() {
+    fn dates_convert_to_days_and_back() {
         for days in (-800_000..800_000).step_by(17) {
-            let (year, month, day) = civil(days);
+            let (year, month, day) = date_of_day(days);
             assert_eq!(day_number(year, month, day), days);
         }
     }

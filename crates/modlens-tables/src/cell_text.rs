@@ -1,8 +1,8 @@
-//! Values as plain text: the spelling of CSV cells and of text comparisons.
+//! Values as plain text, as in CSV cells without quotes. Filters compare this text.
 
 use crate::columns::{Cell, Items};
 use modlens_profiles::points::push_float;
-use modlens_protocol::decimal::{decimals, push_int, push_short};
+use modlens_protocol::decimal::{decimal_texts, push_int, push_short};
 use modlens_protocol::hex::push_hex;
 use modlens_protocol::source::Place;
 use modlens_protocol::timestamp::push_time;
@@ -10,26 +10,26 @@ use modlens_protocol::Ns;
 
 /// Appends the numbers of a list with one byte between them.
 ///
-/// Most of a table is registers: each is one look-up and one copy of fixed size.
-pub fn push_items(items: &Items<'_>, between: u8, out: &mut Vec<u8>) {
+/// Most values in tables are registers, and each of these costs one look-up and one copy of fixed size.
+pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
     let (start, count) = (out.len(), items.len());
     match *items {
         Items::Words(bytes) => {
-            let table = decimals();
-            // Copies of eight bytes go beyond the last number.
+            let table = decimal_texts();
+            // The last copy of eight bytes goes beyond the end of its number.
             out.resize(start + 6 * count + 8, 0);
             let mut at = start;
             for word in bytes.chunks_exact(2) {
                 let entry = &table[usize::from(u16::from_be_bytes([word[0], word[1]]))];
                 out[at..at + 8].copy_from_slice(entry);
                 at += usize::from(entry[7]);
-                out[at] = between;
+                out[at] = separator;
                 at += 1;
             }
             out.truncate(at);
         }
         Items::Bits(bytes, _) => {
-            out.resize(start + 2 * count, between);
+            out.resize(start + 2 * count, separator);
             for (i, digit) in out[start..].iter_mut().step_by(2).enumerate() {
                 *digit = b'0' + (bytes[i / 8] >> (i % 8) & 1);
             }
@@ -44,7 +44,7 @@ pub fn push_items(items: &Items<'_>, between: u8, out: &mut Vec<u8>) {
     }
 }
 
-/// Appends nanoseconds as microseconds, with as many decimals as there are.
+/// Appends a duration in microseconds with as many decimal_texts as it has.
 #[inline]
 pub fn push_us(ns: Ns, out: &mut Vec<u8>) {
     if ns < 0 {
@@ -71,12 +71,12 @@ impl TrimZeros for [u8; 3] {
     }
 }
 
-/// Where a row stands, as `source` spells it.
+/// The position of a row in the input as the column `source` shows it: `file@offset`, `file:line` or `file#packet`.
 pub fn source_text(file: &str, place: Place, number: u64) -> String {
     format!("{file}{}{number}", place_mark(place) as char)
 }
 
-/// Appends where a row stands.
+/// Appends the position of a row in the input.
 #[inline]
 pub fn push_source(file: &str, place: Place, number: u64, out: &mut Vec<u8>) {
     push_short(file.as_bytes(), out);
@@ -84,6 +84,7 @@ pub fn push_source(file: &str, place: Place, number: u64, out: &mut Vec<u8>) {
     push_int(number as i64, out);
 }
 
+/// The character between file and number, which tells the kind of position.
 fn place_mark(place: Place) -> u8 {
     match place {
         Place::Offset => b'@',
@@ -92,15 +93,15 @@ fn place_mark(place: Place) -> u8 {
     }
 }
 
-/// A value as plain text: the spelling of CSV cells and of text comparisons.
+/// A value as plain text, as in a CSV cell without quotes. Filters compare this text.
 pub fn cell_text(cell: &Cell<'_>) -> String {
     let mut out = Vec::new();
     push_plain(cell, &mut out);
     String::from_utf8(out).unwrap_or_default()
 }
 
-/// How a boolean is spelled.
-pub fn truth(yes: bool) -> &'static [u8] {
+/// The text of a truth value.
+pub fn bool_text(yes: bool) -> &'static [u8] {
     if yes {
         b"true"
     } else {
@@ -117,7 +118,7 @@ pub fn push_plain(cell: &Cell<'_>, out: &mut Vec<u8>) {
         Cell::Value(value) => value.push(out),
         Cell::Us(ns) => push_us(*ns, out),
         Cell::Time(ns) => push_time(*ns, out),
-        Cell::Bool(yes) => out.extend_from_slice(truth(*yes)),
+        Cell::Bool(yes) => out.extend_from_slice(bool_text(*yes)),
         Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), out),
         Cell::Hex(bytes) => push_hex(bytes, out),
         Cell::Ints(items) => push_items(items, b' ', out),

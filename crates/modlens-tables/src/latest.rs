@@ -1,4 +1,5 @@
-//! The register map as last seen: for every register, bit or point its last value, how often it came, how it moved.
+//! The latest state of a register map: for every register, bit or point its last value, how often it was read and
+//! written, and its range.
 
 use std::collections::BTreeMap;
 
@@ -10,16 +11,17 @@ use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// Bus, unit, table, address, and the value of the plan (`u32::MAX` for a bare register).
+/// Bus, unit, table, address, and the index of the point in the plan (`u32::MAX` for a bare register or bit).
 type Key = (String, u8, Space, u16, u32);
 
-/// Collects values over a whole recording.
+/// Collects the values over a whole recording.
 #[derive(Debug, Default)]
 pub struct Latest {
     entries: BTreeMap<Key, Entry>,
     newest: Option<Ns>,
 }
 
+/// The state of one register, bit or point. `raw` is its last value as on the wire.
 #[derive(Debug, Default)]
 struct Entry {
     name: Option<String>,
@@ -36,7 +38,7 @@ struct Entry {
 }
 
 impl Latest {
-    /// The values of a batch: what was read, and what was written and not refused.
+    /// Adds the values of a batch: those that were read, and those that were written without being refused.
     pub fn add(&mut self, batch: &Batch) {
         each_value(batch, |part| {
             if matches!(part.transaction.status, Status::Ok | Status::Broadcast) {
@@ -45,6 +47,7 @@ impl Latest {
         });
     }
 
+    /// Adds one value.
     fn put(&mut self, batch: &Batch, part: &Part<'_>) {
         let t = part.transaction;
         let bus = &batch.buses[t.bus as usize].name;
@@ -54,7 +57,7 @@ impl Latest {
         *(if part.write { &mut entry.writes } else { &mut entry.reads }) += 1;
         self.newest = self.newest.max(t.elapsed);
         entry.elapsed = t.elapsed.or(entry.elapsed);
-        // The bytes say whether anything changed; a value is put in words only then.
+        // The value is converted to text only if its bytes have changed.
         if entry.reads + entry.writes > 1 && entry.raw == part.raw {
             return;
         }
@@ -73,7 +76,7 @@ impl Latest {
         }
     }
 
-    /// The map as JSON, by bus, unit, table and address.
+    /// The map as a JSON list, sorted by bus, unit, table and address.
     pub fn json(&self) -> Json {
         self.entries
             .iter()

@@ -1,6 +1,6 @@
-//! A compiled filter over rows: the tree of `analyzer/filters.py`, interpreted.
+//! Evaluates filter expressions over rows: the tree that `analyzer/filters.py` compiles them to.
 //!
-//! A comparison with null is false; so is `in` with a null on either side.
+//! A comparison with null is false, and so is `in` with a null on either side.
 
 use std::borrow::Cow;
 use std::cmp::Ordering;
@@ -14,11 +14,12 @@ use modlens_protocol::finding::Finding;
 /// A filter for one table.
 #[derive(Clone, Debug)]
 pub struct Predicate {
-    /// The table it is for.
+    /// The table whose rows it filters.
     pub kind: TableKind,
     root: Expr,
 }
 
+/// A node of the expression tree. Conditions are numbers: 1 for true, 0 for false.
 #[derive(Clone, Debug)]
 enum Expr {
     Column(usize),
@@ -38,6 +39,7 @@ enum Expr {
     Touches { register_type: String, first: u32, last: u32, only_writes: bool },
 }
 
+/// A comparison operator.
 #[derive(Clone, Copy, Debug)]
 enum Compare {
     Eq,
@@ -48,7 +50,8 @@ enum Compare {
     Ge,
 }
 
-enum Val<'a> {
+/// The value of an expression in one row.
+enum Operand<'a> {
     Null,
     Int(i64),
     Float(f64),
@@ -59,49 +62,51 @@ enum Val<'a> {
 }
 
 impl Predicate {
-    /// Compiles a tree. The error says which node is wrong; `filters.py` never builds one.
+    /// Compiles a tree in JSON. The error names the node that is wrong; trees from `filters.py` are always right.
     pub fn new(table: &str, tree: &str) -> Result<Self, String> {
         let kind = TableKind::from_name(table).ok_or_else(|| format!("no table {table:?}"))?;
         let tree: Json = serde_json::from_str(tree).map_err(|e| e.to_string())?;
         Ok(Self { kind, root: compile(kind, &tree, 0)? })
     }
 
-    /// The rows to be kept.
+    /// The rows that satisfy the filter.
     #[must_use]
     pub fn filter(&self, table: &Table) -> Table {
-        if let Some(kept) = self.by_numbers(table) {
+        if let Some(kept) = self.filter_by_numbers(table) {
             return kept;
         }
         table.filter(|table, row| self.holds(table, row))
     }
 
-    /// A column of numbers beside a constant: without a look at each row.
-    fn by_numbers(&self, table: &Table) -> Option<Table> {
+    /// Filters by a comparison of a numeric column with a constant, which needs no evaluation row by row; `None` if the
+    /// filter is something else or the column does not support it.
+    fn filter_by_numbers(&self, table: &Table) -> Option<Table> {
         let Expr::Compare(op, a, b) = &self.root else { return None };
-        let (Expr::Column(column), limit) = (&**a, limit(b)?) else { return None };
+        let (Expr::Column(column), constant) = (&**a, exact_constant(b)?) else { return None };
         match op {
-            Compare::Eq => table.with_numbers(*column, |number| number.partial_cmp(&limit) == Some(Ordering::Equal)),
-            // What is no number differs from nothing.
-            Compare::Ne => table.with_numbers(*column, |number| number.partial_cmp(&limit).is_some_and(Ordering::is_ne)),
-            Compare::Lt => table.with_numbers(*column, |number| number < limit),
-            Compare::Le => table.with_numbers(*column, |number| number <= limit),
-            Compare::Gt => table.with_numbers(*column, |number| number > limit),
-            Compare::Ge => table.with_numbers(*column, |number| number >= limit),
+            Compare::Eq => table.with_numbers(*column, |number| number.partial_cmp(&constant) == Some(Ordering::Equal)),
+            // A row without a number is not equal to the constant, but comparisons with null are false.
+            Compare::Ne => table.with_numbers(*column, |number| number.partial_cmp(&constant).is_some_and(Ordering::is_ne)),
+            Compare::Lt => table.with_numbers(*column, |number| number < constant),
+            Compare::Le => table.with_numbers(*column, |number| number <= constant),
+            Compare::Gt => table.with_numbers(*column, |number| number > constant),
+            Compare::Ge => table.with_numbers(*column, |number| number >= constant),
         }
     }
 
-    /// Whether the row is to be kept.
+    /// Whether a row satisfies the filter.
     pub fn holds(&self, table: &Table, row: usize) -> bool {
-        holds(&self.root, table, row)
+        is_true(&self.root, table, row)
     }
 }
 
-/// Deeper trees are refused: recursion is bounded.
-const DEPTH: usize = 200;
+/// Trees that are nested deeper than this are refused, so that recursion is bounded.
+const MAX_DEPTH: usize = 200;
 
+/// Compiles the node `["operator", arguments...]` and its arguments.
 fn compile(kind: TableKind, tree: &Json, depth: usize) -> Result<Expr, String> {
     let wrong = || format!("no filter: {tree}");
-    let parts = tree.as_array().filter(|_| depth < DEPTH).ok_or_else(wrong)?;
+    let parts = tree.as_array().filter(|_| depth < MAX_DEPTH).ok_or_else(wrong)?;
     let word = parts.first().and_then(Json::as_str).ok_or_else(wrong)?;
     let sub = |i: usize| parts.get(i).ok_or_else(wrong).and_then(|tree| compile(kind, tree, depth + 1)).map(Box::new);
     let text = |i: usize| parts.get(i).and_then(Json::as_str).ok_or_else(wrong);
@@ -158,71 +163,75 @@ fn compile(kind: TableKind, tree: &Json, depth: usize) -> Result<Expr, String> {
     })
 }
 
-fn holds(expr: &Expr, table: &Table, row: usize) -> bool {
+/// Whether a condition holds in a row.
+fn is_true(expr: &Expr, table: &Table, row: usize) -> bool {
     match expr {
-        Expr::And(a, b) => holds(a, table, row) && holds(b, table, row),
-        Expr::Or(a, b) => holds(a, table, row) || holds(b, table, row),
-        Expr::Not(a) => !holds(a, table, row),
-        Expr::IsNone(a) => matches!(value(a, table, row), Val::Null),
+        Expr::And(a, b) => is_true(a, table, row) && is_true(b, table, row),
+        Expr::Or(a, b) => is_true(a, table, row) || is_true(b, table, row),
+        Expr::Not(a) => !is_true(a, table, row),
+        Expr::IsNone(a) => matches!(value(a, table, row), Operand::Null),
         Expr::Compare(op, a, b) => compare(*op, &value(a, table, row), &value(b, table, row)),
         Expr::In(a, b) => contains(&value(a, table, row), &value(b, table, row)),
         Expr::Touches { register_type, first, last, only_writes } => {
             touches(table, row, register_type, (*first, *last), *only_writes)
         }
-        other => matches!(value(other, table, row), Val::Int(n) if n != 0),
+        other => matches!(value(other, table, row), Operand::Int(n) if n != 0),
     }
 }
 
-fn value<'a>(expr: &'a Expr, table: &'a Table, row: usize) -> Val<'a> {
+/// The value of an expression in a row.
+fn value<'a>(expr: &'a Expr, table: &'a Table, row: usize) -> Operand<'a> {
     match expr {
         Expr::Column(column) => cell(table.cell(row, *column)),
-        Expr::Int(n) => Val::Int(*n),
-        Expr::Float(n) => Val::Float(*n),
-        Expr::Text(text) => Val::Text(Cow::Borrowed(text)),
-        Expr::List(items) => Val::List(items),
+        Expr::Int(n) => Operand::Int(*n),
+        Expr::Float(n) => Operand::Float(*n),
+        Expr::Text(text) => Operand::Text(Cow::Borrowed(text)),
+        Expr::List(items) => Operand::List(items),
         Expr::Negative(a) => match value(a, table, row) {
-            Val::Int(n) => n.checked_neg().map_or(Val::Null, Val::Int),
-            Val::Float(n) => Val::Float(-n),
-            _ => Val::Null,
+            Operand::Int(n) => n.checked_neg().map_or(Operand::Null, Operand::Int),
+            Operand::Float(n) => Operand::Float(-n),
+            _ => Operand::Null,
         },
         Expr::Arithmetic(op, a, b) => arithmetic(*op, &value(a, table, row), &value(b, table, row)),
-        Expr::None => Val::Null,
-        condition => Val::Int(i64::from(holds(condition, table, row))),
+        Expr::None => Operand::Null,
+        condition => Operand::Int(i64::from(is_true(condition, table, row))),
     }
 }
 
-fn cell(cell: Cell<'_>) -> Val<'_> {
+/// The value of a column as an operand. Durations are in microseconds, as users see them.
+fn cell(cell: Cell<'_>) -> Operand<'_> {
     match cell {
-        Cell::Null => Val::Null,
-        Cell::Int(n) | Cell::Time(n) => Val::Int(n),
-        Cell::Us(ns) => Val::Float(ns as f64 / 1000.0),
-        Cell::Float(value) => Val::Float(value),
-        Cell::Bool(yes) => Val::Int(i64::from(yes)),
-        Cell::Word(text) | Cell::Text(text) => Val::Text(Cow::Borrowed(text)),
-        Cell::Ints(items) => Val::Ints(items),
-        Cell::Codes(codes) => Val::Codes(codes),
-        Cell::Source(file, place, number) => Val::Text(Cow::Owned(source_text(file, place, number))),
-        other => Val::Text(Cow::Owned(cell_text(&other))),
+        Cell::Null => Operand::Null,
+        Cell::Int(n) | Cell::Time(n) => Operand::Int(n),
+        Cell::Us(ns) => Operand::Float(ns as f64 / 1000.0),
+        Cell::Float(value) => Operand::Float(value),
+        Cell::Bool(yes) => Operand::Int(i64::from(yes)),
+        Cell::Word(text) | Cell::Text(text) => Operand::Text(Cow::Borrowed(text)),
+        Cell::Ints(items) => Operand::Ints(items),
+        Cell::Codes(codes) => Operand::Codes(codes),
+        Cell::Source(file, place, number) => Operand::Text(Cow::Owned(source_text(file, place, number))),
+        other => Operand::Text(Cow::Owned(cell_text(&other))),
     }
 }
 
-fn order(a: &Val<'_>, b: &Val<'_>) -> Option<Ordering> {
+/// The order of two values; `None` if they cannot be compared.
+fn compare_values(a: &Operand<'_>, b: &Operand<'_>) -> Option<Ordering> {
     match (a, b) {
-        (Val::Int(a), Val::Int(b)) => Some(a.cmp(b)),
-        (Val::Int(a), Val::Float(b)) => (*a as f64).partial_cmp(b),
-        (Val::Float(a), Val::Int(b)) => a.partial_cmp(&(*b as f64)),
-        (Val::Float(a), Val::Float(b)) => a.partial_cmp(b),
-        (Val::Text(a), Val::Text(b)) => Some(a.cmp(b)),
+        (Operand::Int(a), Operand::Int(b)) => Some(a.cmp(b)),
+        (Operand::Int(a), Operand::Float(b)) => (*a as f64).partial_cmp(b),
+        (Operand::Float(a), Operand::Int(b)) => a.partial_cmp(&(*b as f64)),
+        (Operand::Float(a), Operand::Float(b)) => a.partial_cmp(b),
+        (Operand::Text(a), Operand::Text(b)) => Some(a.cmp(b)),
         _ => None,
     }
 }
 
-fn compare(op: Compare, a: &Val<'_>, b: &Val<'_>) -> bool {
-    fits(op, order(a, b))
+fn compare(op: Compare, a: &Operand<'_>, b: &Operand<'_>) -> bool {
+    satisfies(op, compare_values(a, b))
 }
 
-/// A constant that a float64 holds exactly.
-fn limit(expr: &Expr) -> Option<f64> {
+/// The value of a numeric constant, if a float64 represents it exactly.
+fn exact_constant(expr: &Expr) -> Option<f64> {
     match expr {
         Expr::Int(n) if n.unsigned_abs() <= 1 << 53 => Some(*n as f64),
         Expr::Float(n) => Some(*n),
@@ -230,40 +239,45 @@ fn limit(expr: &Expr) -> Option<f64> {
     }
 }
 
-fn fits(op: Compare, order: Option<Ordering>) -> bool {
-    let Some(order) = order else { return false };
+/// Whether an order satisfies a comparison operator.
+fn satisfies(op: Compare, compare_values: Option<Ordering>) -> bool {
+    let Some(compare_values) = compare_values else { return false };
     match op {
-        Compare::Eq => order.is_eq(),
-        Compare::Ne => order.is_ne(),
-        Compare::Lt => order.is_lt(),
-        Compare::Le => order.is_le(),
-        Compare::Gt => order.is_gt(),
-        Compare::Ge => order.is_ge(),
+        Compare::Eq => compare_values.is_eq(),
+        Compare::Ne => compare_values.is_ne(),
+        Compare::Lt => compare_values.is_lt(),
+        Compare::Le => compare_values.is_le(),
+        Compare::Gt => compare_values.is_gt(),
+        Compare::Ge => compare_values.is_ge(),
     }
 }
 
-fn contains(item: &Val<'_>, list: &Val<'_>) -> bool {
+/// The operator `in`: an item of a list of constants, a number in a list of registers, a finding code, or a part of a
+/// text.
+fn contains(item: &Operand<'_>, list: &Operand<'_>) -> bool {
     match (item, list) {
-        (Val::Null, _) => false,
-        (item, Val::List(items)) => items.iter().any(|other| {
+        (Operand::Null, _) => false,
+        (item, Operand::List(items)) => items.iter().any(|other| {
             let other = match other {
-                Expr::Int(n) => Val::Int(*n),
-                Expr::Float(n) => Val::Float(*n),
-                Expr::Text(text) => Val::Text(Cow::Borrowed(text)),
-                _ => Val::Null,
+                Expr::Int(n) => Operand::Int(*n),
+                Expr::Float(n) => Operand::Float(*n),
+                Expr::Text(text) => Operand::Text(Cow::Borrowed(text)),
+                _ => Operand::Null,
             };
             compare(Compare::Eq, item, &other)
         }),
-        (Val::Int(n), Val::Ints(items)) => (0..items.len()).any(|i| i64::from(items.get(i)) == *n),
-        (Val::Float(n), Val::Ints(items)) => (0..items.len()).any(|i| f64::from(items.get(i)).total_cmp(n).is_eq()),
-        (Val::Text(text), Val::Codes(codes)) => codes.iter().any(|code| code.doc().code == text),
-        (Val::Text(part), Val::Text(whole)) => whole.contains(part.as_ref()),
+        (Operand::Int(n), Operand::Ints(items)) => (0..items.len()).any(|i| i64::from(items.get(i)) == *n),
+        (Operand::Float(n), Operand::Ints(items)) => (0..items.len()).any(|i| f64::from(items.get(i)).total_cmp(n).is_eq()),
+        (Operand::Text(text), Operand::Codes(codes)) => codes.iter().any(|code| code.doc().code == text),
+        (Operand::Text(part), Operand::Text(whole)) => whole.contains(part.as_ref()),
         _ => false,
     }
 }
 
-fn arithmetic<'a>(op: char, a: &Val<'_>, b: &Val<'_>) -> Val<'a> {
-    if let (Val::Int(a), Val::Int(b)) = (a, b) {
+/// Applies an arithmetic operator with the semantics of Python: `//` and `%` round towards minus infinity. Null on
+/// overflow and on division by zero.
+fn arithmetic<'a>(op: char, a: &Operand<'_>, b: &Operand<'_>) -> Operand<'a> {
+    if let (Operand::Int(a), Operand::Int(b)) = (a, b) {
         let (a, b) = (*a, *b);
         let floor = |a: i64, b: i64| a.checked_div_euclid(b).map(|q| if b < 0 && a.rem_euclid(b) != 0 { q - 1 } else { q });
         let result = match op {
@@ -273,16 +287,16 @@ fn arithmetic<'a>(op: char, a: &Val<'_>, b: &Val<'_>) -> Val<'a> {
             '&' => Some(a & b),
             'f' => floor(a, b),
             '%' => floor(a, b).and_then(|q| a.checked_sub(q.checked_mul(b)?)),
-            _ => return if b == 0 { Val::Null } else { Val::Float(a as f64 / b as f64) },
+            _ => return if b == 0 { Operand::Null } else { Operand::Float(a as f64 / b as f64) },
         };
-        return result.map_or(Val::Null, Val::Int);
+        return result.map_or(Operand::Null, Operand::Int);
     }
-    let number = |val: &Val<'_>| match val {
-        Val::Int(n) => Some(*n as f64),
-        Val::Float(n) => Some(*n),
+    let number = |val: &Operand<'_>| match val {
+        Operand::Int(n) => Some(*n as f64),
+        Operand::Float(n) => Some(*n),
         _ => None,
     };
-    let (Some(a), Some(b)) = (number(a), number(b)) else { return Val::Null };
+    let (Some(a), Some(b)) = (number(a), number(b)) else { return Operand::Null };
     let result = match op {
         '+' => a + b,
         '-' => a - b,
@@ -290,15 +304,16 @@ fn arithmetic<'a>(op: char, a: &Val<'_>, b: &Val<'_>) -> Val<'a> {
         '/' => a / b,
         'f' => (a / b).floor(),
         '%' => a - (a / b).floor() * b,
-        _ => return Val::Null,
+        _ => return Operand::Null,
     };
     if result.is_finite() {
-        Val::Float(result)
+        Operand::Float(result)
     } else {
-        Val::Null
+        Operand::Null
     }
 }
 
+/// Whether a transaction read or wrote an address from `first` to `last` (or only wrote it).
 fn touches(table: &Table, row: usize, register_type: &str, (first, last): (u32, u32), only_writes: bool) -> bool {
     let Some(t) = table.transaction(row) else {
         return touches_reading(table, row, register_type, (first, last), only_writes);
@@ -315,6 +330,7 @@ fn touches(table: &Table, row: usize, register_type: &str, (first, last): (u32, 
     overlaps(write_range(&table.batch, t)) || (!only_writes && overlaps(read_range(&table.batch, t)))
 }
 
+/// Whether a reading belongs to an address from `first` to `last` (and was written).
 fn touches_reading(table: &Table, row: usize, register_type: &str, (first, last): (u32, u32), only_writes: bool) -> bool {
     let text = |key: &str| table.kind.column(key).map(|column| cell_text(&table.cell(row, column))).unwrap_or_default();
     let address = text("address").parse::<u32>();

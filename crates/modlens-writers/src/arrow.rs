@@ -1,4 +1,4 @@
-//! Rows as Arrow columns.
+//! Writes rows as Arrow record batches.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,19 +14,21 @@ use modlens_tables::columns::{Kind, Put, RowRef, Table, TableKind};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
-    schema_of(kind, &all(kind))
+    schema_of(kind, &all_columns(kind))
 }
 
-/// The schema of some of its columns.
+/// The schema of some columns of a table.
 pub fn schema_of(kind: TableKind, columns: &[usize]) -> Schema {
     let columns = columns.iter().map(|&column| &kind.columns()[column]);
     Schema::new(columns.map(|column| Field::new(&column.key, data_type(column.kind), true)).collect::<Vec<_>>())
 }
 
-fn all(kind: TableKind) -> Vec<usize> {
+/// The indices of all columns of a table.
+fn all_columns(kind: TableKind) -> Vec<usize> {
     (0..kind.columns().len()).collect()
 }
 
+/// The Arrow type of a column.
 fn data_type(kind: Kind) -> DataType {
     let list = |item| DataType::List(Arc::new(Field::new("item", item, true)));
     match kind {
@@ -42,7 +44,7 @@ fn data_type(kind: Kind) -> DataType {
 
 /// The rows of a table as one record batch.
 pub fn batch(table: &Table) -> RecordBatch {
-    batch_of(table, 0..table.len(), &all(table.kind))
+    batch_of(table, 0..table.len(), &all_columns(table.kind))
 }
 
 /// Some columns of some rows as one record batch.
@@ -52,19 +54,20 @@ pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordB
     RecordBatch::try_new(Arc::new(schema_of(table.kind, columns)), arrays).expect("columns are built by the schema")
 }
 
+/// The array of one column.
 fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
     match table.columns()[column].kind {
-        kind @ (Kind::Int | Kind::Time) => wholes(filled(rows, table, column), kind),
-        Kind::Us | Kind::Float => numbers(filled(rows, table, column)),
-        Kind::Bool => truths(filled(rows, table, column)),
-        Kind::Text | Kind::Map => texts(filled(rows, table, column)),
-        Kind::Ints => lists(filled(rows, table, column)),
-        Kind::Texts => codes(filled(rows, table, column)),
+        kind @ (Kind::Int | Kind::Time) => integer_array(column_values(rows, table, column), kind),
+        Kind::Us | Kind::Float => float_array(column_values(rows, table, column)),
+        Kind::Bool => bool_array(column_values(rows, table, column)),
+        Kind::Text | Kind::Map => text_array(column_values(rows, table, column)),
+        Kind::Ints => int_list_array(column_values(rows, table, column)),
+        Kind::Texts => text_list_array(column_values(rows, table, column)),
     }
 }
 
-/// A column of this kind with the values of all rows.
-fn filled<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> Values<T>
+/// The values of a column in all rows.
+fn column_values<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> Values<T>
 where
     Values<T>: Put + 'static,
 {
@@ -73,7 +76,7 @@ where
     values
 }
 
-fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
+fn integer_array(column: Values<i64>, kind: Kind) -> ArrayRef {
     let Values { items: values, mut nulls, .. } = column;
     if kind == Kind::Time {
         Arc::new(TimestampNanosecondArray::new(values.into(), nulls.finish()).with_timezone("UTC"))
@@ -82,30 +85,30 @@ fn wholes(column: Values<i64>, kind: Kind) -> ArrayRef {
     }
 }
 
-fn numbers(column: Values<f64>) -> ArrayRef {
+fn float_array(column: Values<f64>) -> ArrayRef {
     let Values { items: values, mut nulls, .. } = column;
     Arc::new(Float64Array::new(values.into(), nulls.finish()))
 }
 
-fn truths(column: Values<bool>) -> ArrayRef {
+fn bool_array(column: Values<bool>) -> ArrayRef {
     let Values { items: values, mut nulls, .. } = column;
     Arc::new(BooleanArray::new(values.into(), nulls.finish()))
 }
 
-/// Texts are written one behind the other, where they stay.
-fn texts(column: Values<u8>) -> ArrayRef {
+/// The texts are already stored one after the other, so they are not copied.
+fn text_array(column: Values<u8>) -> ArrayRef {
     let Values { items: values, mut nulls, offsets } = column;
     Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
 }
 
-fn lists(column: Values<i32>) -> ArrayRef {
+fn int_list_array(column: Values<i32>) -> ArrayRef {
     let Values { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Int32, true));
     let values = Arc::new(Int32Array::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
 }
 
-fn codes(column: Values<&'static str>) -> ArrayRef {
+fn text_list_array(column: Values<&'static str>) -> ArrayRef {
     let Values { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Utf8, true));
     let values = Arc::new(StringArray::from(values));

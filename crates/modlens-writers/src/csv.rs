@@ -1,4 +1,4 @@
-//! CSV (RFC 4180): lists joined by single spaces, null empty.
+//! CSV (RFC 4180). Lists are joined by single spaces, null is empty.
 
 use std::mem::ManuallyDrop;
 
@@ -9,10 +9,10 @@ use crate::Lines;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::hex::push_hex;
 use modlens_protocol::timestamp::Stamp;
-use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, truth};
+use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, bool_text};
 use modlens_tables::columns::{Cell, Put, Table};
 
-/// Appends the names of the columns as a row.
+/// Appends the header.
 pub fn header(keys: &[&str], out: &mut Vec<u8>) {
     for (i, key) in keys.iter().enumerate() {
         if i > 0 {
@@ -57,14 +57,14 @@ impl Line for Csv {
 
     #[inline]
     fn end(&mut self) {
-        self.out.pop(); // the comma behind the last one
+        self.out.pop(); // the comma after the last value
         self.out.extend_from_slice(b"\r\n");
     }
 }
 
 impl Put for Csv {
     #[inline(always)]
-    #[allow(clippy::inline_always)] // See `Put`.
+    #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
     fn put(&mut self, cell: Cell<'_>) {
         let out = &mut self.out;
         let cell = ManuallyDrop::new(cell);
@@ -73,49 +73,50 @@ impl Put for Csv {
             Cell::Int(n) => push_int(n, out),
             Cell::Us(ns) => push_us(ns, out),
             Cell::Time(ns) => self.stamp.push(ns, out),
-            Cell::Bool(yes) => push_short(truth(yes), out),
+            Cell::Bool(yes) => push_short(bool_text(yes), out),
             Cell::Word(text) => push_short(text.as_bytes(), out),
             Cell::Hex(bytes) => push_hex(bytes, out),
             Cell::Ints(ref items) => push_items(items, b' ', out),
-            Cell::Source(file, place, number) if self.source.plain(file, special) => push_source(file, place, number, out),
-            _ => foreign(&ManuallyDrop::into_inner(cell), out),
+            Cell::Source(file, place, number) if self.source.plain(file, needs_quotes) => push_source(file, place, number, out),
+            _ => push_input_text(&ManuallyDrop::into_inner(cell), out),
         }
     }
 }
 
-/// All other values: what comes from outside may need quotes.
+/// Values that may contain text from the input, which may need quotes.
 #[inline(never)]
-fn foreign(cell: &Cell<'_>, out: &mut Vec<u8>) {
+fn push_input_text(cell: &Cell<'_>, out: &mut Vec<u8>) {
     let start = out.len();
     push_plain(cell, out);
-    let ours = match cell {
+    let never_needs_quotes = match cell {
         Cell::Value(value) => value.is_number(),
         cell => !matches!(cell, Cell::Text(_) | Cell::Fields(_) | Cell::Map(_) | Cell::Source(..)),
     };
-    if !ours {
+    if !never_needs_quotes {
         quote(start, out);
     }
 }
 
 /// Whether a text has to be quoted.
-fn special(text: &[u8]) -> bool {
-    formula(text) || memchr3(b',', b'"', b'\n', text).is_some() || text.contains(&b'\r')
+fn needs_quotes(text: &[u8]) -> bool {
+    is_formula(text) || memchr3(b',', b'"', b'\n', text).is_some() || text.contains(&b'\r')
 }
 
-/// Whether a spreadsheet would take it for a formula.
-fn formula(text: &[u8]) -> bool {
+/// Whether a spreadsheet would interpret the text as a formula.
+fn is_formula(text: &[u8]) -> bool {
     matches!(text.first(), Some(b'=' | b'+' | b'-' | b'@' | b'\t' | b'\r'))
 }
 
-/// Text from outside: quoted where it must be, and never the start of a spreadsheet's formula.
+/// Quotes the text from `start` on where necessary. An apostrophe prevents a spreadsheet from interpreting it as a
+/// formula, which could run commands.
 fn quote(start: usize, out: &mut Vec<u8>) {
-    if !special(&out[start..]) {
+    if !needs_quotes(&out[start..]) {
         return;
     }
-    let formula = formula(&out[start..]);
+    let is_formula = is_formula(&out[start..]);
     let text = out.split_off(start);
     out.push(b'"');
-    if formula {
+    if is_formula {
         out.push(b'\'');
     }
     for byte in text {

@@ -1,4 +1,4 @@
-//! JSON lines: one object a row, null omitted.
+//! JSON lines: one object per row. Columns without a value are omitted.
 
 use std::mem::ManuallyDrop;
 
@@ -8,7 +8,7 @@ use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::hex::push_hex;
 use modlens_protocol::timestamp::Stamp;
-use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, truth};
+use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, bool_text};
 use modlens_tables::columns::{Cell, Put, Table};
 
 /// Appends the rows of a table.
@@ -16,31 +16,33 @@ pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
     Lines::<Jsonl>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
 }
 
-/// A line of JSON.
+/// Writes a line of JSON.
 #[derive(Default)]
 pub struct Jsonl {
     out: Vec<u8>,
     stamp: Stamp,
     source: Source,
-    keys: Vec<Key>,
+    keys: Vec<KeyText>,
+    /// The index of the current column.
     at: usize,
+    /// Where the current line begins in `out`.
     start: usize,
 }
 
-/// Names of columns are no longer than this, with a comma, quotes and a colon around them.
-const ROOM: usize = 24;
+/// Room for the longest column name with a comma, quotes and a colon around it. A copy of fixed size is faster.
+const KEY_BYTES: usize = 24;
 
-/// A comma, the name of a column, a colon.
+/// The text before a value: a comma, the quoted name of the column, a colon.
 #[derive(Clone, Copy)]
-struct Key {
-    bytes: [u8; ROOM],
+struct KeyText {
+    bytes: [u8; KEY_BYTES],
     length: usize,
 }
 
-impl Key {
+impl KeyText {
     fn new(name: &str) -> Self {
         let text = format!(",\"{name}\":");
-        let mut bytes = [0; ROOM];
+        let mut bytes = [0; KEY_BYTES];
         bytes[..text.len()].copy_from_slice(text.as_bytes());
         Self { bytes, length: text.len() }
     }
@@ -48,7 +50,7 @@ impl Key {
 
 impl Line for Jsonl {
     fn columns(&mut self, keys: &[&str]) {
-        self.keys = keys.iter().map(|key| Key::new(key)).collect();
+        self.keys = keys.iter().map(|key| KeyText::new(key)).collect();
     }
 
     #[inline]
@@ -69,7 +71,7 @@ impl Line for Jsonl {
         self.start = self.out.len();
     }
 
-    /// The comma before the first value becomes the bracket.
+    /// The comma before the first value is replaced by the opening brace.
     #[inline]
     fn end(&mut self) {
         match self.out.get_mut(self.start) {
@@ -82,21 +84,21 @@ impl Line for Jsonl {
 
 impl Put for Jsonl {
     #[inline(always)]
-    #[allow(clippy::inline_always)] // See `Put`.
+    #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
     fn put(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
         if matches!(*cell, Cell::Null) {
             return;
         }
         let out = &mut self.out;
-        let Key { bytes, length } = self.keys[self.at];
+        let KeyText { bytes, length } = self.keys[self.at];
         let end = out.len() + length;
         out.extend_from_slice(&bytes);
         out.truncate(end);
         match *cell {
             Cell::Int(n) => push_int(n, out),
             Cell::Us(ns) => push_us(ns, out),
-            Cell::Bool(yes) => push_short(truth(yes), out),
+            Cell::Bool(yes) => push_short(bool_text(yes), out),
             Cell::Word(text) => quoted(out, |out| push_short(text.as_bytes(), out)),
             Cell::Hex(bytes) => quoted(out, |out| push_hex(bytes, out)),
             Cell::Time(ns) => quoted(out, |out| self.stamp.push(ns, out)),
@@ -106,10 +108,10 @@ impl Put for Jsonl {
                 out.push(b']');
             }
             Cell::Codes(codes) => push_codes(codes, out),
-            Cell::Source(file, place, number) if self.source.plain(file, special) => {
+            Cell::Source(file, place, number) if self.source.plain(file, needs_escapes) => {
                 quoted(out, |out| push_source(file, place, number, out));
             }
-            _ => foreign(&ManuallyDrop::into_inner(cell), out),
+            _ => push_input_text(&ManuallyDrop::into_inner(cell), out),
         }
     }
 }
@@ -132,28 +134,28 @@ fn quoted(out: &mut Vec<u8>, push: impl FnOnce(&mut Vec<u8>)) {
     out.push(b'"');
 }
 
-/// All other values: what comes from outside may need escapes.
+/// Values that may contain text from the input, which may need escaping.
 #[inline(never)]
-fn foreign(cell: &Cell<'_>, out: &mut Vec<u8>) {
+fn push_input_text(cell: &Cell<'_>, out: &mut Vec<u8>) {
     if matches!(cell, Cell::Float(_) | Cell::Fields(_) | Cell::Map(_)) {
         return push_plain(cell, out);
     }
     quoted(out, |out| {
         let start = out.len();
         push_plain(cell, out);
-        if special(&out[start..]) {
+        if needs_escapes(&out[start..]) {
             let text = out.split_off(start);
             push_escaped(&text, out);
         }
     });
 }
 
-/// Whether JSON forbids a byte of the text.
-fn special(text: &[u8]) -> bool {
+/// Whether the text contains a byte that JSON does not allow in a string.
+fn needs_escapes(text: &[u8]) -> bool {
     text.iter().any(|byte| matches!(byte, b'"' | b'\\' | 0..0x20 | 0x7F))
 }
 
-/// Text is valid UTF-8 already; what JSON forbids raw is escaped.
+/// Appends text with the escapes that JSON requires. The text is valid UTF-8 already.
 fn push_escaped(text: &[u8], out: &mut Vec<u8>) {
     for &byte in text {
         match byte {

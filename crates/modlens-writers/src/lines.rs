@@ -1,59 +1,60 @@
-//! What text formats with a row a line share: the columns as each of them reads them, row after row.
+//! Writes tables in text formats with one row per line: the columns of each row, one after the other. What all rows of
+//! a bus share is formatted once and copied.
 
 use std::ops::Range;
 
 use modlens_protocol::decimal::push_short;
 use modlens_tables::columns::{Put, Reader, RowRef, Table};
 
-/// A format: how a value stands in its line.
+/// A text format: writes the values of a line.
 pub trait Line: Put + Default + 'static {
-    /// What the format has to know of its columns.
+    /// Tells the format the names of the columns, before the first line.
     fn columns(&mut self, keys: &[&str]);
 
-    /// Where the lines go; whoever has a buffer lends it.
+    /// The output. A writer exchanges its own buffer for this one, so that the format does not need to borrow it.
     fn out(&mut self) -> &mut Vec<u8>;
 
-    /// The next value stands in this column.
+    /// Announces the column (by index) of the next value.
     fn column(&mut self, at: usize);
 
-    /// The value has been put: its end.
+    /// Ends a value.
     fn end_value(&mut self);
 
-    /// A line begins.
+    /// Begins a line.
     fn begin(&mut self);
 
-    /// And ends.
+    /// Ends a line.
     fn end(&mut self);
 }
 
-/// The file that rows come from, which mostly is that of the row before.
+/// Remembers whether the name of the input file needs quoting or escaping. It is mostly the same as in the row before.
 #[derive(Default)]
 pub struct Source {
-    /// Where its name is in memory, and how long it is; whether it needs neither quotes nor escapes.
+    /// Address and length of the name last checked, and whether it needs neither quotes nor escapes.
     known: Option<(usize, usize, bool)>,
 }
 
 impl Source {
-    /// Whether the name of the file needs nothing of what `special` looks for.
+    /// Whether the name contains nothing that `special` reports.
     #[inline]
     pub fn plain(&mut self, file: &str, special: fn(&[u8]) -> bool) -> bool {
         let (at, length) = (file.as_ptr() as usize, file.len());
         match self.known {
-            Some((known, size, plain)) if (known, size) == (at, length) => plain,
+            Some((known, size, is_plain)) if (known, size) == (at, length) => is_plain,
             _ => {
-                let plain = !special(file.as_bytes());
-                self.known = Some((at, length, plain));
-                plain
+                let is_plain = !special(file.as_bytes());
+                self.known = Some((at, length, is_plain));
+                is_plain
             }
         }
     }
 }
 
-/// Columns that stand side by side.
+/// One column, or adjacent columns with values that all rows of a bus share.
 enum Step<F> {
-    /// One that every row has for itself.
+    /// The index of a column whose value differs from row to row.
     Own(usize, Reader<F>),
-    /// Those whose values a row shares with all others of its bus: their text is kept.
+    /// Columns that have the same values in all rows of a bus, and their text for the current bus.
     Shared(Vec<(usize, Reader<F>)>, Vec<u8>),
 }
 
@@ -61,12 +62,13 @@ enum Step<F> {
 pub struct Lines<F> {
     format: F,
     steps: Vec<Step<F>>,
-    /// The bus that the kept texts are of.
+    /// The bus to which the kept texts belong.
     bus: Option<u32>,
 }
 
 impl<F: Line> Lines<F> {
-    /// For these columns of a table, and for one batch only: the next one may number its buses in another way.
+    /// A writer for these columns of a table, to be used for one batch only: the next batch may number its buses
+    /// differently.
     pub fn new(table: &Table, columns: &[usize]) -> Self {
         let keys: Vec<&str> = columns.iter().map(|&column| table.kind.columns()[column].key.as_str()).collect();
         let mut format = F::default();
@@ -83,7 +85,7 @@ impl<F: Line> Lines<F> {
         Self { format, steps, bus: None }
     }
 
-    /// Appends rows until `out` holds so many bytes; gives the row that comes next.
+    /// Appends rows until `out` holds `enough` bytes. Returns the next row to be written.
     pub fn rows(&mut self, table: &Table, rows: Range<usize>, enough: usize, out: &mut Vec<u8>) -> usize {
         std::mem::swap(self.format.out(), out);
         let mut next = rows.start;
@@ -95,10 +97,11 @@ impl<F: Line> Lines<F> {
         next
     }
 
+    /// Appends one row.
     #[inline]
     fn row(&mut self, row: &RowRef<'_>) {
         if row.bus() != self.bus {
-            self.turn(row);
+            self.change_bus(row);
         }
         let format = &mut self.format;
         format.begin();
@@ -115,9 +118,9 @@ impl<F: Line> Lines<F> {
         format.end();
     }
 
-    /// A row of another bus: its texts are made.
+    /// Formats the shared columns anew for the bus of this row.
     #[cold]
-    fn turn(&mut self, row: &RowRef<'_>) {
+    fn change_bus(&mut self, row: &RowRef<'_>) {
         self.bus = row.bus();
         for step in &mut self.steps {
             let Step::Shared(columns, text) = step else { continue };

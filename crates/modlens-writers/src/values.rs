@@ -1,5 +1,6 @@
-//! The values of a column one behind the other, as Arrow and Parquet have them.
-#![allow(clippy::inline_always)] // See `Put`.
+//! Builds the arrays of a column, in the form that Arrow and Parquet need.
+#![allow(clippy::inline_always)]
+// Reduces the match of each `put` to one arm in each caller.
 
 use std::mem::ManuallyDrop;
 
@@ -10,12 +11,13 @@ use modlens_protocol::hex::push_hex;
 use modlens_tables::cell_text::{push_plain, push_source};
 use modlens_tables::columns::{Cell, Items, Put, Reader, RowRef};
 
-/// One value after the other: how many, where each ends, which are null.
+/// The values of a column: items, offsets and nulls.
 pub(super) struct Values<T> {
-    /// Those of rows without one are there, too; of lists and texts the items.
+    /// The values; for lists and texts, the items of all rows one after the other. A row without a value has a default
+    /// value here.
     pub(super) items: Vec<T>,
     pub(super) nulls: NullBufferBuilder,
-    /// Of lists and texts: the end of each row's items, behind a zero.
+    /// For lists and texts: a zero, then the end of each row's items.
     pub(super) offsets: Vec<i32>,
 }
 
@@ -26,7 +28,7 @@ impl<T> Values<T> {
         Self { items: Vec::with_capacity(rows), nulls: NullBufferBuilder::new(rows), offsets }
     }
 
-    /// Takes the values of some more rows.
+    /// Appends the values of further rows.
     pub(super) fn take(&mut self, rows: &[RowRef<'_>], reader: &Reader<Self>)
     where
         Self: Put,
@@ -36,7 +38,7 @@ impl<T> Values<T> {
         }
     }
 
-    /// How many rows.
+    /// The number of rows.
     #[cfg(feature = "files")]
     pub(super) fn rows(&self) -> usize {
         self.nulls.len()
@@ -44,14 +46,16 @@ impl<T> Values<T> {
 }
 
 impl<T: Clone + Default> Values<T> {
+    /// Appends a value of fixed size, or null.
     #[inline(always)]
-    fn one(&mut self, value: Option<T>) {
+    fn push_value(&mut self, value: Option<T>) {
         self.nulls.append(value.is_some());
         self.items.push(value.unwrap_or_default());
     }
 
+    /// Ends the items of a row; `there` is false for null.
     #[inline(always)]
-    fn end(&mut self, there: bool) {
+    fn end_row(&mut self, there: bool) {
         self.offsets.push(self.items.len() as i32);
         self.nulls.append(there);
     }
@@ -60,7 +64,7 @@ impl<T: Clone + Default> Values<T> {
 impl Put for Values<i64> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
-        self.one(match *ManuallyDrop::new(cell) {
+        self.push_value(match *ManuallyDrop::new(cell) {
             Cell::Int(n) | Cell::Time(n) => Some(n),
             _ => None,
         });
@@ -70,7 +74,7 @@ impl Put for Values<i64> {
 impl Put for Values<f64> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
-        self.one(match *ManuallyDrop::new(cell) {
+        self.push_value(match *ManuallyDrop::new(cell) {
             Cell::Us(ns) => Some(ns as f64 / 1000.0),
             Cell::Float(value) => Some(value),
             Cell::Int(n) | Cell::Time(n) => Some(n as f64),
@@ -82,7 +86,7 @@ impl Put for Values<f64> {
 impl Put for Values<bool> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
-        self.one(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
+        self.push_value(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
     }
 }
 
@@ -91,28 +95,28 @@ impl Put for Values<u8> {
     fn put(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
         match *cell {
-            Cell::Null => return self.end(false),
+            Cell::Null => return self.end_row(false),
             Cell::Word(text) | Cell::Text(text) => push_short(text.as_bytes(), &mut self.items),
             Cell::Hex(bytes) => push_hex(bytes, &mut self.items),
             Cell::Source(file, place, number) => push_source(file, place, number, &mut self.items),
             _ => push_plain(&ManuallyDrop::into_inner(cell), &mut self.items),
         }
-        self.end(true);
+        self.end_row(true);
     }
 }
 
-/// Lists of numbers, with one look at the list for all of its numbers.
+/// Lists of numbers. The kind of list is examined once per list, not per number.
 impl Put for Values<i32> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
-        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end(false) };
+        let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end_row(false) };
         match items {
             Items::Words(bytes) => {
                 self.items.extend(bytes.chunks_exact(2).map(|word| i32::from(u16::from_be_bytes([word[0], word[1]]))));
             }
             items => self.items.extend((0..items.len()).map(|i| items.get(i))),
         }
-        self.end(true);
+        self.end_row(true);
     }
 }
 
@@ -122,6 +126,6 @@ impl Put for Values<&'static str> {
         if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
             self.items.extend(codes.iter().map(|code| code.doc().code));
         }
-        self.end(true);
+        self.end_row(true);
     }
 }

@@ -1,8 +1,8 @@
-//! Logs as Zeek writes them: its `modbus.log`, and the `modbus_detailed.log` of the icsnpp-modbus package.
+//! Writes logs in Zeek's format: its `modbus.log`, and the `modbus_detailed.log` of the icsnpp-modbus package.
 //!
-//! Programs that read Zeek's logs find the fields by the header, in this order. A serial line has no addresses and no
-//! transaction identifiers: unit n of bus b is 10.b.0.n, its master 10.b.255.254, the identifier is the transaction's
-//! number modulo 65536, and a connection is a bus.
+//! Programs that read Zeek's logs identify the fields by the header, in this order. A serial line has no addresses and
+//! no transaction identifiers, so these are invented: unit n of bus b is 10.b.0.n, its master 10.b.255.254, the
+//! identifier is the transaction's number modulo 65536, and each bus is one connection.
 
 use std::sync::OnceLock;
 
@@ -14,12 +14,12 @@ use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 use modlens_tables::columns::{read_data, read_range, write_data, write_range, Items, Table};
 
-/// Which log.
+/// One of Zeek's logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Log {
-    /// A line a PDU.
+    /// One line per PDU.
     Modbus,
-    /// A line a transaction.
+    /// One line per transaction.
     Detailed,
 }
 
@@ -61,7 +61,7 @@ const DETAILED: [(&str, &str); 21] = [
     ("mei_type", "string"),
 ];
 
-/// Zeek's names of functions (base/protocols/modbus/consts.zeek).
+/// Zeek's names of the functions (base/protocols/modbus/consts.zeek).
 const FUNCTIONS: [(u8, &str); 30] = [
     (0x01, "READ_COILS"),
     (0x02, "READ_DISCRETE_INPUTS"),
@@ -95,7 +95,7 @@ const FUNCTIONS: [(u8, &str); 30] = [
     (0x7F, "REPORT_LOCAL_ADDRESS"),
 ];
 
-/// Zeek's names of exceptions (the same file).
+/// Zeek's names of the exception codes (base/protocols/modbus/consts.zeek).
 const EXCEPTIONS: [(u8, &str); 9] = [
     (0x01, "ILLEGAL_FUNCTION"),
     (0x02, "ILLEGAL_DATA_ADDRESS"),
@@ -112,7 +112,7 @@ const DIAGNOSTICS: u8 = 0x08;
 const ENCAPSULATED: u8 = 0x2B;
 const READ_DEVICE_IDENTIFICATION: u8 = 14;
 
-/// One value of a log.
+/// The value of one field of a log.
 enum Value {
     Unset,
     Count(i64),
@@ -123,6 +123,7 @@ enum Value {
 }
 
 impl Log {
+    /// The names and types of the log's fields.
     fn fields(self) -> &'static [(&'static str, &'static str)] {
         match self {
             Self::Modbus => &MODBUS,
@@ -130,6 +131,7 @@ impl Log {
         }
     }
 
+    /// The name of the log in its header.
     fn path(self) -> &'static str {
         match self {
             Self::Modbus => "modbus",
@@ -137,7 +139,7 @@ impl Log {
         }
     }
 
-    /// The header of a log of tab-separated values.
+    /// Appends the header of a log with tab-separated values.
     pub fn head(self, out: &mut Vec<u8>) {
         let names =
             |at: fn(&(&'static str, &'static str)) -> &'static str| self.fields().iter().map(at).collect::<Vec<_>>().join("\t");
@@ -150,7 +152,8 @@ impl Log {
         out.extend_from_slice(head.as_bytes());
     }
 
-    /// Appends the rows of the table of transactions; `json` writes an object a line instead of tab-separated values.
+    /// Appends the rows of a table of transactions. With `json`, each line is a JSON object instead of tab-separated
+    /// values.
     pub fn rows(self, table: &Table, json: bool, out: &mut Vec<u8>) {
         for row in 0..table.len() {
             let Some(transaction) = table.transaction(row) else { continue };
@@ -161,24 +164,25 @@ impl Log {
         }
     }
 
-    /// A line for the request and one for the response, as far as they were seen undamaged.
+    /// Appends a line for the request and one for the response, if they were observed undamaged.
     fn pdus(self, batch: &Batch, t: &Transaction, json: bool, out: &mut Vec<u8>) {
         let request = t.request.frame > 0 && t.status != Status::BadRequest;
         let response = t.response.frame > 0 && t.status != Status::BadResponse;
-        for (there, half, kind) in [(request, &t.request, "REQ"), (response, &t.response, "RESP")] {
-            if !there {
+        for (is_observed, half, kind) in [(request, &t.request, "REQ"), (response, &t.response, "RESP")] {
+            if !is_observed {
                 continue;
             }
-            let answered = kind == "RESP";
+            let is_response = kind == "RESP";
             let code = half.pdu.of(&batch.arena).first().copied().unwrap_or(t.function);
             let mut values = identity(batch, t, half.start);
             values.push(Value::Text(function_name(code)));
             values.push(Value::Text(kind.to_owned()));
-            values.push(t.exception.filter(|_| answered).map_or(Value::Unset, |code| Value::Text(exception_name(code))));
+            values.push(t.exception.filter(|_| is_response).map_or(Value::Unset, |code| Value::Text(exception_name(code))));
             self.line(&values, json, out);
         }
     }
 
+    /// Appends one line.
     fn line(self, values: &[Value], json: bool, out: &mut Vec<u8>) {
         if json {
             let mut first = true;
@@ -203,7 +207,7 @@ impl Log {
     }
 }
 
-/// The first eight fields, which all logs have.
+/// The eight fields with which every log begins.
 fn identity(batch: &Batch, t: &Transaction, start: Option<Ns>) -> Vec<Value> {
     let clock = batch.buses[t.bus as usize].clock;
     let tid = t.mbap_id.map_or(t.number as i64 & 0xFFFF, i64::from);
@@ -219,6 +223,7 @@ fn identity(batch: &Batch, t: &Transaction, start: Option<Ns>) -> Vec<Value> {
     ]
 }
 
+/// The fields of a transaction in `modbus_detailed.log`.
 fn detailed(batch: &Batch, t: &Transaction) -> Vec<Value> {
     let range = read_range(batch, t).or_else(|| write_range(batch, t));
     let counts = |items: Option<Items<'_>>| {
@@ -228,15 +233,15 @@ fn detailed(batch: &Batch, t: &Transaction) -> Vec<Value> {
     let code = if t.exception.is_some() && t.request.frame == 0 { t.function | EXCEPTION_BIT } else { t.function };
     let body = |pdu: modlens_engine::records::Span| pdu.of(&batch.arena).get(1..).unwrap_or(&[]);
     let (request, response) = (body(t.request.pdu), body(t.response.pdu));
-    let sub = |body: &[u8]| {
-        let code = modlens_protocol::pdu::u16_at(body, 0).filter(|_| t.function == DIAGNOSTICS);
+    let sub_function = |body: &[u8]| {
+        let code = crate::pdu::u16_at(body, 0).filter(|_| t.function == DIAGNOSTICS);
         code.map_or(Value::Unset, |code| Value::Text(diagnostic_name(code)))
     };
-    let rest = |body: &[u8]| match t.function {
+    let diagnostic_data = |body: &[u8]| match t.function {
         DIAGNOSTICS if body.len() > 2 => Value::Text(escaped_bytes(&body[2..])),
         _ => Value::Unset,
     };
-    let answer = if t.exception.is_some() { &[] } else { response };
+    let response_body = if t.exception.is_some() { &[] } else { response };
     let mut values = identity(batch, t, t.start);
     values.extend([
         Value::Text(function_name(code)),
@@ -246,17 +251,18 @@ fn detailed(batch: &Batch, t: &Transaction) -> Vec<Value> {
         counts(read_data(batch, t)),
         Value::Unset,
         Value::Yes(matched),
-        sub(request),
-        sub(answer),
-        rest(request),
-        padding(batch, t).map_or_else(|| rest(answer), Value::Text),
+        sub_function(request),
+        sub_function(response_body),
+        diagnostic_data(request),
+        padding(batch, t).map_or_else(|| diagnostic_data(response_body), Value::Text),
         t.exception.map_or(Value::Unset, |code| Value::Text(exception_name(code))),
         request.first().filter(|_| t.function == ENCAPSULATED).map_or(Value::Unset, |&mei| Value::Text(mei_name(mei))),
     ]);
     values
 }
 
-/// The bits of the last byte of a coil answer behind the quantity, which icsnpp keeps apart.
+/// The padding bits of a coil response: those after the requested quantity in its last byte, which icsnpp lists
+/// separately.
 fn padding(batch: &Batch, t: &Transaction) -> Option<String> {
     let Items::Bits(bytes, quantity) = read_data(batch, t)? else { return None };
     let bits: Vec<&str> =
@@ -264,6 +270,7 @@ fn padding(batch: &Batch, t: &Transaction) -> Option<String> {
     (!bits.is_empty()).then(|| bits.join(","))
 }
 
+/// Zeek's name of a function code, which may have the exception bit.
 fn function_name(code: u8) -> String {
     let name = |code: u8| FUNCTIONS.iter().find(|(known, _)| *known == code).map(|(_, name)| *name);
     match (name(code), name(code & !EXCEPTION_BIT)) {
@@ -273,12 +280,13 @@ fn function_name(code: u8) -> String {
     }
 }
 
+/// Zeek's name of an exception code.
 fn exception_name(code: u8) -> String {
     let name = EXCEPTIONS.iter().find(|(known, _)| *known == code).map(|(_, name)| (*name).to_owned());
     name.unwrap_or_else(|| format!("unknown-{code}"))
 }
 
-/// The specification's name of a sub-function of diagnostics.
+/// The name of a diagnostics sub-function in the specification.
 fn diagnostic_name(code: u16) -> String {
     static NAMES: OnceLock<Vec<(u64, String)>> = OnceLock::new();
     let names = NAMES.get_or_init(|| {
@@ -290,6 +298,7 @@ fn diagnostic_name(code: u16) -> String {
     found.map_or_else(|| format!("unknown-{code}"), |(_, name)| name.clone())
 }
 
+/// The name of a MEI type in icsnpp.
 fn mei_name(code: u8) -> String {
     if code == READ_DEVICE_IDENTIFICATION {
         String::from("READ-DEVICE-IDENTIFICATION")
@@ -298,21 +307,23 @@ fn mei_name(code: u8) -> String {
     }
 }
 
-/// Bytes as Zeek prints them: what is no plain letter as `\xNN`.
+/// Bytes as Zeek prints them: `\xNN` for everything that is not printable ASCII.
 fn escaped_bytes(bytes: &[u8]) -> String {
-    let letter = |&byte: &u8| match byte {
+    let escape = |&byte: &u8| match byte {
         b'\\' => String::from("\\\\"),
         b' '..=b'~' => (byte as char).to_string(),
         _ => format!("\\x{byte:02x}"),
     };
-    bytes.iter().map(letter).collect()
+    bytes.iter().map(escape).collect()
 }
 
+/// Appends a time as seconds since 1970 with six decimals.
 fn push_epoch(ns: Ns, out: &mut Vec<u8>) {
     push_int(ns.div_euclid(1_000_000_000), out);
     out.extend_from_slice(format!(".{:06}", ns.rem_euclid(1_000_000_000) / 1000).as_bytes());
 }
 
+/// Appends numbers separated by commas.
 fn push_counts(values: &[i32], out: &mut Vec<u8>) {
     for (i, value) in values.iter().enumerate() {
         if i > 0 {
@@ -322,6 +333,7 @@ fn push_counts(values: &[i32], out: &mut Vec<u8>) {
     }
 }
 
+/// Appends a value for a tab-separated log.
 fn push_text(value: &Value, out: &mut Vec<u8>) {
     match value {
         Value::Unset => out.push(b'-'),
@@ -334,6 +346,7 @@ fn push_text(value: &Value, out: &mut Vec<u8>) {
     }
 }
 
+/// Appends a value as JSON.
 fn push_json(value: &Value, out: &mut Vec<u8>) {
     match value {
         Value::Text(text) => out.extend_from_slice(serde_json::Value::from(text.as_str()).to_string().as_bytes()),
@@ -352,7 +365,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_those_of_zeek() {
+    fn functions_have_the_names_that_zeek_uses() {
         assert_eq!(function_name(3), "READ_HOLDING_REGISTERS");
         assert_eq!(function_name(0x83), "READ_HOLDING_REGISTERS_EXCEPTION");
         assert_eq!(function_name(0x41), "unknown-65");
@@ -364,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_are_spelled_as_zeek_does() {
+    fn bytes_are_escaped_as_in_zeek() {
         assert_eq!(escaped_bytes(b"\x00A\\"), "\\x00A\\\\");
     }
 }

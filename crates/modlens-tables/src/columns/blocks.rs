@@ -1,5 +1,5 @@
-//! The rows of the readings table, kept as runs: what a transaction read or wrote is one block, and its rows are a slice
-//! of what the plan of its unit has laid out. A row itself is looked up when somebody asks for it.
+//! The rows of the readings table, stored compactly. What a transaction read or wrote is one block, and its rows are
+//! runs of consecutive entries in the layout of the unit's plan. A single row is looked up on demand.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,71 +11,75 @@ use modlens_profiles::points::{Bound, Part, Piece, Plan, Step};
 use modlens_protocol::functions::Operation;
 use modlens_protocol::register_type::Space;
 
-/// What one transaction read or wrote: looked up once for all of its rows.
+/// The registers or bits that one transaction read or wrote, shared by all of its rows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block {
-    /// In `Batch::transactions`.
+    /// Index of the transaction in `Batch::transactions`.
     pub txn: u32,
-    /// Whether it was written.
+    /// Whether they were written rather than read.
     pub write: bool,
-    /// Its first register or bit.
+    /// The address of the first register or bit.
     pub first: u16,
     data: Data,
 }
 
-/// Where the registers or bits of a block are in the arena.
+/// Where the values of a block are stored.
 #[derive(Clone, Copy, Debug)]
 enum Data {
+    /// Registers in the batch's arena.
     Words(Span),
+    /// This many packed bits in the batch's arena.
     Bits(Span, usize),
-    /// A single write carries its register as a number.
+    /// The value of a single register write.
     Register(i32),
+    /// The value of a single coil write.
     Coil(i32),
 }
 
-/// Rows one behind the other in one block.
+/// Consecutive rows of one block whose steps are consecutive, too.
 #[derive(Clone, Copy, Debug)]
 struct Run {
-    /// The first of them.
+    /// The number of the first row.
     row: u32,
-    /// In `All::blocks`.
+    /// Index in `All::blocks`.
     block: u32,
     steps: Steps,
 }
 
-/// Where the steps of a run are.
+/// Where the steps of a run's rows are found.
 #[derive(Clone, Copy, Debug)]
 enum Steps {
-    /// Bare registers or bits from this address on.
+    /// Registers or bits without a point, from this address on.
     Bare(u16),
-    /// In the steps of the transaction's plan.
+    /// Consecutive steps of the transaction's plan, from this index on.
     Plan(u32),
-    /// In `All::own`.
+    /// Consecutive steps of `All::own`, from this index on. These belong to blocks that begin or end inside a value.
     Own(u32),
 }
 
+/// All rows of a batch. Shared by the views on it that filters make.
 #[derive(Debug, Default)]
 struct All {
     blocks: Vec<Block>,
     runs: Vec<Run>,
     own: Vec<Step>,
-    /// The run of every so many rows, to find a row from.
+    /// The index of the run that contains each `STRIDE`th row, from which a row's run is found in a few steps.
     directory: Vec<u32>,
     rows: u32,
 }
 
-/// Rows between two entries of the directory.
+/// The number of rows between two entries of the directory.
 const STRIDE: u32 = 16;
 
-/// The rows of the table.
+/// The rows of the table, or those that a filter has kept.
 #[derive(Clone, Debug)]
 pub(super) struct Readings {
     all: Arc<All>,
-    /// Those that a filter has kept.
+    /// The numbers of the rows that a filter has kept, in ascending order; `None` if there is no filter.
     some: Option<Arc<Vec<u32>>>,
 }
 
-/// A row with its block.
+/// One row: its step and the block that contains it.
 #[derive(Clone, Copy)]
 pub(super) struct Item<'a> {
     pub block: &'a Block,
@@ -83,13 +87,14 @@ pub(super) struct Item<'a> {
 }
 
 impl Item<'_> {
-    /// Its place in the block.
+    /// The index of its first register or bit in the block.
     pub fn place(&self) -> usize {
         usize::from(self.step.address.wrapping_sub(self.block.first))
     }
 }
 
 impl Block {
+    /// The values of the block.
     #[inline]
     pub fn items<'a>(&self, batch: &'a Batch) -> Items<'a> {
         match self.data {
@@ -101,7 +106,8 @@ impl Block {
 }
 
 impl Readings {
-    /// The rows of a batch. Refused and unanswered writes are listed too, with their status.
+    /// Lists the rows of a batch. Writes that were refused or not answered are listed, too; their status tells them
+    /// apart.
     pub fn new(batch: &Batch) -> Self {
         let mut all = All::default();
         all.blocks.reserve(batch.transactions.len());
@@ -133,25 +139,26 @@ impl Readings {
         Self { all: Arc::new(all), some: None }
     }
 
-    /// Some of the rows.
+    /// The given rows only; `rows` are indices into this view.
     pub fn some(&self, rows: &[usize]) -> Self {
         let rows = rows.iter().map(|&row| self.number(row)).collect();
         Self { all: Arc::clone(&self.all), some: Some(Arc::new(rows)) }
     }
 
-    /// The rows whose number is right; those without a number are left out.
+    /// The rows whose number satisfies `keep`. Rows without a number (NaN) are left out, because every comparison with
+    /// NaN is false.
     pub fn with_numbers(&self, batch: &Batch, keep: impl Fn(f64) -> bool) -> Self {
         let mut rows = Vec::new();
-        let mut part = Part::default();
-        // Bits are one of two numbers.
+        let mut buffer = Part::default();
+        // A block of bits can be skipped at once if neither of the two possible numbers is kept.
         let no_bit = !keep(0.0) && !keep(1.0);
         for (at, run) in self.all.runs.iter().enumerate() {
             if no_bit && matches!(self.all.blocks[run.block as usize].data, Data::Bits(..)) {
                 continue;
             }
             let mut from = run.row;
-            self.all.numbers(batch, run, self.all.length(at), &mut part, |some| {
-                // Most filters keep few: whole stretches are left out without a look at each.
+            self.all.numbers(batch, run, self.all.length(at), &mut buffer, |some| {
+                // Most filters keep few rows, so a whole buffer is first tested without branches.
                 if some.iter().fold(false, |any, &number| any | keep(number)) {
                     rows.extend((from..).zip(some).filter(|(_, number)| keep(**number)).map(|(row, _)| row));
                 }
@@ -168,33 +175,36 @@ impl Readings {
         self.some.as_ref().map_or(self.all.rows as usize, |rows| rows.len())
     }
 
+    /// The number of a row of this view among all rows.
     fn number(&self, row: usize) -> u32 {
         self.some.as_ref().map_or(row as u32, |rows| rows[row])
     }
 
+    /// Looks up a row: its run by the directory, then its step.
     #[inline]
     pub fn item<'a>(&'a self, batch: &'a Batch, row: usize) -> Item<'a> {
         let (all, row) = (&*self.all, self.number(row));
-        let mut at = all.directory[(row / STRIDE) as usize] as usize;
-        while all.runs.get(at + 1).is_some_and(|next| next.row <= row) {
-            at += 1;
+        let mut run_index = all.directory[(row / STRIDE) as usize] as usize;
+        while all.runs.get(run_index + 1).is_some_and(|next| next.row <= row) {
+            run_index += 1;
         }
-        let run = &all.runs[at];
-        let (block, behind) = (&all.blocks[run.block as usize], row - run.row);
+        let run = &all.runs[run_index];
+        let (block, index_in_run) = (&all.blocks[run.block as usize], row - run.row);
         let step = match run.steps {
-            Steps::Bare(address) => Step::bare(address.wrapping_add(behind as u16)),
+            Steps::Bare(address) => Step::bare(address.wrapping_add(index_in_run as u16)),
             Steps::Plan(from) => match &batch.transactions[block.txn as usize].points {
-                Some(bound) => bound.plan.steps()[(from + behind) as usize],
+                Some(bound) => bound.plan.steps()[(from + index_in_run) as usize],
                 None => Step::bare(block.first),
             },
-            Steps::Own(from) => all.own[(from + behind) as usize],
+            Steps::Own(from) => all.own[(from + index_in_run) as usize],
         };
         Item { block, step }
     }
 }
 
 impl All {
-    /// The rows of the last block.
+    /// Adds the rows of the last block in `blocks`, which has `count` registers or bits from address `first`. Without a
+    /// plan each of them is a row.
     fn add(&mut self, plan: Option<(&Plan, Space)>, first: u16, count: usize) {
         let Some((plan, space)) = plan else { return self.run(Steps::Bare(first), count) };
         plan.pieces(space, first, count, |piece| match piece {
@@ -208,6 +218,7 @@ impl All {
         });
     }
 
+    /// Adds a run of rows to the last block, and extends the directory.
     fn run(&mut self, steps: Steps, rows: usize) {
         if rows == 0 {
             return;
@@ -218,39 +229,41 @@ impl All {
         self.directory.resize(self.rows.div_ceil(STRIDE) as usize, run);
     }
 
+    /// The number of rows in a run.
     fn length(&self, run: usize) -> usize {
         (self.runs.get(run + 1).map_or(self.rows, |next| next.row) - self.runs[run].row) as usize
     }
 
-    /// The numbers of a run, some at a time.
+    /// Passes the numbers of a run's rows to `each`, a buffer at a time.
     #[inline]
-    fn numbers(&self, batch: &Batch, run: &Run, count: usize, part: &mut Part, each: impl FnMut(&[f64])) {
+    fn numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut Part, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
         let bound = batch.transactions[block.txn as usize].points.as_deref();
         let steps = match run.steps {
-            Steps::Bare(address) => return bare(&block.items(batch), address.wrapping_sub(block.first), count, part, each),
+            Steps::Bare(address) => return bare(&block.items(batch), address.wrapping_sub(block.first), count, buffer, each),
             Steps::Plan(from) => bound.map_or(&[][..], |bound| &bound.plan.steps()[from as usize..][..count]),
             Steps::Own(from) => &self.own[from as usize..][..count],
         };
         let Some(bound) = bound else { return };
         match block.data {
-            Data::Words(span) => bound.numbers(steps, block.first, span.of(&batch.arena), part, each),
-            Data::Register(value) => bound.numbers(steps, block.first, &(value as u16).to_be_bytes(), part, each),
+            Data::Words(span) => bound.numbers(steps, block.first, span.of(&batch.arena), buffer, each),
+            Data::Register(value) => bound.numbers(steps, block.first, &(value as u16).to_be_bytes(), buffer, each),
             Data::Bits(..) | Data::Coil(_) => {
                 let items = block.items(batch);
                 let bit = |step: &Step| f64::from(items.get(usize::from(step.address.wrapping_sub(block.first))));
-                part.of(steps, each, bit);
+                buffer.of(steps, each, bit);
             }
         }
     }
 }
 
-fn bare(items: &Items<'_>, place: u16, count: usize, part: &mut Part, mut each: impl FnMut(&[f64])) {
+/// Passes on the numbers of `count` registers or bits without a point, from index `place` in the block.
+fn bare(items: &Items<'_>, place: u16, count: usize, buffer: &mut Part, mut each: impl FnMut(&[f64])) {
     let places = usize::from(place)..usize::from(place) + count;
     match items {
         Items::Words(bytes) => {
             let pairs = bytes[2 * places.start..2 * places.end].as_chunks().0;
-            part.of(pairs, each, |pair| f64::from(u16::from_be_bytes(*pair)));
+            buffer.of(pairs, each, |pair| f64::from(u16::from_be_bytes(*pair)));
         }
         Items::Bits(bytes, _) => {
             let bit = |place: usize| [0.0, 1.0][usize::from(bytes[place / 8] >> (place % 8) & 1)];
@@ -260,15 +273,16 @@ fn bare(items: &Items<'_>, place: u16, count: usize, part: &mut Part, mut each: 
     }
 }
 
-/// The parts of what a transaction wrote or read: registers, bits, and values of the plan.
+/// Calls `part` for each part of what a transaction wrote or read: the block's values, the index of the part's first
+/// register or bit, and its step.
 pub(super) fn parts<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, Step)) {
     let exchange = Exchange::new(batch, t);
     let block = if write { exchange.written(batch) } else { exchange.read(batch) };
     let Some((first, items)) = block else { return };
     let space = exchange.space();
-    let mut one = |step: Step| part(&items, step.address.wrapping_sub(first), step);
+    let mut part_at = |step: Step| part(&items, step.address.wrapping_sub(first), step);
     match t.points.as_deref().zip(space) {
-        Some((Bound { plan, .. }, space)) => plan.block(space, first, items.len(), one),
-        None => (0..items.len()).for_each(|item| one(Step::bare(first.wrapping_add(item as u16)))),
+        Some((Bound { plan, .. }, space)) => plan.block(space, first, items.len(), part_at),
+        None => (0..items.len()).for_each(|item| part_at(Step::bare(first.wrapping_add(item as u16)))),
     }
 }

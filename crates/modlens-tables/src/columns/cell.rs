@@ -1,4 +1,4 @@
-//! The value of one column of one row.
+//! The value of one column in one row.
 
 use serde_json::Value as Json;
 
@@ -8,19 +8,19 @@ use modlens_protocol::finding::Finding;
 use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 
-/// A list of numbers that still stands on the wire.
+/// A list of numbers that is still encoded as on the wire.
 #[derive(Clone, Copy, Debug)]
 pub enum Items<'a> {
-    /// Two bytes each.
+    /// Registers, two bytes each.
     Words(&'a [u8]),
-    /// So many bits, lowest first.
+    /// This many bits, packed with the least significant first.
     Bits(&'a [u8], usize),
-    /// One number.
+    /// A single number.
     One(i32),
 }
 
 impl Items<'_> {
-    /// How many.
+    /// The number of items.
     pub fn len(&self) -> usize {
         match self {
             Self::Words(bytes) => bytes.len() / 2,
@@ -29,12 +29,12 @@ impl Items<'_> {
         }
     }
 
-    /// Whether there is none.
+    /// Whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// One of them.
+    /// The item at an index.
     #[inline]
     pub fn get(&self, index: usize) -> i32 {
         match self {
@@ -45,37 +45,37 @@ impl Items<'_> {
     }
 }
 
-/// One value of a row.
+/// One value of a row, of any kind. Writers match on it.
 #[derive(Clone, Debug)]
 pub enum Cell<'a> {
-    /// Nothing.
+    /// No value.
     Null,
-    /// A number.
+    /// An integer.
     Int(i64),
-    /// A number with a fraction.
+    /// A floating point number.
     Float(f64),
-    /// A value of a point, in letters.
+    /// The converted value of a point; shown as its exact text.
     Value(Value<'a>),
-    /// A duration; columns show microseconds.
+    /// A duration in ns; columns show microseconds.
     Us(Ns),
-    /// A time: ns since 1970.
+    /// A time in ns since 1970.
     Time(Ns),
-    /// Yes or no.
+    /// A truth value.
     Bool(bool),
-    /// A word of ours: it needs no escaping.
+    /// Text from a fixed vocabulary of modlens, which needs no escaping.
     Word(&'a str),
-    /// Text from outside.
+    /// Text from the input, which may need escaping.
     Text(&'a str),
-    /// Bytes as hex.
+    /// Bytes, shown as hex.
     Hex(&'a [u8]),
-    /// Numbers.
+    /// A list of numbers.
     Ints(Items<'a>),
-    /// Codes of findings.
+    /// Finding codes.
     Codes(&'a [Finding]),
-    /// Decoded fields.
+    /// The decoded fields of a message.
     Fields(Fields<'a>),
-    /// Named values.
+    /// Named values, as a JSON object.
     Map(Json),
-    /// Where it stands: file, kind of place, number.
+    /// Where the row was found in the input: file, kind of position, number.
     Source(&'a str, Place, u64),
 }

@@ -1,4 +1,4 @@
-//! What the rows of a transaction say: addresses, values, fields, read off the PDUs.
+//! The content of a transaction's columns: addresses, values and fields, decoded from its PDUs on demand.
 
 use std::ops::Deref;
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ use modlens_protocol::pdu::{self, u16_at, Node};
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
-/// A transaction with its row of the table of functions, which most columns ask for.
+/// A transaction with its row of the table of functions, which most columns need.
 #[derive(Clone, Copy)]
 pub(super) struct Exchange<'a> {
     pub(super) t: &'a Transaction,
@@ -29,29 +29,30 @@ impl Deref for Exchange<'_> {
     }
 }
 
-/// The table's row for a transaction; the request tells the variant, or else the response.
+/// The row of the table of functions for a transaction. The request selects the variant if it was observed, otherwise
+/// the response.
 #[inline]
 pub fn row_of<'a>(batch: &'a Batch, t: &Transaction) -> Option<&'a Row> {
     let pdu = if t.request.pdu.length > 0 { t.request.pdu } else { t.response.pdu };
     functions(batch).row(t.function, pdu.of(&batch.arena).get(1..).unwrap_or(&[]))
 }
 
-/// Address and quantity of what was read.
+/// Address and quantity of the registers or bits that were read.
 pub fn read_range(batch: &Batch, t: &Transaction) -> Option<(u16, u16)> {
     Exchange::new(batch, t).read_range(batch)
 }
 
-/// Address and quantity of what was written.
+/// Address and quantity of the registers or bits that were written.
 pub fn write_range(batch: &Batch, t: &Transaction) -> Option<(u16, u16)> {
     Exchange::new(batch, t).write_range(batch)
 }
 
-/// What was read.
+/// The registers or bits that were read.
 pub fn read_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
     Exchange::new(batch, t).read_data(batch)
 }
 
-/// What was written.
+/// The registers or bits that were written.
 pub fn write_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
     Exchange::new(batch, t).write_data(batch)
 }
@@ -77,24 +78,25 @@ impl<'a> Exchange<'a> {
         self.row?.space
     }
 
-    /// First register or bit of what was read, and its content.
+    /// Address and values of the block that was read.
     #[inline]
     pub(super) fn read(self, batch: &Batch) -> Option<(u16, Items<'_>)> {
         Some((self.read_range(batch)?.0, self.read_data(batch)?))
     }
 
-    /// The same of what was written.
+    /// Address and values of the block that was written.
     #[inline]
     pub(super) fn written(self, batch: &Batch) -> Option<(u16, Items<'_>)> {
         Some((self.write_range(batch)?.0, self.write_data(batch)?))
     }
 
+    /// The PDU of the response; empty if there is none.
     fn response(self, batch: &Batch) -> &[u8] {
         self.t.response.pdu.of(&batch.arena)
     }
 
-    /// The body of a request that can be believed.
-    fn asked(self, batch: &Batch) -> Option<&[u8]> {
+    /// The body of the request, unless it was not observed or is damaged.
+    fn request_body(self, batch: &Batch) -> Option<&[u8]> {
         let pdu = self.t.request.pdu.of(&batch.arena);
         (!pdu.is_empty() && self.status != Status::BadRequest).then(|| &pdu[1..])
     }
@@ -105,20 +107,20 @@ impl<'a> Exchange<'a> {
         if !matches!(row.operation, Operation::Read | Operation::ReadWrite) {
             return None;
         }
-        let body = self.asked(batch)?;
+        let body = self.request_body(batch)?;
         Some((u16_at(body, row.roles.address?)?, u16_at(body, row.roles.quantity?)?))
     }
 
     #[inline]
     pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
-        let (roles, body) = (&row.roles, self.asked(batch)?);
+        let (roles, body) = (&row.roles, self.request_body(batch)?);
         let (address, quantity) = match row.operation {
             Operation::Write => (roles.address, roles.quantity),
             Operation::ReadWrite => (roles.write_address, roles.write_quantity),
             _ => return None,
         };
-        // Single writes have no quantity: it is one.
+        // A single write has no quantity field: it writes one.
         Some((u16_at(body, address?)?, quantity.map_or(Some(1), |at| u16_at(body, at))?))
     }
 
@@ -144,9 +146,10 @@ impl<'a> Exchange<'a> {
         if !matches!(row.operation, Operation::Write | Operation::ReadWrite) {
             return None;
         }
-        let body = self.asked(batch)?;
+        let body = self.request_body(batch)?;
         if let Some(value) = row.roles.value.and_then(|at| u16_at(body, at)) {
-            // A single coil is FF00 for on, 0000 for off (6.5); anything else is shown as it is.
+            // A single coil is written as FF00 for on and 0000 for off (section 6.5); other values are shown as they
+            // are.
             let coil = row.register_type.as_deref() == Some("coil");
             return Some(Items::One(if coil && value == 0xFF00 { 1 } else { i32::from(value) }));
         }
@@ -155,23 +158,28 @@ impl<'a> Exchange<'a> {
         Some(if bits { Items::Bits(block, usize::from(self.write_range(batch)?.1)) } else { Items::Words(block) })
     }
 
-    /// Decoded fields where the content is not one block: both sides, those of the response last.
+    /// The decoded fields of request and response, if the function's content is more than one block of registers or
+    /// bits; `None` if other columns show everything.
     #[inline]
     pub(super) fn fields(self, batch: &'a Batch) -> Option<Cell<'a>> {
         let Some(row) = self.row else { return Some(self.undecoded(batch)) };
         let blocks = row.roles.request_block.is_some() || row.roles.response_block.is_some();
-        let told = row.operation != Operation::Other && (blocks || row.roles.value.is_some());
-        (!told).then(|| self.decoded(batch, row))
+        let is_shown_by_other_columns = row.operation != Operation::Other && (blocks || row.roles.value.is_some());
+        (!is_shown_by_other_columns).then(|| self.decoded(batch, row))
     }
 
+    /// The decoded fields of request and response. A damaged message, and the response to a refused request, are left
+    /// out.
     fn decoded(self, batch: &'a Batch, row: &'a Row) -> Cell<'a> {
         if row.request == Layout::Unknown {
             return self.undecoded(batch);
         }
-        let answer = self.response(batch).get(1..).filter(|body| !body.is_empty());
-        let answered = self.exception.is_none() && !matches!(self.status, Status::BadResponse | Status::BadRequest);
+        let response_body = self.response(batch).get(1..).filter(|body| !body.is_empty());
+        let is_valid_response = self.exception.is_none() && !matches!(self.status, Status::BadResponse | Status::BadRequest);
         let mut fields = Fields::default();
-        for (body, layout) in [(self.asked(batch), &row.request), (answer.filter(|_| answered), &row.response)] {
+        for (body, layout) in
+            [(self.request_body(batch), &row.request), (response_body.filter(|_| is_valid_response), &row.response)]
+        {
             let (Some(body), Some(shape)) = (body, layout.shape()) else { continue };
             pdu::decode(shape, body).nodes.into_iter().for_each(|node| fields.put(node));
         }
@@ -181,7 +189,7 @@ impl<'a> Exchange<'a> {
         fields.cell()
     }
 
-    /// The bodies of a function whose layout nobody knows.
+    /// The undecoded bodies of a function without a known layout.
     fn undecoded(self, batch: &'a Batch) -> Cell<'a> {
         let mut fields = Fields::default();
         for (key, pdu) in [("request", self.t.request.pdu), ("response", self.t.response.pdu)] {
@@ -191,7 +199,7 @@ impl<'a> Exchange<'a> {
     }
 }
 
-/// What a message says, field by field; text is made of it where it is needed.
+/// The decoded fields of a transaction. They are converted to text only where it is needed.
 #[derive(Clone, Debug, Default)]
 pub struct Fields<'a> {
     nodes: Vec<Node<'a>>,
@@ -199,7 +207,7 @@ pub struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// What the response says again takes the place of what the request said.
+    /// Adds a field. If the response repeats a field of the request, the value from the response is shown.
     fn put(&mut self, node: Node<'a>) {
         match self.nodes.iter_mut().find(|known| known.field.name == node.field.name) {
             Some(known) => *known = node,
@@ -213,6 +221,7 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// The fields as a cell; null if there are none.
     fn cell(self) -> Cell<'a> {
         if self.nodes.is_empty() && self.bodies.is_empty() {
             Cell::Null
@@ -221,7 +230,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// Appends a JSON object.
+    /// Appends the fields as a JSON object.
     pub fn push(&self, out: &mut Vec<u8>) {
         if self.bodies.is_empty() {
             return pdu::push_object(&self.nodes, out);
@@ -237,8 +246,8 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// The name of an exception, with the device's own words where its profile has some.
-pub(super) fn refusal(t: &Transaction) -> Cell<'_> {
+/// The name of a transaction's exception code, followed by the name that the device's profile has for it.
+pub(super) fn exception_text(t: &Transaction) -> Cell<'_> {
     let Some(code) = t.exception else { return Cell::Null };
     match (exception_name(code), t.points.as_ref().and_then(|bound| bound.exception(code))) {
         (Some(name), Some(words)) => Cell::Value(Value::Text(format!("{name} ({words})"))),
@@ -247,7 +256,7 @@ pub(super) fn refusal(t: &Transaction) -> Cell<'_> {
     }
 }
 
-/// Names of exception codes (application protocol, 7), from the embedded vocabulary.
+/// The name of an exception code (Modbus Application Protocol V1.1b3, section 7), from the embedded vocabulary.
 pub fn exception_name(code: u8) -> Option<&'static str> {
     static NAMES: OnceLock<Vec<(u8, String)>> = OnceLock::new();
     let names = NAMES.get_or_init(|| {

@@ -1,4 +1,4 @@
-//! Which tables there are, and which columns they have: `analyzer/columns.toml`, read once.
+//! The tables and their columns, read once from `analyzer/columns.toml`.
 
 use std::sync::OnceLock;
 
@@ -7,13 +7,13 @@ use serde_json::Value as Json;
 use super::tables::{Findings, Frames, Transactions, OF_THE_BUS};
 use super::{Put, Reader, Way};
 
-/// The embedded columns.
+/// The embedded definition of the columns.
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
 
-/// Names of the tables, as options spell them.
+/// The names of the tables in options.
 pub const TABLES: [&str; 4] = ["frames", "transactions", "readings", "findings"];
 
-/// The version of the columns, which travels in files that have a place for it.
+/// The version of the columns, which is written into file formats that have a field for it.
 pub fn version() -> u64 {
     static VERSION: OnceLock<u64> = OnceLock::new();
     *VERSION.get_or_init(|| {
@@ -22,48 +22,48 @@ pub fn version() -> u64 {
     })
 }
 
-/// What a column holds.
+/// The type of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// int64.
+    /// An integer (int64).
     Int,
-    /// Microseconds, float64.
+    /// A duration in microseconds (float64).
     Us,
-    /// timestamp[ns, UTC].
+    /// A time (timestamp in ns, UTC).
     Time,
-    /// float64.
+    /// A number (float64).
     Float,
-    /// bool.
+    /// A truth value.
     Bool,
-    /// utf8, bytes as hex among them.
+    /// Text (utf8); bytes are shown as hex.
     Text,
-    /// list of int32.
+    /// A list of int32.
     Ints,
-    /// list of utf8.
+    /// A list of utf8.
     Texts,
-    /// JSON text.
+    /// A JSON object, as text.
     Map,
 }
 
 /// A column as `columns.toml` has it.
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// Name.
+    /// Its name.
     pub key: String,
-    /// Type.
+    /// The type of its values.
     pub kind: Kind,
 }
 
-/// Which table.
+/// One of the four tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableKind {
-    /// One row a frame.
+    /// One row per frame.
     Frames,
-    /// One row a transaction.
+    /// One row per transaction.
     Transactions,
-    /// One row a register or bit.
+    /// One row per register, bit, or value of a profile.
     Readings,
-    /// One row a finding.
+    /// One row per finding.
     Findings,
 }
 
@@ -89,7 +89,7 @@ impl TableKind {
         &all[self as usize]
     }
 
-    /// How a column is read for writers of this kind.
+    /// The reader of a column for one kind of writer.
     pub fn reader<S: Put>(self, column: usize) -> Reader<S> {
         Reader(match self {
             Self::Frames => Way::Frame(Frames::pass(column)),
@@ -104,7 +104,7 @@ impl TableKind {
         self != Self::Readings && OF_THE_BUS.contains(&self.columns()[column].key.as_str())
     }
 
-    /// The place of a column, or all known names in the error.
+    /// The index of a column. The error lists the known names.
     pub fn column(self, key: &str) -> Result<usize, String> {
         let columns = self.columns();
         columns.iter().position(|column| column.key == key).ok_or_else(|| {
@@ -114,6 +114,7 @@ impl TableKind {
     }
 }
 
+/// A column from its row in the file.
 fn column(row: &Json) -> Column {
     let kind = match row["type"].as_str() {
         Some("int") => Kind::Int,
@@ -136,14 +137,14 @@ mod tests {
     use crate::columns::readings::READINGS;
 
     #[test]
-    fn every_column_of_the_file_has_its_line_here() {
-        let here: [Vec<&str>; 4] =
+    fn columns_of_the_file_and_of_the_code_agree() {
+        let in_code: [Vec<&str>; 4] =
             [Frames::KEYS.to_vec(), Transactions::KEYS.to_vec(), READINGS.iter().map(|c| c.0).collect(), Findings::KEYS.to_vec()];
-        for (kind, here) in
-            [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings].iter().zip(here)
+        for (kind, in_code) in
+            [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings].iter().zip(in_code)
         {
-            let there: Vec<&str> = kind.columns().iter().map(|column| column.key.as_str()).collect();
-            assert_eq!(here, there, "{}", kind.name());
+            let in_file: Vec<&str> = kind.columns().iter().map(|column| column.key.as_str()).collect();
+            assert_eq!(in_code, in_file, "{}", kind.name());
         }
     }
 }

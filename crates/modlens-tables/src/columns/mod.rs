@@ -1,6 +1,7 @@
-//! Columns: how a row is read. One line a column; `analyzer/columns.toml` has their types and words.
+//! The columns of the tables: each is one line that reads its value from a row. `analyzer/columns.toml` has their types
+//! and descriptions.
 //!
-//! Writers, filters and the border see rows only through `Table::cell`.
+//! Writers, filters and the Python border see rows only through `Table` and its columns.
 
 use std::sync::Arc;
 
@@ -24,12 +25,12 @@ use readings::READINGS;
 pub use readings::{each_value, Part};
 use tables::{Findings, Frames, Pass, PassExchange, Transactions};
 
-/// A view on rows of a batch.
+/// The rows of one table in a batch, or those that a filter has kept.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// The batch.
+    /// The batch that holds the rows.
     pub batch: Arc<Batch>,
-    /// Which table.
+    /// The table.
     pub kind: TableKind,
     rows: Rows,
 }
@@ -49,13 +50,14 @@ enum RowOf<'a> {
     Reading(Item<'a>),
 }
 
-/// Takes the values of columns: a writer.
+/// Receives the values of columns: implemented by every writer.
 pub trait Put {
-    /// Takes one. Its callers know the kind of value, so it should be inlined into them.
+    /// Takes one value. Each caller passes a known variant of `Cell`, so an implementation should be inlined: its
+    /// `match` is then reduced to one arm.
     fn put(&mut self, cell: Cell<'_>);
 }
 
-/// How a column of a table is read for one kind of writer.
+/// The compiled reader of one column, for one kind of writer.
 pub struct Reader<S>(Way<S>);
 
 enum Way<S> {
@@ -66,7 +68,7 @@ enum Way<S> {
 }
 
 impl<'a> RowRef<'a> {
-    /// One of its values.
+    /// The value of a column.
     #[inline]
     pub fn cell(&self, column: usize) -> Cell<'a> {
         match self.of {
@@ -77,7 +79,7 @@ impl<'a> RowRef<'a> {
         }
     }
 
-    /// Passes one of its values on.
+    /// Passes the value of a column to a writer.
     #[inline(always)]
     #[allow(clippy::inline_always)] // A few instructions in the innermost loop of every writer.
     pub fn pass<S: Put>(&self, column: &Reader<S>, to: &mut S) {
@@ -86,12 +88,12 @@ impl<'a> RowRef<'a> {
             (RowOf::Transaction(row), Way::Transaction(pass)) => pass(self.batch, row, to),
             (RowOf::Finding(row), Way::Finding(pass)) => pass(self.batch, row, to),
             (RowOf::Reading(row), Way::Reading(column)) => to.put(READINGS[*column].1(self.batch, row)),
-            // A reader of another table: it has nothing to say of this row.
+            // The reader belongs to another table.
             _ => to.put(Cell::Null),
         }
     }
 
-    /// The number of its bus; readings have none of their own.
+    /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction.
     #[inline]
     pub fn bus(&self) -> Option<u32> {
         match self.of {
@@ -103,6 +105,7 @@ impl<'a> RowRef<'a> {
     }
 }
 
+/// The rows of a view: all, those with these indices, or readings.
 #[derive(Clone, Debug)]
 enum Rows {
     All(usize),
@@ -111,7 +114,7 @@ enum Rows {
 }
 
 impl Table {
-    /// All rows of this kind.
+    /// All rows of one table of a batch.
     pub fn new(batch: Arc<Batch>, kind: TableKind) -> Self {
         let rows = match kind {
             TableKind::Frames => Rows::All(batch.frames.len()),
@@ -122,7 +125,7 @@ impl Table {
         Self { batch, kind, rows }
     }
 
-    /// The rows for which `keep` says yes.
+    /// The rows for which `keep` returns true.
     #[must_use]
     pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
@@ -133,11 +136,11 @@ impl Table {
         Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
     }
 
-    /// The rows by day (UTC, where the clock is) and bus, in the order in which these first come.
+    /// Splits the rows by day (UTC, if the clock is known) and bus, in the order in which these first occur.
     pub fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
         let key = |name: &str| self.kind.column(name).expect("every table has it");
         let (time, bus) = (key("time"), key("bus"));
-        let of = |table: &Self, row: usize| {
+        let day_and_bus = |table: &Self, row: usize| {
             let day = match table.cell(row, time) {
                 Cell::Time(ns) => Some(ns.div_euclid(86_400_000_000_000)),
                 _ => None,
@@ -147,7 +150,7 @@ impl Table {
         };
         let mut keys: Vec<(Option<i64>, String)> = Vec::new();
         for row in 0..self.len() {
-            let key = of(self, row);
+            let key = day_and_bus(self, row);
             if !keys.contains(&key) {
                 keys.push(key);
             }
@@ -157,14 +160,14 @@ impl Table {
             modlens_protocol::timestamp::push_time(day * 86_400_000_000_000, &mut text);
             String::from_utf8_lossy(&text[..10]).into_owned()
         };
-        let part = |key: (Option<i64>, String)| {
-            let rows = self.filter(|table, row| of(table, row) == key);
+        let partition = |key: (Option<i64>, String)| {
+            let rows = self.filter(|table, row| day_and_bus(table, row) == key);
             (key.0.map(date), key.1, rows)
         };
-        keys.into_iter().map(part).collect()
+        keys.into_iter().map(partition).collect()
     }
 
-    /// Number of rows.
+    /// The number of rows.
     pub fn len(&self) -> usize {
         match &self.rows {
             Rows::All(count) => *count,
@@ -173,11 +176,12 @@ impl Table {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
+    /// The index in the batch of a row of this view.
     fn index(&self, row: usize) -> usize {
         match &self.rows {
             Rows::Some(rows) => rows[row] as usize,
@@ -185,13 +189,13 @@ impl Table {
         }
     }
 
-    /// One value.
+    /// The value of a column in a row.
     #[inline]
     pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
         self.row(row).cell(column)
     }
 
-    /// One row, for those who read several of its values.
+    /// One row. Use this to read several of its values.
     #[inline]
     pub fn row(&self, row: usize) -> RowRef<'_> {
         let batch = &*self.batch;
@@ -204,8 +208,8 @@ impl Table {
         RowRef { batch, of }
     }
 
-    /// The rows whose number in a column is right, where the numbers are to be had without a `Cell` between: the values
-    /// of readings. Rows without a number are left out.
+    /// The rows whose number in a column satisfies `keep`; rows without a number are left out. `None` if the column's
+    /// numbers cannot be computed without a `Cell` for each row, which is possible only for the values of readings.
     pub fn with_numbers(&self, column: usize, keep: impl Fn(f64) -> bool) -> Option<Self> {
         match &self.rows {
             Rows::Readings(readings) if READINGS[column].0 == "value" => {
@@ -216,7 +220,7 @@ impl Table {
         }
     }
 
-    /// The number of a row's frame or transaction, where rows are frames or transactions.
+    /// The number of a row's frame or transaction, in the tables of frames and transactions.
     pub fn number(&self, row: usize) -> Option<u64> {
         match self.kind {
             TableKind::Frames => self.frame(row).map(|row| row.number),
@@ -224,18 +228,18 @@ impl Table {
         }
     }
 
-    /// The frame behind a row, where rows are frames.
+    /// The frame of a row in the table of frames.
     pub fn frame(&self, row: usize) -> Option<&Frame> {
         (self.kind == TableKind::Frames).then(|| &self.batch.frames[self.index(row)])
     }
 
-    /// The transaction behind a row, where rows are transactions.
+    /// The transaction of a row in the table of transactions.
     pub fn transaction(&self, row: usize) -> Option<&Transaction> {
         (self.kind == TableKind::Transactions).then(|| &self.batch.transactions[self.index(row)])
     }
 }
 
-/// The table that decodes the rows of a batch.
+/// The table of functions that was used to decode the rows of a batch.
 pub fn functions(batch: &Batch) -> &Functions {
     batch.functions.as_deref().unwrap_or_else(|| Functions::embedded())
 }

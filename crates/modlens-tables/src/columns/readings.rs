@@ -1,4 +1,4 @@
-//! The readings table: a row a register or bit, and where a profile applies a row a value.
+//! The columns of the readings table: a row per register or bit, or per value where a profile applies.
 
 use serde_json::{Map, Value as Json};
 
@@ -44,7 +44,7 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     }),
 ];
 
-/// The named values of a transaction, as a map; those written first.
+/// The named values of a transaction as a JSON object, those written first; null if there are none.
 pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let Some(bound) = &t.points else { return Cell::Null };
     let mut map = Map::new();
@@ -62,12 +62,12 @@ pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     }
 }
 
-/// A number where a number says it, else the letters.
+/// A value as JSON: a number where JSON has an exact one, otherwise text.
 fn json(value: &Value<'_>) -> Json {
     match value {
         Value::Decimal(digits, 0) => i64::try_from(*digits).map_or_else(|_| value.text().into(), Json::from),
         Value::Decimal(..) | Value::Single(_) | Value::Double(_) => {
-            // The shortest number that reads back the same; NaN and the like are letters.
+            // The shortest text of the number. JSON has no NaN and infinity, which become text.
             let text = value.text().unwrap_or_default();
             serde_json::from_str(&text).unwrap_or(Json::String(text))
         }
@@ -75,10 +75,12 @@ fn json(value: &Value<'_>) -> Json {
     }
 }
 
+/// The transaction of a row.
 fn txn<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Transaction {
     &batch.transactions[at.block.txn as usize]
 }
 
+/// The frame that carried the value: the request for a write, the response for a read.
 fn half<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Half {
     let t = txn(batch, at);
     if at.block.write {
@@ -88,6 +90,7 @@ fn half<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Half {
     }
 }
 
+/// The plan and the point of a row, if a profile has one for it.
 fn point_of<'a>(batch: &'a Batch, at: Item<'_>) -> Option<(&'a Bound, &'a Compiled)> {
     let (index, bound) = (at.step.compiled()?, txn(batch, at).points.as_deref()?);
     Some((bound, bound.plan.compiled(index)))
@@ -97,13 +100,14 @@ fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
     point_of(batch, at).map(|(_, compiled)| compiled)
 }
 
-/// The registers or the bit of a row.
+/// The registers or the bit of a row, as on the wire.
 fn raw<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Items<'a>> {
-    part(&at.block.items(batch), at.place() as u16, compiled(batch, at).map_or(1, |point| point.width))
+    slice_of(&at.block.items(batch), at.place() as u16, compiled(batch, at).map_or(1, |point| point.width))
 }
 
+/// `width` registers from index `item` of a block, or one bit; `None` if the block ends before.
 #[inline]
-fn part<'a>(items: &Items<'a>, item: u16, width: u16) -> Option<Items<'a>> {
+fn slice_of<'a>(items: &Items<'a>, item: u16, width: u16) -> Option<Items<'a>> {
     let (first, last) = (usize::from(item), usize::from(item) + usize::from(width));
     if last > items.len() {
         return None;
@@ -114,15 +118,17 @@ fn part<'a>(items: &Items<'a>, item: u16, width: u16) -> Option<Items<'a>> {
     })
 }
 
+/// The value of a point at index `item` of a block.
 fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compiled) -> Option<Value<'p>> {
-    Some(match part(items, item, point.width)? {
+    Some(match slice_of(items, item, point.width)? {
         Items::Words(bytes) => bound.value(point, bytes),
-        // A single write carries its register as a number.
+        // The register of a single write is stored as a number.
         Items::One(number) if !bound.plan.point(point).space.bits() => bound.value(point, &(number as u16).to_be_bytes()),
         bit => bound.bit(point, bit.get(0)),
     })
 }
 
+/// The value of a row: that of its point, or the bare register or bit.
 fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
     match point_of(batch, at) {
         Some((bound, compiled)) => value_of(&at.block.items(batch), at.place() as u16, bound, compiled),
@@ -130,24 +136,24 @@ fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
     }
 }
 
-/// A value or a bare register or bit of a transaction, for those who go through all of them.
+/// A value, or a register or bit without a point, for code that visits all values of a batch.
 pub struct Part<'a> {
-    /// The transaction.
+    /// Its transaction.
     pub transaction: &'a Transaction,
-    /// Which table.
+    /// The table that it belongs to.
     pub space: Space,
-    /// Its first register or bit.
+    /// The address of its first register or bit.
     pub address: u16,
-    /// Whether it was written.
+    /// Whether it was written rather than read.
     pub write: bool,
-    /// The value of the plan and its index, where it is one.
+    /// The compiled point and its index in the plan, if it has one.
     pub compiled: Option<(u32, &'a Compiled)>,
-    /// Its registers; one byte for a bit.
+    /// Its registers as on the wire; one byte for a bit.
     pub raw: Vec<u8>,
 }
 
 impl Part<'_> {
-    /// Converts it.
+    /// The converted value.
     pub fn value(&self) -> Value<'_> {
         let bound = self.transaction.points.as_deref();
         match (self.compiled, bound, &self.raw[..]) {
@@ -158,21 +164,21 @@ impl Part<'_> {
     }
 }
 
-/// Every value of a batch, by transaction; those written first.
-pub fn each_value(batch: &Batch, mut part: impl FnMut(Part<'_>)) {
+/// Calls `slice_of` for every value of a batch, by transaction, those written first.
+pub fn each_value(batch: &Batch, mut visit: impl FnMut(Part<'_>)) {
     for t in &batch.transactions {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for write in [true, false] {
             parts(batch, t, write, |items, item, step| {
                 let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
-                let Some(items) = self::part(items, item, width) else { return };
+                let Some(items) = slice_of(items, item, width) else { return };
                 let raw = match items {
                     Items::Words(bytes) => bytes.to_vec(),
                     Items::One(number) if !space.bits() => (number as u16).to_be_bytes().to_vec(),
                     bit => vec![bit.get(0) as u8],
                 };
-                part(Part { transaction: t, space, address: step.address, write, compiled, raw });
+                visit(Part { transaction: t, space, address: step.address, write, compiled, raw });
             });
         }
     }

@@ -1,7 +1,8 @@
-//! What stands in the columns, each kind a type of its own, so that a reader of a column says which kind it gives.
+//! The values of columns, with a type for each variant of `Cell`, so that the variant is known when the reader of a
+//! column is compiled for a writer.
 //!
-//! A writer that takes a `Cell` apart as soon as it gets one costs nothing then: the compiler sees which arm is meant.
-//! What may be missing is asked for first; a `Cell` that may be one thing or the other would have to be made.
+//! `pass` is inlined, so the writer's `match` on `Cell` is reduced to one arm and no `Cell` is built in memory. That is
+//! why an `Option` is branched on before a `Cell` is created: otherwise the variant would be known only at run time.
 #![allow(clippy::inline_always)]
 
 use crate::columns::{Cell, Items, Put};
@@ -10,12 +11,12 @@ use modlens_protocol::functions::Row;
 use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 
-/// A value that a column gives.
+/// A value that a column has.
 pub(super) trait Shown<'a>: Sized {
-    /// As any of them.
+    /// The value as a `Cell`.
     fn cell(self) -> Cell<'a>;
 
-    /// Passes it on.
+    /// Passes the value to a writer.
     #[inline(always)]
     fn pass<S: Put>(self, to: &mut S) {
         to.put(self.cell());
@@ -44,7 +45,7 @@ impl<'a> Shown<'a> for Cell<'a> {
     }
 }
 
-/// A function by the name of its row.
+/// The name of a function, which only some formats have to quote.
 pub(super) struct Name<'a>(pub(super) &'a Row);
 
 impl<'a> Shown<'a> for Name<'a> {
@@ -79,14 +80,14 @@ macro_rules! shown {
 }
 
 shown! {
-    Us(ns: Ns) is Us: "A duration.";
-    Time(ns: Ns) is Time: "A time.";
-    Word<'a>(text: &'a str) is Word: "A word of ours.";
-    Text<'a>(text: &'a str) is Text: "Text from outside.";
-    Hex<'a>(bytes: &'a [u8]) is Hex: "Bytes.";
-    Ints<'a>(items: Items<'a>) is Ints: "Numbers.";
-    Codes<'a>(codes: &'a [Finding]) is Codes: "Codes of findings.";
-    Source<'a>(file: &'a str, place: Place, number: u64) is Source: "Where it stands.";
+    Us(ns: Ns) is Us: "A duration in ns.";
+    Time(ns: Ns) is Time: "A time in ns since 1970.";
+    Word<'a>(text: &'a str) is Word: "Text from the fixed vocabulary of modlens.";
+    Text<'a>(text: &'a str) is Text: "Text from the input.";
+    Hex<'a>(bytes: &'a [u8]) is Hex: "Bytes, shown as hex.";
+    Ints<'a>(items: Items<'a>) is Ints: "A list of numbers.";
+    Codes<'a>(codes: &'a [Finding]) is Codes: "Finding codes.";
+    Source<'a>(file: &'a str, place: Place, number: u64) is Source: "The position in the input.";
 }
 
 macro_rules! numbers {

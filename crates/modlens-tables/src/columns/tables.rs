@@ -1,9 +1,10 @@
-//! How each column is read: one line a column.
+//! The columns of frames, transactions and findings, one line each.
 //!
-//! Everything here is compiled into its callers: a `Cell` that a writer takes apart at once then costs nothing.
+//! The readers are compiled into their callers, so that a `Cell` which a writer matches at once is never built in
+//! memory.
 #![allow(clippy::inline_always)]
 
-use crate::columns::content::{refusal, Exchange};
+use crate::columns::content::{exception_text, Exchange};
 use crate::columns::readings::named;
 use crate::columns::shown::{Codes, Hex, Ints, Name, Shown, Source, Text, Time, Us, Word};
 use crate::columns::{functions, Cell, Put};
@@ -12,23 +13,23 @@ use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
-/// Columns of which every row of a bus has the same value.
+/// Columns that have the same value in every row of a bus. Writers format these once per bus.
 pub(super) const OF_THE_BUS: [&str; 4] = ["bus", "client", "server", "connection"];
 
-/// Reads a value of a row.
+/// Reads the value of a column from a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
 
-/// The same of a transaction.
+/// Reads the value of a column from a transaction.
 pub(super) type ReadExchange = for<'a> fn(&'a Batch, Exchange<'a>) -> Cell<'a>;
 
-/// Reads a value of a row and passes it on.
+/// Reads the value of a column from a row and passes it to a writer.
 pub(super) type Pass<R, S> = for<'a> fn(&'a Batch, &'a R, &mut S);
 
-/// The same of a transaction.
+/// Reads the value of a column from a transaction and passes it to a writer.
 pub(super) type PassExchange<S> = for<'a> fn(&'a Batch, Exchange<'a>, &mut S);
 
-/// The columns of a table: `read` gives a value; `pass` is compiled for each writer, so that what it does with other kinds
-/// of values than the column's falls away.
+/// Defines the columns of a table. `READ` returns a value as a `Cell`; `pass` is compiled for each writer, so that the
+/// writer's code for other kinds of values than the column's is removed.
 macro_rules! columns {
     ($table:ident: $read:ident, $pass:ident<$($row:ident)?>; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
         pub(super) struct $table;
@@ -50,34 +51,39 @@ pub(super) fn bus(batch: &Batch, index: u32) -> &Bus {
     &batch.buses[index as usize]
 }
 
+/// A property of a TCP connection; null on a serial bus.
 pub(super) fn network(batch: &Batch, index: u32, read: fn(&Network) -> Cell<'_>) -> Cell<'_> {
     bus(batch, index).network.as_ref().map_or(Cell::Null, read)
 }
 
 pub(super) fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
-    moment(batch, index, start).cell()
+    utc_time(batch, index, start).cell()
 }
 
 pub(super) fn us<'a>(ns: Option<Ns>) -> Cell<'a> {
     ns.map(Us).cell()
 }
 
+/// A time of day, if the clock of the bus is set to UTC.
 #[inline(always)]
-fn moment(batch: &Batch, index: u32, start: Option<Ns>) -> Option<Time> {
+fn utc_time(batch: &Batch, index: u32, start: Option<Ns>) -> Option<Time> {
     start.filter(|_| bus(batch, index).clock == Clock::Utc).map(Time)
 }
 
+/// The name of a function code, with or without the exception bit.
 #[inline(always)]
 fn name(batch: &Batch, code: Option<u8>) -> Option<Name<'_>> {
     functions(batch).any(code? & !EXCEPTION_BIT).map(Name)
 }
 
+/// The position in the input.
 #[inline(always)]
 fn source(batch: &Batch, index: u32, origin: u64) -> Source<'_> {
     let bus = bus(batch, index);
     Source(&bus.source, bus.place, origin)
 }
 
+/// The letter of the line on a two-line tap; none on other buses.
 fn line(batch: &Batch, frame: &Frame) -> Option<Word<'static>> {
     match frame.line {
         0 => None,
@@ -90,7 +96,7 @@ fn line(batch: &Batch, frame: &Frame) -> Option<Word<'static>> {
 columns! {
     Frames: Read, Pass<Frame>;
     ("frame", |_, f| f.number),
-    ("time", |b, f| moment(b, f.bus, f.start)),
+    ("time", |b, f| utc_time(b, f.bus, f.start)),
     ("elapsed_us", |_, f| f.elapsed.map(Us)),
     ("bus", |b, f| Text(&bus(b, f.bus).name)),
     ("line", |b, f| line(b, f)),
@@ -120,7 +126,7 @@ columns! {
 columns! {
     Transactions: ReadExchange, PassExchange<>;
     ("txn", |_, t| t.number),
-    ("time", |b, t| moment(b, t.bus, t.start)),
+    ("time", |b, t| utc_time(b, t.bus, t.start)),
     ("elapsed_us", |_, t| t.elapsed.map(Us)),
     ("bus", |b, t| Text(&bus(b, t.bus).name)),
     ("client", |b, t| network(b, t.bus, |net| Cell::Text(&net.client))),
@@ -142,7 +148,7 @@ columns! {
     ("readings", |b, t| t.points.is_some().then(|| named(b, t.t))),
     ("status", |_, t| Word(t.status.text())),
     ("exception", |_, t| t.exception),
-    ("exception_name", |_, t| t.exception.is_some().then(|| refusal(t.t))),
+    ("exception_name", |_, t| t.exception.is_some().then(|| exception_text(t.t))),
     ("response_time_us", |_, t| t.response_time.map(Us)),
     ("waited_us", |_, t| t.waited.map(Us)),
     ("late_response_us", |_, t| t.late_response.map(Us)),
@@ -162,7 +168,7 @@ columns! {
     Findings: Read, Pass<FindingRow>;
     ("frame", |_, f| f.frame),
     ("txn", |_, f| f.txn),
-    ("time", |b, f| moment(b, f.bus, f.start)),
+    ("time", |b, f| utc_time(b, f.bus, f.start)),
     ("elapsed_us", |_, f| f.elapsed.map(Us)),
     ("bus", |b, f| Text(&bus(b, f.bus).name)),
     ("unit", |_, f| f.unit),
@@ -174,6 +180,7 @@ columns! {
     ("source", |b, f| source(b, f.bus, f.origin)),
 }
 
+/// The bytes of a transaction's request or response frame.
 #[inline(always)]
 fn half_hex<'a>(batch: &'a Batch, half: &Half) -> Option<Hex<'a>> {
     (half.frame > 0).then(|| Hex(half.wire.of(&batch.arena)))

@@ -1,21 +1,21 @@
-//! Blocks of pcapng (draft-ietf-opsawg-pcapng) and records of classic pcap: bytes only, no Modbus.
+//! Writes blocks of pcapng (draft-ietf-opsawg-pcapng) and records of classic pcap. Knows nothing about Modbus.
 
 use modlens_readers::pcap::own::ENTERPRISE;
 
-/// Exported PDUs: a dissector's name, addresses, then its bytes.
+/// Link type of exported PDUs: the name of a Wireshark dissector and addresses, then the bytes for the dissector.
 pub const LINK_UPPER_PDU: u16 = 252;
 
-/// Ethernet.
+/// Link type of Ethernet.
 pub const LINK_ETHERNET: u16 = 1;
 
 const SNAP_LENGTH: u32 = 262_144;
 const COMMENT: u16 = 1;
-const CUSTOM_TEXT: u16 = 2988;
+const CUSTOM_OPTION: u16 = 2988;
 const FLAGS: u16 = 2;
-/// Options have a length of 16 bits.
-const LONGEST: usize = 60_000;
+/// The maximum length of an option's value in bytes. The format has a length field of 16 bits.
+const MAX_OPTION_BYTES: usize = 60_000;
 
-/// Begins a block; `end_block` fills in its length.
+/// Begins a block and returns its start; `end_block` fills in its length.
 pub fn begin_block(kind: u32, out: &mut Vec<u8>) -> usize {
     let start = out.len();
     out.extend_from_slice(&kind.to_le_bytes());
@@ -30,15 +30,15 @@ pub fn end_block(start: usize, out: &mut Vec<u8>) {
     out.extend_from_slice(&length);
 }
 
-/// Fills up to a multiple of four bytes, counted from the block's start.
+/// Pads with zeros to a multiple of four bytes, counted from the start of a block or option.
 fn pad(start: usize, out: &mut Vec<u8>) {
     let missing = (start.wrapping_sub(out.len())) % 4;
     out.extend_from_slice(&[0; 3][..missing]);
 }
 
-/// An option of a block.
+/// Appends an option.
 pub fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
-    let value = &value[..value.len().min(LONGEST)];
+    let value = &value[..value.len().min(MAX_OPTION_BYTES)];
     let start = out.len();
     out.extend_from_slice(&code.to_le_bytes());
     out.extend_from_slice(&(value.len() as u16).to_le_bytes());
@@ -46,40 +46,40 @@ pub fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
     pad(start, out);
 }
 
-/// A text, cut at a letter.
+/// Appends a text option. Text that is too long is cut at a character boundary.
 pub fn text(code: u16, value: &str, out: &mut Vec<u8>) {
-    let mut end = value.len().min(LONGEST);
+    let mut end = value.len().min(MAX_OPTION_BYTES);
     while !value.is_char_boundary(end) {
         end -= 1;
     }
     option(code, &value.as_bytes()[..end], out);
 }
 
-/// Our custom option: text that `fill` writes. tshark and editcap keep it when they save the file anew.
+/// Appends our custom option with the text that `fill` writes. tshark and editcap keep it when they save the file.
 pub fn custom(out: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     let start = out.len();
     let mut head = [0; 8];
-    head[..2].copy_from_slice(&CUSTOM_TEXT.to_le_bytes());
+    head[..2].copy_from_slice(&CUSTOM_OPTION.to_le_bytes());
     head[4..].copy_from_slice(&ENTERPRISE.to_le_bytes());
     out.extend_from_slice(&head);
     fill(out);
-    out.truncate(start + 4 + LONGEST);
+    out.truncate(start + 4 + MAX_OPTION_BYTES);
     let length = (out.len() - start - 4) as u16;
     out[start + 2..start + 4].copy_from_slice(&length.to_le_bytes());
     pad(start, out);
 }
 
-/// The end of a block's options.
+/// Appends the end of a block's options.
 pub fn end_options(out: &mut Vec<u8>) {
     out.extend_from_slice(&[0; 4]);
 }
 
-/// A section header: what wrote the file, and what a reader has to know of it.
+/// Appends a section header with the name of the program and a comment for the reader.
 pub fn section(application: &str, comment: &str, out: &mut Vec<u8>) {
     section_with(application, comment, "", out);
 }
 
-/// The same with words of our own.
+/// Appends a section header that also has our custom option with these words.
 pub fn section_with(application: &str, comment: &str, words: &str, out: &mut Vec<u8>) {
     let start = begin_block(0x0A0D_0D0A, out);
     out.extend_from_slice(&0x1A2B_3C4D_u32.to_le_bytes());
@@ -96,46 +96,48 @@ pub fn section_with(application: &str, comment: &str, words: &str, out: &mut Vec
     end_block(start, out);
 }
 
-/// What an interface block says.
+/// The content of an interface block.
 #[derive(Clone, Debug, Default)]
 pub struct Interface<'a> {
-    /// Link type.
+    /// The link type.
     pub link: u16,
-    /// Name of the port.
+    /// The name of the port.
     pub name: &'a str,
-    /// In words.
+    /// A description for the user.
     pub description: &'a str,
-    /// Bits per second, where known.
+    /// The speed in bits per second, if known.
     pub speed: Option<u64>,
-    /// Decimal digits of a second in its times.
+    /// The resolution of the times, as a number of decimal digits of a second.
     pub digits: u8,
-    /// For our own reader.
+    /// The text of our custom option; none if empty.
     pub custom: &'a str,
 }
 
-/// An interface block.
-pub fn interface(what: &Interface<'_>, out: &mut Vec<u8>) {
+/// Appends an interface block.
+pub fn interface(interface: &Interface<'_>, out: &mut Vec<u8>) {
     let start = begin_block(1, out);
-    out.extend_from_slice(&what.link.to_le_bytes());
+    out.extend_from_slice(&interface.link.to_le_bytes());
     out.extend_from_slice(&[0; 2]);
     out.extend_from_slice(&SNAP_LENGTH.to_le_bytes());
-    text(2, what.name, out);
-    text(3, what.description, out);
-    if let Some(speed) = what.speed {
+    text(2, interface.name, out);
+    text(3, interface.description, out);
+    if let Some(speed) = interface.speed {
         option(8, &speed.to_le_bytes(), out);
     }
-    option(9, &[what.digits], out);
-    if !what.custom.is_empty() {
-        custom(out, |out| out.extend_from_slice(what.custom.as_bytes()));
+    option(9, &[interface.digits], out);
+    if !interface.custom.is_empty() {
+        custom(out, |out| out.extend_from_slice(interface.custom.as_bytes()));
     }
     end_options(out);
     end_block(start, out);
 }
 
-/// Begins a packet; its bytes follow.
+/// Begins an enhanced packet block and returns its start. The caller appends the data of the packet, then calls
+/// `end_bytes`.
 pub fn begin_packet(interface: u32, time: u64, out: &mut Vec<u8>) -> usize {
     let start = out.len();
-    // Its lengths are filled in at the end; in one piece, because a capture is mostly heads like this one.
+    // The lengths are filled in later. The header is appended in one piece, because small packets consist mostly of
+    // headers.
     let mut head = [0; 28];
     head[0] = 6;
     head[8..12].copy_from_slice(&interface.to_le_bytes());
@@ -145,7 +147,7 @@ pub fn begin_packet(interface: u32, time: u64, out: &mut Vec<u8>) -> usize {
     start
 }
 
-/// The packet's bytes are there; options may follow, then `end_options` and `end_block`.
+/// Ends the data of a packet. Options may follow, then `end_options` and `end_block`.
 pub fn end_bytes(start: usize, out: &mut Vec<u8>) {
     let length = ((out.len() - start - 28) as u32).to_le_bytes();
     out[start + 20..start + 24].copy_from_slice(&length);
@@ -153,19 +155,19 @@ pub fn end_bytes(start: usize, out: &mut Vec<u8>) {
     pad(start, out);
 }
 
-/// The flags of a packet.
+/// Appends the flags of a packet, unless they are zero.
 pub fn flags(value: u32, out: &mut Vec<u8>) {
     if value != 0 {
         option(FLAGS, &value.to_le_bytes(), out);
     }
 }
 
-/// A comment of a packet.
+/// Appends a comment to a packet.
 pub fn comment(value: &str, out: &mut Vec<u8>) {
     text(COMMENT, value, out);
 }
 
-/// The statistics of an interface, with words on what is not in the file.
+/// Appends an interface statistics block with a comment about frames that are not in the file.
 pub fn statistics(interface: u32, time: u64, words: &str, out: &mut Vec<u8>) {
     let start = begin_block(5, out);
     out.extend_from_slice(&interface.to_le_bytes());
@@ -176,7 +178,7 @@ pub fn statistics(interface: u32, time: u64, words: &str, out: &mut Vec<u8>) {
     end_block(start, out);
 }
 
-/// The head of a classic pcap file with times in nanoseconds.
+/// Appends the header of a classic pcap file with times in ns.
 pub fn classic_head(link: u16, out: &mut Vec<u8>) {
     out.extend_from_slice(&0xA1B2_3C4D_u32.to_le_bytes());
     out.extend_from_slice(&[2, 0, 4, 0]);
@@ -185,7 +187,7 @@ pub fn classic_head(link: u16, out: &mut Vec<u8>) {
     out.extend_from_slice(&u32::from(link).to_le_bytes());
 }
 
-/// Begins a classic record.
+/// Begins a record of classic pcap and returns its start.
 pub fn begin_classic(time: u64, out: &mut Vec<u8>) -> usize {
     let start = out.len();
     out.extend_from_slice(&((time / 1_000_000_000) as u32).to_le_bytes());
@@ -194,7 +196,7 @@ pub fn begin_classic(time: u64, out: &mut Vec<u8>) -> usize {
     start
 }
 
-/// Ends a classic record.
+/// Ends a record of classic pcap.
 pub fn end_classic(start: usize, out: &mut [u8]) {
     let length = ((out.len() - start - 16) as u32).to_le_bytes();
     out[start + 8..start + 12].copy_from_slice(&length);
@@ -205,9 +207,9 @@ pub fn end_classic(start: usize, out: &mut [u8]) {
 mod tests {
     use super::*;
 
-    /// The smallest complete file: section, interface and one packet, byte by byte as the draft lays them out.
+    /// The smallest complete file: section, interface and one packet, byte by byte as the draft defines them.
     #[test]
-    fn blocks_are_laid_out_as_the_draft_says() {
+    fn blocks_have_the_layout_of_the_draft() {
         let mut out = Vec::new();
         section("modlens", "", &mut out);
         let head = "0a0d0d0a2c0000004d3c2b1a01000000ffffffffffffffff040007006d6f646c656e7300000000002c000000";

@@ -1,8 +1,8 @@
-//! Frames as a capture that Wireshark opens without any configuration: pcapng, or classic pcap.
+//! Writes frames to a capture file (pcapng or classic pcap) that Wireshark opens without any configuration.
 //!
-//! What each frame becomes is told in `payload`, which ports and identifiers it gets in `ports`, what is said of it in
-//! `words`. Frames stay in their order. In a file a frame waits until its transaction is complete, so that what was found
-//! on the pair becomes a comment, and so that a filter on transactions can keep all their frames.
+//! `payload` encapsulates a frame, `ports` chooses its ports and identifier, `words` makes its annotations. Frames keep
+//! their order. When a file is converted, a frame waits until its transaction is complete, so that findings on the
+//! transaction become comments, and so that a filter on transactions keeps all of their frames.
 
 pub mod blocks;
 mod packet;
@@ -33,62 +33,67 @@ use modlens_tables::columns::{Table, TableKind};
 pub use style::{Options, Style};
 pub use words::settings;
 
-/// Writes a capture, batch by batch.
+/// Writes a capture file, batch by batch.
 #[derive(Debug)]
 pub struct Capture {
     options: Options,
-    begun: bool,
+    /// Whether the file header was written.
+    has_header: bool,
+    /// The table that the filter applies to; `None` without a filter.
     filtered: Option<TableKind>,
+    /// Batches with frames to be written, and the index of the first such frame.
     waiting: VecDeque<(Arc<Batch>, usize)>,
-    /// Findings of frames that are still to be written.
-    notes: BTreeMap<u64, Vec<Note>>,
-    /// Numbers of transactions or frames that the filter kept.
+    /// The findings of frames that are still to be written, by frame number.
+    findings_by_frame: BTreeMap<u64, Vec<Note>>,
+    /// The numbers of the transactions or frames that the filter kept.
     kept: HashSet<u64>,
-    /// Complete transactions: all up to this one, and further ones of a live tap.
-    done_to: u64,
-    done: HashSet<u64>,
-    /// Frames that the filter left out, for the context of the next one.
-    before: VecDeque<(Arc<Batch>, usize)>,
-    behind: usize,
-    /// Transactions whose words no packet has yet.
+    /// All transactions up to this number are complete, and those in `complete_beyond` (from a live tap).
+    complete_up_to: u64,
+    complete_beyond: HashSet<u64>,
+    /// Frames that the filter left out and that may become the context of the next frame it keeps.
+    context_before: VecDeque<(Arc<Batch>, usize)>,
+    /// The number of frames still to be written as context after a kept one.
+    context_left: usize,
+    /// Transactions whose annotation was not written yet.
     told: Told,
-    /// Transactions that have packets, but were not complete then: those of a live tap.
-    untold: BTreeSet<u64>,
-    /// Name and line of the bus of each.
+    /// Transactions of a live tap whose last packet was written before they were complete.
+    unannotated: BTreeSet<u64>,
+    /// The name of the bus and the line of each interface.
     interfaces: Vec<(String, u8)>,
-    /// Some block says when the recording began.
-    origin_told: bool,
-    /// Of the packet before: bus, connection, line, and the interface.
+    /// Whether a block already states when the recording began.
+    origin_written: bool,
+    /// The bus, connection and line of the previous packet, and its interface.
     latest: Option<((u32, u64, u8), u32)>,
     ports: Ports,
     connections: Connections,
+    /// The latest time that was written, in ns.
     newest: u64,
-    /// Frames written, and left out because the style has no place for them.
+    /// The number of frames written, and of those left out because the style cannot represent them.
     pub written: u64,
     left_out: u64,
 }
 
-/// Numbers that are remembered before those that no frame can need any more are let go of.
-const REMEMBERED: usize = 100_000;
+/// When this many numbers are stored, those that no waiting frame refers to are dropped.
+const MAX_NUMBERS: usize = 100_000;
 
 impl Capture {
-    /// A capture of these wishes.
+    /// A capture file with these options.
     pub fn new(options: Options) -> Self {
         Self {
             options,
-            begun: false,
+            has_header: false,
             filtered: None,
             waiting: VecDeque::new(),
-            notes: BTreeMap::new(),
+            findings_by_frame: BTreeMap::new(),
             kept: HashSet::new(),
-            done_to: 0,
-            done: HashSet::new(),
-            before: VecDeque::new(),
-            behind: 0,
+            complete_up_to: 0,
+            complete_beyond: HashSet::new(),
+            context_before: VecDeque::new(),
+            context_left: 0,
             told: Told::default(),
-            untold: BTreeSet::new(),
+            unannotated: BTreeSet::new(),
             interfaces: Vec::new(),
-            origin_told: false,
+            origin_written: false,
             latest: None,
             ports: Ports::default(),
             connections: Connections::default(),
@@ -98,7 +103,7 @@ impl Capture {
         }
     }
 
-    /// Takes a batch; `kept` are the rows of it that a filter kept: transactions or frames. `more` gives what is decided.
+    /// Adds a batch. `kept` has its transactions or frames that a filter kept. Call `more` to get what can be written.
     pub fn put(&mut self, batch: &Arc<Batch>, kept: Option<&Table>) {
         if let Some(kept) = kept {
             self.filtered = Some(kept.kind);
@@ -106,7 +111,7 @@ impl Capture {
         }
         for row in &batch.findings {
             if let Some(frame) = row.frame {
-                self.notes.entry(frame).or_default().push((row.finding, row.detail.clone()));
+                self.findings_by_frame.entry(frame).or_default().push((row.finding, row.detail.clone()));
             }
         }
         for (at, row) in batch.transactions.iter().enumerate() {
@@ -114,9 +119,9 @@ impl Capture {
                 self.told.insert(row.number, batch, at);
             }
             if self.options.live && self.filtered.is_some() {
-                self.done.insert(row.number);
+                self.complete_beyond.insert(row.number);
             } else {
-                self.done_to = self.done_to.max(row.number);
+                self.complete_up_to = self.complete_up_to.max(row.number);
             }
         }
         if !batch.frames.is_empty() {
@@ -124,14 +129,14 @@ impl Capture {
         }
     }
 
-    /// Appends what can be written now, until `out` holds so many bytes: memory that is used again and again stays in the
-    /// processor's cache. Nothing is appended when there is nothing left.
+    /// Appends the packets that can be written now, until `out` holds `enough` bytes: a small buffer that is used again
+    /// and again stays in the processor's cache. Appends nothing if nothing is left.
     pub fn more(&mut self, enough: usize, out: &mut Vec<u8>) {
         self.head(out);
         self.drain(false, enough, out);
     }
 
-    /// Appends the rest.
+    /// Appends all remaining packets.
     pub fn end(&mut self, out: &mut Vec<u8>) {
         self.head(out);
         self.drain(true, usize::MAX, out);
@@ -141,8 +146,9 @@ impl Capture {
         }
     }
 
+    /// Appends the file header, once.
     fn head(&mut self, out: &mut Vec<u8>) {
-        if std::mem::replace(&mut self.begun, true) {
+        if std::mem::replace(&mut self.has_header, true) {
             return;
         }
         if self.options.classic {
@@ -152,6 +158,7 @@ impl Capture {
         }
     }
 
+    /// The link type of the packets.
     fn link(&self) -> u16 {
         if self.options.style == Style::Tcp {
             LINK_ETHERNET
@@ -160,24 +167,26 @@ impl Capture {
         }
     }
 
+    /// Writes the waiting frames until one has to wait, or `enough` bytes were written. `all` is set at the end of the
+    /// recording, when no frame waits any longer.
     fn drain(&mut self, all: bool, enough: usize, out: &mut Vec<u8>) {
         while let Some((batch, first)) = self.waiting.pop_front() {
             for (at, frame) in batch.frames.iter().enumerate().skip(first) {
-                let keep = if out.len() < enough { self.wanted(frame, all) } else { None };
+                let keep = if out.len() < enough { self.should_write(frame, all) } else { None };
                 let Some(keep) = keep else {
                     self.waiting.push_front((batch, at));
-                    self.forget();
+                    self.drop_written();
                     return;
                 };
                 self.frame(&batch, at, keep, out);
             }
         }
-        self.forget();
+        self.drop_written();
     }
 
-    /// Whether a frame is to be written; `None` while its transaction is not complete.
-    fn wanted(&self, frame: &Frame, all: bool) -> Option<bool> {
-        let complete = all || frame.txn.is_none_or(|txn| txn <= self.done_to || self.done.contains(&txn));
+    /// Whether a frame is to be written; `None` if that is not known before its transaction is complete.
+    fn should_write(&self, frame: &Frame, all: bool) -> Option<bool> {
+        let complete = all || frame.txn.is_none_or(|txn| txn <= self.complete_up_to || self.complete_beyond.contains(&txn));
         match self.filtered {
             None if self.options.live || complete => Some(true),
             Some(TableKind::Frames) if self.options.live || complete => Some(self.kept.contains(&frame.number)),
@@ -186,22 +195,22 @@ impl Capture {
         }
     }
 
-    /// Lets go of numbers that belong to frames already written.
-    fn forget(&mut self) {
+    /// Drops everything that belongs to frames already written.
+    fn drop_written(&mut self) {
         if self.waiting.is_empty() {
-            self.notes.clear();
+            self.findings_by_frame.clear();
         }
         if self.filtered.is_some() {
-            // Of frames that were left out.
+            // Frames that the filter left out also leave their transactions behind.
             let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
-            let next = self.before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
-            let untold = &self.untold;
+            let next = self.context_before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
+            let unannotated = &self.unannotated;
             self.told.retain(|batch, at| {
                 let row = &batch.transactions[at];
-                last_frame(row) >= next || untold.contains(&row.number)
+                last_frame(row) >= next || unannotated.contains(&row.number)
             });
         }
-        if self.kept.len() + self.done.len() < REMEMBERED {
+        if self.kept.len() + self.complete_beyond.len() < MAX_NUMBERS {
             return;
         }
         let waiting = self.waiting.iter().flat_map(|(batch, first)| &batch.frames[*first..]);
@@ -211,31 +220,36 @@ impl Capture {
         };
         let oldest = oldest.unwrap_or(u64::MAX);
         self.kept.retain(|&number| number >= oldest);
-        self.done.retain(|&number| number >= oldest);
+        self.complete_beyond.retain(|&number| number >= oldest);
     }
 
-    /// Writes a frame, or keeps it as the context of the next one.
+    /// Writes a frame, or keeps it as possible context of the next one.
     fn frame(&mut self, batch: &Arc<Batch>, at: usize, keep: bool, out: &mut Vec<u8>) {
         if keep {
-            for (batch, at) in std::mem::take(&mut self.before) {
+            for (batch, at) in std::mem::take(&mut self.context_before) {
                 self.write(&batch, at, out);
             }
-            self.behind = self.options.context;
+            self.context_left = self.options.context;
             self.write(batch, at, out);
-        } else if self.behind > 0 {
-            self.behind -= 1;
+        } else if self.context_left > 0 {
+            self.context_left -= 1;
             self.write(batch, at, out);
         } else if self.options.context > 0 {
-            self.before.push_back((Arc::clone(batch), at));
-            if self.before.len() > self.options.context {
-                self.before.pop_front();
+            self.context_before.push_back((Arc::clone(batch), at));
+            if self.context_before.len() > self.options.context {
+                self.context_before.pop_front();
             }
         }
     }
 
+    /// Writes a frame as a packet.
     fn write(&mut self, batch: &Batch, at: usize, out: &mut Vec<u8>) {
         let frame = &batch.frames[at];
-        let notes = if self.notes.is_empty() { Vec::new() } else { self.notes.remove(&frame.number).unwrap_or_default() };
+        let findings_by_frame = if self.findings_by_frame.is_empty() {
+            Vec::new()
+        } else {
+            self.findings_by_frame.remove(&frame.number).unwrap_or_default()
+        };
         let time = frame.start.map_or(self.newest, |ns| ns.max(0) as u64);
         self.newest = self.newest.max(time);
         let echo = frame.findings.of(&batch.codes).contains(&Finding::LocalEcho);
@@ -248,53 +262,54 @@ impl Capture {
         self.written += 1;
         if self.options.classic {
             let start = blocks::begin_classic(time, out);
-            packet::bytes(self.options.style, batch, frame, route, &notes, out);
+            packet::bytes(self.options.style, batch, frame, route, &findings_by_frame, out);
             blocks::end_classic(start, out);
             return;
         }
         let interface = self.interface(batch, frame, out);
         let start = blocks::begin_packet(interface, time, out);
-        packet::bytes(self.options.style, batch, frame, route, &notes, out);
+        packet::bytes(self.options.style, batch, frame, route, &findings_by_frame, out);
         blocks::end_bytes(start, out);
-        let origin = if self.origin_told { None } else { origin(frame) };
-        self.origin_told |= origin.is_some();
-        packet::remarks(self.options.style, batch, frame, &notes, origin, out);
+        let origin = if self.origin_written { None } else { origin(frame) };
+        self.origin_written |= origin.is_some();
+        packet::annotations(self.options.style, batch, frame, &findings_by_frame, origin, out);
         self.transactions(frame, out);
         blocks::end_options(out);
         blocks::end_block(start, out);
     }
 
-    /// The words of the transactions that are complete with this frame.
+    /// Appends the annotations of all transactions that are complete with this frame.
     fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
             match self.told.get(txn).map(|(batch, at)| &batch.transactions[at]) {
                 Some(row) if frame.number < last_frame(row) => {}
                 Some(_) => {
-                    self.tell(txn, out);
-                    self.untold.remove(&txn);
+                    self.write_annotation(txn, out);
+                    self.unannotated.remove(&txn);
                 }
                 None => {
-                    self.untold.insert(txn);
+                    self.unannotated.insert(txn);
                 }
             }
         }
-        if !self.untold.is_empty() {
-            let late: Vec<u64> = self.untold.iter().copied().filter(|&txn| self.told.get(txn).is_some()).collect();
+        if !self.unannotated.is_empty() {
+            let late: Vec<u64> = self.unannotated.iter().copied().filter(|&txn| self.told.get(txn).is_some()).collect();
             for txn in late {
-                self.untold.remove(&txn);
-                self.tell(txn, out);
+                self.unannotated.remove(&txn);
+                self.write_annotation(txn, out);
             }
         }
     }
 
-    fn tell(&mut self, txn: u64, out: &mut Vec<u8>) {
+    /// Appends the annotation of a transaction.
+    fn write_annotation(&mut self, txn: u64, out: &mut Vec<u8>) {
         if let Some((batch, at)) = self.told.get(txn) {
             blocks::custom(out, |out| words::transaction(batch, &batch.transactions[at], out));
         }
         self.told.remove(txn);
     }
 
-    /// The packets of the style `tcp`; frames that TCP could not carry are counted only.
+    /// Writes a frame in the style `tcp`. Frames that TCP could not carry are only counted.
     fn synthetic(&mut self, batch: &Batch, frame: &Frame, route: Route, time: u64, out: &mut Vec<u8>) {
         if !frame.verdict.good() || frame.direction == Direction::Unknown {
             self.left_out += 1;
@@ -322,12 +337,12 @@ impl Capture {
         self.written += 1;
     }
 
-    /// The number of the interface of a frame's bus and line; its block is written when it is first needed.
+    /// The number of the interface for a frame's bus and line. Its block is written when it is first needed.
     ///
-    /// A connection is no interface of its own: those to one server share one.
+    /// All connections to a server share one interface.
     fn interface(&mut self, batch: &Batch, frame: &Frame, out: &mut Vec<u8>) -> u32 {
         let bus = &batch.buses[frame.bus as usize];
-        // Numbers of buses are used again when their connection is over.
+        // The numbers of buses are reused after their connection was closed.
         let key = (frame.bus, bus.network.as_ref().map_or(0, |network| network.connection), frame.line);
         if let Some((_, at)) = self.latest.filter(|(known, _)| *known == key) {
             return at;
@@ -336,7 +351,7 @@ impl Capture {
         let known = self.interfaces.iter().position(|(name, of)| *of == line && *name == bus.name);
         let at = known.unwrap_or_else(|| {
             let origin = origin(frame);
-            self.origin_told |= origin.is_some();
+            self.origin_written |= origin.is_some();
             let (name, description, custom) = words::interface(bus, line, origin, self.options.style.words().0);
             let what = Interface {
                 link: self.link(),
@@ -355,12 +370,12 @@ impl Capture {
     }
 }
 
-/// The last frame of a transaction.
+/// The number of a transaction's last frame.
 fn last_frame(row: &Transaction) -> u64 {
     row.request.frame.max(row.response.frame)
 }
 
-/// The first moment of the recording.
+/// The time of the first frame of the recording, from which `elapsed` counts.
 fn origin(frame: &Frame) -> Option<Ns> {
     Some(frame.start? - frame.elapsed?)
 }
@@ -371,11 +386,11 @@ mod tests {
     use modlens_engine::session::{BusOptions, Session, Wanted};
     use modlens_readers::chunk::{Chunk, Times};
 
-    /// A tap may go on for years: of a transaction that has its packets, nothing stays.
+    /// A tap may run for years: nothing of a transaction may stay once its packets are written.
     #[test]
-    fn a_live_capture_remembers_no_transaction_that_is_told() {
-        let wanted = Wanted { frames: true, transactions: true, findings: true };
-        let mut session = Session::new(Arc::default(), wanted, true, None);
+    fn a_live_capture_keeps_no_transaction_that_is_written() {
+        let should_write = Wanted { frames: true, transactions: true, findings: true };
+        let mut session = Session::new(Arc::default(), should_write, true, None);
         let bus = session.add_bus(BusOptions::named("bus"));
         let mut capture = Capture::new(Options { live: true, ..Options::default() });
         let mut out = Vec::new();
@@ -386,6 +401,6 @@ mod tests {
             capture.more(usize::MAX, &mut out);
         }
         assert!(capture.written >= 38, "{}", capture.written);
-        assert!(capture.untold.len() < 2, "{:?}", capture.untold);
+        assert!(capture.unannotated.len() < 2, "{:?}", capture.unannotated);
     }
 }

@@ -1,4 +1,4 @@
-//! One packet: the bytes of a frame as a dissector takes them, and what is said beside them.
+//! Makes one packet of a frame: the data that a Wireshark dissector takes, and the options of the packet.
 
 use super::payload::{self, Route};
 use super::words::{self, Note};
@@ -9,7 +9,7 @@ use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
 
-/// The bytes of a packet of link type 252.
+/// Appends the data of a packet with link type 252 (exported PDU).
 pub(super) fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, notes: &[Note], out: &mut Vec<u8>) {
     let wire = frame.wire.of(&batch.arena);
     if !frame.verdict.good() {
@@ -18,17 +18,17 @@ pub(super) fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, no
         return;
     }
     let mut scratch = Vec::new();
-    let (adu, behind) = unwrap(frame.mode, frame.verdict, wire, &mut scratch);
+    let (adu, checksum) = unwrap(frame.mode, frame.verdict, wire, &mut scratch);
     match (style, frame.mode) {
-        // ASCII and TCP have no CRC; one is made, or `mbrtu` would not take them.
-        (Style::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { behind } else { &[] }, out),
+        // ASCII and TCP frames have no CRC; one is computed, because the dissector `mbrtu` requires it.
+        (Style::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { checksum } else { &[] }, out),
         (_, Mode::Tcp) => payload::tcp(route, wire, out),
-        _ => payload::udp(route, adu, behind, out),
+        _ => payload::udp(route, adu, checksum, out),
     }
 }
 
-/// Comments, flags and our own option of a packet.
-pub(super) fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
+/// Appends comments, flags and our custom option of a packet.
+pub(super) fn annotations(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
     if frame.mode == Mode::Ascii && frame.verdict.good() {
         let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
         blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
@@ -43,7 +43,9 @@ pub(super) fn remarks(style: Style, batch: &Batch, frame: &Frame, notes: &[Note]
         blocks::comment(&words::comment(note), out);
     }
     blocks::flags(words::flags(batch, frame), out);
-    // The dissector `mbrtu` gets an RTU frame, whatever was on the line.
-    let same = style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
-    blocks::custom(out, |out| words::custom(batch, frame, same, origin, out));
+    // The dissector `mbrtu` gets an RTU frame even if the frame on the line had another mode. The original bytes are
+    // then stored in our custom option.
+    let is_verbatim =
+        style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
+    blocks::custom(out, |out| words::custom(batch, frame, is_verbatim, origin, out));
 }

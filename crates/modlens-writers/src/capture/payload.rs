@@ -1,14 +1,14 @@
-//! What a frame looks like to Wireshark's dissectors: link type 252, tags in front of the bytes.
+//! The data of a packet for Wireshark's dissectors, with link type 252 (exported PDU): tags, then the bytes of a frame.
 //!
-//! A record is `u16 tag, u16 length, value` (big-endian), again and again, then tag 0 and the bytes. Wireshark's
-//! dissector `mbudp` takes an MBAP header, knows who asks and who answers by the ports, pairs by the transaction
-//! identifier, decodes every function, and lets bytes stand behind the PDU: so the RTU frame goes in whole, with its CRC.
-//! `mbrtu` is the dissector of RTU itself; it guesses who speaks, and leaves most functions undecoded.
+//! Each tag is `u16 tag, u16 length, value` (big-endian); tag 0 ends them. Wireshark's dissector `mbudp` expects an
+//! MBAP header, derives the direction from the ports, pairs by the transaction identifier, decodes every function, and
+//! tolerates bytes after the PDU; so an RTU frame is stored completely, with its CRC. `mbrtu`, the dissector for RTU,
+//! guesses the direction and leaves most functions undecoded.
 
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::mbap::HEADER as MBAP;
 
-/// Wireshark takes the side with this port for the server.
+/// Wireshark assumes that the side with this port is the server.
 pub const SERVER_PORT: u16 = 502;
 
 const NAME: u16 = 12;
@@ -18,6 +18,7 @@ const TARGET_PORT: u16 = 26;
 const PROTOCOL_COLUMN: u16 = 33;
 const INFO_COLUMN: u16 = 36;
 
+/// Appends a tag, padded to a multiple of four bytes.
 fn tag(code: u16, value: &[u8], out: &mut Vec<u8>) {
     let padded = value.len().next_multiple_of(4);
     out.extend_from_slice(&code.to_be_bytes());
@@ -26,71 +27,74 @@ fn tag(code: u16, value: &[u8], out: &mut Vec<u8>) {
     out.extend_from_slice(&[0; 3][..padded - value.len()]);
 }
 
+/// Appends the tag that ends the list.
 fn end_tags(out: &mut Vec<u8>) {
     out.extend_from_slice(&[0; 4]);
 }
 
-/// Who sends and who gets, and the transaction's identifier.
+/// The ports of sender and receiver, and the transaction identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Route {
-    /// Sender's port.
+    /// The sender's port.
     pub from: u16,
-    /// Receiver's port.
+    /// The receiver's port.
     pub to: u16,
-    /// Transaction identifier.
+    /// The transaction identifier.
     pub id: u16,
 }
 
-/// Bytes of the tags of a dissector that goes by ports.
-const ROUTED: usize = 40;
+/// The size in bytes of the tags that `routed` makes.
+const ROUTED_BYTES: usize = 40;
 
-/// These tags, and room behind them; `kind` is 2 for TCP, 3 for UDP. In one piece: a capture is mostly heads like this one.
+/// Name and ports for a dissector that derives the direction from ports, with room for further bytes. `kind` is 2 for
+/// TCP, 3 for UDP. Built in one piece, because small packets consist mostly of headers.
 fn routed<const N: usize>(name: [u8; 5], kind: u8, route: Route) -> [u8; N] {
-    let mut head = [0; N];
-    head[..4].copy_from_slice(&[0, NAME as u8, 0, 8]);
-    head[4..9].copy_from_slice(&name);
-    head[12..20].copy_from_slice(&[0, PORT_TYPE as u8, 0, 4, 0, 0, 0, kind]);
-    head[20..26].copy_from_slice(&[0, SOURCE_PORT as u8, 0, 4, 0, 0]);
-    head[26..28].copy_from_slice(&route.from.to_be_bytes());
-    head[28..34].copy_from_slice(&[0, TARGET_PORT as u8, 0, 4, 0, 0]);
-    head[34..36].copy_from_slice(&route.to.to_be_bytes());
-    head
+    let mut header = [0; N];
+    header[..4].copy_from_slice(&[0, NAME as u8, 0, 8]);
+    header[4..9].copy_from_slice(&name);
+    header[12..20].copy_from_slice(&[0, PORT_TYPE as u8, 0, 4, 0, 0, 0, kind]);
+    header[20..26].copy_from_slice(&[0, SOURCE_PORT as u8, 0, 4, 0, 0]);
+    header[26..28].copy_from_slice(&route.from.to_be_bytes());
+    header[28..34].copy_from_slice(&[0, TARGET_PORT as u8, 0, 4, 0, 0]);
+    header[34..36].copy_from_slice(&route.to.to_be_bytes());
+    header
 }
 
-/// The MBAP header of an ADU (unit and PDU) of this length.
+/// The MBAP header of an ADU of this length (unit and PDU).
 pub fn mbap(id: u16, length: usize) -> [u8; MBAP] {
     let ([a, b], [c, d]) = (id.to_be_bytes(), (length as u16).to_be_bytes());
     [a, b, 0, 0, c, d]
 }
 
-/// A serial frame for `mbudp`: `adu` is unit and PDU, `behind` what stood behind them (the CRC, or the ASCII text).
-pub fn udp(route: Route, adu: &[u8], behind: &[u8], out: &mut Vec<u8>) {
-    let mut head: [u8; ROUTED + MBAP] = routed(*b"mbudp", 3, route);
-    head[ROUTED..].copy_from_slice(&mbap(route.id, adu.len()));
-    out.extend_from_slice(&head);
+/// Appends a serial frame for `mbudp`. `adu` is unit and PDU, `trailer` the bytes after them: the CRC, or the text of
+/// an ASCII frame.
+pub fn udp(route: Route, adu: &[u8], trailer: &[u8], out: &mut Vec<u8>) {
+    let mut header: [u8; ROUTED_BYTES + MBAP] = routed(*b"mbudp", 3, route);
+    header[ROUTED_BYTES..].copy_from_slice(&mbap(route.id, adu.len()));
+    out.extend_from_slice(&header);
     out.extend_from_slice(adu);
-    out.extend_from_slice(behind);
+    out.extend_from_slice(trailer);
 }
 
-/// A frame of Modbus/TCP as it is.
+/// Appends a Modbus/TCP frame, unchanged.
 pub fn tcp(route: Route, wire: &[u8], out: &mut Vec<u8>) {
-    out.extend_from_slice(&routed::<ROUTED>(*b"mbtcp", 2, route));
+    out.extend_from_slice(&routed::<ROUTED_BYTES>(*b"mbtcp", 2, route));
     out.extend_from_slice(wire);
 }
 
-/// A frame for `mbrtu`: `behind` is the CRC, or nothing, where one is made.
-pub fn rtu(adu: &[u8], behind: &[u8], out: &mut Vec<u8>) {
+/// Appends a frame for `mbrtu`. `trailer` is its CRC; if it is empty, the CRC is computed.
+pub fn rtu(adu: &[u8], trailer: &[u8], out: &mut Vec<u8>) {
     tag(NAME, b"mbrtu", out);
     end_tags(out);
     out.extend_from_slice(adu);
-    if behind.is_empty() {
+    if trailer.is_empty() {
         out.extend_from_slice(&crc16(adu).to_le_bytes());
     } else {
-        out.extend_from_slice(behind);
+        out.extend_from_slice(trailer);
     }
 }
 
-/// Bytes that no dissector shall touch, with what the columns Protocol and Info say of them.
+/// Appends bytes that no dissector shall decode, with texts for Wireshark's columns Protocol and Info.
 pub fn data(protocol: &str, info: &str, wire: &[u8], out: &mut Vec<u8>) {
     tag(NAME, b"data", out);
     tag(PROTOCOL_COLUMN, protocol.as_bytes(), out);

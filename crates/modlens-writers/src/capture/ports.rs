@@ -1,63 +1,64 @@
-//! Ports and identifiers, so that Wireshark joins what belongs together and nothing else.
+//! Chooses UDP ports and transaction identifiers so that Wireshark pairs the frames of a transaction and no others.
 //!
-//! It pairs a response with the newest request of the same ports, identifier, unit and function, whatever the interface,
-//! and searches all requests of those ports where there is none: a bus has ports of its own, and new ones every 1000
-//! transactions, so that the search stays short.
+//! Wireshark pairs a response with the newest request that has the same ports, identifier, unit and function, whatever
+//! the interface; if there is none, it searches all requests of those ports. So every bus has ports of its own, and new
+//! ones every 1000 transactions to keep that search short.
 
 use std::collections::VecDeque;
 
 use super::payload::{Route, SERVER_PORT};
 use modlens_protocol::direction::Direction;
 
-/// First port of the dynamic range (RFC 6335); it has 16,384.
-const FIRST: u16 = 49_152;
-const PORTS: u32 = 16_384;
+/// The first port of the dynamic range (RFC 6335, section 6), and the number of its ports.
+const FIRST_PORT: u16 = 49_152;
+const PORT_COUNT: u32 = 16_384;
 
-/// Transactions of a bus that share a port.
-const PER_PORT: u64 = 1000;
+/// The number of consecutive transactions of a bus that share a port.
+const TRANSACTIONS_PER_PORT: u64 = 1000;
 
-/// Ports of a bus that are remembered: its open transactions are among the newest.
-const REMEMBERED: usize = 8;
+/// The number of ports remembered per bus. Open transactions are among the newest, so they use one of these.
+const PORTS_PER_BUS: usize = 8;
 
-/// A transaction's identifier is its number; frames beside the transactions have the upper half for themselves.
-const BESIDE: u16 = 0x8000;
+/// Set in the identifiers of frames without a transaction. The identifiers of transactions are the lower bits of their
+/// numbers.
+const UNPAIRED_ID: u16 = 0x8000;
 
-/// Gives ports to transactions.
+/// Assigns ports to transactions.
 #[derive(Debug, Default)]
 pub struct Ports {
-    given: u32,
-    /// Of each bus: first transaction and port, the newest last.
+    assigned: u32,
+    /// For each bus: the first transaction of each port, and the port, newest last.
     buses: Vec<VecDeque<(u64, u16)>>,
 }
 
 impl Ports {
-    /// The master's port of a transaction.
+    /// The port of the master in a transaction.
     pub fn master(&mut self, bus: usize, txn: u64) -> u16 {
         if self.buses.len() <= bus {
             self.buses.resize_with(bus + 1, VecDeque::new);
         }
-        if self.buses[bus].back().is_none_or(|&(first, _)| txn >= first + PER_PORT) {
-            let port = FIRST + (self.given % PORTS) as u16;
-            self.given += 1;
+        if self.buses[bus].back().is_none_or(|&(first, _)| txn >= first + TRANSACTIONS_PER_PORT) {
+            let port = FIRST_PORT + (self.assigned % PORT_COUNT) as u16;
+            self.assigned += 1;
             let ports = &mut self.buses[bus];
             ports.push_back((txn, port));
-            if ports.len() > REMEMBERED {
+            if ports.len() > PORTS_PER_BUS {
                 ports.pop_front();
             }
         }
         let ports = &self.buses[bus];
         let found = ports.iter().rev().find(|(first, _)| *first <= txn).or(ports.front());
-        found.map_or(FIRST, |(_, port)| *port)
+        found.map_or(FIRST_PORT, |(_, port)| *port)
     }
 
-    /// The way of a frame: `beside` says that it must pair with nothing.
-    pub fn route(&mut self, bus: usize, txn: u64, direction: Direction, beside: bool) -> Route {
+    /// Ports and identifier of a frame. `beside` says that the frame must not be paired with any other.
+    pub fn route(&mut self, bus: usize, txn: u64, direction: Direction, unpaired: bool) -> Route {
         let master = self.master(bus, txn);
-        let id = txn as u16 & !BESIDE | if beside { BESIDE } else { 0 };
+        let id = txn as u16 & !UNPAIRED_ID | if unpaired { UNPAIRED_ID } else { 0 };
         match direction {
             Direction::Request => Route { from: master, to: SERVER_PORT, id },
             Direction::Response => Route { from: SERVER_PORT, to: master, id },
-            // Without the server's port Wireshark says that it cannot tell.
+            // If neither port is the server's, Wireshark shows the direction as unknown.
             Direction::Unknown => Route { from: master, to: master, id },
         }
     }
@@ -68,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn buses_share_no_port_and_change_it_together_with_no_transaction_cut() {
+    fn buses_share_no_ports_and_both_frames_of_a_transaction_have_the_same() {
         let mut ports = Ports::default();
         let mut seen = [std::collections::HashSet::new(), std::collections::HashSet::new()];
         for txn in 1..=6000 {
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_keeps_the_port_of_its_request() {
+    fn a_response_has_the_port_of_its_request() {
         let mut ports = Ports::default();
         let first = ports.master(0, 999);
         assert_eq!(ports.master(0, 1000), first);

@@ -1,22 +1,22 @@
-//! What is asked of a capture.
+//! The options of a capture file.
 
-/// How frames are dressed.
+/// How frames are encapsulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Style {
-    /// For the dissector `mbudp`: all functions, direction, pairing, checksum bytes.
+    /// For the dissector `mbudp`, which decodes all functions, the direction and pairs, and shows checksum bytes.
     #[default]
     Udp,
-    /// For the dissector `mbrtu`, which guesses directions.
+    /// For the dissector `mbrtu`, which guesses the direction.
     Rtu,
-    /// Ethernet, IP and TCP around each PDU: for programs that know no other.
+    /// Ethernet, IP and TCP around each PDU, for programs that support nothing else.
     Tcp,
 }
 
 impl Style {
-    /// All of them with their words, the default first.
+    /// All styles with their names, the default first.
     pub const ALL: [(&'static str, Self); 3] = [("udp", Self::Udp), ("rtu", Self::Rtu), ("tcp", Self::Tcp)];
 
-    /// What readers are told of it.
+    /// Descriptions for the users of the file: of each interface, and of the whole file.
     pub(super) fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Udp => ("RTU and ASCII frames are shown as Modbus/UDP with their checksum behind", ""),
@@ -30,17 +30,17 @@ impl Style {
     }
 }
 
-/// What a capture shall be.
+/// The options of a capture file.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// How frames are dressed.
+    /// How frames are encapsulated.
     pub style: Style,
-    /// Classic pcap: no names, comments or flags.
+    /// Whether to write classic pcap, which has no names, comments or flags.
     pub classic: bool,
-    /// Frames are written at once, not when their transaction is complete.
+    /// Whether frames are written at once, rather than when their transaction is complete.
     pub live: bool,
-    /// Frames before and behind each frame that a filter keeps.
+    /// The number of frames to write before and after each frame that a filter keeps.
     pub context: usize,
-    /// The program that wrote it.
+    /// The program that writes the file.
     pub application: String,
 }

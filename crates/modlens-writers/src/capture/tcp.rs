@@ -1,7 +1,7 @@
-//! Serial traffic dressed as Modbus/TCP, for programs that know no other: Ethernet, IPv4, TCP, port 502.
+//! Wraps serial frames in Modbus/TCP (Ethernet, IPv4, TCP, port 502), for programs that support nothing else.
 //!
-//! Everything below the Modbus layer is invented, and the section header says so. Unit n of bus b is 10.b.0.n, its master
-//! 10.b.255.254; every connection begins with a handshake, and its sequence numbers are counted.
+//! Everything below the Modbus layer is invented, and the section header says so. Unit n of bus b is 10.b.0.n, its
+//! master 10.b.255.254. Every connection begins with a handshake and has consistent sequence numbers.
 
 use std::collections::HashMap;
 
@@ -12,65 +12,67 @@ const SYN_ACK: u8 = 0x12;
 const ACK: u8 = 0x10;
 const PUSH_ACK: u8 = 0x18;
 
-/// Connections that are remembered; older ones begin anew.
-const REMEMBERED: usize = 65_536;
+/// The maximum number of connections. Beyond it all of them are forgotten, and each begins again with a handshake.
+const MAX_CONNECTIONS: usize = 65_536;
 
-/// Sequence numbers of one connection: client's and server's next.
-type Counts = [u32; 2];
+/// The next sequence numbers of a connection: the client's and the server's.
+type SequenceNumbers = [u32; 2];
 
-/// The connections so far.
+/// The connections so far, by bus, unit and client port.
 #[derive(Debug, Default)]
 pub struct Connections {
-    open: HashMap<(u8, u8, u16), Counts>,
+    open: HashMap<(u8, u8, u16), SequenceNumbers>,
 }
 
-/// One frame on its way: which bus and unit, who sends, unit and PDU.
+/// A frame to be carried by a connection.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment<'a> {
-    /// Number of the bus.
+    /// The number of the bus.
     pub bus: u8,
-    /// Unit.
+    /// The unit address.
     pub unit: u8,
-    /// Ports and identifier.
+    /// Its ports and transaction identifier.
     pub route: Route,
-    /// Unit and PDU.
+    /// Unit and PDU of the frame.
     pub adu: &'a [u8],
 }
 
 impl Connections {
-    /// Gives `emit` the packets that carry a frame: those of the handshake first, where the connection is new.
+    /// Calls `emit` with the packets that carry a frame, preceded by the handshake if the connection is new.
     pub fn packets(&mut self, segment: Segment<'_>, mut emit: impl FnMut(&[u8])) {
         let Segment { bus, unit, route, adu } = segment;
         let to_server = route.to == SERVER_PORT;
         let port = if to_server { route.from } else { route.to };
-        if self.open.len() > REMEMBERED {
+        if self.open.len() > MAX_CONNECTIONS {
             self.open.clear();
         }
-        let ends = Ends { bus, unit, port };
-        let counts = self.open.entry((bus, unit, port)).or_insert_with(|| {
-            emit(&ends.packet(true, [0, 0], SYN, &[]));
-            emit(&ends.packet(false, [0, 1], SYN_ACK, &[]));
-            emit(&ends.packet(true, [1, 1], ACK, &[]));
+        let endpoints = Endpoints { bus, unit, port };
+        let sequence_numbers = self.open.entry((bus, unit, port)).or_insert_with(|| {
+            emit(&endpoints.packet(true, [0, 0], SYN, &[]));
+            emit(&endpoints.packet(false, [0, 1], SYN_ACK, &[]));
+            emit(&endpoints.packet(true, [1, 1], ACK, &[]));
             [1, 1]
         });
         let mut bytes = Vec::with_capacity(7 + adu.len());
         bytes.extend_from_slice(&mbap(route.id, adu.len()));
         bytes.extend_from_slice(adu);
         let (mine, theirs) = if to_server { (0, 1) } else { (1, 0) };
-        emit(&ends.packet(to_server, [counts[mine], counts[theirs]], PUSH_ACK, &bytes));
-        counts[mine] = counts[mine].wrapping_add(bytes.len() as u32);
+        emit(&endpoints.packet(to_server, [sequence_numbers[mine], sequence_numbers[theirs]], PUSH_ACK, &bytes));
+        sequence_numbers[mine] = sequence_numbers[mine].wrapping_add(bytes.len() as u32);
     }
 }
 
+/// The addresses of a connection.
 #[derive(Clone, Copy)]
-struct Ends {
+struct Endpoints {
     bus: u8,
     unit: u8,
     port: u16,
 }
 
-impl Ends {
-    fn packet(self, to_server: bool, [sequence, acknowledged]: Counts, flags: u8, bytes: &[u8]) -> Vec<u8> {
+impl Endpoints {
+    /// An Ethernet packet of the connection, with its checksums.
+    fn packet(self, to_server: bool, [sequence, acknowledged]: SequenceNumbers, flags: u8, bytes: &[u8]) -> Vec<u8> {
         let sides = [
             ([10, self.bus, 255, 254], 0xFFFE_u16, self.port),
             ([10, self.bus, 0, self.unit], u16::from(self.unit), SERVER_PORT),
@@ -98,7 +100,7 @@ impl Ends {
         out.extend_from_slice(&acknowledged.to_be_bytes());
         out.extend_from_slice(&[0x50, flags, 0x20, 0, 0, 0, 0, 0]);
         out.extend_from_slice(bytes);
-        // The pseudo header: addresses, protocol, length (RFC 9293, 3.1).
+        // The checksum covers a pseudo header of addresses, protocol and length (RFC 9293, section 3.1).
         let mut pseudo = u32::from(6_u16) + u32::from(length - 20);
         for address in [from.0, to.0] {
             pseudo +=
@@ -125,9 +127,9 @@ mod tests {
     use super::*;
     use modlens_protocol::hex::hex;
 
-    /// Bytes that tshark was seen to decode.
+    /// The expected bytes were decoded by tshark.
     #[test]
-    fn a_request_has_the_bytes_that_wireshark_was_seen_to_take() {
+    fn a_request_is_a_packet_that_wireshark_decodes() {
         let mut packets = Vec::new();
         let route = Route { from: 50_000, to: 502, id: 4 };
         let segment = Segment { bus: 1, unit: 1, route, adu: &[1, 6, 0, 1, 0, 3] };

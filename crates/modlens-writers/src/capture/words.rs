@@ -1,4 +1,4 @@
-//! What is said of a frame in words: comments, flags, the columns of bytes that are no frame, and our custom option.
+//! The annotations of a frame: comments, flags, texts for bytes that are no valid frame, and our custom option.
 
 use std::fmt::Write as _;
 
@@ -16,24 +16,24 @@ use modlens_readers::pcap::own::DEFAULTS;
 use modlens_tables::cell_text::push_us;
 use modlens_tables::columns::exception_name;
 
-/// Bits of the flags option (draft-ietf-opsawg-pcapng, 4.3).
+/// Bits of the flags option (draft-ietf-opsawg-pcapng, section 4.3).
 const BROADCAST: u32 = 3 << 2;
 const CHECKSUM_ERROR: u32 = 1 << 24;
 const TOO_SHORT: u32 = 1 << 26;
 const WRONG_GAP: u32 = 1 << 27;
 const SYMBOL_ERROR: u32 = 1 << 31;
 
-/// A finding with what was seen.
+/// A finding and its detail.
 pub type Note = (Finding, String);
 
-/// A finding as a comment: how bad, which, in words, what was seen.
+/// A finding as a comment: severity, code, title and detail.
 pub fn comment((finding, detail): &Note) -> String {
     let doc = finding.doc();
-    let between = if detail.is_empty() { "" } else { ": " };
-    format!("{} {}: {}{between}{detail}", doc.severity.text(), doc.code, doc.title)
+    let separator = if detail.is_empty() { "" } else { ": " };
+    format!("{} {}: {}{separator}{detail}", doc.severity.text(), doc.code, doc.title)
 }
 
-/// The error flags of a frame.
+/// The flags of a frame, most of which stand for errors.
 pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
     let mut flags = 0;
     if frame.verdict.good() && frame.unit == Some(0) && frame.mode != Mode::Tcp && frame.direction == Direction::Request {
@@ -54,7 +54,7 @@ pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
     flags
 }
 
-/// Texts of the columns Protocol and Info for bytes that are no good frame.
+/// The texts of the columns Protocol and Info for bytes that are no valid frame.
 pub fn columns(batch: &Batch, frame: &Frame, notes: &[Note]) -> (String, String) {
     let mode = frame.mode.text().to_uppercase();
     let checksum = if frame.mode == Mode::Ascii { "LRC" } else { "CRC" };
@@ -67,23 +67,27 @@ pub fn columns(batch: &Batch, frame: &Frame, notes: &[Note]) -> (String, String)
         let name = modlens_tables::columns::functions(batch).name(code & !EXCEPTION_BIT).unwrap_or("unknown");
         let _ = write!(info, ", unit {unit}, function {} {name}?", code & !EXCEPTION_BIT);
     }
-    let told = |finding: &Finding| !matches!(finding, Finding::BadChecksum | Finding::Incomplete | Finding::BitFlip);
-    for (finding, detail) in notes.iter().filter(|(finding, _)| told(finding) && finding.doc().severity != Severity::Info) {
+    let is_described_already =
+        |finding: &Finding| !matches!(finding, Finding::BadChecksum | Finding::Incomplete | Finding::BitFlip);
+    for (finding, detail) in
+        notes.iter().filter(|(finding, _)| is_described_already(finding) && finding.doc().severity != Severity::Info)
+    {
         let _ = write!(info, ", {}: {detail}", finding.doc().title);
     }
     (kind, info)
 }
 
-/// A sentence for exception responses, which Wireshark names by number only.
+/// A sentence for an exception response, which Wireshark names by its number only.
 pub fn exception(frame: &Frame) -> Option<String> {
     let code = frame.exception?;
     Some(format!("exception {code}: {}", exception_name(code).unwrap_or("not in the specification")))
 }
 
-/// What Wireshark has no place for, as `key=value` separated by spaces; columns at their usual value are left out.
+/// Everything about a frame for which pcapng has no field, as `key=value` separated by spaces. Columns with their usual
+/// value are left out.
 ///
-/// `pcap::told` reads it back: from these words, the bytes and the comments the rows are made again. `verbatim` says that
-/// the packet holds the bytes of the line as they were; `origin` is there if no interface block has it.
+/// `pcap::told` reads this: from these words, the bytes and the comments it restores the rows. `verbatim` says that the
+/// packet contains the bytes of the line unchanged; `origin` is given if no interface block has it.
 pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, out: &mut Vec<u8>) {
     number("frame=", frame.number, out);
     if let Some(txn) = frame.txn {
@@ -136,7 +140,7 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
     }
 }
 
-/// The same of a transaction, for the packet of its last frame.
+/// Everything about a transaction for which pcapng has no field, for the packet of its last frame.
 pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
     number("transaction=", row.number, out);
     if row.status != DEFAULTS.status {
@@ -173,7 +177,7 @@ pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
     codes(row.findings.of(&batch.codes), out);
 }
 
-/// The PDU that stands in the bytes of a whole frame.
+/// The PDU that a reader finds in the bytes of a valid frame.
 fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &Half) -> &'a [u8] {
     let wire = half.wire.of(&batch.arena);
     match mode {
@@ -183,13 +187,14 @@ fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &Half) -> &'a [u8] {
     }
 }
 
+/// Appends finding codes.
 fn codes(codes: &[Finding], out: &mut Vec<u8>) {
     for (at, code) in codes.iter().enumerate() {
         word(if at == 0 { " findings=" } else { "," }, code.doc().code, out);
     }
 }
 
-/// The keys are known where this is called: inlined, each is one store.
+/// The keys are constants at each call: when this is inlined, appending a key is a single store.
 #[inline(always)]
 #[allow(clippy::inline_always)]
 fn number(key: &str, value: u64, out: &mut Vec<u8>) {
@@ -211,10 +216,11 @@ fn word(key: &str, value: &str, out: &mut Vec<u8>) {
     push_short(value.as_bytes(), out);
 }
 
-/// Name, description and our own words for the interface of a bus, or of one line of it.
+/// Name, description and our custom option for the interface of a bus, or of one of its lines. `how` describes the
+/// encapsulation.
 ///
-/// `origin` is the first moment of the recording, from which `elapsed_us` counts.
-pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, how: &str) -> (String, String, String) {
+/// `origin` is the time of the first frame, from which `elapsed_us` counts.
+pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, encapsulation: &str) -> (String, String, String) {
     let letter = match line {
         0 => "",
         1 => "A",
@@ -223,7 +229,7 @@ pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, how: &str) -> (String,
     let name = if line == 0 { bus.name.clone() } else { format!("{} [{letter}]", bus.name) };
     let settings = bus.line.map(|line| settings(&line));
     let described = settings.as_ref().map_or(String::new(), |settings| format!(", {settings}"));
-    let description = format!("Modbus{described}; {how}");
+    let description = format!("Modbus{described}; {encapsulation}");
     let clock = match bus.clock {
         Clock::Utc => "utc",
         Clock::Relative => "relative",
@@ -239,12 +245,12 @@ pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, how: &str) -> (String,
     if line > 0 {
         let _ = write!(custom, " line={letter}");
     }
-    // Last: a name may hold spaces.
+    // The name comes last because it may contain spaces.
     let _ = write!(custom, " name={}", bus.name);
     (name, description, custom)
 }
 
-/// Line settings as options spell them.
+/// Line settings in the notation of the command line: `19200-8E1`.
 pub fn settings(line: &Line) -> String {
     let stop = match line.stop_halves {
         3 => "1.5",

@@ -1,4 +1,4 @@
-//! What the cells of tables say: addresses, values, times in milliseconds, states and their colours.
+//! The text of the cells in tables: addresses, values, times in milliseconds, states and their styles.
 
 use serde_json::Value as Json;
 
@@ -7,24 +7,24 @@ use crate::view::text::{push_visible, visible};
 use crate::view::{Base, Style};
 use modlens_tables::columns::{Cell, Items, RowRef, TableKind};
 
-/// From here on tenths of a millisecond are noise.
-const LONG_US: f64 = 100_000.0;
+/// Durations of at least this many microseconds are shown without tenths of a millisecond.
+const WHOLE_MS_FROM_US: f64 = 100_000.0;
 
-/// Bits are shown in groups, in wire order.
-const GROUP: usize = 8;
+/// The number of bits shown as one group, in wire order.
+const BITS_PER_GROUP: usize = 8;
 
-/// The columns of a table by name, for those that read several of a row's.
+/// Finds the columns of a table by name.
 #[derive(Clone, Copy)]
 pub struct Keys(pub TableKind);
 
 impl Keys {
-    /// The place of a column.
+    /// The index of a column, which must exist.
     pub fn at(self, key: &str) -> usize {
         self.0.column(key).unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
-/// A number of a row.
+/// The number in a column of a row.
 pub fn number(row: &RowRef<'_>, column: usize) -> Option<i64> {
     match row.cell(column) {
         Cell::Int(number) => Some(number),
@@ -32,7 +32,7 @@ pub fn number(row: &RowRef<'_>, column: usize) -> Option<i64> {
     }
 }
 
-/// A text of a row.
+/// The text in a column of a row.
 pub fn word<'a>(row: &RowRef<'a>, column: usize) -> Option<&'a str> {
     match row.cell(column) {
         Cell::Word(text) | Cell::Text(text) => Some(text),
@@ -40,24 +40,24 @@ pub fn word<'a>(row: &RowRef<'a>, column: usize) -> Option<&'a str> {
     }
 }
 
-/// A text of a row that may have been made for it.
+/// The value in a column of a row, as text.
 pub fn text(row: &RowRef<'_>, column: usize) -> String {
     modlens_tables::cell_text::cell_text(&row.cell(column))
 }
 
-/// A duration as milliseconds: `1.2`, `250`.
+/// A duration in milliseconds: `1.2`, `250`.
 pub fn milliseconds(row: &RowRef<'_>, column: usize) -> Option<String> {
     match row.cell(column) {
         Cell::Us(ns) => {
             let us = ns as f64 / 1e3;
-            Some(format!("{:.*}", usize::from(us < LONG_US), us / 1e3))
+            Some(format!("{:.*}", usize::from(us < WHOLE_MS_FROM_US), us / 1e3))
         }
         _ => None,
     }
 }
 
-/// Short name of a type of registers.
-pub fn short(kind: Option<&str>) -> Option<&'static str> {
+/// The short name of a table: `hr`, `ir`, `co` or `di`.
+pub fn short_name(kind: Option<&str>) -> Option<&'static str> {
     Some(match kind? {
         "coil" => "co",
         "discrete_input" => "di",
@@ -71,8 +71,8 @@ fn is_bits(kind: Option<&str>) -> bool {
     matches!(kind, Some("coil" | "discrete_input"))
 }
 
-/// A block of addresses: `107-109`, `40108`. The last address is 65535, whatever was asked for.
-pub fn span(first: Option<i64>, quantity: Option<i64>, kind: Option<&str>, base: Base) -> String {
+/// A range of addresses: `107-109`, `40108`. It ends at 65535 even if the request asked for more.
+pub fn address_range(first: Option<i64>, quantity: Option<i64>, kind: Option<&str>, base: Base) -> String {
     let Some(first) = first else { return String::new() };
     let start = base.address(first, kind);
     match quantity {
@@ -81,12 +81,12 @@ pub fn span(first: Option<i64>, quantity: Option<i64>, kind: Option<&str>, base:
     }
 }
 
-/// Code and name of a function: `  3 Read Holding Registers`.
+/// The code and name of a function: `  3 Read Holding Registers`.
 pub fn function_long(code: Option<i64>, name: Option<&str>) -> String {
     code.map_or_else(String::new, |code| format!("{code:3} {}", visible(name.unwrap_or("unknown"))))
 }
 
-/// Code and what the function does to which registers: ` 3 read hr`.
+/// The code of a function and the access it makes: ` 3 read hr`.
 pub fn function_short(code: Option<i64>, name: Option<&str>, operation: Option<&str>, kind: Option<&str>) -> String {
     let Some(code) = code else { return String::new() };
     let does = match operation {
@@ -95,25 +95,26 @@ pub fn function_short(code: Option<i64>, name: Option<&str>, operation: Option<&
         Some("read_write") => "r/w",
         _ => "",
     };
-    match short(kind) {
-        Some(short) if !does.is_empty() => format!("{code:2} {does} {short}"),
+    match short_name(kind) {
+        Some(short_name) if !does.is_empty() => format!("{code:2} {does} {short_name}"),
         _ => format!("{code:2} {}", visible(name.unwrap_or("unknown"))),
     }
 }
 
-/// The codes of a row's findings, with commas; what its state says already is left out.
+/// The finding codes of a row, separated by commas and without duplicates. A code that equals the row's state is left
+/// out.
 pub fn findings(row: &RowRef<'_>, column: usize, state: &str) -> String {
     let Cell::Codes(codes) = row.cell(column) else { return String::new() };
-    let mut said: Vec<&str> = Vec::new();
+    let mut codes_shown: Vec<&str> = Vec::new();
     for code in codes.iter().map(|finding| finding.doc().code) {
-        if code != state && !said.contains(&code) {
-            said.push(code);
+        if code != state && !codes_shown.contains(&code) {
+            codes_shown.push(code);
         }
     }
-    said.join(",")
+    codes_shown.join(",")
 }
 
-/// Where the values of a transaction stand.
+/// The columns that contain the values of a transaction.
 #[derive(Clone, Copy)]
 pub struct Carried {
     readings: usize,
@@ -127,7 +128,7 @@ pub struct Carried {
 }
 
 impl Carried {
-    /// Looks the columns up.
+    /// Looks up the columns.
     pub fn new(keys: Keys) -> Self {
         Self {
             readings: keys.at("readings"),
@@ -141,18 +142,18 @@ impl Carried {
         }
     }
 
-    /// What a transaction carried: values read, values written, decoded fields.
+    /// The values of a transaction: values read, values written, decoded fields.
     ///
-    /// Where a profile names values, their names and values stand in place of the registers.
+    /// Where a profile names the values, their names and values replace the registers.
     pub fn values<'a>(self, row: &RowRef<'a>, base: Base) -> Values<'a> {
         if let Cell::Map(Json::Object(named)) = row.cell(self.readings) {
-            let one = |(name, value): (&String, &Json)| (visible(&format!("{name}={}", reading(value))), 1);
-            return Values::Texts(named.iter().map(one).collect());
+            let named_value = |(name, value): (&String, &Json)| (visible(&format!("{name}={}", reading(value))), 1);
+            return Values::Texts(named.iter().map(named_value).collect());
         }
         let (data, kind) = (ints(row.cell(self.data)), word(row, self.register_type));
         let does = word(row, self.operation);
         if let (Some(items), Some("read"), false) = (data, does, is_bits(kind)) {
-            return Values::Numbers(items); // nearly every row
+            return Values::Numbers(items); // the case of nearly every row
         }
         let mut texts = Vec::new();
         if let Some(items) = data {
@@ -160,7 +161,7 @@ impl Carried {
         }
         if does == Some("read_write") {
             let first = number(row, self.write_address);
-            texts.push((format!("{}:", span(first, number(row, self.write_quantity), kind, base)), 0));
+            texts.push((format!("{}:", address_range(first, number(row, self.write_quantity), kind, base)), 0));
         }
         if let Some(items) = ints(row.cell(self.write_data)) {
             push_block(&items, kind, &mut texts);
@@ -183,15 +184,16 @@ fn ints(cell: Cell<'_>) -> Option<Items<'_>> {
     }
 }
 
-/// Registers one by one, bits in groups; and how many values each text is.
+/// Appends registers one by one and bits in groups, each with the number of values that it represents.
 fn push_block(items: &Items<'_>, kind: Option<&str>, texts: &mut Vec<(String, usize)>) {
-    let group = if is_bits(kind) { GROUP } else { 1 };
+    let group = if is_bits(kind) { BITS_PER_GROUP } else { 1 };
     for start in (0..items.len()).step_by(group) {
         let end = (start + group).min(items.len());
         texts.push(((start..end).map(|index| items.get(index).to_string()).collect(), end - start));
     }
 }
 
+/// The text of a converted value.
 fn reading(value: &Json) -> String {
     if value.is_null() {
         "-".into()
@@ -200,7 +202,7 @@ fn reading(value: &Json) -> String {
     }
 }
 
-/// A decoded field on one line.
+/// The text of a decoded field, on one line.
 fn field(value: &Json) -> String {
     let joined = |parts: Vec<String>| parts.join(" ");
     match value {
@@ -213,7 +215,7 @@ fn field(value: &Json) -> String {
     }
 }
 
-/// The colour of a transaction's status.
+/// The style of a transaction's status.
 pub fn status_style(status: &str) -> Style {
     match status {
         "ok" => Style::Good,
@@ -225,7 +227,7 @@ pub fn status_style(status: &str) -> Style {
     }
 }
 
-/// The colour of a frame's verdict.
+/// The style of a frame's verdict.
 pub fn verdict_style(verdict: &str) -> Style {
     match verdict {
         "ok" | "no_checksum" => Style::Good,
@@ -235,7 +237,7 @@ pub fn verdict_style(verdict: &str) -> Style {
     }
 }
 
-/// The colour of a finding's severity.
+/// The style of a finding's severity.
 pub fn severity_style(severity: &str) -> Style {
     match severity {
         "error" => Style::Bad,
@@ -245,7 +247,7 @@ pub fn severity_style(severity: &str) -> Style {
     }
 }
 
-/// Parts of a text that are there, with spaces between them, made visible.
+/// Joins the texts that are not empty with spaces, and escapes unsafe characters.
 pub fn joined(parts: &[String]) -> String {
     let mut out = String::new();
     for part in parts.iter().filter(|part| !part.is_empty()) {

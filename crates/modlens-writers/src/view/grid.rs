@@ -1,27 +1,27 @@
-//! A table that is printed line by line while it is still growing.
+//! The layout of a table that is printed line by line while it is still growing.
 //!
-//! The widths are decided from the first rows and never changed again; a number that is wider than its column pushes
-//! its line, a text is cut. So memory stays flat, and a live table does not jump.
+//! The column widths are derived from the first rows and never changed. A number that is wider than its column shifts
+//! the rest of its line; a text is cut. So memory does not grow, and a live table does not change its layout.
 
 use crate::view::text::{push_fitted, width};
 use crate::view::{Part, Style};
 use modlens_tables::columns::{Items, RowRef};
 
-/// A text of fewer columns than this tells nothing.
-const STUB: usize = 4;
+/// A text cut to fewer columns than this is left out, because it would be meaningless.
+const MIN_CUT_COLUMNS: usize = 4;
 
-/// Values one behind the other, shown as far as they fit: `555 0 100 … +12`.
+/// A list of values, of which as many are shown as fit: `555 0 100 … +12`.
 pub enum Values<'a> {
-    /// Registers or bits that still stand on the wire.
+    /// Registers or bits, still encoded as on the wire.
     Numbers(Items<'a>),
     /// Bytes, as pairs of hex digits.
     Bytes(&'a [u8]),
-    /// Texts, each with the number of values that it stands for.
+    /// Texts, each with the number of values that it represents.
     Texts(Vec<(String, usize)>),
 }
 
 impl Values<'_> {
-    /// How many texts.
+    /// The number of texts.
     pub fn len(&self) -> usize {
         match self {
             Self::Numbers(items) => items.len(),
@@ -30,11 +30,12 @@ impl Values<'_> {
         }
     }
 
-    /// Whether there is nothing.
+    /// Whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
+    /// Appends the text at an index.
     fn push(&self, index: usize, out: &mut String) {
         match self {
             Self::Numbers(items) => out.push_str(itoa::Buffer::new().format(items.get(index))),
@@ -47,6 +48,7 @@ impl Values<'_> {
         }
     }
 
+    /// The number of values that a text represents.
     fn stands_for(&self, index: usize) -> usize {
         match self {
             Self::Texts(texts) => texts[index].1,
@@ -54,8 +56,8 @@ impl Values<'_> {
         }
     }
 
-    /// All of them.
-    pub fn whole(&self) -> String {
+    /// All values.
+    pub fn full_text(&self) -> String {
         let mut out = String::new();
         for index in 0..self.len() {
             if index > 0 {
@@ -66,9 +68,9 @@ impl Values<'_> {
         out
     }
 
-    /// As many values as fit, and how many more there are.
+    /// As many values as fit into `room` columns, and the number of the remaining ones.
     pub fn within(&self, room: usize) -> String {
-        let first = self.len().min(room / 2 + 1); // each takes two columns at least
+        let first = self.len().min(room / 2 + 1); // each takes at least two columns
         let mut ends = Vec::with_capacity(first);
         let mut out = String::new();
         for index in 0..first {
@@ -81,12 +83,12 @@ impl Values<'_> {
             return out;
         }
         let mut rest: usize = (0..self.len()).map(|index| self.stands_for(index)).sum();
-        let widest = more(rest); // fewer are left each time, so that it never gets wider
+        let widest = more_width(rest); // the number only decreases, so its text never gets wider
         let (mut used, mut left, mut kept, mut from) = (0, rest, 0, 0);
         for (index, &end) in ends.iter().enumerate() {
             used += width(&out[from..end]) + 1;
             left -= self.stands_for(index);
-            if used + widest > room && used + more(left) > room {
+            if used + widest > room && used + more_width(left) > room {
                 break;
             }
             (rest, kept, from) = (left, end + 1, end + 1);
@@ -98,34 +100,35 @@ impl Values<'_> {
     }
 }
 
-/// Columns of `… +12`.
-fn more(count: usize) -> usize {
+/// The width of `… +12`.
+fn more_width(count: usize) -> usize {
     3 + itoa::Buffer::new().format(count).len()
 }
 
-/// What a cell shows.
+/// The content of a cell.
 pub enum Shown<'a> {
     /// A text.
     Text(String),
-    /// Values.
+    /// A list of values.
     Values(Values<'a>),
-    /// Texts and values one behind the other, each in its own style; what does not fit is cut.
+    /// Texts and lists, each in its own style and separated by spaces; what does not fit is cut.
     Run(Vec<(Shown<'a>, Style)>),
 }
 
 impl Shown<'_> {
-    fn whole(&self) -> String {
+    /// The complete text, from which the width of a column is derived.
+    fn full_text(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
-            Self::Values(values) => values.whole(),
+            Self::Values(values) => values.full_text(),
             Self::Run(_) => String::new(),
         }
     }
 }
 
-/// A column: its title, its least and greatest width, its side, and its share of free room.
+/// The head of a column: its title, its least and greatest width, its alignment, and its share of the free room.
 ///
-/// Without `most` and `share` (both 0) nothing in the column is cut.
+/// A column with `most` and `share` 0 is never cut.
 #[derive(Clone, Debug)]
 pub struct Head {
     pub title: String,
@@ -136,26 +139,27 @@ pub struct Head {
 }
 
 impl Head {
-    /// A column of texts, as wide as the first rows.
+    /// A column of left-aligned text, as wide as its widest cell in the first rows.
     pub fn left(title: &str, least: usize) -> Self {
         Self { title: title.to_owned(), least, most: 0, share: 0, right: false }
     }
 
-    /// A column of numbers.
+    /// A column of right-aligned numbers.
     pub fn right(title: &str, least: usize) -> Self {
         Self { right: true, ..Self::left(title, least) }
     }
 
-    /// It never gets wider than this.
+    /// Limits the width.
     pub fn at_most(self, most: usize) -> Self {
         Self { most, ..self }
     }
 
-    /// It gets a share of the room that is left.
+    /// Gives the column a share of the room that is left.
     pub fn sharing(self) -> Self {
         Self { share: 1, ..self }
     }
 
+    /// The width of the column for these cells.
     fn width(&self, cells: impl Iterator<Item = String>) -> usize {
         let least = self.least.max(width(&self.title));
         if self.share > 0 {
@@ -166,23 +170,23 @@ impl Head {
     }
 }
 
-/// How a cell is made of a row.
+/// Makes the cell of a row.
 type Read = Box<dyn for<'a> Fn(&RowRef<'a>) -> (Shown<'a>, Style) + Send + Sync>;
 
-/// A column of a grid: its head, and its cell for a row.
+/// A column of a grid: its head, and the function that makes its cells.
 pub struct Column {
     head: Head,
     read: Read,
 }
 
 impl Column {
-    /// A column that reads its cells like this.
+    /// A column with this head, whose cells are made by `read`.
     pub fn new(head: Head, read: impl for<'a> Fn(&RowRef<'a>) -> (Shown<'a>, Style) + Send + Sync + 'static) -> Self {
         Self { head, read: Box::new(read) }
     }
 }
 
-/// The columns with their widths.
+/// The columns of a table with their widths.
 pub struct Grid {
     columns: Vec<Column>,
     widths: Vec<usize>,
@@ -190,18 +194,18 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// For these first rows, in so much room.
+    /// Derives the widths from the first rows, for `room` columns of the terminal.
     pub fn new(columns: Vec<Column>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
         let mut widths: Vec<usize> =
-            columns.iter().map(|column| column.head.width(rows.iter().map(|row| (column.read)(row).0.whole()))).collect();
+            columns.iter().map(|column| column.head.width(rows.iter().map(|row| (column.read)(row).0.full_text()))).collect();
         let taken = widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
         let mut rest = room.saturating_sub(taken);
         let mut shares: usize = columns.iter().map(|column| column.head.share).sum();
         for (column, width) in columns.iter().zip(&mut widths) {
             if column.head.share > 0 {
-                let more = rest * column.head.share / shares;
-                *width += more;
-                rest -= more;
+                let additional = rest * column.head.share / shares;
+                *width += additional;
+                rest -= additional;
                 shares -= column.head.share;
             }
         }
@@ -214,7 +218,7 @@ impl Grid {
         self.line(titles)
     }
 
-    /// The line of a row; the cell of one column is given.
+    /// The line of a row. The text of the column `given` is `cell`.
     pub fn row(&self, row: &RowRef<'_>, given: usize, cell: String) -> Vec<Part> {
         let mut cell = Some(cell);
         self.line(self.columns.iter().enumerate().map(|(index, column)| {
@@ -226,6 +230,7 @@ impl Grid {
         }))
     }
 
+    /// The parts of a line.
     fn line<'a>(&self, cells: impl Iterator<Item = (Shown<'a>, Style)>) -> Vec<Part> {
         let mut parts = Vec::with_capacity(2 * self.columns.len() + 4);
         for ((column, &room), (cell, style)) in self.columns.iter().zip(&self.widths).zip(cells) {
@@ -242,6 +247,7 @@ impl Grid {
     }
 }
 
+/// A text in the width of its column; a number that does not fit is not cut.
 fn fitted(text: String, head: &Head, room: usize) -> String {
     if width(&text) > room && head.share == 0 && head.most == 0 {
         return text;
@@ -251,9 +257,9 @@ fn fitted(text: String, head: &Head, room: usize) -> String {
     out
 }
 
-/// The pieces with a space between them, at most `room` columns together.
+/// Appends the pieces with spaces between them, in at most `room` columns.
 fn push_run(pieces: &[(Shown<'_>, Style)], room: usize, parts: &mut Vec<Part>) {
-    let mut end = None; // columns that are taken, once there is a piece
+    let mut end = None; // the columns that are used, once there is a piece
     for (piece, style) in pieces {
         let from = end.map_or(0, |end| end + 1);
         let Some(left) = room.checked_sub(from) else { break };
@@ -265,7 +271,7 @@ fn push_run(pieces: &[(Shown<'_>, Style)], room: usize, parts: &mut Vec<Part>) {
         let taken = width(&text);
         let text = match piece {
             _ if taken <= left => text,
-            Shown::Text(_) if left >= STUB => {
+            Shown::Text(_) if left >= MIN_CUT_COLUMNS => {
                 let mut cut = String::new();
                 push_fitted(&text, left, false, &mut cut);
                 cut
@@ -302,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_shown_as_far_as_they_fit() {
+    fn as_many_values_are_shown_as_fit() {
         assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1), ("7", 1)]).within(10), "555 0 … +2");
         assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1)]).within(9), "555 0 100");
         assert_eq!(Values::Numbers(Items::Words(&[0, 1, 255, 255])).within(7), "1 65535");

@@ -1,7 +1,8 @@
-//! Rows as lines for people: the annotated tables, on a terminal or in a file.
+//! Shows rows as lines of text for people, on a terminal or in a file.
 //!
-//! `tables` says which columns, `cells` what they say, `moments` when it was, `grid` how all of it fits, `text` that nothing
-//! of it moves a cursor. A line is made of parts with styles; who prints without colour joins the parts.
+//! `tables` chooses the columns, `cells` makes their text, `moments` shows times, `grid` fits everything into the
+//! width, `text` makes it safe for a terminal. A line consists of parts with styles; without colours the parts are
+//! simply joined.
 
 mod cells;
 mod grid;
@@ -16,36 +17,36 @@ use moments::Moments;
 use modlens_protocol::Ns;
 use modlens_tables::columns::{RowRef, Table, TableKind};
 
-/// From this width on: two spaces between columns, longer names, microseconds.
-const ROOMY: usize = 120;
+/// From this terminal width on, columns have two spaces between them, names are longer, and times have microseconds.
+const WIDE_COLUMNS: usize = 120;
 
 /// A text and its style.
 pub type Part = (String, Style);
 
-/// How far clocks are ahead of UTC at a moment, both in ns; it does not change within a minute.
+/// The offset of local time from UTC at a time, both in ns. It does not change within a minute.
 pub type Zone = Box<dyn Fn(Ns) -> Ns + Send + Sync>;
 
-/// How a part looks; what colours these are is the terminal's business.
+/// The style of a part. The terminal chooses its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// As it is.
+    /// Plain text.
     Plain,
-    /// A title.
+    /// A column title.
     Head,
-    /// Of less interest.
+    /// Of minor interest.
     Dim,
-    /// As it should be.
+    /// Correct.
     Good,
-    /// Worth a look.
+    /// Unusual.
     Odd,
     /// Wrong.
     Bad,
-    /// Worth knowing.
+    /// Information.
     Note,
 }
 
 impl Style {
-    /// Its name; nothing for plain text.
+    /// Its name; empty for plain text.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "",
@@ -59,21 +60,21 @@ impl Style {
     }
 }
 
-/// How addresses are counted.
+/// The notation of addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// As on the wire, from 0.
+    /// As on the wire, from 0, in decimal.
     Wire,
-    /// The same in hex.
+    /// As on the wire, from 0, in hexadecimal.
     Hex,
-    /// 40001 is wire address 0 of the holding registers.
+    /// Modicon notation with five digits: 40001 is wire address 0 of the holding registers.
     Five,
-    /// 400001 is.
+    /// Modicon notation with six digits: 400001 is wire address 0 of the holding registers.
     Six,
 }
 
 impl Base {
-    /// The base of this name.
+    /// The notation with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "wire" => Self::Wire,
@@ -84,7 +85,7 @@ impl Base {
         })
     }
 
-    /// How the head of a column of addresses names it.
+    /// The title of an address column in this notation.
     fn title(self) -> &'static str {
         match self {
             Self::Wire => "addr from 0",
@@ -94,7 +95,8 @@ impl Base {
         }
     }
 
-    /// A wire address; where the type is unknown, as on the wire. Five digits reach to 9999: what lies above takes six.
+    /// A wire address in this notation; in wire notation if the table is unknown. Five digits suffice up to 9999;
+    /// higher addresses are shown with six.
     fn address(self, wire: i64, kind: Option<&str>) -> String {
         let digit = match kind {
             Some("coil") => 0,
@@ -113,56 +115,56 @@ impl Base {
     }
 }
 
-/// Which times a table shows; where it has none, the place in the file.
+/// The times that a table shows. If they are unknown, the position in the file is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Times {
     /// Time of day.
     Clock,
-    /// Since the start.
+    /// Time since the start.
     Elapsed,
-    /// Since the row before.
+    /// Time since the previous row.
     Delta,
 }
 
-/// How a table looks.
+/// The appearance of a table.
 pub struct Look {
-    /// Addresses.
+    /// The notation of addresses.
     pub base: Base,
-    /// Times.
+    /// The times to show.
     pub times: Times,
-    /// Where the reader's clocks are.
+    /// The user's time zone.
     pub zone: Zone,
-    /// Columns of the terminal.
+    /// The width of the terminal in columns.
     pub width: usize,
-    /// Where each row says its bus: the names with their short ones.
+    /// The names of the buses and their short names, if each row shows its bus.
     pub labels: Option<Vec<(String, String)>>,
 }
 
-/// The lines of one table, while it grows.
+/// The lines of one table, which may still be growing.
 pub struct Lines {
     grid: Grid,
     moments: Moments,
     started: bool,
 }
 
-/// Which column has the times.
-const TIMES_AT: usize = 1;
+/// The index of the time column.
+const TIME_COLUMN: usize = 1;
 
 impl Lines {
-    /// For a table that begins with these rows, one at least.
+    /// The lines of a table that begins with these rows, of which there must be at least one.
     pub fn new(kind: TableKind, rows: &[RowRef<'_>], look: Look) -> Self {
-        let roomy = look.width >= ROOMY;
-        let mut moments = Moments::new(look.times, kind, &rows[0], if roomy { 6 } else { 3 }, look.zone);
-        let mut columns = tables::columns(kind, look.base, rows, roomy);
-        // Its cells depend on the rows before, which no other column's do.
+        let is_wide = look.width >= WIDE_COLUMNS;
+        let mut moments = Moments::new(look.times, kind, &rows[0], if is_wide { 6 } else { 3 }, look.zone);
+        let mut columns = tables::columns(kind, look.base, rows, is_wide);
+        // The cells of the time column depend on previous rows, unlike those of all other columns.
         let widest = rows.iter().map(|row| text::width(&moments.cell(row))).max().unwrap_or(0);
         let head = moments.head();
         let head = grid::Head { least: head.least.max(widest), ..head };
-        columns.insert(TIMES_AT, Column::new(head, |_| (Shown::Text(String::new()), Style::Dim)));
+        columns.insert(TIME_COLUMN, Column::new(head, |_| (Shown::Text(String::new()), Style::Dim)));
         if let Some(labels) = look.labels {
-            columns.insert(TIMES_AT + 1, tables::bus(kind, labels));
+            columns.insert(TIME_COLUMN + 1, tables::bus(kind, labels));
         }
-        let grid = Grid::new(columns, rows, look.width, if roomy { "  " } else { " " });
+        let grid = Grid::new(columns, rows, look.width, if is_wide { "  " } else { " " });
         Self { grid, moments, started: false }
     }
 
@@ -175,10 +177,11 @@ impl Lines {
     pub fn row(&mut self, row: &RowRef<'_>) -> Vec<Part> {
         let time = self.moments.cell(row);
         self.moments.advance(row);
-        self.grid.row(row, TIMES_AT, time)
+        self.grid.row(row, TIME_COLUMN, time)
     }
 
-    /// Appends the lines of some rows of a table: the titles in front of the first of all, and each day where it begins.
+    /// Passes on the lines of a range of rows, with the titles before the first row of all, and each date before its
+    /// first row.
     pub fn rows(&mut self, table: &Table, range: std::ops::Range<usize>, mut line: impl FnMut(Vec<Part>)) {
         if !self.started && !range.is_empty() {
             self.started = true;
@@ -194,7 +197,7 @@ impl Lines {
     }
 }
 
-/// Appends a line without its styles, and without spaces at its end.
+/// Appends a line without styles and without trailing spaces.
 pub fn push_plain(parts: &[Part], out: &mut String) {
     let start = out.len();
     for (text, _) in parts {
@@ -204,7 +207,7 @@ pub fn push_plain(parts: &[Part], out: &mut String) {
     out.push('\n');
 }
 
-/// The values that a transaction carried, as many as fit into so many columns.
+/// The values of a transaction, as many as fit into `width` columns.
 pub fn carried(row: &RowRef<'_>, base: Base, width: usize) -> String {
     Carried::new(Keys(TableKind::Transactions)).values(row, base).within(width)
 }

@@ -1,6 +1,7 @@
-//! When a row was: time of day, time since the start, time since the row before, or the place in the file.
+//! The time column of a table: time of day, time since the start, time since the previous row, or the position in the
+//! file if there are no times.
 //!
-//! The first row decides which of them there is; the head of the column says which it is.
+//! The first row decides which of these is shown; the title of the column names it.
 
 use crate::view::grid::Head;
 use crate::view::{Times, Zone};
@@ -9,11 +10,13 @@ use modlens_protocol::timestamp::push_time;
 use modlens_protocol::Ns;
 use modlens_tables::columns::{Cell, RowRef, TableKind};
 
-const SECOND: Ns = 1_000_000_000;
+const SECOND_NS: Ns = 1_000_000_000;
 
-/// Zones change at whole minutes, and to ask for one costs more than a row.
-const ASKED_FOR: Ns = 60 * SECOND;
+/// The time zone is looked up once per this time, in ns: looking it up costs more than a row, and zones change only at
+/// full minutes.
+const ZONE_LOOKUP_NS: Ns = 60 * SECOND_NS;
 
+/// The content of the column.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Clock,
@@ -31,18 +34,19 @@ pub struct Moments {
     elapsed: usize,
     source: Option<usize>,
     zone: Zone,
-    /// From which moment on which shift was last asked for.
-    known: Option<(Ns, Ns)>,
+    /// The last lookup of the time zone: from when on it applies, and its offset from UTC, in ns.
+    cached_offset: Option<(Ns, Ns)>,
     day: String,
-    before: Option<f64>,
+    previous_us: Option<f64>,
 }
 
 impl Moments {
-    /// What there is to be said of rows like this one, with so many digits of a second.
+    /// A time column for rows like `first`, with `digits` decimals of a second. Falls back to elapsed time or position
+    /// if the wanted times are not known.
     pub fn new(wanted: Times, table: TableKind, first: &RowRef<'_>, digits: usize, zone: Zone) -> Self {
         let column = |key| table.column(key).ok();
         let elapsed = column("elapsed_us").expect("every table has it");
-        let mut made = Self {
+        let mut column = Self {
             kind: Kind::Place,
             title: String::new(),
             digits,
@@ -50,21 +54,21 @@ impl Moments {
             elapsed,
             source: column("source"),
             zone,
-            known: None,
+            cached_offset: None,
             day: String::new(),
-            before: None,
+            previous_us: None,
         };
-        let relative = made.elapsed_us(first).is_some();
-        match (wanted, made.time(first)) {
+        let relative = column.elapsed_us(first).is_some();
+        match (wanted, column.time(first)) {
             (Times::Clock, Some(ns)) => {
-                made.kind = Kind::Clock;
-                made.title = format!("time {}", zone_text(made.shift(ns)));
+                column.kind = Kind::Clock;
+                column.title = format!("time {}", zone_text(column.utc_offset(ns)));
             }
-            (Times::Delta, _) if relative => (made.kind, made.title) = (Kind::Delta, "delta s".into()),
-            _ if relative => (made.kind, made.title) = (Kind::Elapsed, "elapsed s".into()),
-            _ => made.title = made.place(first).map_or("place", |(place, _)| place_name(place)).into(),
+            (Times::Delta, _) if relative => (column.kind, column.title) = (Kind::Delta, "delta s".into()),
+            _ if relative => (column.kind, column.title) = (Kind::Elapsed, "elapsed s".into()),
+            _ => column.title = column.position(first).map_or("place", |(position, _)| position_name(position)).into(),
         }
-        made
+        column
     }
 
     /// The head of the column.
@@ -77,20 +81,20 @@ impl Moments {
         Head::right(&self.title, least)
     }
 
-    /// The cell of a row.
+    /// The text of a row's cell.
     pub fn cell(&mut self, row: &RowRef<'_>) -> String {
         match self.kind {
             Kind::Clock => self.time(row).map_or_else(String::new, |ns| self.local(ns)[11..=19 + self.digits].to_owned()),
-            Kind::Place => self.place(row).map_or_else(String::new, |(_, number)| number.to_string()),
+            Kind::Place => self.position(row).map_or_else(String::new, |(_, number)| number.to_string()),
             Kind::Elapsed => self.elapsed_us(row).map_or_else(String::new, |us| self.seconds(us)),
             Kind::Delta => {
                 let us = self.elapsed_us(row);
-                us.map_or_else(String::new, |us| self.seconds(us - self.before.unwrap_or(us)))
+                us.map_or_else(String::new, |us| self.seconds(us - self.previous_us.unwrap_or(us)))
             }
         }
     }
 
-    /// The date, if it is another than that of the row before.
+    /// The date of a row, if it differs from that of the row before.
     pub fn day(&mut self, row: &RowRef<'_>) -> Option<String> {
         let ns = self.time(row).filter(|_| self.kind == Kind::Clock)?;
         let mut text = self.local(ns);
@@ -102,13 +106,14 @@ impl Moments {
         Some(text)
     }
 
-    /// The row has been printed: the next one counts from it.
+    /// Ends a row: times since the previous row count from it now.
     pub fn advance(&mut self, row: &RowRef<'_>) {
         if self.kind == Kind::Delta {
-            self.before = self.elapsed_us(row);
+            self.previous_us = self.elapsed_us(row);
         }
     }
 
+    /// The time of a row, if its clock is UTC.
     fn time(&self, row: &RowRef<'_>) -> Option<Ns> {
         match self.time.map(|column| row.cell(column)) {
             Some(Cell::Time(ns)) => Some(ns),
@@ -116,6 +121,7 @@ impl Moments {
         }
     }
 
+    /// The time of a row since the start, in microseconds.
     fn elapsed_us(&self, row: &RowRef<'_>) -> Option<f64> {
         match row.cell(self.elapsed) {
             Cell::Us(ns) => Some(ns as f64 / 1e3),
@@ -123,52 +129,56 @@ impl Moments {
         }
     }
 
-    fn place(&self, row: &RowRef<'_>) -> Option<(Place, u64)> {
+    /// The position of a row in the input.
+    fn position(&self, row: &RowRef<'_>) -> Option<(Place, u64)> {
         match self.source.map(|column| row.cell(column)) {
-            Some(Cell::Source(_, place, number)) => Some((place, number)),
+            Some(Cell::Source(_, position, number)) => Some((position, number)),
             _ => None,
         }
     }
 
+    /// A duration in seconds, with the decimals of the column.
     fn seconds(&self, us: f64) -> String {
         format!("{:.*}", self.digits, us / 1e6)
     }
 
-    /// `2026-11-21T10:00:00.123456...` where the reader is. Digits are cut, not rounded: a clock does not run ahead.
+    /// The local time: `2026-11-21T10:00:00.123456...`. Its digits are cut later, not rounded, so that no time is later
+    /// than the event.
     fn local(&mut self, ns: Ns) -> String {
         let mut out = Vec::with_capacity(32);
-        push_time(ns + self.shift(ns), &mut out);
+        push_time(ns + self.utc_offset(ns), &mut out);
         String::from_utf8(out).unwrap_or_default()
     }
 
-    /// How far clocks are ahead of UTC there and then.
-    fn shift(&mut self, ns: Ns) -> Ns {
-        match self.known {
-            Some((from, shift)) if (from..from + ASKED_FOR).contains(&ns) => shift,
+    /// The offset of local time from UTC at a time, in ns.
+    fn utc_offset(&mut self, ns: Ns) -> Ns {
+        match self.cached_offset {
+            Some((from, utc_offset)) if (from..from + ZONE_LOOKUP_NS).contains(&ns) => utc_offset,
             _ => {
-                let from = ns.div_euclid(ASKED_FOR) * ASKED_FOR;
-                let shift = (self.zone)(from);
-                self.known = Some((from, shift));
-                shift
+                let from = ns.div_euclid(ZONE_LOOKUP_NS) * ZONE_LOOKUP_NS;
+                let utc_offset = (self.zone)(from);
+                self.cached_offset = Some((from, utc_offset));
+                utc_offset
             }
         }
     }
 }
 
-fn place_name(place: Place) -> &'static str {
-    match place {
+/// The title of the column if it shows positions.
+fn position_name(position: Place) -> &'static str {
+    match position {
         Place::Offset => "offset",
         Place::Line => "line",
         Place::Packet => "packet",
     }
 }
 
-/// A shift as `+02:00`; `UTC` where there is none.
-fn zone_text(shift: Ns) -> String {
-    if shift == 0 {
+/// An offset from UTC as `+02:00`; `UTC` for zero.
+fn zone_text(utc_offset: Ns) -> String {
+    if utc_offset == 0 {
         return "UTC".into();
     }
-    let minutes = shift.div_euclid(60 * SECOND);
+    let minutes = utc_offset.div_euclid(60 * SECOND_NS);
     let sign = if minutes < 0 { '-' } else { '+' };
     format!("{sign}{:02}:{:02}", minutes.abs() / 60, minutes.abs() % 60)
 }
@@ -178,9 +188,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zones_are_named_by_their_shift() {
+    fn zones_are_named_by_their_offset_from_utc() {
         assert_eq!(zone_text(0), "UTC");
-        assert_eq!(zone_text(7200 * SECOND), "+02:00");
-        assert_eq!(zone_text(-12_600 * SECOND), "-03:30");
+        assert_eq!(zone_text(7200 * SECOND_NS), "+02:00");
+        assert_eq!(zone_text(-12_600 * SECOND_NS), "-03:30");
     }
 }

@@ -1,6 +1,7 @@
-//! What each of the four tables shows, in which columns, in how much room.
+//! The columns of each of the four tables, for a given width.
 //!
-//! The first rows decide what is worth a column: no response times without a clock, no bus where there is one only.
+//! The first rows decide which columns are worth showing: no response times without a clock, no bus if there is only
+//! one.
 
 use crate::view::cells::{self, Carried, Keys};
 use crate::view::grid::{Column, Head, Shown, Values};
@@ -8,38 +9,38 @@ use crate::view::text::{visible, width};
 use crate::view::{Base, Style};
 use modlens_tables::columns::{Cell, RowRef, TableKind};
 
-/// Columns of a bus's short name.
-const LABEL: usize = 16;
+/// The maximum width of a bus's short name.
+const BUS_LABEL_COLUMNS: usize = 16;
 
 type Pieces<'a> = Vec<(Shown<'a>, Style)>;
 
-/// The columns of a table, without its times; in little room some are shorter, or one with their neighbour.
-pub fn columns(kind: TableKind, base: Base, rows: &[RowRef<'_>], roomy: bool) -> Vec<Column> {
+/// The columns of a table except its times. In a narrow terminal some are shorter or merged with their neighbour.
+pub fn columns(kind: TableKind, base: Base, rows: &[RowRef<'_>], is_wide: bool) -> Vec<Column> {
     let keys = Keys(kind);
     let elapsed = keys.at("elapsed_us");
-    let timed = rows.iter().any(|row| !matches!(row.cell(elapsed), Cell::Null));
+    let has_times = rows.iter().any(|row| !matches!(row.cell(elapsed), Cell::Null));
     match kind {
-        TableKind::Transactions => transactions(keys, base, timed, roomy),
-        TableKind::Frames => frames(keys, timed, roomy),
+        TableKind::Transactions => transactions(keys, base, has_times, is_wide),
+        TableKind::Frames => frames(keys, has_times, is_wide),
         TableKind::Readings => readings(keys, base),
-        TableKind::Findings => findings(keys, roomy),
+        TableKind::Findings => findings(keys, is_wide),
     }
 }
 
-/// The bus's short name: `labels` has each name with its own.
+/// The column with the short name of the bus. `labels` maps each name to its short name.
 pub fn bus(kind: TableKind, labels: Vec<(String, String)>) -> Column {
     let at = Keys(kind).at("bus");
     let widest = labels.iter().map(|(_, label)| width(label)).max().unwrap_or(0);
-    plain(Head::left("bus", widest.min(LABEL)), move |row| {
+    plain(Head::left("bus", widest.min(BUS_LABEL_COLUMNS)), move |row| {
         let name = cells::word(row, at).unwrap_or_default();
         labels.iter().find(|(known, _)| known == name).map_or_else(|| visible(name), |(_, label)| label.clone())
     })
 }
 
-fn transactions(keys: Keys, base: Base, timed: bool, roomy: bool) -> Vec<Column> {
-    let mut chosen = vec![number(keys, "txn", Head::right("txn", 4)), unit(keys), function(keys, roomy), addresses(keys, base)];
-    if timed {
-        chosen.push(response(keys));
+fn transactions(keys: Keys, base: Base, has_times: bool, is_wide: bool) -> Vec<Column> {
+    let mut chosen = vec![number(keys, "txn", Head::right("txn", 4)), unit(keys), function(keys, is_wide), addresses(keys, base)];
+    if has_times {
+        chosen.push(response_time(keys));
     }
     let (status, exception, name) = (keys.at("status"), keys.at("exception"), keys.at("exception_name"));
     let (found, carried) = (keys.at("findings"), Carried::new(keys));
@@ -48,7 +49,7 @@ fn transactions(keys: Keys, base: Base, timed: bool, roomy: bool) -> Vec<Column>
         let code = cells::number(row, exception).map_or_else(String::new, |code| format!(" {code}"));
         (format!("{word}{code}"), cells::status_style(word))
     };
-    chosen.extend(ending("status", "values", roomy, state, move |row, pieces| {
+    chosen.extend(state_and_content("status", "values", is_wide, state, move |row, pieces| {
         let said = cells::word(row, status).unwrap_or_default();
         let (values, mut refused) = (carried.values(row, base), visible(&cells::text(row, name)));
         if !refused.is_empty() && !values.is_empty() {
@@ -61,7 +62,7 @@ fn transactions(keys: Keys, base: Base, timed: bool, roomy: bool) -> Vec<Column>
     chosen
 }
 
-fn frames(keys: Keys, timed: bool, roomy: bool) -> Vec<Column> {
+fn frames(keys: Keys, has_times: bool, is_wide: bool) -> Vec<Column> {
     let (code, name, direction) = (keys.at("function"), keys.at("function_name"), keys.at("direction"));
     let mut chosen = vec![
         number(keys, "frame", Head::right("frame", 5)),
@@ -71,7 +72,7 @@ fn frames(keys: Keys, timed: bool, roomy: bool) -> Vec<Column> {
             _ => "?".into(),
         }),
         unit(keys),
-        if roomy {
+        if is_wide {
             let head = Head::left("function", 24).at_most(28);
             plain(head, move |row| cells::function_long(cells::number(row, code), cells::word(row, name)))
         } else {
@@ -79,7 +80,7 @@ fn frames(keys: Keys, timed: bool, roomy: bool) -> Vec<Column> {
         },
         number(keys, "byte_length", Head::right("len", 3)),
     ];
-    if timed {
+    if has_times {
         let gap = keys.at("gap_us");
         chosen.push(plain(Head::right("gap ms", 6), move |row| cells::milliseconds(row, gap).unwrap_or_default()));
     }
@@ -88,7 +89,7 @@ fn frames(keys: Keys, timed: bool, roomy: bool) -> Vec<Column> {
         let word = cells::word(row, verdict).unwrap_or_default();
         (word.to_owned(), cells::verdict_style(word))
     };
-    chosen.extend(ending("verdict", "bytes", roomy, state, move |row, pieces| {
+    chosen.extend(state_and_content("verdict", "bytes", is_wide, state, move |row, pieces| {
         let said = cells::word(row, verdict).unwrap_or_default();
         pieces.push((Shown::Text(cells::findings(row, found, said)), Style::Odd));
         if let Cell::Hex(bytes) = row.cell(hex) {
@@ -98,17 +99,17 @@ fn frames(keys: Keys, timed: bool, roomy: bool) -> Vec<Column> {
     chosen
 }
 
-/// The last columns: a state, then findings and content in what room is left.
+/// The last columns: the state of a row, then findings and content in the remaining room.
 ///
-/// In little room both are one column: most states are `ok`, which leaves more for the content.
-fn ending(
+/// In a narrow terminal they share one column: most states are `ok`, which leaves more room for the content.
+fn state_and_content(
     title: &str,
     content: &str,
-    roomy: bool,
+    is_wide: bool,
     state: impl Fn(&RowRef<'_>) -> (String, Style) + Send + Sync + 'static,
     rest: impl for<'a> Fn(&RowRef<'a>, &mut Pieces<'a>) + Send + Sync + 'static,
 ) -> Vec<Column> {
-    if roomy {
+    if is_wide {
         let state = Column::new(Head::left(title, 12), move |row| {
             let (word, style) = state(row);
             (Shown::Text(word), style)
@@ -134,9 +135,9 @@ fn readings(keys: Keys, base: Base) -> Vec<Column> {
     vec![
         number(keys, "txn", Head::right("txn", 4)),
         unit(keys),
-        plain(Head::left("type", 4), move |row| cells::short(cells::word(row, kind)).unwrap_or_default().into()),
+        plain(Head::left("type", 4), move |row| cells::short_name(cells::word(row, kind)).unwrap_or_default().into()),
         plain(Head::right(base.title(), 6), move |row| {
-            cells::span(cells::number(row, address), Some(1), cells::word(row, kind), base)
+            cells::address_range(cells::number(row, address), Some(1), cells::word(row, kind), base)
         }),
         word(keys, "operation", Head::left("does", 5), |_| Style::Plain),
         Column::new(Head::right("raw", 5), move |row| match row.cell(raw) {
@@ -148,7 +149,7 @@ fn readings(keys: Keys, base: Base) -> Vec<Column> {
     ]
 }
 
-fn findings(keys: Keys, roomy: bool) -> Vec<Column> {
+fn findings(keys: Keys, is_wide: bool) -> Vec<Column> {
     let (severity, code) = (keys.at("severity"), keys.at("code"));
     let mut chosen = vec![
         number(keys, "frame", Head::right("frame", 5)),
@@ -161,33 +162,35 @@ fn findings(keys: Keys, roomy: bool) -> Vec<Column> {
         }),
         text(keys, "detail", Head::left("what was seen", 10).sharing()),
     ];
-    if roomy {
+    if is_wide {
         chosen.push(text(keys, "advice", Head::left("what to check", 20).sharing()));
     }
     chosen
 }
 
-/// A column that is a text without a colour.
+/// A column of plain text.
 fn plain(head: Head, read: impl Fn(&RowRef<'_>) -> String + Send + Sync + 'static) -> Column {
     Column::new(head, move |row| (Shown::Text(read(row)), Style::Plain))
 }
 
+/// A column of numbers.
 fn number(keys: Keys, key: &str, head: Head) -> Column {
     let at = keys.at(key);
     plain(head, move |row| cells::number(row, at).map_or_else(String::new, |number| number.to_string()))
 }
 
+/// The column with the unit address.
 fn unit(keys: Keys) -> Column {
     number(keys, "unit", Head::right("unit", 4))
 }
 
-/// A text from outside.
+/// A column of text from the input.
 fn text(keys: Keys, key: &str, head: Head) -> Column {
     let at = keys.at(key);
     plain(head, move |row| visible(&cells::text(row, at)))
 }
 
-/// A word of ours, in its colour.
+/// A column with words of modlens's own vocabulary, each in its style.
 fn word(keys: Keys, key: &str, head: Head, style: fn(&str) -> Style) -> Column {
     let at = keys.at(key);
     Column::new(head, move |row| {
@@ -196,13 +199,14 @@ fn word(keys: Keys, key: &str, head: Head, style: fn(&str) -> Style) -> Column {
     })
 }
 
-fn function(keys: Keys, roomy: bool) -> Column {
+/// The column with the function.
+fn function(keys: Keys, is_wide: bool) -> Column {
     let (code, name) = (keys.at("function"), keys.at("function_name"));
     let (does, kind) = (keys.at("operation"), keys.at("register_type"));
-    let head = Head::left("function", 11).at_most(if roomy { 28 } else { 14 });
+    let head = Head::left("function", 11).at_most(if is_wide { 28 } else { 14 });
     plain(head, move |row| {
         let (code, name) = (cells::number(row, code), cells::word(row, name));
-        if roomy {
+        if is_wide {
             cells::function_long(code, name)
         } else {
             cells::function_short(code, name, cells::word(row, does), cells::word(row, kind))
@@ -210,20 +214,20 @@ fn function(keys: Keys, roomy: bool) -> Column {
     })
 }
 
-/// What was read, or else what was written.
+/// The column with the addresses that were read, or else those that were written.
 fn addresses(keys: Keys, base: Base) -> Column {
     let kind = keys.at("register_type");
     let ranges = [["address", "quantity"], ["write_address", "write_quantity"]].map(|range| range.map(|key| keys.at(key)));
     plain(Head::left(base.title(), 11), move |row| {
         let range = ranges.iter().find(|[first, _]| cells::number(row, *first).is_some());
         range.map_or_else(String::new, |&[first, quantity]| {
-            cells::span(cells::number(row, first), cells::number(row, quantity), cells::word(row, kind), base)
+            cells::address_range(cells::number(row, first), cells::number(row, quantity), cells::word(row, kind), base)
         })
     })
 }
 
-/// How long the answer took, or how long it was waited for in vain.
-fn response(keys: Keys) -> Column {
+/// The column with the response time, or with the time that the master waited in vain.
+fn response_time(keys: Keys) -> Column {
     let [took, late, waited] = ["response_time_us", "late_response_us", "waited_us"].map(|key| keys.at(key));
     plain(Head::right("ms", 5), move |row| {
         let answer = cells::milliseconds(row, took).or_else(|| cells::milliseconds(row, late));
