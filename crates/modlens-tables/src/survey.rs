@@ -95,7 +95,7 @@ fn table(unit: u8, space: Space, blocks: &Blocks) -> Json {
     let singles: Vec<Json> = registers.iter().map(|(address, register)| register.json(*address)).collect();
     json!({
         "unit": unit, "register_type": space.long(), "space": space.short(), "blocks": listed, "registers": singles,
-        "points": points.iter().map(LearnedPoint::json).collect::<Vec<_>>(), "together": together(blocks),
+        "points": points.iter().map(LearnedPoint::json).collect::<Vec<_>>(), "together": correlated_pairs(blocks),
     })
 }
 
@@ -114,6 +114,7 @@ impl Register {
         self.written |= block.writes > 0;
     }
 
+    /// The register's statistics and what its values look like, as JSON.
     fn json(&self, address: u16) -> Json {
         let mut distinct = self.values.clone();
         distinct.sort_unstable();
@@ -162,7 +163,7 @@ impl LearnedPoint {
     }
 
     /// The weight in the choice between overlapping points. A point without a close rival counts more than a guess.
-    fn worth(&self) -> f64 {
+    fn weight(&self) -> f64 {
         if self.sure {
             self.bits
         } else {
@@ -200,33 +201,33 @@ fn learned_points(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<L
             rivals: Vec::new(),
         })
         .collect();
-    let choose_points = |usual: Option<Order>| {
+    let choose_points = |device_order: Option<Order>| {
         let mut all = texts.clone();
         for &address in registers.keys() {
             for width in [2u16, 4] {
-                all.extend(window(blocks, address, width, usual));
+                all.extend(best_hypothesis_at(blocks, address, width, device_order));
             }
         }
-        best_set(all)
+        choose_non_overlapping(all)
     };
     let first = choose_points(None);
     match usual_order(&first) {
         None => first,
-        usual => choose_points(usual),
+        device_order => choose_points(device_order),
     }
 }
 
 /// The order that most of the certain points have: at least three of them, and two thirds of all.
 fn usual_order(points: &[LearnedPoint]) -> Option<Order> {
-    let sure: Vec<Order> = points.iter().filter(|point| point.sure && point.kind != "str").map(|point| point.order).collect();
-    let votes = |order: Order| sure.iter().filter(|&&other| other == order).count();
+    let orders: Vec<Order> = points.iter().filter(|point| point.sure && point.kind != "str").map(|point| point.order).collect();
+    let votes = |order: Order| orders.iter().filter(|&&other| other == order).count();
     let (order, _) = Order::ALL.into_iter().max_by_key(|(order, _)| votes(*order))?;
-    (votes(order) >= 3 && votes(order) * 3 >= sure.len() * 2).then_some(order)
+    (votes(order) >= 3 && votes(order) * 3 >= orders.len() * 2).then_some(order)
 }
 
 /// The best hypothesis for `width` registers from an address, judged by the block with the most samples that contains
 /// them.
-fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Option<LearnedPoint> {
+fn best_hypothesis_at(blocks: &Blocks, address: u16, width: u16, device_order: Option<Order>) -> Option<LearnedPoint> {
     let block_contains = |first: u16, count: u16| {
         u32::from(first) <= u32::from(address) && u32::from(address) + u32::from(width) <= u32::from(first) + u32::from(count)
     };
@@ -246,7 +247,7 @@ fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Op
     let (at, block) = best?;
     let end = at + usize::from(width);
     let rows: Vec<&[u16]> = block.rows.iter().filter_map(|row| row.get(at..end)).collect();
-    let hypotheses = judge(&rows, exact_requests as f64 / all_requests.max(1) as f64, usual);
+    let hypotheses = judge(&rows, exact_requests as f64 / all_requests.max(1) as f64, device_order);
     let best_hypothesis = hypotheses.first()?;
     let rivals =
         hypotheses.iter().skip(1).take(2).map(|best_hypothesis| (best_hypothesis.kind.word(), best_hypothesis.order)).collect();
@@ -264,14 +265,14 @@ fn window(blocks: &Blocks, address: u16, width: u16, usual: Option<Order>) -> Op
 
 /// Chooses the non-overlapping points with the largest total weight (weighted interval scheduling). A chosen point is
 /// not certain if some set without it, containing a point that overlaps it, has nearly the same total.
-fn best_set(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
+fn choose_non_overlapping(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
     all.sort_by_key(LearnedPoint::end);
     let last_before: Vec<usize> =
         all.iter().map(|candidate| all.partition_point(|other| other.end() <= u32::from(candidate.address))).collect();
     // best_of_first[i]: the best total of the first i points, sorted by their end.
     let mut best_of_first = vec![0.0f64; all.len() + 1];
     for (i, point) in all.iter().enumerate() {
-        best_of_first[i + 1] = best_of_first[i].max(best_of_first[last_before[i]] + point.worth());
+        best_of_first[i + 1] = best_of_first[i].max(best_of_first[last_before[i]] + point.weight());
     }
     // best_from[address]: the best total of the points that begin at this address or later.
     let mut best_from: BTreeMap<u32, f64> = BTreeMap::new();
@@ -280,14 +281,14 @@ fn best_set(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
     let best_total_from =
         |best_from: &BTreeMap<u32, f64>, address: u32| best_from.range(address..).next().map_or(0.0, |(_, bits)| *bits);
     for point in by_start {
-        let with = point.worth() + best_total_from(&best_from, point.end());
+        let with = point.weight() + best_total_from(&best_from, point.end());
         let best = best_total_from(&best_from, u32::from(point.address)).max(with);
         best_from.insert(u32::from(point.address), best);
     }
     let best_total_with: Vec<f64> = all
         .iter()
         .zip(&last_before)
-        .map(|(candidate, before)| best_of_first[*before] + candidate.worth() + best_total_from(&best_from, candidate.end()))
+        .map(|(candidate, before)| best_of_first[*before] + candidate.weight() + best_total_from(&best_from, candidate.end()))
         .collect();
     let (mut chosen, mut remaining) = (Vec::new(), all.len());
     while remaining > 0 {
@@ -308,7 +309,7 @@ fn best_set(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
 
 /// Pairs of registers of one block that change together: where one changes, the other does, too, at least nine times of
 /// ten.
-fn together(blocks: &Blocks) -> Vec<Json> {
+fn correlated_pairs(blocks: &Blocks) -> Vec<Json> {
     let mut found = Vec::new();
     for ((first, _), block) in blocks.iter().filter(|(_, block)| block.rows.len() > 8) {
         let width = block.rows.iter().map(Vec::len).min().unwrap_or(0);

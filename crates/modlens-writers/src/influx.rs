@@ -76,6 +76,7 @@ fn point(table: &Table, row: usize, name: usize, address: usize) -> Option<Strin
     }
 }
 
+/// Appends one line per transaction. Returns the number of rows without a time.
 fn transactions(table: &Table, out: &mut Vec<u8>) -> usize {
     let keys = ["time", "bus", "unit", "function", "status", "response_time_us", "request_hex", "response_hex"];
     let [time, bus, unit, function, status, response_time, request, response] = columns_of(TableKind::Transactions, keys);

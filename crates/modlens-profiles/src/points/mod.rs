@@ -239,7 +239,7 @@ impl Bound {
         Self { plan, factors }
     }
 
-    /// A larger plan of the same unit (after a further SunSpec model was found), keeping the scale factors that were
+    /// A larger plan of the same unit (after a further `SunSpec` model was found), keeping the scale factors that were
     /// read so far.
     #[must_use]
     pub fn extended(&self, plan: Arc<Plan>) -> Self {

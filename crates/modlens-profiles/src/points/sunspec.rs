@@ -18,7 +18,7 @@ const END_OF_CHAIN: u16 = 0xFFFF;
 
 /// The address of the marker, if this block of holding registers contains it.
 pub fn marker(first: u16, bytes: &[u8]) -> Option<u16> {
-    BASES.into_iter().find(|&base| words(first, bytes, base).is_some_and(|words| words == MARKER))
+    BASES.into_iter().find(|&base| two_registers(first, bytes, base).is_some_and(|two_registers| two_registers == MARKER))
 }
 
 /// Whether a block of this many registers contains an address at which the marker may begin.
@@ -43,7 +43,7 @@ impl Chain {
         }
         let known = self.models.len();
         while let Some(at) = self.next {
-            let Some(header) = words(first, bytes, at) else { break };
+            let Some(header) = two_registers(first, bytes, at) else { break };
             let (number, length) = (u16::from_be_bytes([header[0], header[1]]), u16::from_be_bytes([header[2], header[3]]));
             let next_address = u32::from(at) + 2 + u32::from(length);
             if number != END_OF_CHAIN {
@@ -73,7 +73,7 @@ impl Chain {
 }
 
 /// The bytes of two registers of a block; `None` if the block does not contain both.
-fn words(first: u16, bytes: &[u8], at: u16) -> Option<&[u8]> {
+fn two_registers(first: u16, bytes: &[u8], at: u16) -> Option<&[u8]> {
     let start = 2 * usize::from(at.checked_sub(first)?);
     bytes.get(start..start + 4)
 }

@@ -24,14 +24,14 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     for (line, cells) in records(text, delimiter, mistakes) {
         if let Some(setting) = cells[0].strip_prefix('#') {
             // Spreadsheets append delimiters up to the width of the table.
-            device.extend(setting_of(setting.trim_end_matches(delimiter), line, decimal_comma));
+            device.extend(parse_setting(setting.trim_end_matches(delimiter), line, decimal_comma));
         } else if cells.iter().all(|cell| cell.trim().is_empty()) {
             // Spreadsheets leave lines without content, or with delimiters only.
         } else if let Some(header) = &header {
             if cells.len() > header.len() {
                 mistakes.push(Mistake::new(line, "", format!("{} cells, but {} keys in the head", cells.len(), header.len())));
             }
-            registers.push(row(header, &cells, line, decimal_comma));
+            registers.push(parse_point(header, &cells, line, decimal_comma));
         } else {
             header = Some(cells.iter().map(|cell| cell.trim().to_ascii_lowercase()).collect());
         }
@@ -49,29 +49,30 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
 }
 
 /// A setting of the device, from a line such as `#base=1`.
-fn setting_of(setting: &str, line: u32, decimal_comma: bool) -> Option<Entry> {
+fn parse_setting(setting: &str, line: u32, decimal_comma: bool) -> Option<Entry> {
     // A line that begins with # but has no = is a comment.
     let (key, value) = setting.split_once('=')?;
     let key = key.trim().to_ascii_lowercase();
     let key = if key == "base" { "address_base".to_owned() } else { key };
     let value_kind = DEVICE.iter().find(|known| known.key == key).map_or(ValueKind::Text, |known| known.value_kind);
-    Some(Entry { key, line, node: cell(value_kind, value.trim(), line, decimal_comma) })
+    Some(Entry { key, line, node: parse_cell(value_kind, value.trim(), line, decimal_comma) })
 }
 
 /// A point, from the header and a line of cells. Empty cells are left out.
-fn row(header: &[String], cells: &[String], line: u32, decimal_comma: bool) -> Node {
+fn parse_point(header: &[String], cells: &[String], line: u32, decimal_comma: bool) -> Node {
     let filled = header.iter().zip(cells).filter(|(_, cell)| !cell.trim().is_empty());
     let entries = filled.map(|(key, text)| {
         let value_kind = POINT.iter().find(|known| known.key == *key).map_or(ValueKind::Text, |known| known.value_kind);
-        Entry { key: key.clone(), line, node: cell(value_kind, text.trim(), line, decimal_comma) }
+        Entry { key: key.clone(), line, node: parse_cell(value_kind, text.trim(), line, decimal_comma) }
     });
     Node { line, value: Value::Map(entries.collect()) }
 }
 
 /// Converts a cell to the kind of value that its key takes. Text that cannot be converted stays text, which the checks
 /// refuse with its line.
-fn cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> Node {
-    let one = |text: &str| Node { line, value: number(text, decimal_comma).unwrap_or_else(|| Value::Text(text.to_owned())) };
+fn parse_cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> Node {
+    let one =
+        |text: &str| Node { line, value: parse_number(text, decimal_comma).unwrap_or_else(|| Value::Text(text.to_owned())) };
     let parts = || text.split(';').map(str::trim).filter(|part| !part.is_empty());
     let value = match value_kind {
         ValueKind::Number | ValueKind::Whole | ValueKind::Base => return one(text),
@@ -90,12 +91,12 @@ fn cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> No
 }
 
 /// A decimal or hexadecimal number; with `decimal_comma`, the decimal point may be a comma.
-fn number(text: &str, decimal_comma: bool) -> Option<Value> {
+fn parse_number(text: &str, decimal_comma: bool) -> Option<Value> {
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         return i128::from_str_radix(digits, 16).ok().map(Value::Integer);
     }
-    if let Ok(number) = text.parse() {
-        return Some(Value::Integer(number));
+    if let Ok(parse_number) = text.parse() {
+        return Some(Value::Integer(parse_number));
     }
     let with_decimal_point = if decimal_comma { text.replacen(',', ".", 1) } else { text.to_owned() };
     with_decimal_point.parse::<f64>().ok().map(|_| Value::Float(with_decimal_point))

@@ -15,12 +15,14 @@ pub fn to_json(profile: &Profile) -> Json {
     })
 }
 
+/// Adds a key, if it has a value.
 fn put(map: &mut Map<String, Json>, key: &str, value: Option<impl Into<Json>>) {
     if let Some(value) = value {
         map.insert(key.into(), value.into());
     }
 }
 
+/// The table `[device]`. Keys with their default value are left out.
 fn device(device: &Device) -> Json {
     let mut map = Map::new();
     for (key, text) in [
@@ -44,6 +46,7 @@ fn device(device: &Device) -> Json {
     Json::Object(map)
 }
 
+/// One of `[[registers]]`. Keys with their default value are left out; `default` is the order of the device.
 fn point(point: &Point, default: Order) -> Json {
     let mut map = Map::new();
     let bits = match point.bits {
@@ -76,6 +79,7 @@ fn point(point: &Point, default: Order) -> Json {
     Json::Object(map)
 }
 
+/// A raw value that means "no value".
 fn sentinel(nan: &Sentinel) -> Json {
     match nan {
         Sentinel::Whole(number) => {

@@ -150,7 +150,7 @@ pub struct Point {
     pub group: Option<String>,
     /// Free text.
     pub note: Option<String>,
-    /// The number of the profile, where several apply to one unit (SunSpec models). Names are unique within a scope.
+    /// The number of the profile, where several apply to one unit (`SunSpec` models). Names are unique within a scope.
     pub scope: u16,
     /// The lines of its keys in the file.
     pub lines: Lines,

@@ -22,6 +22,7 @@ pub fn schema() -> Json {
     })
 }
 
+/// The schema of a table with these keys.
 fn table(keys: &[Key], required: &[&str]) -> Json {
     let properties: Map<String, Json> = keys.iter().map(|key| (key.key.to_owned(), property(key))).collect();
     let mut table = json!({"type": "object", "additionalProperties": false, "properties": properties});
@@ -31,10 +32,11 @@ fn table(keys: &[Key], required: &[&str]) -> Json {
     table
 }
 
+/// The schema of one key.
 fn property(key: &Key) -> Json {
     let labels = |pattern: &str| {
-        let texts = json!({"type": ["string", "number", "boolean"]});
-        json!({"type": "object", "additionalProperties": false, "patternProperties": {pattern: texts}})
+        let label = json!({"type": ["string", "number", "boolean"]});
+        json!({"type": "object", "additionalProperties": false, "patternProperties": {pattern: label}})
     };
     let mut property = match key.value_kind {
         ValueKind::Text => json!({"type": ["string", "number"]}),

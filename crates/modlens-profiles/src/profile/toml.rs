@@ -31,6 +31,7 @@ impl LineEnds {
     }
 }
 
+/// Converts a table.
 fn map(table: &DeTable<'_>, lines: &LineEnds) -> Value {
     let mut entries: Vec<Entry> = table
         .iter()
@@ -41,6 +42,7 @@ fn map(table: &DeTable<'_>, lines: &LineEnds) -> Value {
     Value::Map(entries)
 }
 
+/// Converts a value with its line.
 fn node(value: &Spanned<DeValue<'_>>, lines: &LineEnds) -> Node {
     let line = lines.at(value.span().start);
     let value = match value.get_ref() {

@@ -35,7 +35,7 @@ pub fn parse_toml(text: &str) -> Result<Json, String> {
 
 /// Parses all rows of a file. `origin` is the file name for error messages, `vendor` the vendor whose table it is.
 ///
-/// The file must begin with `format = 1`, so that a later format can be told apart.
+/// The file must begin with `format = 1`, so that later versions of the format can be distinguished.
 pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Vec<Row>, String> {
     let file: Json = parse_toml(text).map_err(|e| format!("{origin}: {e}"))?;
     if file.get("format").and_then(Json::as_u64) != Some(1) {

@@ -41,7 +41,7 @@ enum Data {
 struct Run {
     /// The number of the first row.
     row: u32,
-    /// Index in `All::blocks`.
+    /// Index in `AllRows::blocks`.
     block: u32,
     steps: Steps,
 }
@@ -53,16 +53,16 @@ enum Steps {
     Bare(u16),
     /// Consecutive steps of the transaction's plan, from this index on.
     Plan(u32),
-    /// Consecutive steps of `All::own`, from this index on. These belong to blocks that begin or end inside a value.
+    /// Consecutive steps of `AllRows::cut_steps`, from this index on. These belong to blocks that begin or end inside a value.
     Own(u32),
 }
 
 /// All rows of a batch. Shared by the views on it that filters make.
 #[derive(Debug, Default)]
-struct All {
+struct AllRows {
     blocks: Vec<Block>,
     runs: Vec<Run>,
-    own: Vec<Step>,
+    cut_steps: Vec<Step>,
     /// The index of the run that contains each `STRIDE`th row, from which a row's run is found in a few steps.
     directory: Vec<u32>,
     rows: u32,
@@ -74,9 +74,9 @@ const STRIDE: u32 = 16;
 /// The rows of the table, or those that a filter has kept.
 #[derive(Clone, Debug)]
 pub(super) struct Readings {
-    all: Arc<All>,
+    all: Arc<AllRows>,
     /// The numbers of the rows that a filter has kept, in ascending order; `None` if there is no filter.
-    some: Option<Arc<Vec<u32>>>,
+    kept: Option<Arc<Vec<u32>>>,
 }
 
 /// One row: its step and the block that contains it.
@@ -88,7 +88,7 @@ pub(super) struct Item<'a> {
 
 impl Item<'_> {
     /// The index of its first register or bit in the block.
-    pub fn place(&self) -> usize {
+    pub fn index_in_block(&self) -> usize {
         usize::from(self.step.address.wrapping_sub(self.block.first))
     }
 }
@@ -109,7 +109,7 @@ impl Readings {
     /// Lists the rows of a batch. Writes that were refused or not answered are listed, too; their status tells them
     /// apart.
     pub fn new(batch: &Batch) -> Self {
-        let mut all = All::default();
+        let mut all = AllRows::default();
         all.blocks.reserve(batch.transactions.len());
         all.runs.reserve(2 * batch.transactions.len());
         all.directory.reserve(batch.arena.len() / 2 / STRIDE as usize);
@@ -133,16 +133,16 @@ impl Readings {
                     Items::One(value) => Data::Register(value),
                 };
                 all.blocks.push(Block { txn: txn as u32, write, first, data });
-                all.add(plan, first, items.len());
+                all.add_block_rows(plan, first, items.len());
             }
         }
-        Self { all: Arc::new(all), some: None }
+        Self { all: Arc::new(all), kept: None }
     }
 
     /// The given rows only; `rows` are indices into this view.
-    pub fn some(&self, rows: &[usize]) -> Self {
+    pub fn select(&self, rows: &[usize]) -> Self {
         let rows = rows.iter().map(|&row| self.number(row)).collect();
-        Self { all: Arc::clone(&self.all), some: Some(Arc::new(rows)) }
+        Self { all: Arc::clone(&self.all), kept: Some(Arc::new(rows)) }
     }
 
     /// The rows whose number satisfies `keep`. Rows without a number (NaN) are left out, because every comparison with
@@ -157,27 +157,27 @@ impl Readings {
                 continue;
             }
             let mut from = run.row;
-            self.all.numbers(batch, run, self.all.length(at), &mut buffer, |some| {
+            self.all.run_numbers(batch, run, self.all.run_length(at), &mut buffer, |kept| {
                 // Most filters keep few rows, so a whole buffer is first tested without branches.
-                if some.iter().fold(false, |any, &number| any | keep(number)) {
-                    rows.extend((from..).zip(some).filter(|(_, number)| keep(**number)).map(|(row, _)| row));
+                if kept.iter().fold(false, |any, &number| any | keep(number)) {
+                    rows.extend((from..).zip(kept).filter(|(_, number)| keep(**number)).map(|(row, _)| row));
                 }
-                from += some.len() as u32;
+                from += kept.len() as u32;
             });
         }
-        if let Some(some) = &self.some {
-            rows.retain(|row| some.binary_search(row).is_ok());
+        if let Some(kept) = &self.kept {
+            rows.retain(|row| kept.binary_search(row).is_ok());
         }
-        Self { all: Arc::clone(&self.all), some: Some(Arc::new(rows)) }
+        Self { all: Arc::clone(&self.all), kept: Some(Arc::new(rows)) }
     }
 
     pub fn len(&self) -> usize {
-        self.some.as_ref().map_or(self.all.rows as usize, |rows| rows.len())
+        self.kept.as_ref().map_or(self.all.rows as usize, |rows| rows.len())
     }
 
     /// The number of a row of this view among all rows.
     fn number(&self, row: usize) -> u32 {
-        self.some.as_ref().map_or(row as u32, |rows| rows[row])
+        self.kept.as_ref().map_or(row as u32, |rows| rows[row])
     }
 
     /// Looks up a row: its run by the directory, then its step.
@@ -196,30 +196,30 @@ impl Readings {
                 Some(bound) => bound.plan.steps()[(from + index_in_run) as usize],
                 None => Step::bare(block.first),
             },
-            Steps::Own(from) => all.own[(from + index_in_run) as usize],
+            Steps::Own(from) => all.cut_steps[(from + index_in_run) as usize],
         };
         Item { block, step }
     }
 }
 
-impl All {
+impl AllRows {
     /// Adds the rows of the last block in `blocks`, which has `count` registers or bits from address `first`. Without a
     /// plan each of them is a row.
-    fn add(&mut self, plan: Option<(&Plan, Space)>, first: u16, count: usize) {
-        let Some((plan, space)) = plan else { return self.run(Steps::Bare(first), count) };
+    fn add_block_rows(&mut self, plan: Option<(&Plan, Space)>, first: u16, count: usize) {
+        let Some((plan, space)) = plan else { return self.add_run(Steps::Bare(first), count) };
         plan.pieces(space, first, count, |piece| match piece {
-            Piece::Bare(Range { start, end }) => self.run(Steps::Bare(start as u16), end - start),
-            Piece::Steps(Range { start, end }) => self.run(Steps::Plan(start as u32), end - start),
+            Piece::Bare(Range { start, end }) => self.add_run(Steps::Bare(start as u16), end - start),
+            Piece::Steps(Range { start, end }) => self.add_run(Steps::Plan(start as u32), end - start),
             Piece::Edge(edge) => {
-                let from = self.own.len();
-                plan.edge(&edge, |step| self.own.push(step));
-                self.run(Steps::Own(from as u32), self.own.len() - from);
+                let from = self.cut_steps.len();
+                plan.edge(&edge, |step| self.cut_steps.push(step));
+                self.add_run(Steps::Own(from as u32), self.cut_steps.len() - from);
             }
         });
     }
 
     /// Adds a run of rows to the last block, and extends the directory.
-    fn run(&mut self, steps: Steps, rows: usize) {
+    fn add_run(&mut self, steps: Steps, rows: usize) {
         if rows == 0 {
             return;
         }
@@ -230,19 +230,21 @@ impl All {
     }
 
     /// The number of rows in a run.
-    fn length(&self, run: usize) -> usize {
+    fn run_length(&self, run: usize) -> usize {
         (self.runs.get(run + 1).map_or(self.rows, |next| next.row) - self.runs[run].row) as usize
     }
 
     /// Passes the numbers of a run's rows to `each`, a buffer at a time.
     #[inline]
-    fn numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut Part, each: impl FnMut(&[f64])) {
+    fn run_numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut Part, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
         let bound = batch.transactions[block.txn as usize].points.as_deref();
         let steps = match run.steps {
-            Steps::Bare(address) => return bare(&block.items(batch), address.wrapping_sub(block.first), count, buffer, each),
+            Steps::Bare(address) => {
+                return bare_numbers(&block.items(batch), address.wrapping_sub(block.first), count, buffer, each)
+            }
             Steps::Plan(from) => bound.map_or(&[][..], |bound| &bound.plan.steps()[from as usize..][..count]),
-            Steps::Own(from) => &self.own[from as usize..][..count],
+            Steps::Own(from) => &self.cut_steps[from as usize..][..count],
         };
         let Some(bound) = bound else { return };
         match block.data {
@@ -258,7 +260,7 @@ impl All {
 }
 
 /// Passes on the numbers of `count` registers or bits without a point, from index `place` in the block.
-fn bare(items: &Items<'_>, place: u16, count: usize, buffer: &mut Part, mut each: impl FnMut(&[f64])) {
+fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Part, mut each: impl FnMut(&[f64])) {
     let places = usize::from(place)..usize::from(place) + count;
     match items {
         Items::Words(bytes) => {
@@ -275,7 +277,7 @@ fn bare(items: &Items<'_>, place: u16, count: usize, buffer: &mut Part, mut each
 
 /// Calls `part` for each part of what a transaction wrote or read: the block's values, the index of the part's first
 /// register or bit, and its step.
-pub(super) fn parts<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, Step)) {
+pub(super) fn each_part<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, Step)) {
     let exchange = Exchange::new(batch, t);
     let block = if write { exchange.written(batch) } else { exchange.read(batch) };
     let Some((first, items)) = block else { return };

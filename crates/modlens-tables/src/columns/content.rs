@@ -101,6 +101,7 @@ impl<'a> Exchange<'a> {
         (!pdu.is_empty() && self.status != Status::BadRequest).then(|| &pdu[1..])
     }
 
+    /// Address and quantity in the request; `None` if the function reads nothing.
     #[inline]
     pub(super) fn read_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
@@ -111,6 +112,7 @@ impl<'a> Exchange<'a> {
         Some((u16_at(body, row.roles.address?)?, u16_at(body, row.roles.quantity?)?))
     }
 
+    /// Address and quantity of what the request writes; `None` if the function writes nothing.
     #[inline]
     pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
@@ -124,6 +126,7 @@ impl<'a> Exchange<'a> {
         Some((u16_at(body, address?)?, quantity.map_or(Some(1), |at| u16_at(body, at))?))
     }
 
+    /// The registers or bits in the response; `None` if it was not observed, is damaged, or is an exception.
     #[inline]
     pub(super) fn read_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;
@@ -140,6 +143,8 @@ impl<'a> Exchange<'a> {
         })
     }
 
+    /// The registers or bits in the request; `None` if the function writes none, or the request was not observed or is
+    /// damaged.
     #[inline]
     pub(super) fn write_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;

@@ -130,7 +130,7 @@ impl Table {
     pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
         let rows = match &self.rows {
-            Rows::Readings(readings) => Rows::Readings(readings.some(&kept)),
+            Rows::Readings(readings) => Rows::Readings(readings.select(&kept)),
             _ => Rows::Some(Arc::new(kept.into_iter().map(|row| self.index(row) as u32).collect())),
         };
         Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::columns::blocks::{parts, Item};
+use crate::columns::blocks::{each_part, Item};
 use crate::columns::content::row_of;
 use crate::columns::tables::{bus, network, time, us};
 use crate::columns::{Cell, Items};
@@ -49,7 +49,7 @@ pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let Some(bound) = &t.points else { return Cell::Null };
     let mut map = Map::new();
     for write in [true, false] {
-        parts(batch, t, write, |items, item, step| {
+        each_part(batch, t, write, |items, item, step| {
             let Some(compiled) = step.compiled().map(|at| bound.plan.compiled(at)) else { return };
             let value = value_of(items, item, bound, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
@@ -102,7 +102,7 @@ fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
 
 /// The registers or the bit of a row, as on the wire.
 fn raw<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Items<'a>> {
-    slice_of(&at.block.items(batch), at.place() as u16, compiled(batch, at).map_or(1, |point| point.width))
+    slice_of(&at.block.items(batch), at.index_in_block() as u16, compiled(batch, at).map_or(1, |point| point.width))
 }
 
 /// `width` registers from index `item` of a block, or one bit; `None` if the block ends before.
@@ -131,7 +131,7 @@ fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compi
 /// The value of a row: that of its point, or the bare register or bit.
 fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
     match point_of(batch, at) {
-        Some((bound, compiled)) => value_of(&at.block.items(batch), at.place() as u16, bound, compiled),
+        Some((bound, compiled)) => value_of(&at.block.items(batch), at.index_in_block() as u16, bound, compiled),
         None => raw(batch, at).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
     }
 }
@@ -169,7 +169,7 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(Part<'_>)) {
     for t in &batch.transactions {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for write in [true, false] {
-            parts(batch, t, write, |items, item, step| {
+            each_part(batch, t, write, |items, item, step| {
                 let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
                 let Some(items) = slice_of(items, item, width) else { return };

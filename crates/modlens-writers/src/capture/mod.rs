@@ -201,7 +201,7 @@ impl Capture {
             self.findings_by_frame.clear();
         }
         if self.filtered.is_some() {
-            // Frames that the filter left out also leave their transactions behind.
+            // A transaction whose frames the filter left out never gets a packet that could carry its annotation.
             let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
             let next = self.context_before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
             let unannotated = &self.unannotated;

@@ -86,32 +86,32 @@ pub fn exception(frame: &Frame) -> Option<String> {
 /// Everything about a frame for which pcapng has no field, as `key=value` separated by spaces. Columns with their usual
 /// value are left out.
 ///
-/// `pcap::told` reads this: from these words, the bytes and the comments it restores the rows. `verbatim` says that the
+/// `pcap::metadata` reads this: from these words, the bytes and the comments it restores the rows. `verbatim` says that the
 /// packet contains the bytes of the line unchanged; `origin` is given if no interface block has it.
 pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, out: &mut Vec<u8>) {
-    number("frame=", frame.number, out);
+    push_number("frame=", frame.number, out);
     if let Some(txn) = frame.txn {
-        number(" txn=", txn, out);
+        push_number(" txn=", txn, out);
     }
-    number(" offset=", frame.offset, out);
-    word(" direction=", frame.direction.text(), out);
+    push_number(" offset=", frame.offset, out);
+    push_word(" direction=", frame.direction.text(), out);
     if frame.mode != DEFAULTS.mode {
-        word(" mode=", frame.mode.text(), out);
+        push_word(" mode=", frame.mode.text(), out);
     }
     if frame.verdict != DEFAULTS.verdict {
-        word(" verdict=", frame.verdict.text(), out);
+        push_word(" verdict=", frame.verdict.text(), out);
     }
     if frame.cut_by != DEFAULTS.cut_by {
-        word(" cut_by=", frame.cut_by.text(), out);
+        push_word(" cut_by=", frame.cut_by.text(), out);
     }
     if frame.confidence != DEFAULTS.confidence {
-        number(" confidence=", u64::from(frame.confidence), out);
+        push_number(" confidence=", u64::from(frame.confidence), out);
     }
     if frame.tentative {
         out.extend_from_slice(b" tentative");
     }
     if let Some(gap) = frame.gap {
-        us(" gap_us=", gap, out);
+        push_us_field(" gap_us=", gap, out);
     }
     if frame.start.is_none() {
         out.extend_from_slice(b" no_time");
@@ -119,62 +119,62 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
     if !frame.verdict.good() {
         for (key, value) in [(" unit=", frame.unit), (" code=", frame.code)] {
             if let Some(value) = value {
-                number(key, u64::from(value), out);
+                push_number(key, u64::from(value), out);
             }
         }
     }
     if let Some(id) = frame.mbap_id {
-        number(" mbap_id=", u64::from(id), out);
+        push_number(" mbap_id=", u64::from(id), out);
     }
     if let Some(network) = &batch.buses[frame.bus as usize].network {
-        number(" connection=", network.connection, out);
-        word(" client=", &network.client, out);
+        push_number(" connection=", network.connection, out);
+        push_word(" client=", &network.client, out);
     }
     if let Some(origin) = origin {
         out.extend_from_slice(b" origin_ns=");
         push_int(origin, out);
     }
-    codes(frame.findings.of(&batch.codes), out);
+    push_codes(frame.findings.of(&batch.codes), out);
     if !verbatim {
-        word(" wire=", &hex(frame.wire.of(&batch.arena)), out);
+        push_word(" wire=", &hex(frame.wire.of(&batch.arena)), out);
     }
 }
 
 /// Everything about a transaction for which pcapng has no field, for the packet of its last frame.
 pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
-    number("transaction=", row.number, out);
+    push_number("transaction=", row.number, out);
     if row.status != DEFAULTS.status {
-        word(" status=", row.status.text(), out);
+        push_word(" status=", row.status.text(), out);
     }
     let halves = [(" request=", " request_pdu=", &row.request), (" response=", " response_pdu=", &row.response)];
     for (key, bytes, half) in halves {
         if half.frame > 0 {
-            number(key, half.frame, out);
+            push_number(key, half.frame, out);
             let pdu = half.pdu.of(&batch.arena);
             let usual = usual_pdu(batch, row.mode, half);
             if !std::ptr::eq(pdu, usual) && pdu != usual {
-                word(bytes, &hex(pdu), out);
+                push_word(bytes, &hex(pdu), out);
             }
         }
     }
     let times = [(" response_us=", row.response_time), (" waited_us=", row.waited), (" late_us=", row.late_response)];
     for (key, ns) in times.into_iter().chain([(" gap_us=", row.gap)]) {
         if let Some(ns) = ns {
-            us(key, ns, out);
+            push_us_field(key, ns, out);
         }
     }
     for (key, value) in [(" retry_of=", row.retry_of), (" late_for=", row.late_for)] {
         if let Some(value) = value {
-            number(key, value, out);
+            push_number(key, value, out);
         }
     }
     if let Some(code) = row.exception {
-        number(" exception=", u64::from(code), out);
+        push_number(" exception=", u64::from(code), out);
     }
     if let Some(id) = row.mbap_id {
-        number(" mbap_id=", u64::from(id), out);
+        push_number(" mbap_id=", u64::from(id), out);
     }
-    codes(row.findings.of(&batch.codes), out);
+    push_codes(row.findings.of(&batch.codes), out);
 }
 
 /// The PDU that a reader finds in the bytes of a valid frame.
@@ -188,30 +188,30 @@ fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &Half) -> &'a [u8] {
 }
 
 /// Appends finding codes.
-fn codes(codes: &[Finding], out: &mut Vec<u8>) {
+fn push_codes(codes: &[Finding], out: &mut Vec<u8>) {
     for (at, code) in codes.iter().enumerate() {
-        word(if at == 0 { " findings=" } else { "," }, code.doc().code, out);
+        push_word(if at == 0 { " findings=" } else { "," }, code.doc().code, out);
     }
 }
 
 /// The keys are constants at each call: when this is inlined, appending a key is a single store.
 #[inline(always)]
 #[allow(clippy::inline_always)]
-fn number(key: &str, value: u64, out: &mut Vec<u8>) {
+fn push_number(key: &str, value: u64, out: &mut Vec<u8>) {
     out.extend_from_slice(key.as_bytes());
     push_int(value as i64, out);
 }
 
 #[inline(always)]
 #[allow(clippy::inline_always)]
-fn us(key: &str, ns: Ns, out: &mut Vec<u8>) {
+fn push_us_field(key: &str, ns: Ns, out: &mut Vec<u8>) {
     out.extend_from_slice(key.as_bytes());
     push_us(ns, out);
 }
 
 #[inline(always)]
 #[allow(clippy::inline_always)]
-fn word(key: &str, value: &str, out: &mut Vec<u8>) {
+fn push_word(key: &str, value: &str, out: &mut Vec<u8>) {
     out.extend_from_slice(key.as_bytes());
     push_short(value.as_bytes(), out);
 }

@@ -71,31 +71,31 @@ impl Values<'_> {
     /// As many values as fit into `room` columns, and the number of the remaining ones.
     pub fn within(&self, room: usize) -> String {
         let first = self.len().min(room / 2 + 1); // each takes at least two columns
-        let mut ends = Vec::with_capacity(first);
+        let mut text_ends = Vec::with_capacity(first);
         let mut out = String::new();
         for index in 0..first {
             self.push(index, &mut out);
-            ends.push(out.len());
+            text_ends.push(out.len());
             out.push(' ');
         }
         if first == self.len() && width(&out[..out.len().saturating_sub(1)]) <= room {
             out.pop();
             return out;
         }
-        let mut rest: usize = (0..self.len()).map(|index| self.stands_for(index)).sum();
-        let widest = more_width(rest); // the number only decreases, so its text never gets wider
-        let (mut used, mut left, mut kept, mut from) = (0, rest, 0, 0);
-        for (index, &end) in ends.iter().enumerate() {
-            used += width(&out[from..end]) + 1;
-            left -= self.stands_for(index);
-            if used + widest > room && used + more_width(left) > room {
+        let mut hidden_values: usize = (0..self.len()).map(|index| self.stands_for(index)).sum();
+        let widest_suffix = more_width(hidden_values); // the number only decreases, so its text never gets wider
+        let (mut columns_used, mut values_left, mut kept, mut text_start) = (0, hidden_values, 0, 0);
+        for (index, &end) in text_ends.iter().enumerate() {
+            columns_used += width(&out[text_start..end]) + 1;
+            values_left -= self.stands_for(index);
+            if columns_used + widest_suffix > room && columns_used + more_width(values_left) > room {
                 break;
             }
-            (rest, kept, from) = (left, end + 1, end + 1);
+            (hidden_values, kept, text_start) = (values_left, end + 1, end + 1);
         }
         out.truncate(kept);
         out.push_str("… +");
-        out.push_str(itoa::Buffer::new().format(rest));
+        out.push_str(itoa::Buffer::new().format(hidden_values));
         out
     }
 }
@@ -261,19 +261,19 @@ fn fitted(text: String, head: &Head, room: usize) -> String {
 fn push_run(pieces: &[(Shown<'_>, Style)], room: usize, parts: &mut Vec<Part>) {
     let mut end = None; // the columns that are used, once there is a piece
     for (piece, style) in pieces {
-        let from = end.map_or(0, |end| end + 1);
-        let Some(left) = room.checked_sub(from) else { break };
+        let start_column = end.map_or(0, |end| end + 1);
+        let Some(columns_left) = room.checked_sub(start_column) else { break };
         let text = match piece {
-            Shown::Values(values) => values.within(left),
+            Shown::Values(values) => values.within(columns_left),
             Shown::Text(text) => text.clone(),
             Shown::Run(_) => continue,
         };
-        let taken = width(&text);
+        let text_width = width(&text);
         let text = match piece {
-            _ if taken <= left => text,
-            Shown::Text(_) if left >= MIN_CUT_COLUMNS => {
+            _ if text_width <= columns_left => text,
+            Shown::Text(_) if columns_left >= MIN_CUT_COLUMNS => {
                 let mut cut = String::new();
-                push_fitted(&text, left, false, &mut cut);
+                push_fitted(&text, columns_left, false, &mut cut);
                 cut
             }
             _ => continue,
@@ -286,7 +286,7 @@ fn push_run(pieces: &[(Shown<'_>, Style)], room: usize, parts: &mut Vec<Part>) {
                 before.0.push(' ');
             }
         }
-        end = Some(from + width(&text));
+        end = Some(start_column + width(&text));
         parts.push((text, *style));
     }
 }

@@ -37,6 +37,7 @@ pub fn bus(kind: TableKind, labels: Vec<(String, String)>) -> Column {
     })
 }
 
+/// The columns of the table of transactions.
 fn transactions(keys: Keys, base: Base, has_times: bool, is_wide: bool) -> Vec<Column> {
     let mut chosen = vec![number(keys, "txn", Head::right("txn", 4)), unit(keys), function(keys, is_wide), addresses(keys, base)];
     if has_times {
@@ -62,6 +63,7 @@ fn transactions(keys: Keys, base: Base, has_times: bool, is_wide: bool) -> Vec<C
     chosen
 }
 
+/// The columns of the table of frames.
 fn frames(keys: Keys, has_times: bool, is_wide: bool) -> Vec<Column> {
     let (code, name, direction) = (keys.at("function"), keys.at("function_name"), keys.at("direction"));
     let mut chosen = vec![
@@ -129,6 +131,7 @@ fn state_and_content(
     })]
 }
 
+/// The columns of the table of readings.
 fn readings(keys: Keys, base: Base) -> Vec<Column> {
     let (address, kind, raw) = (keys.at("address"), keys.at("register_type"), keys.at("raw"));
     let parts = ["name", "value_text", "unit_of_measure"].map(|key| keys.at(key));
@@ -149,6 +152,7 @@ fn readings(keys: Keys, base: Base) -> Vec<Column> {
     ]
 }
 
+/// The columns of the table of findings.
 fn findings(keys: Keys, is_wide: bool) -> Vec<Column> {
     let (severity, code) = (keys.at("severity"), keys.at("code"));
     let mut chosen = vec![
