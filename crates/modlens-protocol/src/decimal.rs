@@ -1,4 +1,4 @@
-//! Integers and short texts appended to bytes, fast.
+//! Appends integers and short texts to a buffer, fast.
 
 use std::sync::OnceLock;
 
@@ -8,22 +8,24 @@ pub fn push_int(value: i64, out: &mut Vec<u8>) {
     if value < 0 {
         out.push(b'-');
     }
-    push_whole(value.unsigned_abs(), out);
+    push_unsigned(value.unsigned_abs(), out);
 }
 
-/// Four digits at a time, looked up: nothing is divided for most numbers of a table.
-fn push_whole(value: u64, out: &mut Vec<u8>) {
-    if let Some(entry) = decimals().get(value as usize) {
+/// Appends a non-negative integer four digits at a time, from a table. Most numbers are in the table and need no
+/// division.
+fn push_unsigned(value: u64, out: &mut Vec<u8>) {
+    if let Some(entry) = decimal_texts().get(value as usize) {
         push_entry(*entry, out);
         return;
     }
-    push_whole(value / 10_000, out);
-    // A number with a one in front of them shows zeros, too.
-    let [_, a, b, c, d, ..] = decimals()[10_000 + (value % 10_000) as usize];
+    push_unsigned(value / 10_000, out);
+    // The entry of 1xxxx contains the last four digits with their leading zeros.
+    let [_, a, b, c, d, ..] = decimal_texts()[10_000 + (value % 10_000) as usize];
     out.extend_from_slice(&[a, b, c, d]);
 }
 
-/// Appends a short text: a copy of a size that only the text knows costs more than all else that is done with it.
+/// Appends a short text by two overlapping copies of fixed size. A copy of variable size costs a function call, which
+/// is more than everything else that is done with most texts.
 #[inline]
 pub fn push_short(text: &[u8], out: &mut Vec<u8>) {
     let (start, length) = (out.len(), text.len());
@@ -51,8 +53,8 @@ pub fn push_short(text: &[u8], out: &mut Vec<u8>) {
     out.truncate(start + length);
 }
 
-/// Numbers of 16 bits as text: up to five digits, and how many they are in the last byte.
-pub fn decimals() -> &'static [[u8; 8]] {
+/// The decimal text of every 16-bit number: up to five digits, and their count in the last byte.
+pub fn decimal_texts() -> &'static [[u8; 8]] {
     static TABLE: OnceLock<Vec<[u8; 8]>> = OnceLock::new();
     TABLE.get_or_init(|| {
         (0..=u16::MAX)
@@ -67,7 +69,7 @@ pub fn decimals() -> &'static [[u8; 8]] {
     })
 }
 
-/// A copy of fixed size and a cut are faster than a copy of the right size.
+/// Appends an entry of the table. A copy of fixed size followed by truncation is faster than a copy of the right size.
 #[inline]
 fn push_entry(entry: [u8; 8], out: &mut Vec<u8>) {
     let end = out.len() + entry[7] as usize;
@@ -80,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_numbers_of_all_lengths() {
+    fn integers_of_all_lengths() {
         let mut value = 1u64;
         while value < 1 << 63 {
             for near in [value - 1, value, value + 1, value / 3 * 2] {

@@ -1,6 +1,6 @@
-//! Where rows come from: what their place numbers count, and what clock the recording had.
+//! The origin of rows: how positions in the recording are counted, and which clock it has.
 
-/// What a place number in `origin` counts.
+/// The unit in which positions in a recording are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// `file@offset`
@@ -11,14 +11,14 @@ pub enum Place {
     Packet,
 }
 
-/// What kind of clock a bus has.
+/// The clock of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Clock {
-    /// Date, time and zone are known: ns since 1970.
+    /// Date, time and zone are known: times are ns since 1970.
     Utc,
-    /// Only differences mean anything.
+    /// Only differences between times have a meaning.
     Relative,
-    /// None.
+    /// The recording has no times.
     #[default]
     None,
 }
