@@ -8,7 +8,7 @@ pub use buses::Buses;
 
 use std::sync::{Arc, Mutex};
 
-use modlens_profiles::points::Bound;
+use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
@@ -167,7 +167,7 @@ pub struct Transaction {
     /// In `Batch::codes`.
     pub findings: Span,
     /// The profile of its unit, as it was then.
-    pub points: Option<Arc<Bound>>,
+    pub points: Option<Arc<PlanInstance>>,
     /// Line or packet number in the file, or the stream offset.
     pub origin: u64,
 }

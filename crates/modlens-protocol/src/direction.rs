@@ -1,6 +1,6 @@
 //! Direction by evidence: which of the two readings of a PDU the layout and the pending request support.
 
-use crate::functions::{Functions, Layout, Row, EXCEPTION_BIT};
+use crate::functions::{FunctionRow, Functions, Layout, EXCEPTION_BIT};
 use crate::pdu::u16_at;
 
 /// Who sent a frame.
@@ -74,21 +74,21 @@ pub fn answers(functions: &Functions, asked: Asked<'_>, unit: u8, pdu: &[u8]) ->
 }
 
 /// Bytes of registers or bits that the answer to this request holds.
-pub fn expected_block(row: &Row, request: &[u8]) -> Option<usize> {
+pub fn expected_block(row: &FunctionRow, request: &[u8]) -> Option<usize> {
     let (_, bits) = row.roles.response_block?;
     let quantity = usize::from(u16_at(&request[1..], row.roles.quantity?)?);
     Some(if bits { quantity.div_ceil(8) } else { 2 * quantity })
 }
 
 /// Bytes of registers or bits that this response holds.
-pub fn block_length(row: &Row, response: &[u8]) -> Option<usize> {
+pub fn block_length(row: &FunctionRow, response: &[u8]) -> Option<usize> {
     let (at, _) = row.roles.response_block?;
     response.len().checked_sub(1 + at)
 }
 
 /// The echoed fields that differ: (name, in the request, in the response).
 pub fn echo_differences<'a>(
-    row: &'a Row,
+    row: &'a FunctionRow,
     request: &'a [u8],
     response: &'a [u8],
 ) -> impl Iterator<Item = (&'a str, u32, u32)> + 'a {
@@ -99,12 +99,12 @@ pub fn echo_differences<'a>(
     })
 }
 
-fn echoes(row: &Row, request: &[u8], response: &[u8]) -> bool {
+fn echoes(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
     row.echo.is_empty() || (echo_differences(row, request, response).next().is_none() && same_echo_tail(row, request, response))
 }
 
 /// Lists that are echoed whole (sub-function 0 of diagnostics, file records) stand behind all numbers.
-fn same_echo_tail(row: &Row, request: &[u8], response: &[u8]) -> bool {
+fn same_echo_tail(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
     let last = row.request.shape().and_then(|shape| shape.fields.last());
     let whole = last.is_some_and(|field| field.word.width() == 0 && row.echo.contains(&field.name));
     !whole || request == response
@@ -127,7 +127,7 @@ pub fn readings(functions: &Functions, pdu: &[u8]) -> (bool, bool) {
 }
 
 /// Whether quantity and byte count of a write request agree.
-pub fn consistent(row: &Row, body: &[u8]) -> bool {
+pub fn consistent(row: &FunctionRow, body: &[u8]) -> bool {
     let Some((at, bits)) = row.roles.request_block else { return true };
     let quantity = row.roles.write_quantity.or(row.roles.quantity).and_then(|at| u16_at(body, at));
     let Some(quantity) = quantity.map(usize::from) else { return true };

@@ -8,18 +8,18 @@ const DAY_SECONDS: i64 = 86_400;
 /// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`, with nine decimals only if the time is no whole number of
 /// microseconds.
 pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
-    Stamp::default().push(ns, out);
+    TimeFormatter::default().push(ns, out);
 }
 
 /// Formats consecutive times. The text of date and time is kept while the second stays the same.
 #[derive(Debug, Default)]
-pub struct Stamp {
+pub struct TimeFormatter {
     second: Option<i64>,
     /// Date and time, including the decimal point.
     text: Vec<u8>,
 }
 
-impl Stamp {
+impl TimeFormatter {
     /// Appends a time in the format of `push_time`.
     #[inline]
     pub fn push(&mut self, ns: Ns, out: &mut Vec<u8>) {
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn text_does_not_depend_on_the_time_before() {
-        let mut stamp = Stamp::default();
+        let mut stamp = TimeFormatter::default();
         for ns in [0, 999_999_999, 1_000_000_000, -1, -1_000_000_000, 1_697_041_234_123_456_000, 1_697_041_234_000_000_007, 0] {
             let (mut one, mut other) = (Vec::new(), Vec::new());
             stamp.push(ns, &mut one);

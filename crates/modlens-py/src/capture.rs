@@ -1,7 +1,7 @@
 //! Captures and raw recordings.
 
 use modlens_protocol::line::Line;
-use modlens_writers::capture::{Capture as Core, Options, Style};
+use modlens_writers::capture::{Capture as Core, CaptureOptions, Encapsulation};
 use modlens_writers::recording;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -22,13 +22,13 @@ impl Capture {
     #[new]
     #[pyo3(signature = (style="udp", *, classic=false, live=false, context=0))]
     fn new(style: &str, classic: bool, live: bool, context: usize) -> PyResult<Self> {
-        let found = Style::ALL.iter().find(|(name, _)| *name == style).map(|(_, style)| *style);
+        let found = Encapsulation::ALL.iter().find(|(name, _)| *name == style).map(|(_, style)| *style);
         let style = found.ok_or_else(|| {
-            let known: Vec<&str> = Style::ALL.iter().map(|(name, _)| *name).collect();
+            let known: Vec<&str> = Encapsulation::ALL.iter().map(|(name, _)| *name).collect();
             wrong(format!("style {style:?} is none of {}", known.join(", ")))
         })?;
         let application = format!("modlens {}", env!("CARGO_PKG_VERSION"));
-        Ok(Self { core: Core::new(Options { style, classic, live, context, application }) })
+        Ok(Self { core: Core::new(CaptureOptions { style, classic, live, context, application }) })
     }
 
     #[pyo3(signature = (batch, kept=None))]
@@ -102,6 +102,6 @@ pub fn recording_read<'py>(
 ) -> Bound<'py, PyBytes> {
     let mut out = Vec::with_capacity(data.len() + 64);
     let errors = errors.unwrap_or_default();
-    recording::read(port, &recording::Read { time: time_ns, bytes: data, errors: &errors, hole }, &mut out);
+    recording::read(port, &recording::PortRead { time: time_ns, bytes: data, errors: &errors, hole }, &mut out);
     PyBytes::new(py, &out)
 }

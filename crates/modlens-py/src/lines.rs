@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use modlens_tables::columns::Table as Core;
 use modlens_writers::csv::{self, Csv};
 use modlens_writers::jsonl::Jsonl;
-use modlens_writers::lines::Lines;
+use modlens_writers::lines::LineWriter;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -31,8 +31,8 @@ pub fn as_bytes(py: Python<'_>, fill: impl FnOnce(&mut Vec<u8>) + Send) -> Bound
 }
 
 enum Format {
-    Csv(Lines<Csv>),
-    Jsonl(Lines<Jsonl>),
+    Csv(LineWriter<Csv>),
+    Jsonl(LineWriter<Jsonl>),
 }
 
 /// The lines of a table's rows, about 64 KiB at a time.
@@ -54,9 +54,9 @@ impl Pieces {
                 if header {
                     csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut names);
                 }
-                Format::Csv(Lines::new(table, &places))
+                Format::Csv(LineWriter::new(table, &places))
             }
-            "jsonl" => Format::Jsonl(Lines::new(table, &places)),
+            "jsonl" => Format::Jsonl(LineWriter::new(table, &places)),
             other => return Err(wrong(format!("format {other:?} is neither csv nor jsonl"))),
         };
         Ok(Self { table: table.clone(), format, header: names, next: 0 })

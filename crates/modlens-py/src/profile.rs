@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use modlens_profiles::learn;
-use modlens_profiles::points::{Convert, Plan};
-use modlens_profiles::profile::{self, Form, Mistake, Order, Profile as Core, Type, SHIPPED, SUNSPEC};
-use modlens_tables::latest::Latest;
-use modlens_tables::survey::Survey as CoreSurvey;
+use modlens_profiles::points::{Conversion, Plan};
+use modlens_profiles::profile::{self, Mistake, Order, Profile as Core, ProfileFormat, Type, SHIPPED, SUNSPEC};
+use modlens_tables::latest::LatestValues;
+use modlens_tables::survey::RegisterSurvey as CoreSurvey;
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
@@ -23,7 +23,8 @@ pub struct Profile {
 impl Profile {
     #[new]
     fn new(text: &str, form: &str) -> PyResult<Self> {
-        let form = Form::from_word(form).ok_or_else(|| wrong(format!("form {form:?} is none of toml, csv, tree, json")))?;
+        let form =
+            ProfileFormat::from_word(form).ok_or_else(|| wrong(format!("form {form:?} is none of toml, csv, tree, json")))?;
         let core = Core::parse(text, form).map_err(|mistakes| wrong(list(&mistakes)))?;
         Ok(Self { plan: Arc::new(Plan::new(core)) })
     }
@@ -59,7 +60,7 @@ pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>,
     if data.is_empty() || !data.len().is_multiple_of(2) || (needed > 0 && data.len() != needed) {
         return Err(wrong(format!("{} bytes are no {}", data.len(), kind.word())));
     }
-    let value = Convert::of_type(kind, order).value(data, None);
+    let value = Conversion::of_type(kind, order).value(data, None);
     Ok((value.number(), value.text()))
 }
 
@@ -67,7 +68,7 @@ pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>,
 #[pyclass(module = "_modlens")]
 #[derive(Default)]
 pub struct RegisterMap {
-    core: Latest,
+    core: LatestValues,
 }
 
 #[pymethods]
@@ -113,8 +114,8 @@ impl Survey {
 #[pyfunction]
 pub fn judge(rows: Vec<Vec<u16>>) -> String {
     let rows: Vec<&[u16]> = rows.iter().map(Vec::as_slice).collect();
-    let claim = |claim: &learn::Claim| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.sure, "reason": claim.reason});
-    learn::judge(&rows, 0.0, None).iter().map(claim).collect::<Json>().to_string()
+    let claim = |claim: &learn::TypeHypothesis| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.sure, "reason": claim.reason});
+    learn::rank_types(&rows, 0.0, None).iter().map(claim).collect::<Json>().to_string()
 }
 
 /// The `SunSpec` models that are shipped: number, TOML text.

@@ -6,7 +6,7 @@ use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema};
 use arrow_array::{Array, RecordBatch, StructArray};
 use modlens_engine::records::Frame;
 use modlens_tables::cell_text::{cell_text, source_text};
-use modlens_tables::columns::{Cell, Kind, RowRef, Table as Core, TableKind};
+use modlens_tables::columns::{Cell, ColumnType, RowRef, Table as Core, TableKind};
 use modlens_tables::predicate::Predicate as CorePredicate;
 use modlens_writers::{arrow, influx, zeek};
 use pyo3::exceptions::{PyAttributeError, PyIndexError, PyRuntimeError};
@@ -172,9 +172,9 @@ impl Table {
         let kind = self.core.kind.columns()[column].kind;
         let number = match (&cell, kind) {
             (Cell::Null, _) => return py.None(),
-            (Cell::Int(n), Kind::Float) => (*n as f64).into_py_any(py),
+            (Cell::Int(n), ColumnType::Float) => (*n as f64).into_py_any(py),
             (Cell::Float(number), _) => number.into_py_any(py),
-            (Cell::Int(n), Kind::Int) => n.into_py_any(py),
+            (Cell::Int(n), ColumnType::Int) => n.into_py_any(py),
             (Cell::Us(ns), _) => (*ns as f64 / 1000.0).into_py_any(py),
             (Cell::Bool(yes), _) => i64::from(*yes).into_py_any(py),
             _ => cell_text(&cell).into_py_any(py),
@@ -268,11 +268,13 @@ impl Row {
 
     fn value<'py>(&self, py: Python<'py>, column: usize) -> PyResult<Bound<'py, PyAny>> {
         let cell = self.table.cell(self.row, column);
-        let float = matches!(self.table.kind.columns()[column].kind, Kind::Float);
+        let float = matches!(self.table.kind.columns()[column].kind, ColumnType::Float);
         Ok(match cell {
             Cell::Null => py.None().into_bound(py),
             Cell::Int(n) if float => (n as f64).into_pyobject(py)?.into_any(),
-            Cell::Int(n) if self.table.kind.columns()[column].kind == Kind::Text => n.to_string().into_pyobject(py)?.into_any(),
+            Cell::Int(n) if self.table.kind.columns()[column].kind == ColumnType::Text => {
+                n.to_string().into_pyobject(py)?.into_any()
+            }
             Cell::Int(n) => n.into_pyobject(py)?.into_any(),
             Cell::Float(value) => value.into_pyobject(py)?.into_any(),
             Cell::Value(value) => value.text().into_pyobject(py)?.into_any(),

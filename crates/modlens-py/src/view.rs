@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use modlens_tables::columns::RowRef;
 use modlens_writers::view as lines;
-use modlens_writers::view::{Base, Look, Part, Times, Zone};
+use modlens_writers::view::{AddressNotation, StyledText, TableOptions, TimeDisplay, Zone};
 use pyo3::prelude::*;
 
 use crate::table::{Row, Table};
@@ -13,8 +13,8 @@ use crate::wrong;
 /// A text and the name of its style.
 type Named = (String, &'static str);
 
-fn base(name: &str) -> PyResult<Base> {
-    Base::from_name(name).ok_or_else(|| wrong(format!("address {name:?} is none of wire, 5digit, 6digit, hex")))
+fn base(name: &str) -> PyResult<AddressNotation> {
+    AddressNotation::from_name(name).ok_or_else(|| wrong(format!("address {name:?} is none of wire, 5digit, 6digit, hex")))
 }
 
 /// A function of Python's as one of the core's; what it cannot tell is UTC.
@@ -31,14 +31,14 @@ fn zone(shift: Option<Py<PyAny>>) -> Zone {
     })
 }
 
-fn named(parts: Vec<Part>) -> Vec<Named> {
+fn named(parts: Vec<StyledText>) -> Vec<Named> {
     parts.into_iter().map(|(text, style)| (text, style.name())).collect()
 }
 
 /// The lines of one table, while it grows.
 #[pyclass(module = "_modlens")]
 pub struct Lines {
-    core: lines::Lines,
+    core: lines::TableLines,
     kind: &'static str,
 }
 
@@ -55,9 +55,9 @@ impl Lines {
         shift: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         let times = match times {
-            "clock" => Times::Clock,
-            "elapsed" => Times::Elapsed,
-            "delta" => Times::Delta,
+            "clock" => TimeDisplay::Clock,
+            "elapsed" => TimeDisplay::Elapsed,
+            "delta" => TimeDisplay::Delta,
             other => return Err(wrong(format!("times {other:?} are none of clock, elapsed, delta"))),
         };
         let kind = rows.first().ok_or_else(|| wrong("a table begins with a row".into()))?.table.kind;
@@ -65,8 +65,8 @@ impl Lines {
             return Err(wrong("rows of several tables".into()));
         }
         let first: Vec<RowRef<'_>> = rows.iter().map(|row| row.core()).collect();
-        let look = Look { base: base(address)?, times, zone: zone(shift), width, labels };
-        Ok(Self { core: lines::Lines::new(kind, &first, look), kind: kind.name() })
+        let look = TableOptions { base: base(address)?, times, zone: zone(shift), width, labels };
+        Ok(Self { core: lines::TableLines::new(kind, &first, look), kind: kind.name() })
     }
 
     #[pyo3(signature = (table, start=0, count=usize::MAX))]

@@ -44,7 +44,7 @@ pub fn push_items(items: &Items<'_>, separator: u8, out: &mut Vec<u8>) {
     }
 }
 
-/// Appends a duration in microseconds with as many decimal_texts as it has.
+/// Appends a duration in microseconds with as many decimals as it has.
 #[inline]
 pub fn push_us(ns: Ns, out: &mut Vec<u8>) {
     if ns < 0 {

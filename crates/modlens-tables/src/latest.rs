@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{json, Value as Json};
 
-use crate::columns::{each_value, Part};
+use crate::columns::{each_value, ReadingView};
 use modlens_engine::records::Batch;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
@@ -16,14 +16,14 @@ type Key = (String, u8, Space, u16, u32);
 
 /// Collects the values over a whole recording.
 #[derive(Debug, Default)]
-pub struct Latest {
-    entries: BTreeMap<Key, Entry>,
+pub struct LatestValues {
+    entries: BTreeMap<Key, PointState>,
     newest: Option<Ns>,
 }
 
 /// The state of one register, bit or point. `raw` is its last value as on the wire.
 #[derive(Debug, Default)]
-struct Entry {
+struct PointState {
     name: Option<String>,
     unit_of_measure: Option<String>,
     text: Option<String>,
@@ -37,7 +37,7 @@ struct Entry {
     raw: Vec<u8>,
 }
 
-impl Latest {
+impl LatestValues {
     /// Adds the values of a batch: those that were read, and those that were written without being refused.
     pub fn add(&mut self, batch: &Batch) {
         each_value(batch, |part| {
@@ -48,7 +48,7 @@ impl Latest {
     }
 
     /// Adds one value.
-    fn put(&mut self, batch: &Batch, part: &Part<'_>) {
+    fn put(&mut self, batch: &Batch, part: &ReadingView<'_>) {
         let t = part.transaction;
         let bus = &batch.buses[t.bus as usize].name;
         let index = part.compiled.map_or(u32::MAX, |(index, _)| index);

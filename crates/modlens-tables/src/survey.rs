@@ -7,7 +7,7 @@ use serde_json::{json, Value as Json};
 
 use crate::columns::{read_data, read_range, row_of, write_data, write_range, Items};
 use modlens_engine::records::{Batch, Transaction};
-use modlens_profiles::learn::{judge, text, AHEAD};
+use modlens_profiles::learn::{rank_types, text, AHEAD};
 use modlens_profiles::profile::Order;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
@@ -17,7 +17,7 @@ const SAMPLES: usize = 512;
 
 /// Collects the blocks that a master reads and writes over a whole recording.
 #[derive(Debug, Default)]
-pub struct Survey {
+pub struct RegisterSurvey {
     units: BTreeMap<(u8, Space), Blocks>,
 }
 
@@ -34,7 +34,7 @@ struct Block {
     rows: Vec<Vec<u16>>,
 }
 
-impl Survey {
+impl RegisterSurvey {
     /// Adds the transactions of a batch.
     pub fn add(&mut self, batch: &Batch) {
         for t in &batch.transactions {
@@ -247,7 +247,7 @@ fn best_hypothesis_at(blocks: &Blocks, address: u16, width: u16, device_order: O
     let (at, block) = best?;
     let end = at + usize::from(width);
     let rows: Vec<&[u16]> = block.rows.iter().filter_map(|row| row.get(at..end)).collect();
-    let hypotheses = judge(&rows, exact_requests as f64 / all_requests.max(1) as f64, device_order);
+    let hypotheses = rank_types(&rows, exact_requests as f64 / all_requests.max(1) as f64, device_order);
     let best_hypothesis = hypotheses.first()?;
     let rivals =
         hypotheses.iter().skip(1).take(2).map(|best_hypothesis| (best_hypothesis.kind.word(), best_hypothesis.order)).collect();

@@ -7,8 +7,8 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use modlens_engine::session::{BusOptions, Session, Wanted};
-use modlens_profiles::points::{Bound, Part, Plan};
-use modlens_profiles::profile::{Form, Profile};
+use modlens_profiles::points::{NumberBuffer, Plan, PlanInstance};
+use modlens_profiles::profile::{Profile, ProfileFormat};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -66,7 +66,7 @@ prop_compose! {
         write!(text, "[[registers]]\nat='hr:{address}'\nname='factor'\ntype='s16'\n").unwrap();
         write!(text, "[[registers]]\nat='hr:{}.2-5'\nname='part'\n", address + 1).unwrap();
         write!(text, "[[registers]]\nat='hr:{}.7'\nname='bit'\n", address + 1).unwrap();
-        Arc::new(Plan::new(Profile::parse(&text, Form::Toml).unwrap()))
+        Arc::new(Plan::new(Profile::parse(&text, ProfileFormat::Toml).unwrap()))
     }
 }
 
@@ -106,7 +106,7 @@ proptest! {
         factor in prop_oneof![Just(None), (-25i16..25).prop_map(Some)],
         words in prop::collection::vec(prop_oneof![3 => any::<u16>(), 1 => Just(0x8000), 1 => Just(0), 1 => Just(u16::MAX)], 400),
     ) {
-        let mut bound = Bound::new(Arc::clone(&plan));
+        let mut bound = PlanInstance::new(Arc::clone(&plan));
         if let Some(factor) = factor {
             let holder = plan.all().iter().find(|value| value.name == "factor").unwrap();
             bound = bound.learn(Space::Holding, holder.address, &factor.to_be_bytes()).unwrap_or(bound);
@@ -115,7 +115,7 @@ proptest! {
         let mut steps = Vec::new();
         plan.block(Space::Holding, 0, words.len(), |step| steps.push(step));
         let mut numbers = Vec::new();
-        bound.numbers(&steps, 0, &bytes, &mut Part::default(), |some| numbers.extend_from_slice(some));
+        bound.numbers(&steps, 0, &bytes, &mut NumberBuffer::default(), |some| numbers.extend_from_slice(some));
         for (step, number) in steps.iter().zip(numbers) {
             let at = 2 * usize::from(step.address);
             let expected = match step.compiled().map(|index| plan.compiled(index)) {
@@ -170,7 +170,7 @@ fn what_a_profile_says_does_not_depend_on_the_way_of_the_bytes() {
     let text = "profile = 1\n[device]\nfunctions = [3]\n[[registers]]\nat='hr:0'\nname='float'\ntype='f32'\n\
         [[registers]]\nat='hr:2'\nname='power'\nsf='factor'\n[[registers]]\nat='hr:3'\nname='factor'\ntype='s16'\n\
         [[registers]]\nat='hr:4'\nname='never read'\ntype='f64'\n";
-    let plan = Arc::new(Plan::new(Profile::parse(text, Form::Toml).unwrap()));
+    let plan = Arc::new(Plan::new(Profile::parse(text, ProfileFormat::Toml).unwrap()));
     let mut bytes = Vec::new();
     for i in 0..120u32 {
         // A float with the low register in front, a power, its factor, which changes once, and a function not listed.

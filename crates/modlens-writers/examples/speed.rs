@@ -14,10 +14,10 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
 use modlens_tables::columns::{Table, TableKind};
-use modlens_writers::capture::{Capture, Options};
+use modlens_writers::capture::{Capture, CaptureOptions};
 use modlens_writers::csv::Csv;
 use modlens_writers::jsonl::Jsonl;
-use modlens_writers::lines::{Line, Lines};
+use modlens_writers::lines::{LineFormat, LineWriter};
 use rustix::time::{clock_gettime, ClockId};
 
 /// Takes a batch, or nothing at the end, and hands its text on; gives the rows.
@@ -48,12 +48,12 @@ fn eight() -> Vec<usize> {
     EIGHT.iter().map(|key| TableKind::Transactions.column(key).expect("a column")).collect()
 }
 
-fn lines<F: Line>(kind: TableKind, columns: Vec<usize>) -> Writer {
+fn lines<F: LineFormat>(kind: TableKind, columns: Vec<usize>) -> Writer {
     let mut out = Vec::new();
     Box::new(move |batch, write| {
         let Some(batch) = batch else { return 0 };
         let table = Table::new(Arc::clone(batch), kind);
-        let mut lines = Lines::<F>::new(&table, &columns);
+        let mut lines = LineWriter::<F>::new(&table, &columns);
         let mut next = 0;
         while next < table.len() {
             out.clear();
@@ -65,7 +65,7 @@ fn lines<F: Line>(kind: TableKind, columns: Vec<usize>) -> Writer {
 }
 
 fn pcapng() -> Writer {
-    let (mut capture, mut out) = (Capture::new(Options::default()), Vec::new());
+    let (mut capture, mut out) = (Capture::new(CaptureOptions::default()), Vec::new());
     Box::new(move |batch, write| {
         let Some(batch) = batch else {
             out.clear();

@@ -9,8 +9,8 @@ use arrow_array::{
 use arrow_buffer::{Buffer, OffsetBuffer};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 
-use crate::values::Values;
-use modlens_tables::columns::{Kind, Put, RowRef, Table, TableKind};
+use crate::values::ColumnBuilder;
+use modlens_tables::columns::{CellSink, ColumnType, RowRef, Table, TableKind};
 
 /// The schema of a table.
 pub fn schema(kind: TableKind) -> Schema {
@@ -29,16 +29,16 @@ fn all_columns(kind: TableKind) -> Vec<usize> {
 }
 
 /// The Arrow type of a column.
-fn data_type(kind: Kind) -> DataType {
+fn data_type(kind: ColumnType) -> DataType {
     let list = |item| DataType::List(Arc::new(Field::new("item", item, true)));
     match kind {
-        Kind::Int => DataType::Int64,
-        Kind::Us | Kind::Float => DataType::Float64,
-        Kind::Time => DataType::Timestamp(TimeUnit::Nanosecond, Some("UTC".into())),
-        Kind::Bool => DataType::Boolean,
-        Kind::Text | Kind::Map => DataType::Utf8,
-        Kind::Ints => list(DataType::Int32),
-        Kind::Texts => list(DataType::Utf8),
+        ColumnType::Int => DataType::Int64,
+        ColumnType::Us | ColumnType::Float => DataType::Float64,
+        ColumnType::Time => DataType::Timestamp(TimeUnit::Nanosecond, Some("UTC".into())),
+        ColumnType::Bool => DataType::Boolean,
+        ColumnType::Text | ColumnType::Map => DataType::Utf8,
+        ColumnType::Ints => list(DataType::Int32),
+        ColumnType::Texts => list(DataType::Utf8),
     }
 }
 
@@ -57,59 +57,59 @@ pub fn batch_of(table: &Table, rows: Range<usize>, columns: &[usize]) -> RecordB
 /// The array of one column.
 fn array(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ArrayRef {
     match table.columns()[column].kind {
-        kind @ (Kind::Int | Kind::Time) => integer_array(column_values(rows, table, column), kind),
-        Kind::Us | Kind::Float => float_array(column_values(rows, table, column)),
-        Kind::Bool => bool_array(column_values(rows, table, column)),
-        Kind::Text | Kind::Map => text_array(column_values(rows, table, column)),
-        Kind::Ints => int_list_array(column_values(rows, table, column)),
-        Kind::Texts => text_list_array(column_values(rows, table, column)),
+        kind @ (ColumnType::Int | ColumnType::Time) => integer_array(column_values(rows, table, column), kind),
+        ColumnType::Us | ColumnType::Float => float_array(column_values(rows, table, column)),
+        ColumnType::Bool => bool_array(column_values(rows, table, column)),
+        ColumnType::Text | ColumnType::Map => text_array(column_values(rows, table, column)),
+        ColumnType::Ints => int_list_array(column_values(rows, table, column)),
+        ColumnType::Texts => text_list_array(column_values(rows, table, column)),
     }
 }
 
 /// The values of a column in all rows.
-fn column_values<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> Values<T>
+fn column_values<T>(rows: &[RowRef<'_>], table: TableKind, column: usize) -> ColumnBuilder<T>
 where
-    Values<T>: Put + 'static,
+    ColumnBuilder<T>: CellSink + 'static,
 {
-    let mut values = Values::with_capacity(rows.len());
+    let mut values = ColumnBuilder::with_capacity(rows.len());
     values.take(rows, &table.reader(column));
     values
 }
 
-fn integer_array(column: Values<i64>, kind: Kind) -> ArrayRef {
-    let Values { items: values, mut nulls, .. } = column;
-    if kind == Kind::Time {
+fn integer_array(column: ColumnBuilder<i64>, kind: ColumnType) -> ArrayRef {
+    let ColumnBuilder { items: values, mut nulls, .. } = column;
+    if kind == ColumnType::Time {
         Arc::new(TimestampNanosecondArray::new(values.into(), nulls.finish()).with_timezone("UTC"))
     } else {
         Arc::new(Int64Array::new(values.into(), nulls.finish()))
     }
 }
 
-fn float_array(column: Values<f64>) -> ArrayRef {
-    let Values { items: values, mut nulls, .. } = column;
+fn float_array(column: ColumnBuilder<f64>) -> ArrayRef {
+    let ColumnBuilder { items: values, mut nulls, .. } = column;
     Arc::new(Float64Array::new(values.into(), nulls.finish()))
 }
 
-fn bool_array(column: Values<bool>) -> ArrayRef {
-    let Values { items: values, mut nulls, .. } = column;
+fn bool_array(column: ColumnBuilder<bool>) -> ArrayRef {
+    let ColumnBuilder { items: values, mut nulls, .. } = column;
     Arc::new(BooleanArray::new(values.into(), nulls.finish()))
 }
 
 /// The texts are already stored one after the other, so they are not copied.
-fn text_array(column: Values<u8>) -> ArrayRef {
-    let Values { items: values, mut nulls, offsets } = column;
+fn text_array(column: ColumnBuilder<u8>) -> ArrayRef {
+    let ColumnBuilder { items: values, mut nulls, offsets } = column;
     Arc::new(StringArray::new(OffsetBuffer::new(offsets.into()), Buffer::from_vec(values), nulls.finish()))
 }
 
-fn int_list_array(column: Values<i32>) -> ArrayRef {
-    let Values { items: values, mut nulls, offsets } = column;
+fn int_list_array(column: ColumnBuilder<i32>) -> ArrayRef {
+    let ColumnBuilder { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Int32, true));
     let values = Arc::new(Int32Array::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))
 }
 
-fn text_list_array(column: Values<&'static str>) -> ArrayRef {
-    let Values { items: values, mut nulls, offsets } = column;
+fn text_list_array(column: ColumnBuilder<&'static str>) -> ArrayRef {
+    let ColumnBuilder { items: values, mut nulls, offsets } = column;
     let item = Arc::new(Field::new("item", DataType::Utf8, true));
     let values = Arc::new(StringArray::from(values));
     Arc::new(ListArray::new(item, OffsetBuffer::new(offsets.into()), values, nulls.finish()))

@@ -4,13 +4,13 @@ use std::mem::ManuallyDrop;
 
 use memchr::memchr3;
 
-use crate::lines::{Line, Source};
-use crate::Lines;
+use crate::lines::{FileNameCheck, LineFormat};
+use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::hex::push_hex;
-use modlens_protocol::timestamp::Stamp;
-use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, bool_text};
-use modlens_tables::columns::{Cell, Put, Table};
+use modlens_protocol::timestamp::TimeFormatter;
+use modlens_tables::cell_text::{bool_text, push_items, push_plain, push_source, push_us};
+use modlens_tables::columns::{Cell, CellSink, Table};
 
 /// Appends the header.
 pub fn header(keys: &[&str], out: &mut Vec<u8>) {
@@ -25,18 +25,18 @@ pub fn header(keys: &[&str], out: &mut Vec<u8>) {
 
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
-    Lines::<Csv>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+    LineWriter::<Csv>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
 }
 
 /// A line of CSV.
 #[derive(Default)]
 pub struct Csv {
     out: Vec<u8>,
-    stamp: Stamp,
-    source: Source,
+    stamp: TimeFormatter,
+    source: FileNameCheck,
 }
 
-impl Line for Csv {
+impl LineFormat for Csv {
     fn columns(&mut self, _: &[&str]) {}
 
     #[inline]
@@ -62,7 +62,7 @@ impl Line for Csv {
     }
 }
 
-impl Put for Csv {
+impl CellSink for Csv {
     #[inline(always)]
     #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
     fn put(&mut self, cell: Cell<'_>) {

@@ -2,26 +2,26 @@
 
 use std::mem::ManuallyDrop;
 
-use crate::lines::{Line, Source};
-use crate::Lines;
+use crate::lines::{FileNameCheck, LineFormat};
+use crate::LineWriter;
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::hex::push_hex;
-use modlens_protocol::timestamp::Stamp;
-use modlens_tables::cell_text::{push_items, push_plain, push_source, push_us, bool_text};
-use modlens_tables::columns::{Cell, Put, Table};
+use modlens_protocol::timestamp::TimeFormatter;
+use modlens_tables::cell_text::{bool_text, push_items, push_plain, push_source, push_us};
+use modlens_tables::columns::{Cell, CellSink, Table};
 
 /// Appends the rows of a table.
 pub fn rows(table: &Table, columns: &[usize], out: &mut Vec<u8>) {
-    Lines::<Jsonl>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
+    LineWriter::<Jsonl>::new(table, columns).rows(table, 0..table.len(), usize::MAX, out);
 }
 
 /// Writes a line of JSON.
 #[derive(Default)]
 pub struct Jsonl {
     out: Vec<u8>,
-    stamp: Stamp,
-    source: Source,
+    stamp: TimeFormatter,
+    source: FileNameCheck,
     keys: Vec<KeyText>,
     /// The index of the current column.
     at: usize,
@@ -48,7 +48,7 @@ impl KeyText {
     }
 }
 
-impl Line for Jsonl {
+impl LineFormat for Jsonl {
     fn columns(&mut self, keys: &[&str]) {
         self.keys = keys.iter().map(|key| KeyText::new(key)).collect();
     }
@@ -82,7 +82,7 @@ impl Line for Jsonl {
     }
 }
 
-impl Put for Jsonl {
+impl CellSink for Jsonl {
     #[inline(always)]
     #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
     fn put(&mut self, cell: Cell<'_>) {

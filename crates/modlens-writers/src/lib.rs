@@ -15,4 +15,4 @@ mod values;
 pub mod view;
 pub mod zeek;
 
-pub use lines::Lines;
+pub use lines::LineWriter;

@@ -4,10 +4,10 @@
 use std::ops::Range;
 
 use modlens_protocol::decimal::push_short;
-use modlens_tables::columns::{Put, Reader, RowRef, Table};
+use modlens_tables::columns::{CellSink, ColumnReader, RowRef, Table};
 
 /// A text format: writes the values of a line.
-pub trait Line: Put + Default + 'static {
+pub trait LineFormat: CellSink + Default + 'static {
     /// Tells the format the names of the columns, before the first line.
     fn columns(&mut self, keys: &[&str]);
 
@@ -29,12 +29,12 @@ pub trait Line: Put + Default + 'static {
 
 /// Remembers whether the name of the input file needs quoting or escaping. It is mostly the same as in the row before.
 #[derive(Default)]
-pub struct Source {
+pub struct FileNameCheck {
     /// Address and length of the name last checked, and whether it needs neither quotes nor escapes.
     known: Option<(usize, usize, bool)>,
 }
 
-impl Source {
+impl FileNameCheck {
     /// Whether the name contains nothing that `special` reports.
     #[inline]
     pub fn plain(&mut self, file: &str, special: fn(&[u8]) -> bool) -> bool {
@@ -51,35 +51,35 @@ impl Source {
 }
 
 /// One column, or adjacent columns with values that all rows of a bus share.
-enum Step<F> {
+enum ColumnGroup<F> {
     /// The index of a column whose value differs from row to row.
-    Own(usize, Reader<F>),
+    Own(usize, ColumnReader<F>),
     /// Columns that have the same values in all rows of a bus, and their text for the current bus.
-    Shared(Vec<(usize, Reader<F>)>, Vec<u8>),
+    Shared(Vec<(usize, ColumnReader<F>)>, Vec<u8>),
 }
 
 /// Writes rows of one table as lines.
-pub struct Lines<F> {
+pub struct LineWriter<F> {
     format: F,
-    steps: Vec<Step<F>>,
+    steps: Vec<ColumnGroup<F>>,
     /// The bus to which the kept texts belong.
     bus: Option<u32>,
 }
 
-impl<F: Line> Lines<F> {
+impl<F: LineFormat> LineWriter<F> {
     /// A writer for these columns of a table, to be used for one batch only: the next batch may number its buses
     /// differently.
     pub fn new(table: &Table, columns: &[usize]) -> Self {
         let keys: Vec<&str> = columns.iter().map(|&column| table.kind.columns()[column].key.as_str()).collect();
         let mut format = F::default();
         format.columns(&keys);
-        let mut steps: Vec<Step<F>> = Vec::with_capacity(columns.len());
+        let mut steps: Vec<ColumnGroup<F>> = Vec::with_capacity(columns.len());
         for (at, &column) in columns.iter().enumerate() {
             let reader = table.kind.reader(column);
             match (steps.last_mut(), table.kind.of_the_bus(column)) {
-                (Some(Step::Shared(shared, _)), true) => shared.push((at, reader)),
-                (_, true) => steps.push(Step::Shared(vec![(at, reader)], Vec::new())),
-                _ => steps.push(Step::Own(at, reader)),
+                (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
+                (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
+                _ => steps.push(ColumnGroup::Own(at, reader)),
             }
         }
         Self { format, steps, bus: None }
@@ -107,12 +107,12 @@ impl<F: Line> Lines<F> {
         format.begin();
         for step in &self.steps {
             match step {
-                Step::Own(at, reader) => {
+                ColumnGroup::Own(at, reader) => {
                     format.column(*at);
                     row.pass(reader, format);
                     format.end_value();
                 }
-                Step::Shared(_, text) => push_short(text, format.out()),
+                ColumnGroup::Shared(_, text) => push_short(text, format.out()),
             }
         }
         format.end();
@@ -123,7 +123,7 @@ impl<F: Line> Lines<F> {
     fn change_bus(&mut self, row: &RowRef<'_>) {
         self.bus = row.bus();
         for step in &mut self.steps {
-            let Step::Shared(columns, text) = step else { continue };
+            let ColumnGroup::Shared(columns, text) = step else { continue };
             let start = self.format.out().len();
             for (at, reader) in columns.iter() {
                 self.format.column(*at);

@@ -34,7 +34,7 @@ const RECEIVE_ERRORS: u8 = 8;
 
 /// One read of a port.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Read<'a> {
+pub struct PortRead<'a> {
     /// The time when the read returned.
     pub time: Ns,
     /// The bytes.
@@ -75,7 +75,7 @@ pub fn port(name: &str, bus: (usize, &str), line: Option<&str>, settings: Option
 }
 
 /// Appends one read of the port with this interface number.
-pub fn read(interface: u32, read: &Read<'_>, out: &mut Vec<u8>) {
+pub fn read(interface: u32, read: &PortRead<'_>, out: &mut Vec<u8>) {
     let time = read.time.max(0) as u64;
     let event = match (read.hole, read.errors) {
         (true, _) if read.bytes.is_empty() => PORT_CLOSED,
@@ -105,7 +105,7 @@ mod tests {
     fn a_read_is_written_with_the_header_of_its_link_type() {
         let mut out = Vec::new();
         let bytes = &[1, 6, 0, 1, 0, 3, 0x98, 0x0B];
-        read(0, &Read { time: 1_700_000_000_123_456_789, bytes, ..Read::default() }, &mut out);
+        read(0, &PortRead { time: 1_700_000_000_123_456_789, bytes, ..PortRead::default() }, &mut out);
         let payload = modlens_protocol::hex::hex(&out[28..48]);
         assert_eq!(payload, "6553f1000001e240020000000106000100 03980b".replace(' ', ""));
         assert_eq!(out.len(), 28 + 20 + 4);

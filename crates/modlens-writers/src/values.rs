@@ -9,10 +9,10 @@ use arrow_buffer::NullBufferBuilder;
 use modlens_protocol::decimal::push_short;
 use modlens_protocol::hex::push_hex;
 use modlens_tables::cell_text::{push_plain, push_source};
-use modlens_tables::columns::{Cell, Items, Put, Reader, RowRef};
+use modlens_tables::columns::{Cell, CellSink, ColumnReader, Items, RowRef};
 
 /// The values of a column: items, offsets and nulls.
-pub(super) struct Values<T> {
+pub(super) struct ColumnBuilder<T> {
     /// The values; for lists and texts, the items of all rows one after the other. A row without a value has a default
     /// value here.
     pub(super) items: Vec<T>,
@@ -21,7 +21,7 @@ pub(super) struct Values<T> {
     pub(super) offsets: Vec<i32>,
 }
 
-impl<T> Values<T> {
+impl<T> ColumnBuilder<T> {
     pub(super) fn with_capacity(rows: usize) -> Self {
         let mut offsets = Vec::with_capacity(rows + 1);
         offsets.push(0);
@@ -29,9 +29,9 @@ impl<T> Values<T> {
     }
 
     /// Appends the values of further rows.
-    pub(super) fn take(&mut self, rows: &[RowRef<'_>], reader: &Reader<Self>)
+    pub(super) fn take(&mut self, rows: &[RowRef<'_>], reader: &ColumnReader<Self>)
     where
-        Self: Put,
+        Self: CellSink,
     {
         for row in rows {
             row.pass(reader, self);
@@ -45,7 +45,7 @@ impl<T> Values<T> {
     }
 }
 
-impl<T: Clone + Default> Values<T> {
+impl<T: Clone + Default> ColumnBuilder<T> {
     /// Appends a value of fixed size, or null.
     #[inline(always)]
     fn push_value(&mut self, value: Option<T>) {
@@ -61,7 +61,7 @@ impl<T: Clone + Default> Values<T> {
     }
 }
 
-impl Put for Values<i64> {
+impl CellSink for ColumnBuilder<i64> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         self.push_value(match *ManuallyDrop::new(cell) {
@@ -71,7 +71,7 @@ impl Put for Values<i64> {
     }
 }
 
-impl Put for Values<f64> {
+impl CellSink for ColumnBuilder<f64> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         self.push_value(match *ManuallyDrop::new(cell) {
@@ -83,14 +83,14 @@ impl Put for Values<f64> {
     }
 }
 
-impl Put for Values<bool> {
+impl CellSink for ColumnBuilder<bool> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         self.push_value(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
     }
 }
 
-impl Put for Values<u8> {
+impl CellSink for ColumnBuilder<u8> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
@@ -106,7 +106,7 @@ impl Put for Values<u8> {
 }
 
 /// Lists of numbers. The kind of list is examined once per list, not per number.
-impl Put for Values<i32> {
+impl CellSink for ColumnBuilder<i32> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end_row(false) };
@@ -120,7 +120,7 @@ impl Put for Values<i32> {
     }
 }
 
-impl Put for Values<&'static str> {
+impl CellSink for ColumnBuilder<&'static str> {
     #[inline(always)]
     fn put(&mut self, cell: Cell<'_>) {
         if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {

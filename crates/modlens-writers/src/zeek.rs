@@ -113,7 +113,7 @@ const ENCAPSULATED: u8 = 0x2B;
 const READ_DEVICE_IDENTIFICATION: u8 = 14;
 
 /// The value of one field of a log.
-enum Value {
+enum LogValue {
     Unset,
     Count(i64),
     Time(Ns),
@@ -175,19 +175,19 @@ impl Log {
             let is_response = kind == "RESP";
             let code = half.pdu.of(&batch.arena).first().copied().unwrap_or(t.function);
             let mut values = identity(batch, t, half.start);
-            values.push(Value::Text(function_name(code)));
-            values.push(Value::Text(kind.to_owned()));
-            values.push(t.exception.filter(|_| is_response).map_or(Value::Unset, |code| Value::Text(exception_name(code))));
+            values.push(LogValue::Text(function_name(code)));
+            values.push(LogValue::Text(kind.to_owned()));
+            values.push(t.exception.filter(|_| is_response).map_or(LogValue::Unset, |code| LogValue::Text(exception_name(code))));
             self.line(&values, json, out);
         }
     }
 
     /// Appends one line.
-    fn line(self, values: &[Value], json: bool, out: &mut Vec<u8>) {
+    fn line(self, values: &[LogValue], json: bool, out: &mut Vec<u8>) {
         if json {
             let mut first = true;
             out.push(b'{');
-            for ((key, _), value) in self.fields().iter().zip(values).filter(|(_, value)| !matches!(value, Value::Unset)) {
+            for ((key, _), value) in self.fields().iter().zip(values).filter(|(_, value)| !matches!(value, LogValue::Unset)) {
                 if !std::mem::take(&mut first) {
                     out.push(b',');
                 }
@@ -208,55 +208,55 @@ impl Log {
 }
 
 /// The eight fields with which every log begins.
-fn identity(batch: &Batch, t: &Transaction, start: Option<Ns>) -> Vec<Value> {
+fn identity(batch: &Batch, t: &Transaction, start: Option<Ns>) -> Vec<LogValue> {
     let clock = batch.buses[t.bus as usize].clock;
     let tid = t.mbap_id.map_or(t.number as i64 & 0xFFFF, i64::from);
     vec![
-        start.filter(|_| clock != Clock::None).map_or(Value::Unset, Value::Time),
-        Value::Text(format!("CMBUS{}", t.bus)),
-        Value::Text(format!("10.{}.255.254", t.bus as u8)),
-        Value::Count(50_000),
-        Value::Text(format!("10.{}.0.{}", t.bus as u8, t.unit)),
-        Value::Count(502),
-        Value::Count(tid),
-        Value::Count(i64::from(t.unit)),
+        start.filter(|_| clock != Clock::None).map_or(LogValue::Unset, LogValue::Time),
+        LogValue::Text(format!("CMBUS{}", t.bus)),
+        LogValue::Text(format!("10.{}.255.254", t.bus as u8)),
+        LogValue::Count(50_000),
+        LogValue::Text(format!("10.{}.0.{}", t.bus as u8, t.unit)),
+        LogValue::Count(502),
+        LogValue::Count(tid),
+        LogValue::Count(i64::from(t.unit)),
     ]
 }
 
 /// The fields of a transaction in `modbus_detailed.log`.
-fn detailed(batch: &Batch, t: &Transaction) -> Vec<Value> {
+fn detailed(batch: &Batch, t: &Transaction) -> Vec<LogValue> {
     let range = read_range(batch, t).or_else(|| write_range(batch, t));
     let counts = |items: Option<Items<'_>>| {
-        items.map_or(Value::Unset, |items| Value::Counts((0..items.len()).map(|i| items.get(i)).collect()))
+        items.map_or(LogValue::Unset, |items| LogValue::Counts((0..items.len()).map(|i| items.get(i)).collect()))
     };
     let matched = t.request.frame > 0 && t.response.frame > 0 && matches!(t.status, Status::Ok | Status::Exception);
     let code = if t.exception.is_some() && t.request.frame == 0 { t.function | EXCEPTION_BIT } else { t.function };
     let body = |pdu: modlens_engine::records::Span| pdu.of(&batch.arena).get(1..).unwrap_or(&[]);
     let (request, response) = (body(t.request.pdu), body(t.response.pdu));
     let sub_function = |body: &[u8]| {
-        let code = crate::pdu::u16_at(body, 0).filter(|_| t.function == DIAGNOSTICS);
-        code.map_or(Value::Unset, |code| Value::Text(diagnostic_name(code)))
+        let code = modlens_protocol::pdu::u16_at(body, 0).filter(|_| t.function == DIAGNOSTICS);
+        code.map_or(LogValue::Unset, |code| LogValue::Text(diagnostic_name(code)))
     };
     let diagnostic_data = |body: &[u8]| match t.function {
-        DIAGNOSTICS if body.len() > 2 => Value::Text(escaped_bytes(&body[2..])),
-        _ => Value::Unset,
+        DIAGNOSTICS if body.len() > 2 => LogValue::Text(escaped_bytes(&body[2..])),
+        _ => LogValue::Unset,
     };
     let response_body = if t.exception.is_some() { &[] } else { response };
     let mut values = identity(batch, t, t.start);
     values.extend([
-        Value::Text(function_name(code)),
-        range.map_or(Value::Unset, |range| Value::Count(i64::from(range.0))),
-        range.map_or(Value::Unset, |range| Value::Count(i64::from(range.1))),
+        LogValue::Text(function_name(code)),
+        range.map_or(LogValue::Unset, |range| LogValue::Count(i64::from(range.0))),
+        range.map_or(LogValue::Unset, |range| LogValue::Count(i64::from(range.1))),
         counts(write_data(batch, t)),
         counts(read_data(batch, t)),
-        Value::Unset,
-        Value::Yes(matched),
+        LogValue::Unset,
+        LogValue::Yes(matched),
         sub_function(request),
         sub_function(response_body),
         diagnostic_data(request),
-        padding(batch, t).map_or_else(|| diagnostic_data(response_body), Value::Text),
-        t.exception.map_or(Value::Unset, |code| Value::Text(exception_name(code))),
-        request.first().filter(|_| t.function == ENCAPSULATED).map_or(Value::Unset, |&mei| Value::Text(mei_name(mei))),
+        padding(batch, t).map_or_else(|| diagnostic_data(response_body), LogValue::Text),
+        t.exception.map_or(LogValue::Unset, |code| LogValue::Text(exception_name(code))),
+        request.first().filter(|_| t.function == ENCAPSULATED).map_or(LogValue::Unset, |&mei| LogValue::Text(mei_name(mei))),
     ]);
     values
 }
@@ -334,24 +334,24 @@ fn push_counts(values: &[i32], out: &mut Vec<u8>) {
 }
 
 /// Appends a value for a tab-separated log.
-fn push_text(value: &Value, out: &mut Vec<u8>) {
+fn push_text(value: &LogValue, out: &mut Vec<u8>) {
     match value {
-        Value::Unset => out.push(b'-'),
-        Value::Count(count) => push_int(*count, out),
-        Value::Time(ns) => push_epoch(*ns, out),
-        Value::Text(text) => out.extend_from_slice(text.as_bytes()),
-        Value::Yes(yes) => out.push(if *yes { b'T' } else { b'F' }),
-        Value::Counts(values) if values.is_empty() => out.extend_from_slice(b"(empty)"),
-        Value::Counts(values) => push_counts(values, out),
+        LogValue::Unset => out.push(b'-'),
+        LogValue::Count(count) => push_int(*count, out),
+        LogValue::Time(ns) => push_epoch(*ns, out),
+        LogValue::Text(text) => out.extend_from_slice(text.as_bytes()),
+        LogValue::Yes(yes) => out.push(if *yes { b'T' } else { b'F' }),
+        LogValue::Counts(values) if values.is_empty() => out.extend_from_slice(b"(empty)"),
+        LogValue::Counts(values) => push_counts(values, out),
     }
 }
 
 /// Appends a value as JSON.
-fn push_json(value: &Value, out: &mut Vec<u8>) {
+fn push_json(value: &LogValue, out: &mut Vec<u8>) {
     match value {
-        Value::Text(text) => out.extend_from_slice(serde_json::Value::from(text.as_str()).to_string().as_bytes()),
-        Value::Yes(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),
-        Value::Counts(values) => {
+        LogValue::Text(text) => out.extend_from_slice(serde_json::Value::from(text.as_str()).to_string().as_bytes()),
+        LogValue::Yes(yes) => out.extend_from_slice(if *yes { b"true" } else { b"false" }),
+        LogValue::Counts(values) => {
             out.push(b'[');
             push_counts(values, out);
             out.push(b']');

@@ -7,7 +7,7 @@
 use std::ops::RangeInclusive;
 
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::{Functions, Plain};
+use modlens_protocol::functions::{Functions, StandardLayout};
 
 /// Unit addresses on a serial line that cause no finding (serial line specification, 2.2).
 const UNIT_ADDRESSES: RangeInclusive<u8> = 1..=247;
@@ -38,7 +38,7 @@ pub struct Exchange {
     /// Function code.
     pub code: u8,
     /// Whether it reads or writes, and what.
-    pub kind: Plain,
+    pub kind: StandardLayout,
     /// Address of the first register or bit.
     pub address: u16,
     /// Number of registers or bits.
@@ -94,11 +94,11 @@ impl Exchange {
             (announced == Some(count)).then_some(WRITE_HEADER_BYTES + count)
         };
         match asks.kind {
-            Plain::ReadBits => read(bit_bytes, padding_bits(number)),
-            Plain::ReadRegisters => read(register_bytes, 0),
-            Plain::WriteBits => Some(Self { asked: written(bit_bytes)?, ..write }),
-            Plain::WriteRegisters => Some(Self { asked: written(register_bytes)?, ..write }),
-            Plain::WriteOne => Some(Self { quantity: 1, ..write }),
+            StandardLayout::ReadBits => read(bit_bytes, padding_bits(number)),
+            StandardLayout::ReadRegisters => read(register_bytes, 0),
+            StandardLayout::WriteBits => Some(Self { asked: written(bit_bytes)?, ..write }),
+            StandardLayout::WriteRegisters => Some(Self { asked: written(register_bytes)?, ..write }),
+            StandardLayout::WriteOne => Some(Self { quantity: 1, ..write }),
         }
     }
 

@@ -7,8 +7,8 @@ use crate::check::Found;
 use crate::pairing::PendingTransaction;
 use crate::session::Session;
 use modlens_profiles::points::sunspec::{marker, Chain};
-use modlens_profiles::points::watch::Watch;
-use modlens_profiles::points::{Bound, Plan};
+use modlens_profiles::points::watch::OrderCheck;
+use modlens_profiles::points::{Plan, PlanInstance};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::pdu::u16_at;
@@ -27,11 +27,11 @@ pub(super) struct Assignment {
 #[derive(Default)]
 pub(super) struct Profiles {
     /// The profile of each unit with the scale factors known by now; empty while no unit has one.
-    by_unit: Vec<Option<Arc<Bound>>>,
+    by_unit: Vec<Option<Arc<PlanInstance>>>,
     /// The `SunSpec` models of units that the user gave no profile for, as far as they have been read.
     chains: HashMap<u8, Chain>,
     /// For each unit, the check of the profile's order of bytes against the values.
-    watches: Vec<Watch>,
+    watches: Vec<OrderCheck>,
 }
 
 impl Session {
@@ -48,7 +48,7 @@ impl Session {
         for assignment in self.assignments.iter().filter(|given| given.bus.as_deref().is_none_or(|name| name == bus)) {
             profiles.make_room();
             for &unit in &assignment.units {
-                profiles.by_unit[usize::from(unit)] = Some(Arc::new(Bound::new(Arc::clone(&assignment.plan))));
+                profiles.by_unit[usize::from(unit)] = Some(Arc::new(PlanInstance::new(Arc::clone(&assignment.plan))));
             }
         }
         profiles
@@ -63,7 +63,7 @@ impl Profiles {
         functions: &Functions,
         transaction: &PendingTransaction,
         found: &mut Found,
-    ) -> Option<Arc<Bound>> {
+    ) -> Option<Arc<PlanInstance>> {
         let unit = transaction.unit;
         let read = || registers_read(functions, transaction).filter(|_| transaction.status == Status::Ok);
         if self.by_unit.get(usize::from(unit)).is_none_or(Option::is_none) {
@@ -124,13 +124,13 @@ impl Profiles {
 
     /// The profile of a unit.
     #[inline]
-    pub(super) fn of(&self, unit: u8) -> Option<Arc<Bound>> {
+    pub(super) fn of(&self, unit: u8) -> Option<Arc<PlanInstance>> {
         self.by_unit.get(usize::from(unit))?.clone()
     }
 
     fn make_room(&mut self) {
         self.by_unit.resize(256, None);
-        self.watches.resize_with(256, Watch::default);
+        self.watches.resize_with(256, OrderCheck::default);
     }
 
     /// Looks for `SunSpec` models in a block of registers; `None` if the unit has no profile by then.
@@ -142,9 +142,9 @@ impl Profiles {
             let plan = Arc::new(Plan::new(self.chains[&unit].profile()));
             self.make_room();
             let slot = &mut self.by_unit[usize::from(unit)];
-            let bound = slot.as_ref().map_or_else(|| Bound::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
+            let bound = slot.as_ref().map_or_else(|| PlanInstance::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
             *slot = Some(Arc::new(bound));
-            self.watches[usize::from(unit)] = Watch::default();
+            self.watches[usize::from(unit)] = OrderCheck::default();
         }
         self.by_unit.get(usize::from(unit))?.as_ref().map(|_| ())
     }

@@ -7,7 +7,7 @@ use crate::pairing::PendingTransaction;
 use crate::records::{FindingRow, Transaction};
 use crate::session::rows::{elapsed, keep_half, note_detail};
 use crate::session::Session;
-use modlens_profiles::points::Bound;
+use modlens_profiles::points::PlanInstance;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::status::Status;
 
@@ -60,7 +60,7 @@ impl Session {
     /// Fills `self.found` with the findings on a transaction; gives the profile of its unit as it is now.
     ///
     /// A transaction that is read back keeps the findings it had, unless the profile adds a new one.
-    fn find_on_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) -> Option<Arc<Bound>> {
+    fn find_on_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) -> Option<Arc<PlanInstance>> {
         self.found.clear();
         self.found.append(&mut transaction.imported_findings);
         if !transaction.is_reimported {
@@ -110,7 +110,7 @@ impl Session {
     }
 
     /// Adds the row of a transaction to those that wait for older ones.
-    fn emit_row(&mut self, bus: usize, transaction: &PendingTransaction, points: Option<Arc<Bound>>) {
+    fn emit_row(&mut self, bus: usize, transaction: &PendingTransaction, points: Option<Arc<PlanInstance>>) {
         let start = transaction.request.start.or(transaction.response.start);
         self.held.push(Transaction {
             number: transaction.txn,

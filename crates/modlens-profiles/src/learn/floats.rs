@@ -1,6 +1,6 @@
 //! The evidence that registers are a float.
 
-use crate::learn::judge::{asked_for, coupling, span, Claim, ENOUGH, WILD};
+use crate::learn::judge::{asked_for, coupling, span, TypeHypothesis, ENOUGH, WILD};
 use crate::learn::movement::Movement;
 use crate::points::Value;
 use crate::profile::{Order, Type};
@@ -35,7 +35,7 @@ fn magnitude_range(numbers: &[f64]) -> Option<(f64, f64)> {
 
 /// The hypothesis that the registers are a float in the order that `values` were loaded with; `None` if the evidence is
 /// too weak.
-pub fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
+pub fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<TypeHypothesis> {
     let kind = if words == 2 { Type::F32 } else { Type::F64 };
     let numbers = as_floats(values, words);
     magnitude_range(&numbers)?;
@@ -68,7 +68,7 @@ pub fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
     span(kind, &numbers, &mut reason);
     // Floats with plausible exponents are a small part of all bit patterns, so a float is preferred to an integer with
     // the same evidence.
-    Some(Claim { kind, order, bits: bits + 3.0, reason, sure: false, step: movement.step })
+    Some(TypeHypothesis { kind, order, bits: bits + 3.0, reason, sure: false, step: movement.step })
 }
 
 /// Evidence in bits for numbers that are short in decimal although their low bits are not zero, as if somebody had

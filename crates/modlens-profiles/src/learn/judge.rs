@@ -10,12 +10,12 @@ use std::fmt::Write;
 use crate::learn::floats::{float, SIZES};
 use crate::learn::movement::Movement;
 use crate::learn::whole::whole;
-use crate::points::{Convert, Value};
+use crate::points::{Conversion, Value};
 use crate::profile::{Order, Type};
 
 /// A hypothesis about the type and order of some registers, with the evidence for it.
 #[derive(Clone, Debug)]
-pub struct Claim {
+pub struct TypeHypothesis {
     /// The type.
     pub kind: Type,
     /// The order of registers and bytes.
@@ -55,19 +55,19 @@ pub(super) const WILD: f64 = 6_000.0;
 ///
 /// Hypotheses of one kind (floats or integers) are compared by how smoothly the number moves: each doubling of the mean
 /// step costs a bit.
-pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
+pub fn rank_types(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<TypeHypothesis> {
     let words = rows.first().map_or(0, |row| row.len());
     if !matches!(words, 2 | 4) || rows.iter().all(|row| row.iter().all(|&word| word == 0)) {
         return Vec::new();
     }
-    let mut claims: Vec<Claim> = Vec::new();
+    let mut claims: Vec<TypeHypothesis> = Vec::new();
     for (order, _) in Order::ALL {
         let values = bits_of(rows, words, order);
         claims.extend(float(&values, words, order, asked));
         claims.extend(whole(&values, words, order, asked));
     }
     for float in [false, true] {
-        let is_of_kind = |claim: &Claim| matches!(claim.kind, Type::F32 | Type::F64) == float;
+        let is_of_kind = |claim: &TypeHypothesis| matches!(claim.kind, Type::F32 | Type::F64) == float;
         let least_step =
             claims.iter().filter(|claim| is_of_kind(claim)).map(|claim| claim.step).fold(f64::MAX, f64::min).max(1.0);
         for claim in claims.iter_mut().filter(|claim| is_of_kind(claim)) {
@@ -92,17 +92,17 @@ pub fn judge(rows: &[&[u16]], asked: f64, usual: Option<Order>) -> Vec<Claim> {
     claims
 }
 
-/// Whether the bytes of two or four registers are a plausible float in this order. If one sample is not, `judge` does
+/// Whether the bytes of two or four registers are a plausible float in this order. If one sample is not, `rank_types` does
 /// not consider a float.
 pub fn sensible_float(registers: &[u8], order: Order) -> bool {
     let kind = if registers.len() == 4 { Type::F32 } else { Type::F64 };
-    let number = Convert::of_type(kind, order).value(registers, None).number();
+    let number = Conversion::of_type(kind, order).value(registers, None).number();
     number.is_some_and(|number| number == 0.0 || SIZES.contains(&number.abs()))
 }
 
 /// The samples as integers, with the registers and bytes in this order.
 fn bits_of(rows: &[&[u16]], words: usize, order: Order) -> Vec<u64> {
-    let convert = Convert::of_type(if words == 2 { Type::U32 } else { Type::U64 }, order);
+    let convert = Conversion::of_type(if words == 2 { Type::U32 } else { Type::U64 }, order);
     let bits = |row: &&[u16]| {
         let mut bytes = [0; 8];
         for (pair, word) in bytes.chunks_exact_mut(2).zip(*row) {
@@ -163,7 +163,7 @@ mod tests {
 
     fn best(rows: &[[u16; 2]]) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
-        let claims = judge(&rows, 0.0, None);
+        let claims = rank_types(&rows, 0.0, None);
         claims.first().filter(|claim| claim.sure).map(|claim| (claim.kind, claim.order))
     }
 
@@ -190,7 +190,7 @@ mod tests {
 
     fn claimed(rows: &[[u16; 2]], usual: Option<Order>) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
-        judge(&rows, 0.0, usual).first().filter(|claim| claim.sure).map(|claim| (claim.kind, claim.order))
+        rank_types(&rows, 0.0, usual).first().filter(|claim| claim.sure).map(|claim| (claim.kind, claim.order))
     }
 
     #[test]

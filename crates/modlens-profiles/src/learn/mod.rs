@@ -6,4 +6,4 @@ mod movement;
 pub mod text;
 mod whole;
 
-pub use judge::{judge, sensible_float, Claim, AHEAD};
+pub use judge::{rank_types, sensible_float, TypeHypothesis, AHEAD};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 /// Consecutive registers that hold a text.
-pub struct Run {
+pub struct TextRun {
     /// Address of the first register.
     pub address: u16,
     /// The number of registers.
@@ -20,7 +20,7 @@ const MIN_LETTERS: usize = 4;
 const LONG_TEXT_BYTES: usize = 8;
 
 /// Finds the texts among constant registers, given by address.
-pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<Run> {
+pub fn runs(constant: &BTreeMap<u16, u16>) -> Vec<TextRun> {
     let mut found = Vec::new();
     let mut run: Vec<(u16, u16)> = Vec::new();
     for (&address, &word) in constant {
@@ -46,7 +46,7 @@ fn holds_letters(word: u16) -> bool {
 }
 
 /// The text of a run of registers, if it looks like one, in the byte order that makes it look more like a text.
-fn finish(run: &[(u16, u16)]) -> Option<Run> {
+fn finish(run: &[(u16, u16)]) -> Option<TextRun> {
     let run = &run[run.iter().position(|(_, word)| !word.to_be_bytes().contains(&0))?..];
     let straight: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_be_bytes()).collect();
     let swapped: Vec<u8> = run.iter().flat_map(|(_, word)| word.to_le_bytes()).collect();
@@ -60,7 +60,7 @@ fn finish(run: &[(u16, u16)]) -> Option<Run> {
         return None;
     }
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\0', ' ']).to_owned();
-    Some(Run { address: run[0].0, count: run.len() as u16, text, swapped: is_swapped })
+    Some(TextRun { address: run[0].0, count: run.len() as u16, text, swapped: is_swapped })
 }
 
 /// How little the bytes look like a text: counts changes between capitals, small letters, digits and other characters,

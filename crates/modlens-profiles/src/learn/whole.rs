@@ -1,6 +1,6 @@
 //! The evidence that registers are an integer.
 
-use crate::learn::judge::{asked_for, coupling, span, Claim, CARRY, ENOUGH, WILD};
+use crate::learn::judge::{asked_for, coupling, span, TypeHypothesis, CARRY, ENOUGH, WILD};
 use crate::learn::movement::Movement;
 use crate::profile::{Order, Type};
 
@@ -12,7 +12,7 @@ const CONSTANT_UPPER_BITS: f64 = 3.5;
 
 /// The hypothesis that the registers are an integer in the order that `values` were loaded with; `None` if the evidence
 /// is too weak.
-pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<Claim> {
+pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<TypeHypothesis> {
     let movement = Movement::of(values, words, false);
     let width = 16 * words as u32;
     let top = |value: u64| value >> (width - 16);
@@ -60,7 +60,7 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<C
     };
     let numbers: Vec<f64> = values.iter().map(number).collect();
     span(kind, &numbers, &mut reason);
-    Some(Claim { kind, order, bits, reason, sure: false, step: movement.step })
+    Some(TypeHypothesis { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
 /// Evidence in bits for an upper register that never changes, beside a lower one that does. It never suffices without

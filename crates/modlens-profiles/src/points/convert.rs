@@ -6,7 +6,7 @@ use crate::profile::{Decimal, Order, Point, Sentinel, Type};
 
 /// How the registers of a point are converted.
 #[derive(Clone, Debug)]
-pub struct Convert {
+pub struct Conversion {
     /// Loads the registers as one integer, most significant byte first.
     load: fn(&[u8]) -> u64,
     /// The significant bits: shift to the right by `shift`, then keep `width` bits.
@@ -39,7 +39,7 @@ pub(super) enum TextBytes {
     Low,
 }
 
-impl Convert {
+impl Conversion {
     /// Chooses the conversion of a point.
     pub fn new(point: &Point) -> Self {
         let mut chosen = Self::of_type(point.kind, point.order);

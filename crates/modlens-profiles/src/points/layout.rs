@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// An entry of a layout: a value that begins at an address, or a bare register or bit that belongs to no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Step {
+pub struct LayoutEntry {
     /// The address of its first register or bit.
     pub address: u16,
     /// Index of its fast decoder in `Plan::shortcuts`.
@@ -17,7 +17,7 @@ pub struct Step {
     compiled: u32,
 }
 
-impl Step {
+impl LayoutEntry {
     pub(super) fn value(address: u16, shortcut: u16, compiled: u32) -> Self {
         Self { address, shortcut, compiled }
     }
@@ -36,18 +36,18 @@ impl Step {
 
 /// A part of a block. Addresses may exceed 65535 here if a block does.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Piece {
+pub enum LayoutPart {
     /// Addresses without any point of the plan nearby.
     Bare(Range<usize>),
     /// A range of the layout's steps, all of them complete values or bare registers.
     Steps(Range<usize>),
     /// Registers in which a value may be cut off by the end of the block.
-    Edge(Edge),
+    PartialBlock(PartialBlock),
 }
 
 /// The registers at one end of a block, up to the next clean address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Edge {
+pub struct PartialBlock {
     /// The addresses of the registers.
     pub place: Range<usize>,
     /// The range of the layout's steps that begin in them.
@@ -74,7 +74,7 @@ const MAX_GAP_REGISTERS: usize = 64;
 impl Layout {
     /// Lays out values `(address, width, step)`, sorted by address, and appends their steps and those of the bare
     /// registers between them.
-    pub fn new(values: &[(u16, u16, Step)], steps: &mut Vec<Step>) -> Self {
+    pub fn new(values: &[(u16, u16, LayoutEntry)], steps: &mut Vec<LayoutEntry>) -> Self {
         let mut regions: Vec<Region> = Vec::new();
         let mut values_end = 0;
         let mut next = values.iter().peekable();
@@ -91,7 +91,7 @@ impl Layout {
                     steps.push(*step);
                 }
                 if values_end <= at {
-                    steps.push(Step::bare(at as u16));
+                    steps.push(LayoutEntry::bare(at as u16));
                 }
             }
             regions.push(region);
@@ -100,14 +100,14 @@ impl Layout {
     }
 
     /// Splits a block of `count` registers or bits from address `first` into parts.
-    pub fn pieces(&self, first: u16, count: usize, mut piece: impl FnMut(Piece)) {
+    pub fn pieces(&self, first: u16, count: usize, mut piece: impl FnMut(LayoutPart)) {
         let (mut at, end) = (usize::from(first), usize::from(first) + count);
         for region in &self.regions[self.regions.partition_point(|region| region.end() <= at)..] {
             if region.first >= end {
                 break;
             }
             if at < region.first {
-                piece(Piece::Bare(at..region.first));
+                piece(LayoutPart::Bare(at..region.first));
                 at = region.first;
             }
             let block_end = end.min(region.end());
@@ -115,7 +115,7 @@ impl Layout {
             at = block_end;
         }
         if at < end {
-            piece(Piece::Bare(at..end));
+            piece(LayoutPart::Bare(at..end));
         }
     }
 }
@@ -127,17 +127,18 @@ impl Region {
 
     /// Splits the part of a block that lies inside this region: the clean middle, and an edge before and after it.
     #[inline]
-    fn pieces(&self, block: Range<usize>, piece: &mut impl FnMut(Piece)) {
+    fn pieces(&self, block: Range<usize>, piece: &mut impl FnMut(LayoutPart)) {
         let clean = |at: &usize| self.borders[at - self.first].1;
         let step = |at: usize| self.borders[at - self.first].0 as usize;
-        let edge = |place: Range<usize>| Piece::Edge(Edge { steps: step(place.start)..step(place.end), place });
+        let edge =
+            |place: Range<usize>| LayoutPart::PartialBlock(PartialBlock { steps: step(place.start)..step(place.end), place });
         let Some(from) = (block.start..=block.end).find(clean) else { return piece(edge(block)) };
         let to = (from..=block.end).rev().find(clean).unwrap_or(from);
         if block.start < from {
             piece(edge(block.start..from));
         }
         if from < to {
-            piece(Piece::Steps(step(from)..step(to)));
+            piece(LayoutPart::Steps(step(from)..step(to)));
         }
         if to < block.end {
             piece(edge(to..block.end));

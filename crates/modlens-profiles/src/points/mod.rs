@@ -18,16 +18,16 @@ use crate::profile::{Point, Profile};
 use modlens_protocol::register_type::Space;
 
 use layout::Layout;
-use shortcut::{Shortcut, NOTHING};
+use shortcut::{FastDecoder, NOTHING};
 
-pub use convert::Convert;
-pub use layout::{Edge, Piece, Step};
+pub use convert::Conversion;
+pub use layout::{LayoutEntry, LayoutPart, PartialBlock};
 pub use value::{push_float, Value};
 
 /// One value of a point, ready for decoding. A point with several values (an array) is compiled to one of these per
 /// value.
 #[derive(Clone, Debug)]
-pub struct Compiled {
+pub struct CompiledPoint {
     /// Address of its first register or bit.
     pub address: u16,
     /// The number of registers or bits that it takes.
@@ -36,9 +36,9 @@ pub struct Compiled {
     pub name: String,
     /// Index of the point in the profile.
     pub point: u32,
-    /// Index of the scale factor that it needs, in `Bound::factors`.
+    /// Index of the scale factor that it needs, in `PlanInstance::factors`.
     pub factor: Option<u16>,
-    convert: Convert,
+    convert: Conversion,
     /// Index in `Plan::shortcuts`.
     shortcut: u16,
 }
@@ -48,25 +48,25 @@ pub struct Compiled {
 pub struct Plan {
     /// The profile that was compiled.
     pub profile: Profile,
-    compiled: Vec<Compiled>,
+    compiled: Vec<CompiledPoint>,
     /// For each table (coils, discrete inputs, input registers, holding registers), its index range in `compiled`,
     /// where the values of a table are sorted by address.
     spaces: [(u32, u32); 4],
     /// Fast decoders for numbers, shared by all points that are encoded alike. The first one decodes a register without
     /// a point.
-    shortcuts: Vec<Shortcut>,
+    shortcuts: Vec<FastDecoder>,
     /// For each table, where its addresses are found in `steps`.
     layouts: [Layout; 4],
-    steps: Vec<Step>,
+    steps: Vec<LayoutEntry>,
     /// The values that contain scale factors, as indices into `compiled`.
     holders: Vec<u32>,
-    wide: Vec<Wide>,
+    wide: Vec<MultiRegisterPoint>,
 }
 
 /// A number of several registers. Its register and byte order matters, so it is checked against the traffic (see
 /// `watch`).
 #[derive(Clone, Copy, Debug)]
-pub struct Wide {
+pub struct MultiRegisterPoint {
     /// The table that it belongs to.
     pub space: Space,
     /// Address of its first register.
@@ -79,7 +79,7 @@ pub struct Wide {
 
 /// A plan as it applies to one unit at one moment: with the scale factors that were last read from the unit.
 #[derive(Clone, Debug)]
-pub struct Bound {
+pub struct PlanInstance {
     /// The plan.
     pub plan: Arc<Plan>,
     /// The power of ten of each scale factor in `Plan::holders`; `None` until it was read.
@@ -89,14 +89,14 @@ pub struct Bound {
 impl Plan {
     /// Compiles a profile.
     pub fn new(profile: Profile) -> Self {
-        let mut plan = Self { profile, shortcuts: vec![Shortcut::BARE], ..Self::default() };
+        let mut plan = Self { profile, shortcuts: vec![FastDecoder::BARE], ..Self::default() };
         plan.compile();
         plan.wide = (0..plan.compiled.len() as u32).filter_map(|index| plan.wide_number(index)).collect();
         for (space, layout) in Space::ALL.iter().zip(&mut plan.layouts) {
             let (start, end) = plan.spaces[space.0 as usize];
             let values = (start..end).map(|index| {
                 let value = &plan.compiled[index as usize];
-                (value.address, value.width, Step::value(value.address, value.shortcut, index))
+                (value.address, value.width, LayoutEntry::value(value.address, value.shortcut, index))
             });
             *layout = Layout::new(&values.collect::<Vec<_>>(), &mut plan.steps);
         }
@@ -110,13 +110,13 @@ impl Plan {
         let mut holders: Vec<(u16, String)> = self.profile.points.iter().filter_map(scale_factor_of).collect();
         holders.sort_unstable();
         holders.dedup();
-        let mut all: Vec<(Space, Compiled)> = Vec::new();
+        let mut all: Vec<(Space, CompiledPoint)> = Vec::new();
         for (i, point) in self.profile.points.iter().enumerate() {
             let factor = scale_factor_of(point).and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
-            let convert = Convert::new(point);
-            let shortcut = shared(&mut self.shortcuts, Shortcut::new(point, &convert, factor));
+            let convert = Conversion::new(point);
+            let shortcut = shared(&mut self.shortcuts, FastDecoder::new(point, &convert, factor));
             let (address, width) = (point.address, point.step());
-            let base = Compiled { address, width, name: String::new(), point: i as u32, factor, convert, shortcut };
+            let base = CompiledPoint { address, width, name: String::new(), point: i as u32, factor, convert, shortcut };
             all.extend(values(point, &base).map(|compiled| (point.space, compiled)));
         }
         all.sort_by_key(|(space, compiled)| (*space, compiled.address));
@@ -137,55 +137,55 @@ impl Plan {
 
     /// The value with this index.
     #[inline]
-    pub fn compiled(&self, index: u32) -> &Compiled {
+    pub fn compiled(&self, index: u32) -> &CompiledPoint {
         &self.compiled[index as usize]
     }
 
-    /// The value as a `Wide`, if it is a number of several registers.
-    fn wide_number(&self, compiled: u32) -> Option<Wide> {
+    /// The value as a `MultiRegisterPoint`, if it is a number of several registers.
+    fn wide_number(&self, compiled: u32) -> Option<MultiRegisterPoint> {
         let value = self.compiled(compiled);
         let point = self.point(value);
-        let wide = Wide { space: point.space, address: value.address, width: value.width, compiled };
+        let wide = MultiRegisterPoint { space: point.space, address: value.address, width: value.width, compiled };
         (value.width > 1 && point.kind.number()).then_some(wide)
     }
 
     /// The numbers of several registers, sorted by table and address.
-    pub fn wide(&self) -> &[Wide] {
+    pub fn wide(&self) -> &[MultiRegisterPoint] {
         &self.wide
     }
 
     /// All values, sorted by table and address.
-    pub fn all(&self) -> &[Compiled] {
+    pub fn all(&self) -> &[CompiledPoint] {
         &self.compiled
     }
 
     /// The point that a value belongs to.
     #[inline]
-    pub fn point(&self, compiled: &Compiled) -> &Point {
+    pub fn point(&self, compiled: &CompiledPoint) -> &Point {
         &self.profile.points[compiled.point as usize]
     }
 
-    /// The steps of all layouts, to which the ranges of `Piece::Steps` and `Edge::steps` refer.
+    /// The steps of all layouts, to which the ranges of `LayoutPart::Steps` and `PartialBlock::steps` refer.
     #[inline]
-    pub fn steps(&self) -> &[Step] {
+    pub fn steps(&self) -> &[LayoutEntry] {
         &self.steps
     }
 
     /// Splits a block of `count` registers or bits from address `first` into parts: slices of `steps`, bare registers,
     /// and edges.
     #[inline]
-    pub fn pieces(&self, space: Space, first: u16, count: usize, piece: impl FnMut(Piece)) {
+    pub fn pieces(&self, space: Space, first: u16, count: usize, piece: impl FnMut(LayoutPart)) {
         self.layouts[space as usize].pieces(first, count, piece);
     }
 
     /// Lists the steps of an edge by address: the values that lie completely inside it, and every register that belongs
     /// to none of those.
-    pub fn edge(&self, edge: &Edge, mut step: impl FnMut(Step)) {
+    pub fn edge(&self, edge: &PartialBlock, mut step: impl FnMut(LayoutEntry)) {
         // Registers before `covered` belong to steps that were passed on already.
         let mut covered = edge.place.start;
         for entry in &self.steps[edge.steps.clone()] {
             let first = usize::from(entry.address);
-            (covered..first).for_each(|address| step(Step::bare(address as u16)));
+            (covered..first).for_each(|address| step(LayoutEntry::bare(address as u16)));
             covered = covered.max(first);
             let end = first + usize::from(self.shortcuts[usize::from(entry.shortcut)].width);
             if end <= edge.place.end {
@@ -193,16 +193,16 @@ impl Plan {
                 covered = covered.max(end);
             }
         }
-        (covered..edge.place.end).for_each(|address| step(Step::bare(address as u16)));
+        (covered..edge.place.end).for_each(|address| step(LayoutEntry::bare(address as u16)));
     }
 
     /// Lists the steps of a block of `count` registers or bits, by address: the values that lie completely inside it,
     /// and every register or bit that belongs to none of those.
-    pub fn block(&self, space: Space, first: u16, count: usize, mut step: impl FnMut(Step)) {
+    pub fn block(&self, space: Space, first: u16, count: usize, mut step: impl FnMut(LayoutEntry)) {
         self.pieces(space, first, count, |piece| match piece {
-            Piece::Bare(place) => place.for_each(|address| step(Step::bare(address as u16))),
-            Piece::Steps(steps) => self.steps[steps].iter().for_each(|entry| step(*entry)),
-            Piece::Edge(edge) => self.edge(&edge, &mut step),
+            LayoutPart::Bare(place) => place.for_each(|address| step(LayoutEntry::bare(address as u16))),
+            LayoutPart::Steps(steps) => self.steps[steps].iter().for_each(|entry| step(*entry)),
+            LayoutPart::PartialBlock(edge) => self.edge(&edge, &mut step),
         });
     }
 }
@@ -213,8 +213,8 @@ const MAX_SHORTCUTS: usize = 1024;
 
 /// The index of a fast decoder, which is added if no point has needed it before. The points of a plan need few
 /// different ones.
-fn shared(shortcuts: &mut Vec<Shortcut>, wanted: Shortcut) -> u16 {
-    let wanted = if shortcuts.len() < MAX_SHORTCUTS { wanted } else { Shortcut::general(wanted.width) };
+fn shared(shortcuts: &mut Vec<FastDecoder>, wanted: FastDecoder) -> u16 {
+    let wanted = if shortcuts.len() < MAX_SHORTCUTS { wanted } else { FastDecoder::general(wanted.width) };
     let known = shortcuts.iter().position(|known| *known == wanted);
     known.unwrap_or_else(|| {
         shortcuts.push(wanted);
@@ -223,16 +223,16 @@ fn shared(shortcuts: &mut Vec<Shortcut>, wanted: Shortcut) -> u16 {
 }
 
 /// The values of a point: one, or the items of an array at consecutive addresses.
-fn values<'a>(point: &'a Point, base: &'a Compiled) -> impl Iterator<Item = Compiled> + 'a {
+fn values<'a>(point: &'a Point, base: &'a CompiledPoint) -> impl Iterator<Item = CompiledPoint> + 'a {
     let (width, length) = (point.step(), point.length());
-    (0..length).map(move |i| Compiled {
+    (0..length).map(move |i| CompiledPoint {
         address: point.address + i * width,
         name: if length > 1 { format!("{}[{i}]", point.name) } else { point.name.clone() },
         ..base.clone()
     })
 }
 
-impl Bound {
+impl PlanInstance {
     /// A plan with no scale factor known yet.
     pub fn new(plan: Arc<Plan>) -> Self {
         let factors = vec![None; plan.holders.len()];
@@ -255,7 +255,7 @@ impl Bound {
     /// The value of a point, from the bytes of its registers. `Value::Missing` if its scale factor has not been read
     /// yet.
     #[inline]
-    pub fn value<'p>(&'p self, compiled: &'p Compiled, bytes: &[u8]) -> Value<'p> {
+    pub fn value<'p>(&'p self, compiled: &'p CompiledPoint, bytes: &[u8]) -> Value<'p> {
         let factor = match compiled.factor {
             None => None,
             // An unknown factor is not guessed.
@@ -269,7 +269,7 @@ impl Bound {
 
     /// Passes on the numbers of consecutive steps in a block of registers, `NOTHING` for a step without a number. A
     /// tight loop over fast decoders, which gives the same numbers as `value` does one at a time.
-    pub fn numbers(&self, steps: &[Step], first: u16, bytes: &[u8], part: &mut Part, each: impl FnMut(&[f64])) {
+    pub fn numbers(&self, steps: &[LayoutEntry], first: u16, bytes: &[u8], part: &mut NumberBuffer, each: impl FnMut(&[f64])) {
         let (shortcuts, factors) = (&self.plan.shortcuts[..], &self.factors[..]);
         part.of(steps, each, |step| {
             let at = 2 * usize::from(step.address.wrapping_sub(first));
@@ -280,20 +280,20 @@ impl Bound {
 
     /// The number of a step by the general path through a `Value`, for points that the fast decoders do not cover.
     #[cold]
-    fn long_number(&self, step: Step, bytes: &[u8], at: usize) -> f64 {
+    fn long_number(&self, step: LayoutEntry, bytes: &[u8], at: usize) -> f64 {
         let compiled = step.compiled().map(|index| self.plan.compiled(index));
         let registers = compiled.and_then(|value| Some((value, bytes.get(at..at + 2 * usize::from(value.width))?)));
         registers.and_then(|(value, bytes)| self.value(value, bytes).number()).unwrap_or(NOTHING)
     }
 
     /// The value of a coil or discrete input.
-    pub fn bit<'p>(&'p self, compiled: &'p Compiled, bit: i32) -> Value<'p> {
-        self.labelled(compiled, Convert::bit(bit), || Some(i128::from(bit)))
+    pub fn bit<'p>(&'p self, compiled: &'p CompiledPoint, bit: i32) -> Value<'p> {
+        self.labelled(compiled, Conversion::bit(bit), || Some(i128::from(bit)))
     }
 
     /// Replaces a number by its label or by the labels of its set bits, if the profile has any for the raw number.
     #[inline]
-    fn labelled<'p>(&'p self, compiled: &'p Compiled, value: Value<'static>, raw: impl Fn() -> Option<i128>) -> Value<'p> {
+    fn labelled<'p>(&'p self, compiled: &'p CompiledPoint, value: Value<'static>, raw: impl Fn() -> Option<i128>) -> Value<'p> {
         let point = self.plan.point(compiled);
         if point.labels.is_empty() && point.bit_labels.is_empty() {
             return value;
@@ -344,15 +344,15 @@ impl Bound {
 const PART_NUMBERS: usize = 64;
 
 /// A buffer for the numbers that are passed on at a time.
-pub struct Part([f64; PART_NUMBERS]);
+pub struct NumberBuffer([f64; PART_NUMBERS]);
 
-impl Default for Part {
+impl Default for NumberBuffer {
     fn default() -> Self {
         Self([NOTHING; PART_NUMBERS])
     }
 }
 
-impl Part {
+impl NumberBuffer {
     /// Computes the number of each item and passes the numbers on, one buffer at a time.
     #[inline]
     pub fn of<T>(&mut self, items: &[T], mut each: impl FnMut(&[f64]), number: impl Fn(&T) -> f64) {
@@ -366,10 +366,10 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::Form;
+    use crate::profile::ProfileFormat;
 
     fn plan(registers: &str) -> Arc<Plan> {
-        Arc::new(Plan::new(Profile::parse(&format!("profile = 1\n{registers}"), Form::Toml).unwrap()))
+        Arc::new(Plan::new(Profile::parse(&format!("profile = 1\n{registers}"), ProfileFormat::Toml).unwrap()))
     }
 
     fn steps(plan: &Plan, first: u16, count: usize) -> Vec<(u16, Option<String>)> {
@@ -398,7 +398,7 @@ mod tests {
         let names: Vec<_> = steps(&plan, 5, 3).into_iter().map(|(item, name)| (item, name.unwrap())).collect();
         let expected = [(0, "run"), (0, "mode"), (1, "t[0]"), (2, "t[1]")];
         assert_eq!(names, expected.map(|(item, name)| (item, name.to_owned())));
-        let bound = Bound::new(Arc::clone(&plan));
+        let bound = PlanInstance::new(Arc::clone(&plan));
         let mode = plan.all().iter().find(|value| value.name == "mode").unwrap();
         assert_eq!(bound.value(mode, &[0x00, 0b0101_0001]), Value::Decimal(5, 0));
     }
@@ -407,7 +407,7 @@ mod tests {
     fn a_scaled_value_is_missing_until_its_factor_was_read() {
         let plan =
             plan("[[registers]]\nat='hr:1'\nname='w'\nsf='w_sf'\n[[registers]]\nat='hr:2'\nname='w_sf'\ntype='s16'\nnan=0x8000");
-        let bound = Bound::new(Arc::clone(&plan));
+        let bound = PlanInstance::new(Arc::clone(&plan));
         let w = &plan.all()[0];
         assert_eq!(bound.value(w, &[0, 214]), Value::Missing);
         let bound = bound.learn(Space::Holding, 1, &[0, 214, 0xFF, 0xFF]).unwrap();

@@ -2,12 +2,12 @@
 //! factor, "no value" and labels, and unscaled floats. The results equal `Value::number` of the general conversion in
 //! `convert`.
 
-use crate::points::convert::{Convert, Interpretation};
+use crate::points::convert::{Conversion, Interpretation};
 use crate::profile::{Decimal, Order, Point, Sentinel, Type};
 
 /// How the number of a point is decoded. Points that are encoded alike share one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shortcut {
+pub struct FastDecoder {
     /// The number of registers or bits that a value takes.
     pub width: u16,
     kind: DecoderKind,
@@ -66,7 +66,7 @@ const POWERS: [f64; 23] = [
     1e22,
 ];
 
-impl Shortcut {
+impl FastDecoder {
     /// The decoder of a register without a point.
     pub const BARE: Self = Self { width: 1, kind: DecoderKind::Plain, integer: IntegerDecoder::BARE };
 
@@ -76,7 +76,7 @@ impl Shortcut {
     }
 
     /// Chooses the decoder of a point. `factor` is the index of its scale factor.
-    pub fn new(point: &Point, convert: &Convert, factor: Option<u16>) -> Self {
+    pub fn new(point: &Point, convert: &Conversion, factor: Option<u16>) -> Self {
         let (width, general) = (point.step(), Self::general(point.step()));
         let has_no_scale = point.scale.is_none() && point.offset.is_none() && factor.is_none();
         let is_unscaled = has_no_scale && point.nan.is_empty();
@@ -212,7 +212,7 @@ impl IntegerDecoder {
 
     /// The extraction of an integer point and the power of ten that its number must be multiplied with. `None` if the
     /// result would not be exact in an i64 and a float64.
-    fn for_point(point: &Point, convert: &Convert) -> Option<(Self, i32)> {
+    fn for_point(point: &Point, convert: &Conversion) -> Option<(Self, i32)> {
         let registers = point.kind.registers();
         let (shift, width, interpretation) = convert.part();
         if !matches!(interpretation, Interpretation::Unsigned | Interpretation::Signed) || registers > 2 {

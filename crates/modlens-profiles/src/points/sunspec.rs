@@ -5,7 +5,7 @@
 //! each with its number and its length; model number 65535 ends the chain (`SunSpec` Device Information Model
 //! Specification, 2021, section 6).
 
-use crate::profile::{Device, Form, Profile, SUNSPEC};
+use crate::profile::{Device, Profile, ProfileFormat, SUNSPEC};
 
 /// The addresses at which the specification allows the marker.
 const BASES: [u16; 3] = [40_000, 50_000, 0];
@@ -60,7 +60,7 @@ impl Chain {
         let mut whole = Profile { device, points: Vec::new() };
         for (scope, (number, at)) in self.models.iter().enumerate() {
             let text = SUNSPEC.iter().find(|(known, _)| known == number).map(|(_, text)| text);
-            let model = text.and_then(|text| Profile::parse(text, Form::Toml).ok());
+            let model = text.and_then(|text| Profile::parse(text, ProfileFormat::Toml).ok());
             for mut point in model.into_iter().flat_map(|model| model.points) {
                 point.scope = scope as u16;
                 let Some(address) = point.address.checked_add(*at) else { continue };

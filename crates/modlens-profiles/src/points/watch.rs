@@ -1,8 +1,8 @@
 //! Checks whether the values of a profile's points make sense in the register and byte order that the profile gives.
 //! The result becomes the finding `order_mismatch`.
 
-use crate::learn::{judge, sensible_float};
-use crate::points::{Plan, Wide};
+use crate::learn::{rank_types, sensible_float};
+use crate::points::{MultiRegisterPoint, Plan};
 use crate::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
 
@@ -14,7 +14,7 @@ const EVERY_ORDER: u8 = (1 << Order::ALL.len()) - 1;
 
 /// Samples of one unit's points that take more than one register. They are dropped once the point has been judged.
 #[derive(Debug, Default)]
-pub struct Watch {
+pub struct OrderCheck {
     /// The samples of each point in `Plan::wide`.
     points: Vec<Samples>,
     open: Open,
@@ -47,7 +47,7 @@ pub struct Mismatch {
     pub reason: String,
 }
 
-impl Watch {
+impl OrderCheck {
     /// Whether all points have been judged, which is the case for most of a recording.
     pub fn done(&self, plan: &Plan) -> bool {
         self.judged >= plan.wide().len()
@@ -60,7 +60,7 @@ impl Watch {
             return plan.wide().is_empty();
         }
         let Self { points, open, .. } = self;
-        let ready = |(at, wide, block): (usize, &Wide, &[u8])| points[at].after_adding(plan, wide, block).1;
+        let ready = |(at, wide, block): (usize, &MultiRegisterPoint, &[u8])| points[at].after_adding(plan, wide, block).1;
         if open.within(plan, space, first, bytes).any(ready) {
             return false;
         }
@@ -99,13 +99,13 @@ impl Watch {
 }
 
 impl Open {
-    fn add(&mut self, wide: &Wide) {
+    fn add(&mut self, wide: &MultiRegisterPoint) {
         let open = &mut self.0[wide.space as usize];
         open.resize(1024, 0);
         open[usize::from(wide.address) / 64] |= 1 << (wide.address % 64);
     }
 
-    fn close(&mut self, wide: &Wide) {
+    fn close(&mut self, wide: &MultiRegisterPoint) {
         self.0[wide.space as usize][usize::from(wide.address) / 64] &= !(1 << (wide.address % 64));
     }
 
@@ -117,12 +117,12 @@ impl Open {
         space: Space,
         first: u16,
         bytes: &'a [u8],
-    ) -> impl Iterator<Item = (usize, &'a Wide, &'a [u8])> {
+    ) -> impl Iterator<Item = (usize, &'a MultiRegisterPoint, &'a [u8])> {
         let end = usize::from(first) + bytes.len() / 2;
         let any = self.any(space, first, end);
         let first_index =
             if any { plan.wide().partition_point(|wide| (wide.space, wide.address) < (space, first)) } else { usize::MAX };
-        let within = move |(_, wide): &(usize, &Wide)| wide.space == space && usize::from(wide.address) < end;
+        let within = move |(_, wide): &(usize, &MultiRegisterPoint)| wide.space == space && usize::from(wide.address) < end;
         plan.wide().iter().enumerate().skip(first_index).take_while(within).filter_map(move |(at, wide)| {
             let start = 2 * usize::from(wide.address - first);
             let block = bytes.get(start..start + 2 * usize::from(wide.width))?;
@@ -152,7 +152,7 @@ impl Open {
 impl Samples {
     /// The orders that are ruled out for a float once this sample is added (as in `implausible_orders`), and whether there are then
     /// enough samples to judge.
-    fn after_adding(&self, plan: &Plan, wide: &Wide, block: &[u8]) -> (u8, bool) {
+    fn after_adding(&self, plan: &Plan, wide: &MultiRegisterPoint, block: &[u8]) -> (u8, bool) {
         let point = plan.point(plan.compiled(wide.compiled));
         let mut implausible_orders = self.implausible_orders;
         if is_float(point.kind) {
@@ -166,7 +166,7 @@ impl Samples {
     }
 
     /// Adds a sample. Returns whether there are now enough to judge.
-    fn add(&mut self, plan: &Plan, wide: &Wide, block: &[u8]) -> bool {
+    fn add(&mut self, plan: &Plan, wide: &MultiRegisterPoint, block: &[u8]) -> bool {
         let (implausible_orders, enough) = self.after_adding(plan, wide, block);
         self.implausible_orders = implausible_orders;
         if implausible_orders == EVERY_ORDER {
@@ -180,11 +180,11 @@ impl Samples {
     }
 
     /// Judges a point: the mismatch, if another order is clearly more plausible than that of the profile.
-    fn mismatch(&self, plan: &Plan, wide: &Wide) -> Option<Mismatch> {
+    fn mismatch(&self, plan: &Plan, wide: &MultiRegisterPoint) -> Option<Mismatch> {
         let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide.width);
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide.width)).filter(|_| enough).collect();
         let point = plan.point(plan.compiled(wide.compiled));
-        let claims = judge(&rows, 0.0, None);
+        let claims = rank_types(&rows, 0.0, None);
         let best = claims.first().filter(|claim| claim.sure && claim.order != point.order)?;
         // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings
         // as an integer.

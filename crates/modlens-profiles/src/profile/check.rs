@@ -1,28 +1,28 @@
 //! Checks a tree and converts it to a profile. Every key is checked, whatever is wrong with the others.
 
-use crate::profile::keys::{similar_word, Key, DEVICE, FILE, POINT};
+use crate::profile::keys::{similar_word, ProfileKey, DEVICE, FILE, POINT};
 use crate::profile::kinds::{Access, Decimal, Order, Type};
-use crate::profile::node::{Entry, Node, Value};
-use crate::profile::place::{self, Place};
-use crate::profile::{Base, Device, Lines, Mistake, Point, Profile, Sentinel};
+use crate::profile::node::{SourceEntry, SourceNode, SourceValue};
+use crate::profile::place::{self, PointAddress};
+use crate::profile::{AddressBase, Device, KeyLines, Mistake, Point, Profile, Sentinel};
 
 /// The profile of a tree, as far as it can be understood. Mistakes are added to `mistakes`.
-pub fn profile(tree: &Node, mistakes: &mut Vec<Mistake>) -> Profile {
+pub fn profile(tree: &SourceNode, mistakes: &mut Vec<Mistake>) -> Profile {
     let mut check = Checker { mistakes };
-    if !matches!(tree.value, Value::Map(_)) {
+    if !matches!(tree.value, SourceValue::Map(_)) {
         check.report(tree.line, "", format!("a profile is a table, not {}", tree.kind()));
         return Profile::default();
     }
     check.known(tree, "", FILE.iter().copied());
     match tree.get("profile").map(|node| (&node.value, node)) {
-        Some((Value::Integer(1), _)) => {}
+        Some((SourceValue::Integer(1), _)) => {}
         Some((_, node)) => check.report(node.line, "profile", format!("is 1, the version of this format, not {}", node.shown())),
         None => check.report(1, "profile", "is missing; the file begins with profile = 1".into()),
     }
     let device = tree.get("device").map_or_else(Device::default, |node| check.device(node));
     let mut points = Vec::new();
     match tree.get("registers").map(|node| (&node.value, node)) {
-        Some((Value::List(items), _)) => {
+        Some((SourceValue::List(items), _)) => {
             points.extend(items.iter().enumerate().filter_map(|(i, node)| check.point(node, i, &device)));
         }
         Some((_, node)) => check.report(node.line, "registers", format!("takes a list of points, not {}", node.kind())),
@@ -38,7 +38,7 @@ struct Checker<'m> {
 
 /// A table of the file and the path to it.
 struct Table<'t> {
-    node: &'t Node,
+    node: &'t SourceNode,
     path: String,
 }
 
@@ -55,7 +55,7 @@ impl Checker<'_> {
     }
 
     /// Reports keys that are not known, with a similar known key as a hint, and keys that occur twice.
-    fn known<'a>(&mut self, node: &Node, path: &str, known: impl Iterator<Item = &'a str> + Clone) {
+    fn known<'a>(&mut self, node: &SourceNode, path: &str, known: impl Iterator<Item = &'a str> + Clone) {
         let mut seen: Vec<&str> = Vec::new();
         for entry in node.entries() {
             let key = if path.is_empty() { entry.key.clone() } else { format!("{path}.{}", entry.key) };
@@ -75,8 +75,8 @@ impl Checker<'_> {
     }
 
     /// The table at this path, after its keys were checked; `None` if it is not a table.
-    fn table<'t>(&mut self, node: &'t Node, path: String, keys: &'static [Key]) -> Option<Table<'t>> {
-        if !matches!(node.value, Value::Map(_)) {
+    fn table<'t>(&mut self, node: &'t SourceNode, path: String, keys: &'static [ProfileKey]) -> Option<Table<'t>> {
+        if !matches!(node.value, SourceValue::Map(_)) {
             self.report(node.line, &path, format!("takes a table, not {}", node.kind()));
             return None;
         }
@@ -85,7 +85,7 @@ impl Checker<'_> {
     }
 
     /// The value of a key, converted by `read`. If that fails, its error is reported as a mistake.
-    fn read<T>(&mut self, table: &Table<'_>, key: &str, read: impl FnOnce(&Node) -> Result<T, String>) -> Option<T> {
+    fn read<T>(&mut self, table: &Table<'_>, key: &str, read: impl FnOnce(&SourceNode) -> Result<T, String>) -> Option<T> {
         let node = table.node.get(key)?;
         match read(node) {
             Ok(value) => Some(value),
@@ -99,8 +99,8 @@ impl Checker<'_> {
     /// The text of a key; numbers are accepted as text.
     fn text(&mut self, table: &Table<'_>, key: &str) -> Option<String> {
         self.read(table, key, |node| match &node.value {
-            Value::Text(text) => Ok(text.clone()),
-            Value::Integer(_) | Value::Float(_) => Ok(node.shown()),
+            SourceValue::Text(text) => Ok(text.clone()),
+            SourceValue::Integer(_) | SourceValue::Float(_) => Ok(node.shown()),
             _ => Err(format!("takes a text, not {}", node.kind())),
         })
     }
@@ -108,7 +108,7 @@ impl Checker<'_> {
     /// The value of a key that takes one of some known words. Not case-sensitive.
     fn word<T: Copy>(&mut self, table: &Table<'_>, key: &str, known: &[(&'static str, T)]) -> Option<T> {
         let node = table.node.get(key)?;
-        let text = if let Value::Text(text) = &node.value { text.trim() } else { "" };
+        let text = if let SourceValue::Text(text) = &node.value { text.trim() } else { "" };
         let found = known.iter().find(|(word, _)| word.eq_ignore_ascii_case(text)).map(|(_, value)| *value);
         if found.is_none() {
             let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
@@ -124,17 +124,17 @@ impl Checker<'_> {
     }
 
     /// Checks the table `[device]`.
-    fn device(&mut self, node: &Node) -> Device {
+    fn device(&mut self, node: &SourceNode) -> Device {
         let Some(table) = self.table(node, "device".into(), DEVICE) else { return Device::default() };
-        let codes = |node: &Node| {
+        let codes = |node: &SourceNode| {
             list(node, |item| match item.value {
-                Value::Integer(code @ 1..=127) => Ok(code as u8),
+                SourceValue::Integer(code @ 1..=127) => Ok(code as u8),
                 _ => Err(format!("takes function codes from 1 to 127, not {}", item.shown())),
             })
         };
-        let names = |node: &Node| {
+        let names = |node: &SourceNode| {
             list(node, |item| match &item.value {
-                Value::Text(text) => Ok(text.clone()),
+                SourceValue::Text(text) => Ok(text.clone()),
                 _ => Err(format!("takes a list of names, not {}", item.shown())),
             })
         };
@@ -155,7 +155,7 @@ impl Checker<'_> {
     }
 
     /// Checks one point of `[[registers]]`. `None` if it has no usable address or name.
-    fn point(&mut self, node: &Node, index: usize, device: &Device) -> Option<Point> {
+    fn point(&mut self, node: &SourceNode, index: usize, device: &Device) -> Option<Point> {
         let table = self.table(node, format!("registers[{index}]"), POINT)?;
         for key in ["at", "name"] {
             if node.get(key).is_none() {
@@ -163,7 +163,7 @@ impl Checker<'_> {
             }
         }
         let at = self.read(&table, "at", |node| match &node.value {
-            Value::Text(text) => place::parse(text, device.address_base),
+            SourceValue::Text(text) => place::parse(text, device.address_base),
             _ => Err(format!("takes a text such as \"hr:0x00CD\", not {}", node.shown())),
         });
         let name = self.text(&table, "name").filter(|name| {
@@ -190,7 +190,7 @@ impl Checker<'_> {
         let nan = self.read(&table, "nan", |node| list(node, sentinel)).unwrap_or_default();
         let (sf, unit) = (self.text(&table, "sf"), self.text(&table, "unit"));
         let words = [self.text(&table, "group"), self.text(&table, "note")];
-        let Place { space, address, bits } = at?;
+        let PointAddress { space, address, bits } = at?;
         let single = space.bits() || bits.is_some_and(|(first, last)| first == last);
         let kind = kind.unwrap_or(if single { Type::Bool } else { Type::U16 });
         let type_registers = kind.registers();
@@ -213,7 +213,7 @@ impl Checker<'_> {
             group: words[0].clone(),
             note: words[1].clone(),
             scope: 0,
-            lines: Lines { index, at: line_of(node, "at"), name: line_of(node, "name"), sf: line_of(node, "sf") },
+            lines: KeyLines { index, at: line_of(node, "at"), name: line_of(node, "name"), sf: line_of(node, "sf") },
         };
         if !is_type_wrong {
             self.check_consistency(&table, &point, count);
@@ -267,7 +267,7 @@ impl Checker<'_> {
     /// The labels of a table number -> text, with numbers from `low` to `high`, sorted by number.
     fn labels(&mut self, table: &Table<'_>, key: &str, low: i64, high: i64) -> Vec<(i64, String)> {
         let Some(node) = table.node.get(key) else { return Vec::new() };
-        let Value::Map(entries) = &node.value else {
+        let SourceValue::Map(entries) = &node.value else {
             self.report(node.line, &table.path(key), format!("takes a table of number = \"label\", not {}", node.kind()));
             return Vec::new();
         };
@@ -284,12 +284,12 @@ impl Checker<'_> {
 }
 
 /// The line of a key, or of its table if the key is absent.
-fn line_of(node: &Node, key: &str) -> u32 {
+fn line_of(node: &SourceNode, key: &str) -> u32 {
     node.get(key).map_or(node.line, |node| node.line)
 }
 
 /// One entry of a table of labels.
-fn label(entry: &Entry, low: i64, high: i64) -> Result<(i64, String), String> {
+fn label(entry: &SourceEntry, low: i64, high: i64) -> Result<(i64, String), String> {
     let text = entry.key.trim();
     let number = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => i64::from_str_radix(digits, 16).ok(),
@@ -300,52 +300,52 @@ fn label(entry: &Entry, low: i64, high: i64) -> Result<(i64, String), String> {
         return Err(format!("{number} is not from {low} to {high}"));
     }
     match &entry.node.value {
-        Value::Text(label) => Ok((number, label.clone())),
-        Value::Integer(_) | Value::Float(_) | Value::Bool(_) => Ok((number, entry.node.shown())),
+        SourceValue::Text(label) => Ok((number, label.clone())),
+        SourceValue::Integer(_) | SourceValue::Float(_) | SourceValue::Bool(_) => Ok((number, entry.node.shown())),
         _ => Err(format!("takes a text, not {}", entry.node.kind())),
     }
 }
 
 /// Converts the items of a list; a single value counts as a list of one.
-fn list<T>(node: &Node, read: impl Fn(&Node) -> Result<T, String>) -> Result<Vec<T>, String> {
+fn list<T>(node: &SourceNode, read: impl Fn(&SourceNode) -> Result<T, String>) -> Result<Vec<T>, String> {
     match &node.value {
-        Value::List(items) => items.iter().map(read).collect(),
+        SourceValue::List(items) => items.iter().map(read).collect(),
         _ => Ok(vec![read(node)?]),
     }
 }
 
 /// An integer from 1 to 65535.
-fn whole(node: &Node) -> Result<u16, String> {
+fn whole(node: &SourceNode) -> Result<u16, String> {
     match node.value {
-        Value::Integer(number @ 1..=0xFFFF) => Ok(number as u16),
+        SourceValue::Integer(number @ 1..=0xFFFF) => Ok(number as u16),
         _ => Err(format!("takes a whole number from 1 on, not {}", node.shown())),
     }
 }
 
 /// A decimal number, kept exactly.
-fn decimal(node: &Node) -> Result<Decimal, String> {
+fn decimal(node: &SourceNode) -> Result<Decimal, String> {
     let text = match &node.value {
-        Value::Integer(_) | Value::Float(_) => node.shown(),
+        SourceValue::Integer(_) | SourceValue::Float(_) => node.shown(),
         _ => return Err(format!("takes a number, not {}", node.shown())),
     };
     Decimal::parse(&text).ok_or_else(|| format!("takes a number of at most 18 digits, not {text}"))
 }
 
 /// A raw value that means "no value".
-fn sentinel(node: &Node) -> Result<Sentinel, String> {
+fn sentinel(node: &SourceNode) -> Result<Sentinel, String> {
     match &node.value {
-        Value::Integer(number) => Ok(Sentinel::Whole(*number)),
-        Value::Float(text) => text.parse().map(Sentinel::Float).map_err(|_| format!("{text} is no number")),
+        SourceValue::Integer(number) => Ok(Sentinel::Whole(*number)),
+        SourceValue::Float(text) => text.parse().map(Sentinel::Float).map_err(|_| format!("{text} is no number")),
         _ => Err(format!("takes a raw value or a list of them, not {}", node.shown())),
     }
 }
 
 /// The way in which a file counts addresses.
-fn base(node: &Node) -> Result<Base, String> {
+fn base(node: &SourceNode) -> Result<AddressBase, String> {
     match &node.value {
-        Value::Integer(0) => Ok(Base::Zero),
-        Value::Integer(1) => Ok(Base::One),
-        Value::Text(text) if text.eq_ignore_ascii_case("modicon") => Ok(Base::Modicon),
+        SourceValue::Integer(0) => Ok(AddressBase::Zero),
+        SourceValue::Integer(1) => Ok(AddressBase::One),
+        SourceValue::Text(text) if text.eq_ignore_ascii_case("modicon") => Ok(AddressBase::Modicon),
         _ => Err(format!("is 0, 1 or \"modicon\", not {}", node.shown())),
     }
 }

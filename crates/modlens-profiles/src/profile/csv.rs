@@ -9,11 +9,11 @@
 //! ```
 
 use crate::profile::keys::{ValueKind, DEVICE, POINT};
-use crate::profile::node::{Entry, Node, Value};
+use crate::profile::node::{SourceEntry, SourceNode, SourceValue};
 use crate::profile::Mistake;
 
 /// Parses CSV into a tree. Mistakes in the CSV itself are added to `mistakes`.
-pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
+pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> SourceNode {
     let text = text.trim_start_matches('\u{feff}');
     let mut device = Vec::new();
     let mut header: Option<Vec<String>> = None;
@@ -39,67 +39,75 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
     if header.is_none() {
         mistakes.push(Mistake::new(1, "at", "no line of keys such as at,name,type,scale,unit".into()));
     }
-    let entry = |key: &str, value| Entry { key: key.into(), line: 1, node: Node { line: 1, value } };
+    let entry = |key: &str, value| SourceEntry { key: key.into(), line: 1, node: SourceNode { line: 1, value } };
     let entries = vec![
-        entry("profile", Value::Integer(1)),
-        entry("device", Value::Map(device)),
-        entry("registers", Value::List(registers)),
+        entry("profile", SourceValue::Integer(1)),
+        entry("device", SourceValue::Map(device)),
+        entry("registers", SourceValue::List(registers)),
     ];
-    Node { line: 1, value: Value::Map(entries) }
+    SourceNode { line: 1, value: SourceValue::Map(entries) }
 }
 
 /// A setting of the device, from a line such as `#base=1`.
-fn parse_setting(setting: &str, line: u32, decimal_comma: bool) -> Option<Entry> {
+fn parse_setting(setting: &str, line: u32, decimal_comma: bool) -> Option<SourceEntry> {
     // A line that begins with # but has no = is a comment.
     let (key, value) = setting.split_once('=')?;
     let key = key.trim().to_ascii_lowercase();
     let key = if key == "base" { "address_base".to_owned() } else { key };
     let value_kind = DEVICE.iter().find(|known| known.key == key).map_or(ValueKind::Text, |known| known.value_kind);
-    Some(Entry { key, line, node: parse_cell(value_kind, value.trim(), line, decimal_comma) })
+    Some(SourceEntry { key, line, node: parse_cell(value_kind, value.trim(), line, decimal_comma) })
 }
 
 /// A point, from the header and a line of cells. Empty cells are left out.
-fn parse_point(header: &[String], cells: &[String], line: u32, decimal_comma: bool) -> Node {
+fn parse_point(header: &[String], cells: &[String], line: u32, decimal_comma: bool) -> SourceNode {
     let filled = header.iter().zip(cells).filter(|(_, cell)| !cell.trim().is_empty());
     let entries = filled.map(|(key, text)| {
         let value_kind = POINT.iter().find(|known| known.key == *key).map_or(ValueKind::Text, |known| known.value_kind);
-        Entry { key: key.clone(), line, node: parse_cell(value_kind, text.trim(), line, decimal_comma) }
+        SourceEntry { key: key.clone(), line, node: parse_cell(value_kind, text.trim(), line, decimal_comma) }
     });
-    Node { line, value: Value::Map(entries.collect()) }
+    SourceNode { line, value: SourceValue::Map(entries.collect()) }
 }
 
 /// Converts a cell to the kind of value that its key takes. Text that cannot be converted stays text, which the checks
 /// refuse with its line.
-fn parse_cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> Node {
-    let one =
-        |text: &str| Node { line, value: parse_number(text, decimal_comma).unwrap_or_else(|| Value::Text(text.to_owned())) };
+fn parse_cell(value_kind: ValueKind, text: &str, line: u32, decimal_comma: bool) -> SourceNode {
+    let one = |text: &str| SourceNode {
+        line,
+        value: parse_number(text, decimal_comma).unwrap_or_else(|| SourceValue::Text(text.to_owned())),
+    };
     let parts = || text.split(';').map(str::trim).filter(|part| !part.is_empty());
     let value = match value_kind {
         ValueKind::Number | ValueKind::Whole | ValueKind::Base => return one(text),
-        ValueKind::Numbers | ValueKind::Codes => Value::List(parts().map(one).collect()),
-        ValueKind::Names => Value::List(parts().map(|part| Node { line, value: Value::Text(part.into()) }).collect()),
+        ValueKind::Numbers | ValueKind::Codes => SourceValue::List(parts().map(one).collect()),
+        ValueKind::Names => {
+            SourceValue::List(parts().map(|part| SourceNode { line, value: SourceValue::Text(part.into()) }).collect())
+        }
         ValueKind::Labels | ValueKind::Wording => {
             let entry = |part: &str| {
                 let (key, label) = part.split_once('=').unwrap_or((part, ""));
-                Entry { key: key.trim().into(), line, node: Node { line, value: Value::Text(label.trim().into()) } }
+                SourceEntry {
+                    key: key.trim().into(),
+                    line,
+                    node: SourceNode { line, value: SourceValue::Text(label.trim().into()) },
+                }
             };
-            Value::Map(parts().map(entry).collect())
+            SourceValue::Map(parts().map(entry).collect())
         }
-        _ => Value::Text(text.to_owned()),
+        _ => SourceValue::Text(text.to_owned()),
     };
-    Node { line, value }
+    SourceNode { line, value }
 }
 
 /// A decimal or hexadecimal number; with `decimal_comma`, the decimal point may be a comma.
-fn parse_number(text: &str, decimal_comma: bool) -> Option<Value> {
+fn parse_number(text: &str, decimal_comma: bool) -> Option<SourceValue> {
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
-        return i128::from_str_radix(digits, 16).ok().map(Value::Integer);
+        return i128::from_str_radix(digits, 16).ok().map(SourceValue::Integer);
     }
     if let Ok(parse_number) = text.parse() {
-        return Some(Value::Integer(parse_number));
+        return Some(SourceValue::Integer(parse_number));
     }
     let with_decimal_point = if decimal_comma { text.replacen(',', ".", 1) } else { text.to_owned() };
-    with_decimal_point.parse::<f64>().ok().map(|_| Value::Float(with_decimal_point))
+    with_decimal_point.parse::<f64>().ok().map(|_| SourceValue::Float(with_decimal_point))
 }
 
 /// The delimiter that is most frequent in the header line.

@@ -33,7 +33,7 @@ pub enum ValueKind {
 
 /// A key with its kind of value and its help text.
 #[derive(Clone, Copy, Debug)]
-pub struct Key {
+pub struct ProfileKey {
     /// Its name.
     pub key: &'static str,
     /// The kind of value that it takes.
@@ -42,15 +42,15 @@ pub struct Key {
     pub help: &'static str,
 }
 
-const fn key(key: &'static str, value_kind: ValueKind, help: &'static str) -> Key {
-    Key { key, value_kind, help }
+const fn key(key: &'static str, value_kind: ValueKind, help: &'static str) -> ProfileKey {
+    ProfileKey { key, value_kind, help }
 }
 
 /// Keys at the top of the file.
 pub const FILE: &[&str] = &["profile", "device", "registers"];
 
 /// Keys of `[device]`.
-pub const DEVICE: &[Key] = &[
+pub const DEVICE: &[ProfileKey] = &[
     key("id", ValueKind::Text, "a name of its own, such as vendor.model"),
     key("vendor", ValueKind::Text, "who makes it"),
     key("model", ValueKind::Text, "what it is called"),
@@ -69,7 +69,7 @@ pub const DEVICE: &[Key] = &[
 ];
 
 /// Keys of a point in `[[registers]]`.
-pub const POINT: &[Key] = &[
+pub const POINT: &[ProfileKey] = &[
     key(
         "at",
         ValueKind::At,

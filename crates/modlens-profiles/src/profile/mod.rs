@@ -66,7 +66,7 @@ impl Mistake {
 
 /// How a file counts addresses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Base {
+pub enum AddressBase {
     /// As on the wire.
     #[default]
     Zero,
@@ -91,7 +91,7 @@ pub struct Device {
     /// Free text.
     pub note: Option<String>,
     /// How the file counts addresses.
-    pub address_base: Base,
+    pub address_base: AddressBase,
     /// The order of registers and bytes of points without an order of their own.
     pub order: Order,
     /// The function codes that it supports; empty if the profile does not list them.
@@ -153,12 +153,12 @@ pub struct Point {
     /// The number of the profile, where several apply to one unit (`SunSpec` models). Names are unique within a scope.
     pub scope: u16,
     /// The lines of its keys in the file.
-    pub lines: Lines,
+    pub lines: KeyLines,
 }
 
 /// The lines of a point's keys, for mistakes that are found later; 0 if the format has no lines.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Lines {
+pub struct KeyLines {
     /// The line of `at`.
     pub at: u32,
     /// The line of `name`.
@@ -195,7 +195,7 @@ pub struct Profile {
 
 /// The notation of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum ProfileFormat {
     /// TOML.
     Toml,
     /// CSV.
@@ -206,7 +206,7 @@ pub enum Form {
     Json,
 }
 
-impl Form {
+impl ProfileFormat {
     /// The notation with this name.
     pub fn from_word(word: &str) -> Option<Self> {
         let all = [("toml", Self::Toml), ("csv", Self::Csv), ("tree", Self::Tree), ("json", Self::Json)];
@@ -222,15 +222,15 @@ impl Profile {
     /// let mistakes = Profile::parse("profile = 1\n[[registers]]\nat = 'hr:1'\ntyp = 'u23'\n", Form::Toml).unwrap_err();
     /// assert_eq!((mistakes.len(), mistakes[0].line), (2, 2)); // no name, and no key `typ`
     /// ```
-    pub fn parse(text: &str, form: Form) -> Result<Self, Vec<Mistake>> {
+    pub fn parse(text: &str, form: ProfileFormat) -> Result<Self, Vec<Mistake>> {
         let mut mistakes = Vec::new();
         let tree = match form {
-            Form::Toml => toml::parse(text, &mut mistakes),
-            Form::Csv => csv::parse(text, &mut mistakes),
-            Form::Tree | Form::Json => {
+            ProfileFormat::Toml => toml::parse(text, &mut mistakes),
+            ProfileFormat::Csv => csv::parse(text, &mut mistakes),
+            ProfileFormat::Tree | ProfileFormat::Json => {
                 let json: Json =
                     serde_json::from_str(text).map_err(|error| vec![Mistake::new(0, "", format!("no JSON: {error}"))])?;
-                let tree = if form == Form::Json { Some(node::from_json(&json)) } else { node::from_tree(&json) };
+                let tree = if form == ProfileFormat::Json { Some(node::from_json(&json)) } else { node::from_tree(&json) };
                 tree.ok_or_else(|| vec![Mistake::new(0, "", "no tree of [line, value]".into())])?
             }
         };
@@ -246,7 +246,7 @@ impl Profile {
     /// The shipped profile with this name.
     pub fn shipped(name: &str) -> Option<Self> {
         let (_, text) = SHIPPED.iter().find(|(known, _)| *known == name)?;
-        Self::parse(text, Form::Toml).ok()
+        Self::parse(text, ProfileFormat::Toml).ok()
     }
 }
 
@@ -257,10 +257,10 @@ mod tests {
     #[test]
     fn shipped_profiles_have_no_mistakes() {
         for (number, text) in SUNSPEC {
-            assert_eq!(Profile::parse(text, Form::Toml).unwrap().device.sunspec, Some(*number));
+            assert_eq!(Profile::parse(text, ProfileFormat::Toml).unwrap().device.sunspec, Some(*number));
         }
         for (name, text) in SHIPPED {
-            if let Err(mistakes) = Profile::parse(text, Form::Toml) {
+            if let Err(mistakes) = Profile::parse(text, ProfileFormat::Toml) {
                 panic!("{name}: {mistakes:?}");
             }
         }

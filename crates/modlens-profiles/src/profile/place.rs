@@ -1,12 +1,12 @@
 //! Parses the key `at`, the address of a point: `hr:0x00CD`, `hr:40108` with base modicon, `hr:10.3`, `hr:10.4-7`,
 //! `co:5`.
 
-use crate::profile::Base;
+use crate::profile::AddressBase;
 use modlens_protocol::register_type::Space;
 
 /// The address of a point: table, wire address, and the bits of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct PointAddress {
     /// The table.
     pub space: Space,
     /// The address on the wire, counted from 0.
@@ -16,7 +16,7 @@ pub struct Place {
 }
 
 /// Parses an address; the error says what is wrong and what would be right.
-pub fn parse(text: &str, base: Base) -> Result<Place, String> {
+pub fn parse(text: &str, base: AddressBase) -> Result<PointAddress, String> {
     let (word, rest) = text.trim().split_once(':').ok_or("takes hr, ir, co or di, a colon and an address, such as hr:0x00CD")?;
     let space = Space::from_word(&word.trim().to_ascii_lowercase())
         .ok_or_else(|| format!("{word:?} is no table; it is hr (holding), ir (input), co (coil) or di (discrete input)"))?;
@@ -25,7 +25,7 @@ pub fn parse(text: &str, base: Base) -> Result<Place, String> {
         None => (rest, None),
     };
     let number = parse_number(number.trim()).ok_or_else(|| format!("{:?} is no address", number.trim()))?;
-    Ok(Place { space, address: to_wire(number, space, base)?, bits })
+    Ok(PointAddress { space, address: to_wire(number, space, base)?, bits })
 }
 
 /// A decimal or hexadecimal number without a sign.
@@ -56,15 +56,15 @@ fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
 }
 
 /// The wire address of a number as the file counts.
-fn to_wire(number: u64, space: Space, base: Base) -> Result<u16, String> {
+fn to_wire(number: u64, space: Space, base: AddressBase) -> Result<u16, String> {
     let wire = match base {
-        Base::Zero => Some(number),
-        Base::One if number == 0 => return Err("address 0, but address_base = 1 counts from 1".into()),
-        Base::One => Some(number - 1),
-        Base::Modicon => Some(from_modicon(number, space)?),
+        AddressBase::Zero => Some(number),
+        AddressBase::One if number == 0 => return Err("address 0, but address_base = 1 counts from 1".into()),
+        AddressBase::One => Some(number - 1),
+        AddressBase::Modicon => Some(from_modicon(number, space)?),
     };
     wire.and_then(|wire| u16::try_from(wire).ok())
-        .ok_or_else(|| format!("address {number} is beyond the last one, {}", 0xFFFF + u64::from(base == Base::One)))
+        .ok_or_else(|| format!("address {number} is beyond the last one, {}", 0xFFFF + u64::from(base == AddressBase::One)))
 }
 
 /// The wire address of a Modicon address: 40001 to 49999, or 400001 to 465536 for holding registers. Addresses of coils
@@ -87,48 +87,48 @@ fn from_modicon(number: u64, space: Space) -> Result<u64, String> {
 mod tests {
     use super::*;
 
-    fn wire(text: &str, base: Base) -> u16 {
+    fn wire(text: &str, base: AddressBase) -> u16 {
         parse(text, base).unwrap().address
     }
 
     #[test]
     fn all_notations_of_one_register() {
-        assert_eq!(wire("hr:107", Base::Zero), 107);
-        assert_eq!(wire("hr:0x6B", Base::Zero), 107);
-        assert_eq!(wire("hr:108", Base::One), 107);
-        assert_eq!(wire("hr:40108", Base::Modicon), 107);
-        assert_eq!(wire("hr:400108", Base::Modicon), 107);
+        assert_eq!(wire("hr:107", AddressBase::Zero), 107);
+        assert_eq!(wire("hr:0x6B", AddressBase::Zero), 107);
+        assert_eq!(wire("hr:108", AddressBase::One), 107);
+        assert_eq!(wire("hr:40108", AddressBase::Modicon), 107);
+        assert_eq!(wire("hr:400108", AddressBase::Modicon), 107);
     }
 
     #[test]
     fn a_bare_40001_is_a_wire_address_unless_the_file_says_otherwise() {
-        assert_eq!(wire("hr:40001", Base::Zero), 40_001);
-        assert_eq!(wire("hr:40001", Base::One), 40_000);
-        assert_eq!(wire("ir:30000", Base::Zero), 30_000);
-        assert!(parse("ir:40001", Base::Modicon).is_err());
+        assert_eq!(wire("hr:40001", AddressBase::Zero), 40_001);
+        assert_eq!(wire("hr:40001", AddressBase::One), 40_000);
+        assert_eq!(wire("ir:30000", AddressBase::Zero), 30_000);
+        assert!(parse("ir:40001", AddressBase::Modicon).is_err());
     }
 
     #[test]
     fn five_digit_modicon_addresses_end_at_9999() {
-        assert_eq!(wire("hr:49999", Base::Modicon), 9_998);
-        assert!(parse("hr:50000", Base::Modicon).is_err());
-        assert_eq!(wire("hr:410000", Base::Modicon), 9_999);
-        assert_eq!(wire("hr:465536", Base::Modicon), 65_535);
-        assert_eq!(wire("co:1", Base::Modicon), 0);
+        assert_eq!(wire("hr:49999", AddressBase::Modicon), 9_998);
+        assert!(parse("hr:50000", AddressBase::Modicon).is_err());
+        assert_eq!(wire("hr:410000", AddressBase::Modicon), 9_999);
+        assert_eq!(wire("hr:465536", AddressBase::Modicon), 65_535);
+        assert_eq!(wire("co:1", AddressBase::Modicon), 0);
     }
 
     #[test]
     fn errors_explain_the_mistake() {
         for (text, base, part) in [
-            ("107", Base::Zero, "colon"),
-            ("xr:1", Base::Zero, "is no table"),
-            ("hr:x", Base::Zero, "no address"),
-            ("hr:65536", Base::Zero, "beyond the last one, 65535"),
-            ("hr:65537", Base::One, "beyond the last one, 65536"),
-            ("hr:0", Base::One, "counts from 1"),
-            ("hr:1.16", Base::Zero, "bits 0 (lowest) to 15"),
-            ("hr:1.5-3", Base::Zero, "lower bit"),
-            ("co:1.0", Base::Zero, "no bits"),
+            ("107", AddressBase::Zero, "colon"),
+            ("xr:1", AddressBase::Zero, "is no table"),
+            ("hr:x", AddressBase::Zero, "no address"),
+            ("hr:65536", AddressBase::Zero, "beyond the last one, 65535"),
+            ("hr:65537", AddressBase::One, "beyond the last one, 65536"),
+            ("hr:0", AddressBase::One, "counts from 1"),
+            ("hr:1.16", AddressBase::Zero, "bits 0 (lowest) to 15"),
+            ("hr:1.5-3", AddressBase::Zero, "lower bit"),
+            ("co:1.0", AddressBase::Zero, "no bits"),
         ] {
             let error = parse(text, base).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

@@ -2,7 +2,7 @@
 
 use serde_json::{json, Map, Value as Json};
 
-use crate::profile::keys::{Key, ValueKind, DEVICE, POINT};
+use crate::profile::keys::{ProfileKey, ValueKind, DEVICE, POINT};
 use crate::profile::kinds::{Access, Order, Type};
 
 /// The schema (draft 2020-12). It does not express rules that involve several keys, such as widths and overlaps: only
@@ -23,7 +23,7 @@ pub fn schema() -> Json {
 }
 
 /// The schema of a table with these keys.
-fn table(keys: &[Key], required: &[&str]) -> Json {
+fn table(keys: &[ProfileKey], required: &[&str]) -> Json {
     let properties: Map<String, Json> = keys.iter().map(|key| (key.key.to_owned(), property(key))).collect();
     let mut table = json!({"type": "object", "additionalProperties": false, "properties": properties});
     if !required.is_empty() {
@@ -33,7 +33,7 @@ fn table(keys: &[Key], required: &[&str]) -> Json {
 }
 
 /// The schema of one key.
-fn property(key: &Key) -> Json {
+fn property(key: &ProfileKey) -> Json {
     let labels = |pattern: &str| {
         let label = json!({"type": ["string", "number", "boolean"]});
         json!({"type": "object", "additionalProperties": false, "patternProperties": {pattern: label}})

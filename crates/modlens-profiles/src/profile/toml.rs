@@ -4,18 +4,18 @@
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
 
-use crate::profile::node::{Entry, Node, Value};
+use crate::profile::node::{SourceEntry, SourceNode, SourceValue};
 use crate::profile::Mistake;
 
 /// Parses TOML into a tree. Syntax errors are added to `mistakes`.
-pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> Node {
+pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> SourceNode {
     let (table, errors) = DeTable::parse_recoverable(text);
     let lines = LineEnds::new(text);
     for error in errors {
         let line = error.span().map_or(0, |span| lines.at(span.start));
         mistakes.push(Mistake::new(line, "", format!("no TOML: {}", error.message().replace('\n', " "))));
     }
-    Node { line: 1, value: map(table.get_ref(), &lines) }
+    SourceNode { line: 1, value: map(table.get_ref(), &lines) }
 }
 
 /// The offsets of all line ends, to find the line of an offset.
@@ -32,30 +32,34 @@ impl LineEnds {
 }
 
 /// Converts a table.
-fn map(table: &DeTable<'_>, lines: &LineEnds) -> Value {
-    let mut entries: Vec<Entry> = table
+fn map(table: &DeTable<'_>, lines: &LineEnds) -> SourceValue {
+    let mut entries: Vec<SourceEntry> = table
         .iter()
-        .map(|(key, value)| Entry { key: key.get_ref().to_string(), line: lines.at(key.span().start), node: node(value, lines) })
+        .map(|(key, value)| SourceEntry {
+            key: key.get_ref().to_string(),
+            line: lines.at(key.span().start),
+            node: node(value, lines),
+        })
         .collect();
     // The library sorts keys by name; users expect the order of the file.
     entries.sort_by_key(|entry| entry.line);
-    Value::Map(entries)
+    SourceValue::Map(entries)
 }
 
 /// Converts a value with its line.
-fn node(value: &Spanned<DeValue<'_>>, lines: &LineEnds) -> Node {
+fn node(value: &Spanned<DeValue<'_>>, lines: &LineEnds) -> SourceNode {
     let line = lines.at(value.span().start);
     let value = match value.get_ref() {
-        DeValue::String(text) => Value::Text(text.to_string()),
+        DeValue::String(text) => SourceValue::Text(text.to_string()),
         DeValue::Integer(number) => {
             let parsed = i128::from_str_radix(number.as_str(), number.radix());
-            parsed.map_or_else(|_| Value::Float(number.to_string()), Value::Integer)
+            parsed.map_or_else(|_| SourceValue::Float(number.to_string()), SourceValue::Integer)
         }
-        DeValue::Float(number) => Value::Float(number.as_str().to_owned()),
-        DeValue::Boolean(yes) => Value::Bool(*yes),
-        DeValue::Datetime(_) => Value::Other("a date"),
-        DeValue::Array(items) => Value::List(items.iter().map(|item| node(item, lines)).collect()),
+        DeValue::Float(number) => SourceValue::Float(number.as_str().to_owned()),
+        DeValue::Boolean(yes) => SourceValue::Bool(*yes),
+        DeValue::Datetime(_) => SourceValue::Other("a date"),
+        DeValue::Array(items) => SourceValue::List(items.iter().map(|item| node(item, lines)).collect()),
         DeValue::Table(table) => map(table, lines),
     };
-    Node { line, value }
+    SourceNode { line, value }
 }

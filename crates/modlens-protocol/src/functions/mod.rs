@@ -11,8 +11,8 @@ mod row;
 mod shape;
 
 pub use parse::parse_toml;
-pub use row::{Asks, Echo, Operation, Permit, Plain, Roles, Row};
-pub use shape::{Extent, Field, Layout, Shape, Word};
+pub use row::{Echo, FieldLimits, FieldOffsets, FunctionRow, Operation, RequestLimits, StandardLayout};
+pub use shape::{Extent, Field, FieldType, Layout, Shape};
 
 use parse::parse;
 use shape::number;
@@ -36,19 +36,19 @@ pub const EXCEPTION_BIT: u8 = 0x80;
 
 /// The rows of one function code: one row, or one row per value of its first field (sub-function, MEI type).
 #[derive(Clone, Debug)]
-struct Entry {
+struct FunctionVariants {
     /// Size in bytes of the leading field whose value selects the variant; 0 if the function has no variants.
     width: usize,
-    variants: Vec<Row>,
+    variants: Vec<FunctionRow>,
 }
 
 /// The table of functions: its rows, indexed by function code.
 #[derive(Clone, Debug)]
 pub struct Functions {
-    entries: Vec<Option<Box<Entry>>>,
-    /// For each function code, the checks of a request, if the function is a standard read or write (see `Plain`).
+    entries: Vec<Option<Box<FunctionVariants>>>,
+    /// For each function code, the checks of a request, if the function is a standard read or write (see `StandardLayout`).
     /// Computed once, because the fast path for request and response pairs needs it for every frame.
-    plain: Vec<Option<Asks>>,
+    plain: Vec<Option<RequestLimits>>,
 }
 
 impl Default for Functions {
@@ -89,10 +89,15 @@ impl Functions {
                     // last.
                     entry.variants.sort_by_key(|row| row.when.is_none());
                 }
-                None => *slot = Some(Box::new(Entry { width: if row.when.is_some() { width } else { 0 }, variants: vec![row] })),
+                None => {
+                    *slot = Some(Box::new(FunctionVariants {
+                        width: if row.when.is_some() { width } else { 0 },
+                        variants: vec![row],
+                    }));
+                }
             }
             let only = slot.as_deref().filter(|entry| entry.width == 0).and_then(|entry| entry.variants.first());
-            self.plain[code] = only.and_then(Asks::of);
+            self.plain[code] = only.and_then(RequestLimits::of);
         }
         Ok(())
     }
@@ -111,7 +116,7 @@ impl Functions {
     /// the variant. `None` if the code is unknown, or if the body is too short to contain the leading field and no
     /// variant is generic.
     #[inline]
-    pub fn row(&self, code: u8, body: &[u8]) -> Option<&Row> {
+    pub fn row(&self, code: u8, body: &[u8]) -> Option<&FunctionRow> {
         let entry = self.entries[code as usize].as_deref()?;
         if entry.width == 0 {
             return entry.variants.first();
@@ -122,7 +127,7 @@ impl Functions {
 
     /// The limits of a request with this function code, if it is a standard read or write.
     #[inline]
-    pub fn asks(&self, code: u8) -> Option<Asks> {
+    pub fn asks(&self, code: u8) -> Option<RequestLimits> {
         self.plain[usize::from(code)]
     }
 
@@ -139,23 +144,23 @@ impl Functions {
 
     /// The first row of this function code. Use it only for properties that all variants share, such as the name.
     #[inline]
-    pub fn any(&self, code: u8) -> Option<&Row> {
+    pub fn any(&self, code: u8) -> Option<&FunctionRow> {
         self.entries[code as usize].as_deref()?.variants.first()
     }
 
     /// All rows of this function code.
-    pub fn variants(&self, code: u8) -> &[Row] {
+    pub fn variants(&self, code: u8) -> &[FunctionRow] {
         self.entries[code as usize].as_deref().map_or(&[], |entry| &entry.variants)
     }
 
     /// All rows, by code.
-    pub fn rows(&self) -> impl Iterator<Item = &Row> {
+    pub fn rows(&self) -> impl Iterator<Item = &FunctionRow> {
         self.entries.iter().flatten().flat_map(|entry| entry.variants.iter())
     }
 }
 
 /// Size in bytes of the first request field, which is the one that `when` compares.
-fn leading_width(row: &Row) -> usize {
+fn leading_width(row: &FunctionRow) -> usize {
     row.request.shape().and_then(|shape| shape.fields.first()).map_or(0, |field| field.word.width())
 }
 
@@ -163,7 +168,7 @@ fn leading_width(row: &Row) -> usize {
 mod tests {
     use super::*;
 
-    fn row(code: u8, body: &[u8]) -> &'static Row {
+    fn row(code: u8, body: &[u8]) -> &'static FunctionRow {
         Functions::embedded().row(code, body).unwrap()
     }
 

@@ -2,8 +2,8 @@
 
 use serde_json::Value as Json;
 
-use crate::functions::row::{Echo, Operation, Permit, Plain, Roles, Row};
-use crate::functions::shape::{Extent, Field, Layout, Shape, Word};
+use crate::functions::row::{Echo, FieldLimits, FieldOffsets, FunctionRow, Operation, StandardLayout};
+use crate::functions::shape::{Extent, Field, FieldType, Layout, Shape};
 use crate::register_type::Space;
 
 /// The field types, as error messages list them.
@@ -36,7 +36,7 @@ pub fn parse_toml(text: &str) -> Result<Json, String> {
 /// Parses all rows of a file. `origin` is the file name for error messages, `vendor` the vendor whose table it is.
 ///
 /// The file must begin with `format = 1`, so that later versions of the format can be distinguished.
-pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Vec<Row>, String> {
+pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Vec<FunctionRow>, String> {
     let file: Json = parse_toml(text).map_err(|e| format!("{origin}: {e}"))?;
     if file.get("format").and_then(Json::as_u64) != Some(1) {
         return Err(format!("{origin}: the first line must be format = 1"));
@@ -49,7 +49,7 @@ pub(super) fn parse(text: &str, origin: &str, vendor: Option<&str>) -> Result<Ve
 }
 
 /// Parses one `[[function]]` row, checks its keys, and derives what the decoder and the framer need from its layouts.
-fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
+fn parse_row(row: &Json, vendor: Option<&str>) -> Result<FunctionRow, String> {
     let table = row.as_object().ok_or("not a table")?;
     if let Some(key) = table.keys().find(|key| !KEYS.contains(&key.as_str())) {
         return Err(format!("unknown key {key:?}; known are {}", KEYS.join(", ")));
@@ -85,7 +85,7 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<Row, String> {
     let echo = strings(row.get("echo"))?;
     let echoes = echoes(&echo, &request, &response);
     let limits_end = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
-    Ok(Row {
+    Ok(FunctionRow {
         judged: limits_end.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
         code,
         unquoted: name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b" ()/_".contains(&byte)),
@@ -128,7 +128,7 @@ fn strings(list: Option<&Json>) -> Result<Vec<String>, String> {
 }
 
 /// The permitted values of all fields with a fixed offset in this layout, from the keys `limits` and `allowed`.
-fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
+fn permits(row: &Json, layout: &Layout) -> Result<Vec<FieldLimits>, String> {
     let mut all = Vec::new();
     for (key, wrong) in [("limits", "field = [lowest, highest]"), ("allowed", "field = [values]")] {
         let Some(table) = row.get(key) else { continue };
@@ -144,7 +144,7 @@ fn permits(row: &Json, layout: &Layout) -> Result<Vec<Permit>, String> {
             // A field after a list has no fixed offset, and the tables name the fields of both directions: neither is
             // checked here.
             if let Some((offset, width)) = layout.shape().and_then(|shape| shape.place_of(name)) {
-                all.push(Permit { name: name.clone(), offset, width, ranges });
+                all.push(FieldLimits { name: name.clone(), offset, width, ranges });
             }
         }
     }
@@ -173,24 +173,24 @@ fn parse_field(text: &str) -> Result<Field, String> {
         return Err(format!("field name {name:?}: lower-case letters, digits and _ only"));
     }
     let word = match word {
-        "u8" => Word::U8,
-        "u16" => Word::U16,
-        "len8" => Word::Len8,
-        "len16" => Word::Len16,
-        "count8" => Word::Count8,
-        "count16" => Word::Count16,
-        "bits" => Word::Bits,
-        "u8[]" => Word::U8List,
-        "u16[]" => Word::U16List,
-        "bytes" => Word::Bytes,
+        "u8" => FieldType::U8,
+        "u16" => FieldType::U16,
+        "len8" => FieldType::Len8,
+        "len16" => FieldType::Len16,
+        "count8" => FieldType::Count8,
+        "count16" => FieldType::Count16,
+        "bits" => FieldType::Bits,
+        "u8[]" => FieldType::U8List,
+        "u16[]" => FieldType::U16List,
+        "bytes" => FieldType::Bytes,
         group => {
             let inner = group.strip_prefix("group{").and_then(|rest| rest.strip_suffix('}'));
             let inner = inner.ok_or_else(|| format!("unknown word {word:?} of field {name:?}; known are {WORDS}"))?;
             let fields: Vec<Field> = inner.split_whitespace().map(parse_field).collect::<Result<_, _>>()?;
-            if fields.is_empty() || fields.iter().any(|field| matches!(field.word, Word::Group(_))) {
+            if fields.is_empty() || fields.iter().any(|field| matches!(field.word, FieldType::Group(_))) {
                 return Err(format!("field {name:?}: a group holds one or more fields, no further groups"));
             }
-            Word::Group(fields)
+            FieldType::Group(fields)
         }
     };
     Ok(Field { name: name.to_owned(), word })
@@ -201,7 +201,13 @@ fn parse_field(text: &str) -> Result<Field, String> {
 /// Three layouts qualify: a read (address and quantity, answered by a byte count and that many bytes), a write of a
 /// block (answered by its address and quantity) and a write of one value (answered by the same bytes). The names of the
 /// fields are not enough, so the lengths of the layouts are tried with sample bytes.
-fn plain(request: &Layout, response: &Layout, roles: &Roles, echoes: &[Echo], permits: &[Vec<Permit>; 2]) -> Option<Plain> {
+fn plain(
+    request: &Layout,
+    response: &Layout,
+    roles: &FieldOffsets,
+    echoes: &[Echo],
+    permits: &[Vec<FieldLimits>; 2],
+) -> Option<StandardLayout> {
     let is_four_bytes = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
     let has_byte_count_at = |layout: &Layout, at: usize| {
         let extent = |count: u8| layout.extent(&[&[0u8; 4][..at], &[count]].concat());
@@ -222,15 +228,15 @@ fn plain(request: &Layout, response: &Layout, roles: &Roles, echoes: &[Echo], pe
         (Some(2), None, Some((1, bits)))
             if is_four_bytes(request) && has_byte_count_at(response, 0) && limits_only_byte_count =>
         {
-            Some(if bits { Plain::ReadBits } else { Plain::ReadRegisters })
+            Some(if bits { StandardLayout::ReadBits } else { StandardLayout::ReadRegisters })
         }
         (Some(2), Some((5, bits)), None) if has_byte_count_at(request, 4) && repeats_address_and_number => {
-            Some(if bits { Plain::WriteBits } else { Plain::WriteRegisters })
+            Some(if bits { StandardLayout::WriteBits } else { StandardLayout::WriteRegisters })
         }
         (None, None, None)
             if roles.value == Some(2) && is_four_bytes(request) && request == response && repeats_address_and_number =>
         {
-            Some(Plain::WriteOne)
+            Some(StandardLayout::WriteOne)
         }
         _ => None,
     }
@@ -248,13 +254,13 @@ fn echoes(names: &[String], request: &Layout, response: &Layout) -> Vec<Echo> {
 }
 
 /// The offsets of the fields that become columns, found by the names that the tables use for them.
-fn roles(request: &Layout, response: &Layout, operation: Operation) -> Roles {
+fn roles(request: &Layout, response: &Layout, operation: Operation) -> FieldOffsets {
     if operation == Operation::Other {
-        return Roles::default();
+        return FieldOffsets::default();
     }
     let at = |name: &str| request.shape().and_then(|shape| shape.offset_of(name));
     let response_block = response.shape().and_then(Shape::block).filter(|_| operation != Operation::Write);
-    Roles {
+    FieldOffsets {
         address: at("address"),
         quantity: at("quantity"),
         write_address: at("write_address"),

@@ -36,7 +36,7 @@ impl Operation {
 /// Offsets in the PDU bodies of the fields that become columns of a transaction. Computed once when the table is
 /// loaded; `None` where the function has no such field.
 #[derive(Clone, Debug, Default)]
-pub struct Roles {
+pub struct FieldOffsets {
     /// Request: address of the first register or bit.
     pub address: Option<usize>,
     /// Request: number of registers or bits.
@@ -69,7 +69,7 @@ pub struct Echo {
 /// The request and response layouts of the standard functions 1 to 6, 15 and 16. Vendor functions with one of these
 /// layouts are handled the same way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Plain {
+pub enum StandardLayout {
     /// Functions 1 and 2: the request has address and quantity, the response a byte count and packed bits.
     ReadBits,
     /// Functions 3 and 4: the request has address and quantity, the response a byte count and registers.
@@ -86,9 +86,9 @@ pub enum Plain {
 
 /// The limits of a request of a standard read or write, checked with two comparisons on the fast path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Asks {
+pub struct RequestLimits {
     /// The request and response layout.
-    pub kind: Plain,
+    pub kind: StandardLayout,
     /// Whether request and response have the same layout.
     pub mirrored: bool,
     /// The lowest and the highest permitted value of the 16-bit number after the address (quantity or value).
@@ -98,16 +98,16 @@ pub struct Asks {
     is_complete: bool,
 }
 
-impl Asks {
+impl RequestLimits {
     /// Offset and size in a body of the number after the address.
     const NUMBER: (usize, usize) = (2, 2);
 
     /// The limits of a row's request; `None` if the row is not a standard read or write.
-    pub(super) fn of(row: &Row) -> Option<Self> {
+    pub(super) fn of(row: &FunctionRow) -> Option<Self> {
         let complete = |permitted| (permitted, true);
         let (permitted, complete) = match &row.permits[0][..] {
             [] => complete((0, u16::MAX)),
-            [Permit { offset, width, ranges, .. }] if (*offset, *width) == Self::NUMBER && ranges.len() == 1 => {
+            [FieldLimits { offset, width, ranges, .. }] if (*offset, *width) == Self::NUMBER && ranges.len() == 1 => {
                 let clamp_to_u16 = |limit: u32| limit.min(u32::from(u16::MAX)) as u16;
                 complete((clamp_to_u16(ranges[0].0), clamp_to_u16(ranges[0].1)))
             }
@@ -130,7 +130,7 @@ impl Asks {
 
 /// The values that the specification permits for one numeric field.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Permit {
+pub struct FieldLimits {
     /// Name of the field.
     pub name: String,
     /// Its offset in the body.
@@ -141,7 +141,7 @@ pub struct Permit {
     pub ranges: Vec<(u32, u32)>,
 }
 
-impl Permit {
+impl FieldLimits {
     /// The field's value, if the body contains the field and the value is not permitted; `None` otherwise.
     #[inline]
     pub fn violated_by(&self, body: &[u8]) -> Option<u32> {
@@ -152,7 +152,7 @@ impl Permit {
 
 /// One row of the table of functions.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct FunctionRow {
     /// Function code.
     pub code: u8,
     /// Name in the specification.
@@ -172,7 +172,7 @@ pub struct Row {
     /// `register_type` as an enum, parsed once.
     pub space: Option<Space>,
     /// The standard layout that request and response have, if any.
-    pub plain: Option<Plain>,
+    pub plain: Option<StandardLayout>,
     /// Whether request and response have the same layout, so that the two cannot be told apart by their bytes alone.
     pub mirrored: bool,
     /// The leading part of a body, in bytes, that contains all fields with limits, byte counts and quantities. The
@@ -183,14 +183,14 @@ pub struct Row {
     /// The numeric ones of `echo` with their offsets, computed once.
     pub echoes: Vec<Echo>,
     /// Permitted values: `[request, response]`.
-    pub permits: [Vec<Permit>; 2],
+    pub permits: [Vec<FieldLimits>; 2],
     /// The row as it stands in the file, with the name of the vendor it comes from.
     pub source: Json,
     /// Offsets of the fields that become columns.
-    pub roles: Roles,
+    pub roles: FieldOffsets,
 }
 
-impl Row {
+impl FunctionRow {
     /// The layout of the PDU in one direction; `Layout::Unknown` for an unknown direction.
     pub fn layout(&self, direction: Direction) -> &Layout {
         match direction {

@@ -2,7 +2,7 @@
 
 /// The type of one field of a body, with the spellings used in `functions.toml`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Word {
+pub enum FieldType {
     /// One byte.
     U8,
     /// Two bytes, high byte first.
@@ -27,7 +27,7 @@ pub enum Word {
     Group(Vec<Field>),
 }
 
-impl Word {
+impl FieldType {
     /// Size in bytes of a number, length or count; 0 for a list, whose size varies.
     pub fn width(&self) -> usize {
         match self {
@@ -61,7 +61,7 @@ pub struct Field {
     /// Its name, as columns and `modlens show` print it.
     pub name: String,
     /// Its type on the wire.
-    pub word: Word,
+    pub word: FieldType,
 }
 
 /// The length of a body, as far as its first bytes determine it.
@@ -101,8 +101,8 @@ impl Shape {
         let mut length_rule = None;
         for field in &fields {
             match field.word {
-                Word::U8 | Word::U16 => fixed_bytes += field.word.width(),
-                Word::Len8 => {
+                FieldType::U8 | FieldType::U16 => fixed_bytes += field.word.width(),
+                FieldType::Len8 => {
                     length_rule = Some(LengthRule::LengthAt(fixed_bytes));
                     break;
                 }
@@ -140,7 +140,7 @@ impl Shape {
     /// Whether the repeated groups at the end of a body (file records, for example) end exactly at the end of the body.
     /// True for shapes without groups.
     pub fn groups_fit(&self, body: &[u8]) -> bool {
-        let Some(Field { word: Word::Group(inner), .. }) = self.fields.last() else { return true };
+        let Some(Field { word: FieldType::Group(inner), .. }) = self.fields.last() else { return true };
         let mut offset = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum::<usize>();
         while offset < body.len() {
             match walk(inner, &body[offset..]) {
@@ -175,7 +175,7 @@ impl Shape {
         if let Some(offset) = self.offset_of(name) {
             return Some((offset, width_of(&self.fields)?));
         }
-        let Some(Field { word: Word::Group(inner), .. }) = self.fields.last() else { return None };
+        let Some(Field { word: FieldType::Group(inner), .. }) = self.fields.last() else { return None };
         let fixed_bytes: usize = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum();
         let group = Self::new(inner.clone());
         Some((fixed_bytes + group.offset_of(name)?, width_of(inner)?))
@@ -186,8 +186,8 @@ impl Shape {
         let mut offset = 0;
         for field in &self.fields {
             match field.word {
-                Word::Bits => return Some((offset, true)),
-                Word::U16List => return Some((offset, false)),
+                FieldType::Bits => return Some((offset, true)),
+                FieldType::U16List => return Some((offset, false)),
                 _ => {}
             }
             let width = field.word.width();
@@ -223,8 +223,8 @@ fn walk(fields: &[Field], body: &[u8]) -> Extent {
             };
             offset += width;
             match field.word {
-                Word::Len8 | Word::Len16 => return Extent::Exactly(offset + value),
-                Word::Count8 | Word::Count16 => count = Some(value),
+                FieldType::Len8 | FieldType::Len16 => return Extent::Exactly(offset + value),
+                FieldType::Count8 | FieldType::Count16 => count = Some(value),
                 _ => {}
             }
             continue;
@@ -233,9 +233,9 @@ fn walk(fields: &[Field], body: &[u8]) -> Extent {
             return Extent::Open(offset);
         };
         match &field.word {
-            Word::U16List => offset += 2 * items,
-            Word::Bits => offset += items.div_ceil(8),
-            Word::Group(inner) => {
+            FieldType::U16List => offset += 2 * items,
+            FieldType::Bits => offset += items.div_ceil(8),
+            FieldType::Group(inner) => {
                 for _ in 0..items {
                     match walk(inner, body.get(offset..).unwrap_or(&[])) {
                         Extent::Exactly(length) => offset += length,

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::functions::{Field, Functions, Layout, Row, Word, EXCEPTION_BIT};
+use crate::functions::{Field, FieldType, FunctionRow, Functions, Layout, EXCEPTION_BIT};
 use crate::hex::parse_hex;
 
 /// Encodes the PDU of a function from named values. Lengths and counts may be left out; they are computed. A quantity
@@ -35,7 +35,7 @@ pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<
 }
 
 /// The row of the table for this function; among variants, the one whose first field has the given value.
-fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, Json>) -> Result<&'a Row, String> {
+fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, Json>) -> Result<&'a FunctionRow, String> {
     let mut rows = functions.rows().filter(|row| row.code == function);
     let chosen = rows.find(|row| match (row.when, row.request.shape().and_then(|shape| shape.fields.first())) {
         (Some(when), Some(field)) => values.get(&field.name).and_then(Json::as_u64) == Some(u64::from(when)),
@@ -53,14 +53,14 @@ fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>
         let value_given = values.get(&field.name);
         match (&field.word, value_given) {
             (_, Some(value)) if width > 0 => push_number(out, take_number(&field.name, value, width)?, width),
-            (Word::Len8 | Word::Len16, None) => {
+            (FieldType::Len8 | FieldType::Len16, None) => {
                 let mut tail = Vec::new();
                 encode_fields(rest, values, &mut tail)?;
                 push_number(out, fitting(&field.name, tail.len(), width)?, width);
                 out.extend(tail);
                 return Ok(());
             }
-            (Word::Count8 | Word::Count16, None) => {
+            (FieldType::Count8 | FieldType::Count16, None) => {
                 let count = rest.first().map_or(0, |list| count_items(list, values));
                 push_number(out, fitting(&field.name, count, width)?, width);
             }
@@ -68,7 +68,7 @@ fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>
                 let quantity = quantity_field(&field.name).and_then(|prefix| {
                     rest.iter().find(|list| {
                         let is_counted_list = list.name.strip_prefix(prefix).is_some_and(|name| !name.contains('_'));
-                        matches!(list.word, Word::Bits | Word::U16List) && is_counted_list
+                        matches!(list.word, FieldType::Bits | FieldType::U16List) && is_counted_list
                     })
                 });
                 let Some(list) = quantity.filter(|list| values.contains_key(&list.name)) else {
@@ -76,7 +76,7 @@ fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>
                 };
                 push_number(out, fitting(&field.name, count_items(list, values), width)?, width);
             }
-            (Word::Group(inner), value) => {
+            (FieldType::Group(inner), value) => {
                 for group in value.and_then(Json::as_array).map_or(&[][..], |groups| groups) {
                     let group = group.as_object().ok_or_else(|| format!("{} takes a list of objects", field.name))?;
                     encode_fields(inner, group, out)?;
@@ -102,8 +102,8 @@ fn count_items(list: &Field, values: &Map<String, Json>) -> usize {
         Some(Json::String(text)) => {
             let bytes = text.bytes().filter(u8::is_ascii_hexdigit).count() / 2;
             match list.word {
-                Word::U16List => bytes / 2,
-                Word::Bits => bytes * 8,
+                FieldType::U16List => bytes / 2,
+                FieldType::Bits => bytes * 8,
                 _ => bytes,
             }
         }
@@ -132,15 +132,15 @@ fn push_number(out: &mut Vec<u8>, value: u32, width: usize) {
 }
 
 /// Appends the items of a list, given as a list of numbers or as hex text.
-fn push_list(name: &str, word: &Word, value: &Json, out: &mut Vec<u8>) -> Result<(), String> {
+fn push_list(name: &str, word: &FieldType, value: &Json, out: &mut Vec<u8>) -> Result<(), String> {
     if let Json::String(text) = value {
         out.extend(parse_hex(text).ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {text:?}"))?);
         return Ok(());
     }
     let list = value.as_array().ok_or_else(|| format!("{name} takes a list of numbers or hex text, not {value}"))?;
-    let width = if *word == Word::U16List { 2 } else { 1 };
+    let width = if *word == FieldType::U16List { 2 } else { 1 };
     let numbers: Vec<u32> = list.iter().map(|item| take_number(name, item, width)).collect::<Result<_, _>>()?;
-    if *word == Word::Bits {
+    if *word == FieldType::Bits {
         let mut bytes = vec![0u8; numbers.len().div_ceil(8)];
         for (i, &bit) in numbers.iter().enumerate() {
             if bit > 1 {

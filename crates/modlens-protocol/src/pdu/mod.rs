@@ -7,12 +7,12 @@ pub use encode::encode;
 use serde_json::{json, Map, Value as Json};
 
 use crate::decimal::push_int;
-use crate::functions::{Field, Functions, Layout, Shape, Word, EXCEPTION_BIT};
+use crate::functions::{Field, FieldType, Functions, Layout, Shape, EXCEPTION_BIT};
 use crate::hex::{hex, push_hex};
 
 /// One decoded field.
 #[derive(Clone, Debug)]
-pub struct Node<'a> {
+pub struct DecodedField<'a> {
     /// The field of the table.
     pub field: &'a Field,
     /// Its offset in the body.
@@ -20,14 +20,14 @@ pub struct Node<'a> {
     /// Its bytes.
     pub bytes: &'a [u8],
     /// The decoded groups, if the field is a list of groups; empty otherwise.
-    pub groups: Vec<Vec<Node<'a>>>,
+    pub groups: Vec<Vec<DecodedField<'a>>>,
 }
 
 /// A decoded body.
 #[derive(Clone, Debug)]
 pub struct Decoded<'a> {
     /// The fields, in wire order.
-    pub nodes: Vec<Node<'a>>,
+    pub nodes: Vec<DecodedField<'a>>,
     /// Whether the body contained all bytes that its lengths, counts and fixed fields announce.
     pub complete: bool,
     /// The number of body bytes that the layout covers; bytes after these are extra.
@@ -44,7 +44,13 @@ pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
 
 /// Decodes fields from offset `at` on, and moves `at` behind them. `end` is the end of the body or of the part that a
 /// length field announced. Sets `complete` to false if bytes are missing.
-fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut end: usize, complete: &mut bool) -> Vec<Node<'a>> {
+fn decode_fields<'a>(
+    fields: &'a [Field],
+    body: &'a [u8],
+    at: &mut usize,
+    mut end: usize,
+    complete: &mut bool,
+) -> Vec<DecodedField<'a>> {
     let mut nodes = Vec::with_capacity(fields.len());
     let mut count: Option<usize> = None;
     for field in fields {
@@ -59,19 +65,19 @@ fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut en
             *at += width;
             let value = number(bytes);
             match field.word {
-                Word::Len8 | Word::Len16 => {
+                FieldType::Len8 | FieldType::Len16 => {
                     *complete &= *at + value as usize <= end;
                     end = end.min(*at + value as usize);
                 }
-                Word::Count8 | Word::Count16 => count = Some(value as usize),
+                FieldType::Count8 | FieldType::Count16 => count = Some(value as usize),
                 _ => {}
             }
-            nodes.push(Node { field, offset: start, bytes, groups: Vec::new() });
+            nodes.push(DecodedField { field, offset: start, bytes, groups: Vec::new() });
             continue;
         }
         let items = count.take();
         let mut groups = Vec::new();
-        if let Word::Group(inner) = &field.word {
+        if let FieldType::Group(inner) = &field.word {
             while *at < end && items.is_none_or(|items| groups.len() < items) {
                 let before = *at;
                 let group = decode_fields(inner, body, at, end, complete);
@@ -88,19 +94,19 @@ fn decode_fields<'a>(fields: &'a [Field], body: &'a [u8], at: &mut usize, mut en
             *complete &= start + announced <= end;
             // An odd byte at the end of a register list belongs to no register. It is left out and shown as extra.
             let taken =
-                if field.word == Word::U16List { (end - start).min(announced) & !1 } else { (end - start).min(announced) };
+                if field.word == FieldType::U16List { (end - start).min(announced) & !1 } else { (end - start).min(announced) };
             *at = start + taken;
         }
-        nodes.push(Node { field, offset: start, bytes: &body[start..*at], groups });
+        nodes.push(DecodedField { field, offset: start, bytes: &body[start..*at], groups });
     }
     nodes
 }
 
 /// The number of bytes that a list with this many items takes.
-fn list_bytes(word: &Word, items: usize) -> usize {
+fn list_bytes(word: &FieldType, items: usize) -> usize {
     match word {
-        Word::U16List => 2 * items,
-        Word::Bits => items.div_ceil(8),
+        FieldType::U16List => 2 * items,
+        FieldType::Bits => items.div_ceil(8),
         _ => items,
     }
 }
@@ -117,21 +123,21 @@ pub fn u16_at(body: &[u8], at: usize) -> Option<u16> {
 }
 
 /// The numeric values of a list field.
-pub fn items(word: &Word, bytes: &[u8]) -> Vec<u32> {
+pub fn items(word: &FieldType, bytes: &[u8]) -> Vec<u32> {
     match word {
-        Word::U16List => bytes.chunks_exact(2).map(number).collect(),
-        Word::Bits => (0..bytes.len() * 8).map(|i| u32::from(bytes[i / 8] >> (i % 8) & 1)).collect(),
+        FieldType::U16List => bytes.chunks_exact(2).map(number).collect(),
+        FieldType::Bits => (0..bytes.len() * 8).map(|i| u32::from(bytes[i / 8] >> (i % 8) & 1)).collect(),
         _ => bytes.iter().map(|&b| u32::from(b)).collect(),
     }
 }
 
-impl Node<'_> {
+impl DecodedField<'_> {
     /// The value as JSON: a number, a list of numbers, hex text for bytes, a list of objects for groups.
     pub fn json(&self) -> Json {
         match &self.field.word {
-            Word::Group(_) => self.groups.iter().map(|group| Json::Object(object(group))).collect(),
-            Word::Bytes => Json::from(hex(self.bytes)),
-            Word::Bits | Word::U8List | Word::U16List => Json::from(items(&self.field.word, self.bytes)),
+            FieldType::Group(_) => self.groups.iter().map(|group| Json::Object(object(group))).collect(),
+            FieldType::Bytes => Json::from(hex(self.bytes)),
+            FieldType::Bits | FieldType::U8List | FieldType::U16List => Json::from(items(&self.field.word, self.bytes)),
             _ => Json::from(number(self.bytes)),
         }
     }
@@ -153,17 +159,17 @@ impl Node<'_> {
     }
 }
 
-impl Node<'_> {
+impl DecodedField<'_> {
     /// Appends the value as JSON text, equal to the text of `json`, without building a JSON value first.
     fn push(&self, out: &mut Vec<u8>) {
         match &self.field.word {
-            Word::Group(_) => list(&self.groups, out, |group, out| push_object(group, out)),
-            Word::Bytes => {
+            FieldType::Group(_) => list(&self.groups, out, |group, out| push_object(group, out)),
+            FieldType::Bytes => {
                 out.push(b'"');
                 push_hex(self.bytes, out);
                 out.push(b'"');
             }
-            Word::Bits | Word::U8List | Word::U16List => {
+            FieldType::Bits | FieldType::U8List | FieldType::U16List => {
                 list(&items(&self.field.word, self.bytes), out, |item, out| push_int(i64::from(*item), out));
             }
             _ => push_int(i64::from(number(self.bytes)), out),
@@ -184,7 +190,7 @@ fn list<T>(items: &[T], out: &mut Vec<u8>, push: impl Fn(&T, &mut Vec<u8>)) {
 }
 
 /// Appends the fields as JSON text, equal to the text of `object`. Field names need no escaping.
-pub fn push_object(nodes: &[Node<'_>], out: &mut Vec<u8>) {
+pub fn push_object(nodes: &[DecodedField<'_>], out: &mut Vec<u8>) {
     out.push(b'{');
     for (at, node) in nodes.iter().enumerate() {
         out.extend_from_slice(if at == 0 { b"\"" } else { b",\"" });
@@ -196,7 +202,7 @@ pub fn push_object(nodes: &[Node<'_>], out: &mut Vec<u8>) {
 }
 
 /// The fields as a JSON object: name -> value.
-pub fn object(nodes: &[Node<'_>]) -> Map<String, Json> {
+pub fn object(nodes: &[DecodedField<'_>]) -> Map<String, Json> {
     nodes.iter().map(|node| (node.field.name.clone(), node.json())).collect()
 }
 
@@ -246,7 +252,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::functions::Row;
+    use crate::functions::FunctionRow;
     use crate::hex::parse_hex;
 
     #[test]
@@ -292,7 +298,7 @@ mod tests {
     proptest! {
         #[test]
         fn pushed_text_equals_json_text(at in 0..64_usize, response: bool, body in proptest::collection::vec(any::<u8>(), 0..60)) {
-            let rows: Vec<&Row> = Functions::embedded().rows().collect();
+            let rows: Vec<&FunctionRow> = Functions::embedded().rows().collect();
             let row = rows[at % rows.len()];
             let layout = if response { &row.response } else { &row.request };
             if let Some(shape) = layout.shape() {

@@ -4,16 +4,16 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::columns::content::Exchange;
+use crate::columns::content::TransactionView;
 use crate::columns::Items;
 use modlens_engine::records::{Batch, Span, Transaction};
-use modlens_profiles::points::{Bound, Part, Piece, Plan, Step};
+use modlens_profiles::points::{LayoutEntry, LayoutPart, NumberBuffer, Plan, PlanInstance};
 use modlens_protocol::functions::Operation;
 use modlens_protocol::register_type::Space;
 
 /// The registers or bits that one transaction read or wrote, shared by all of its rows.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Block {
+pub(super) struct ReadingBlock {
     /// Index of the transaction in `Batch::transactions`.
     pub txn: u32,
     /// Whether they were written rather than read.
@@ -60,9 +60,9 @@ enum Steps {
 /// All rows of a batch. Shared by the views on it that filters make.
 #[derive(Debug, Default)]
 struct AllRows {
-    blocks: Vec<Block>,
+    blocks: Vec<ReadingBlock>,
     runs: Vec<Run>,
-    cut_steps: Vec<Step>,
+    cut_steps: Vec<LayoutEntry>,
     /// The index of the run that contains each `STRIDE`th row, from which a row's run is found in a few steps.
     directory: Vec<u32>,
     rows: u32,
@@ -73,7 +73,7 @@ const STRIDE: u32 = 16;
 
 /// The rows of the table, or those that a filter has kept.
 #[derive(Clone, Debug)]
-pub(super) struct Readings {
+pub(super) struct ReadingRows {
     all: Arc<AllRows>,
     /// The numbers of the rows that a filter has kept, in ascending order; `None` if there is no filter.
     kept: Option<Arc<Vec<u32>>>,
@@ -81,19 +81,19 @@ pub(super) struct Readings {
 
 /// One row: its step and the block that contains it.
 #[derive(Clone, Copy)]
-pub(super) struct Item<'a> {
-    pub block: &'a Block,
-    pub step: Step,
+pub(super) struct ReadingRef<'a> {
+    pub block: &'a ReadingBlock,
+    pub step: LayoutEntry,
 }
 
-impl Item<'_> {
+impl ReadingRef<'_> {
     /// The index of its first register or bit in the block.
     pub fn index_in_block(&self) -> usize {
         usize::from(self.step.address.wrapping_sub(self.block.first))
     }
 }
 
-impl Block {
+impl ReadingBlock {
     /// The values of the block.
     #[inline]
     pub fn items<'a>(&self, batch: &'a Batch) -> Items<'a> {
@@ -105,7 +105,7 @@ impl Block {
     }
 }
 
-impl Readings {
+impl ReadingRows {
     /// Lists the rows of a batch. Writes that were refused or not answered are listed, too; their status tells them
     /// apart.
     pub fn new(batch: &Batch) -> Self {
@@ -114,7 +114,7 @@ impl Readings {
         all.runs.reserve(2 * batch.transactions.len());
         all.directory.reserve(batch.arena.len() / 2 / STRIDE as usize);
         for (txn, t) in batch.transactions.iter().enumerate() {
-            let exchange = Exchange::new(batch, t);
+            let exchange = TransactionView::new(batch, t);
             let space = exchange.space();
             let plan = t.points.as_deref().zip(space).map(|(bound, space)| (&*bound.plan, space));
             let sides = match exchange.operation() {
@@ -132,7 +132,7 @@ impl Readings {
                     Items::One(value) if space.is_some_and(Space::bits) => Data::Coil(value),
                     Items::One(value) => Data::Register(value),
                 };
-                all.blocks.push(Block { txn: txn as u32, write, first, data });
+                all.blocks.push(ReadingBlock { txn: txn as u32, write, first, data });
                 all.add_block_rows(plan, first, items.len());
             }
         }
@@ -149,7 +149,7 @@ impl Readings {
     /// NaN is false.
     pub fn with_numbers(&self, batch: &Batch, keep: impl Fn(f64) -> bool) -> Self {
         let mut rows = Vec::new();
-        let mut buffer = Part::default();
+        let mut buffer = NumberBuffer::default();
         // A block of bits can be skipped at once if neither of the two possible numbers is kept.
         let no_bit = !keep(0.0) && !keep(1.0);
         for (at, run) in self.all.runs.iter().enumerate() {
@@ -182,7 +182,7 @@ impl Readings {
 
     /// Looks up a row: its run by the directory, then its step.
     #[inline]
-    pub fn item<'a>(&'a self, batch: &'a Batch, row: usize) -> Item<'a> {
+    pub fn item<'a>(&'a self, batch: &'a Batch, row: usize) -> ReadingRef<'a> {
         let (all, row) = (&*self.all, self.number(row));
         let mut run_index = all.directory[(row / STRIDE) as usize] as usize;
         while all.runs.get(run_index + 1).is_some_and(|next| next.row <= row) {
@@ -191,14 +191,14 @@ impl Readings {
         let run = &all.runs[run_index];
         let (block, index_in_run) = (&all.blocks[run.block as usize], row - run.row);
         let step = match run.steps {
-            Steps::Bare(address) => Step::bare(address.wrapping_add(index_in_run as u16)),
+            Steps::Bare(address) => LayoutEntry::bare(address.wrapping_add(index_in_run as u16)),
             Steps::Plan(from) => match &batch.transactions[block.txn as usize].points {
                 Some(bound) => bound.plan.steps()[(from + index_in_run) as usize],
-                None => Step::bare(block.first),
+                None => LayoutEntry::bare(block.first),
             },
             Steps::Own(from) => all.cut_steps[(from + index_in_run) as usize],
         };
-        Item { block, step }
+        ReadingRef { block, step }
     }
 }
 
@@ -208,9 +208,9 @@ impl AllRows {
     fn add_block_rows(&mut self, plan: Option<(&Plan, Space)>, first: u16, count: usize) {
         let Some((plan, space)) = plan else { return self.add_run(Steps::Bare(first), count) };
         plan.pieces(space, first, count, |piece| match piece {
-            Piece::Bare(Range { start, end }) => self.add_run(Steps::Bare(start as u16), end - start),
-            Piece::Steps(Range { start, end }) => self.add_run(Steps::Plan(start as u32), end - start),
-            Piece::Edge(edge) => {
+            LayoutPart::Bare(Range { start, end }) => self.add_run(Steps::Bare(start as u16), end - start),
+            LayoutPart::Steps(Range { start, end }) => self.add_run(Steps::Plan(start as u32), end - start),
+            LayoutPart::PartialBlock(edge) => {
                 let from = self.cut_steps.len();
                 plan.edge(&edge, |step| self.cut_steps.push(step));
                 self.add_run(Steps::Own(from as u32), self.cut_steps.len() - from);
@@ -236,7 +236,7 @@ impl AllRows {
 
     /// Passes the numbers of a run's rows to `each`, a buffer at a time.
     #[inline]
-    fn run_numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut Part, each: impl FnMut(&[f64])) {
+    fn run_numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut NumberBuffer, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
         let bound = batch.transactions[block.txn as usize].points.as_deref();
         let steps = match run.steps {
@@ -252,7 +252,7 @@ impl AllRows {
             Data::Register(value) => bound.numbers(steps, block.first, &(value as u16).to_be_bytes(), buffer, each),
             Data::Bits(..) | Data::Coil(_) => {
                 let items = block.items(batch);
-                let bit = |step: &Step| f64::from(items.get(usize::from(step.address.wrapping_sub(block.first))));
+                let bit = |step: &LayoutEntry| f64::from(items.get(usize::from(step.address.wrapping_sub(block.first))));
                 buffer.of(steps, each, bit);
             }
         }
@@ -260,7 +260,7 @@ impl AllRows {
 }
 
 /// Passes on the numbers of `count` registers or bits without a point, from index `place` in the block.
-fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Part, mut each: impl FnMut(&[f64])) {
+fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut NumberBuffer, mut each: impl FnMut(&[f64])) {
     let places = usize::from(place)..usize::from(place) + count;
     match items {
         Items::Words(bytes) => {
@@ -277,14 +277,14 @@ fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Part, 
 
 /// Calls `part` for each part of what a transaction wrote or read: the block's values, the index of the part's first
 /// register or bit, and its step.
-pub(super) fn each_part<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, Step)) {
-    let exchange = Exchange::new(batch, t);
+pub(super) fn each_part<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, LayoutEntry)) {
+    let exchange = TransactionView::new(batch, t);
     let block = if write { exchange.written(batch) } else { exchange.read(batch) };
     let Some((first, items)) = block else { return };
     let space = exchange.space();
-    let mut part_at = |step: Step| part(&items, step.address.wrapping_sub(first), step);
+    let mut part_at = |step: LayoutEntry| part(&items, step.address.wrapping_sub(first), step);
     match t.points.as_deref().zip(space) {
-        Some((Bound { plan, .. }, space)) => plan.block(space, first, items.len(), part_at),
-        None => (0..items.len()).for_each(|item| part_at(Step::bare(first.wrapping_add(item as u16)))),
+        Some((PlanInstance { plan, .. }, space)) => plan.block(space, first, items.len(), part_at),
+        None => (0..items.len()).for_each(|item| part_at(LayoutEntry::bare(first.wrapping_add(item as u16)))),
     }
 }

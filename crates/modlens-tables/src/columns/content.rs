@@ -8,20 +8,20 @@ use serde_json::Value as Json;
 use crate::columns::{functions, Cell, Items};
 use modlens_engine::records::{Batch, Transaction};
 use modlens_profiles::points::Value;
-use modlens_protocol::functions::{Layout, Operation, Row};
+use modlens_protocol::functions::{FunctionRow, Layout, Operation};
 use modlens_protocol::hex::push_hex;
-use modlens_protocol::pdu::{self, u16_at, Node};
+use modlens_protocol::pdu::{self, u16_at, DecodedField};
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
 /// A transaction with its row of the table of functions, which most columns need.
 #[derive(Clone, Copy)]
-pub(super) struct Exchange<'a> {
+pub(super) struct TransactionView<'a> {
     pub(super) t: &'a Transaction,
-    row: Option<&'a Row>,
+    row: Option<&'a FunctionRow>,
 }
 
-impl Deref for Exchange<'_> {
+impl Deref for TransactionView<'_> {
     type Target = Transaction;
 
     fn deref(&self) -> &Transaction {
@@ -32,32 +32,32 @@ impl Deref for Exchange<'_> {
 /// The row of the table of functions for a transaction. The request selects the variant if it was observed, otherwise
 /// the response.
 #[inline]
-pub fn row_of<'a>(batch: &'a Batch, t: &Transaction) -> Option<&'a Row> {
+pub fn row_of<'a>(batch: &'a Batch, t: &Transaction) -> Option<&'a FunctionRow> {
     let pdu = if t.request.pdu.length > 0 { t.request.pdu } else { t.response.pdu };
     functions(batch).row(t.function, pdu.of(&batch.arena).get(1..).unwrap_or(&[]))
 }
 
 /// Address and quantity of the registers or bits that were read.
 pub fn read_range(batch: &Batch, t: &Transaction) -> Option<(u16, u16)> {
-    Exchange::new(batch, t).read_range(batch)
+    TransactionView::new(batch, t).read_range(batch)
 }
 
 /// Address and quantity of the registers or bits that were written.
 pub fn write_range(batch: &Batch, t: &Transaction) -> Option<(u16, u16)> {
-    Exchange::new(batch, t).write_range(batch)
+    TransactionView::new(batch, t).write_range(batch)
 }
 
 /// The registers or bits that were read.
 pub fn read_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
-    Exchange::new(batch, t).read_data(batch)
+    TransactionView::new(batch, t).read_data(batch)
 }
 
 /// The registers or bits that were written.
 pub fn write_data<'a>(batch: &'a Batch, t: &Transaction) -> Option<Items<'a>> {
-    Exchange::new(batch, t).write_data(batch)
+    TransactionView::new(batch, t).write_data(batch)
 }
 
-impl<'a> Exchange<'a> {
+impl<'a> TransactionView<'a> {
     #[inline]
     pub(super) fn new(batch: &'a Batch, t: &'a Transaction) -> Self {
         Self { t, row: row_of(batch, t) }
@@ -175,7 +175,7 @@ impl<'a> Exchange<'a> {
 
     /// The decoded fields of request and response. A damaged message, and the response to a refused request, are left
     /// out.
-    fn decoded(self, batch: &'a Batch, row: &'a Row) -> Cell<'a> {
+    fn decoded(self, batch: &'a Batch, row: &'a FunctionRow) -> Cell<'a> {
         if row.request == Layout::Unknown {
             return self.undecoded(batch);
         }
@@ -207,13 +207,13 @@ impl<'a> Exchange<'a> {
 /// The decoded fields of a transaction. They are converted to text only where it is needed.
 #[derive(Clone, Debug, Default)]
 pub struct Fields<'a> {
-    nodes: Vec<Node<'a>>,
+    nodes: Vec<DecodedField<'a>>,
     bodies: Vec<(&'static str, &'a [u8])>,
 }
 
 impl<'a> Fields<'a> {
     /// Adds a field. If the response repeats a field of the request, the value from the response is shown.
-    fn put(&mut self, node: Node<'a>) {
+    fn put(&mut self, node: DecodedField<'a>) {
         match self.nodes.iter_mut().find(|known| known.field.name == node.field.name) {
             Some(known) => *known = node,
             None => self.nodes.push(node),

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use super::tables::{Findings, Frames, Transactions, OF_THE_BUS};
-use super::{Put, Reader, Way};
+use super::{CellSink, ColumnReader, RowReader};
 
 /// The embedded definition of the columns.
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
@@ -24,7 +24,7 @@ pub fn version() -> u64 {
 
 /// The type of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnType {
     /// An integer (int64).
     Int,
     /// A duration in microseconds (float64).
@@ -51,7 +51,7 @@ pub struct Column {
     /// Its name.
     pub key: String,
     /// The type of its values.
-    pub kind: Kind,
+    pub kind: ColumnType,
 }
 
 /// One of the four tables.
@@ -90,12 +90,12 @@ impl TableKind {
     }
 
     /// The reader of a column for one kind of writer.
-    pub fn reader<S: Put>(self, column: usize) -> Reader<S> {
-        Reader(match self {
-            Self::Frames => Way::Frame(Frames::pass(column)),
-            Self::Transactions => Way::Transaction(Transactions::pass(column)),
-            Self::Findings => Way::Finding(Findings::pass(column)),
-            Self::Readings => Way::Reading(column),
+    pub fn reader<S: CellSink>(self, column: usize) -> ColumnReader<S> {
+        ColumnReader(match self {
+            Self::Frames => RowReader::Frame(Frames::pass(column)),
+            Self::Transactions => RowReader::Transaction(Transactions::pass(column)),
+            Self::Findings => RowReader::Finding(Findings::pass(column)),
+            Self::Readings => RowReader::Reading(column),
         })
     }
 
@@ -117,15 +117,15 @@ impl TableKind {
 /// A column from its row in the file.
 fn column(row: &Json) -> Column {
     let kind = match row["type"].as_str() {
-        Some("int") => Kind::Int,
-        Some("us") => Kind::Us,
-        Some("time") => Kind::Time,
-        Some("float") => Kind::Float,
-        Some("bool") => Kind::Bool,
-        Some("ints") => Kind::Ints,
-        Some("texts") => Kind::Texts,
-        Some("map") => Kind::Map,
-        Some("text" | "hex") => Kind::Text,
+        Some("int") => ColumnType::Int,
+        Some("us") => ColumnType::Us,
+        Some("time") => ColumnType::Time,
+        Some("float") => ColumnType::Float,
+        Some("bool") => ColumnType::Bool,
+        Some("ints") => ColumnType::Ints,
+        Some("texts") => ColumnType::Texts,
+        Some("map") => ColumnType::Map,
+        Some("text" | "hex") => ColumnType::Text,
         other => panic!("columns.toml: unknown type {other:?}"),
     };
     Column { key: row["key"].as_str().expect("a key").to_owned(), kind }

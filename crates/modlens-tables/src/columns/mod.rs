@@ -15,15 +15,15 @@ mod tables;
 
 pub use cell::{Cell, Items};
 pub use content::{exception_name, read_data, read_range, row_of, write_data, write_range, Fields};
-pub use kind::{version, Column, Kind, TableKind, COLUMNS, TABLES};
+pub use kind::{version, Column, ColumnType, TableKind, COLUMNS, TABLES};
 
-use blocks::{Item, Readings};
-use content::Exchange;
+use blocks::{ReadingRef, ReadingRows};
+use content::TransactionView;
 use modlens_engine::records::{Batch, FindingRow, Frame, Transaction};
 use modlens_protocol::functions::Functions;
 use readings::READINGS;
-pub use readings::{each_value, Part};
-use tables::{Findings, Frames, Pass, PassExchange, Transactions};
+pub use readings::{each_value, ReadingView};
+use tables::{Emit, EmitTransaction, Findings, Frames, Transactions};
 
 /// The rows of one table in a batch, or those that a filter has kept.
 #[derive(Clone, Debug)]
@@ -45,25 +45,25 @@ pub struct RowRef<'a> {
 #[derive(Clone, Copy)]
 enum RowOf<'a> {
     Frame(&'a Frame),
-    Transaction(Exchange<'a>),
+    Transaction(TransactionView<'a>),
     Finding(&'a FindingRow),
-    Reading(Item<'a>),
+    Reading(ReadingRef<'a>),
 }
 
 /// Receives the values of columns: implemented by every writer.
-pub trait Put {
+pub trait CellSink {
     /// Takes one value. Each caller passes a known variant of `Cell`, so an implementation should be inlined: its
     /// `match` is then reduced to one arm.
     fn put(&mut self, cell: Cell<'_>);
 }
 
 /// The compiled reader of one column, for one kind of writer.
-pub struct Reader<S>(Way<S>);
+pub struct ColumnReader<S>(RowReader<S>);
 
-enum Way<S> {
-    Frame(Pass<Frame, S>),
-    Transaction(PassExchange<S>),
-    Finding(Pass<FindingRow, S>),
+enum RowReader<S> {
+    Frame(Emit<Frame, S>),
+    Transaction(EmitTransaction<S>),
+    Finding(Emit<FindingRow, S>),
     Reading(usize),
 }
 
@@ -82,12 +82,12 @@ impl<'a> RowRef<'a> {
     /// Passes the value of a column to a writer.
     #[inline(always)]
     #[allow(clippy::inline_always)] // A few instructions in the innermost loop of every writer.
-    pub fn pass<S: Put>(&self, column: &Reader<S>, to: &mut S) {
+    pub fn pass<S: CellSink>(&self, column: &ColumnReader<S>, to: &mut S) {
         match (self.of, &column.0) {
-            (RowOf::Frame(row), Way::Frame(pass)) => pass(self.batch, row, to),
-            (RowOf::Transaction(row), Way::Transaction(pass)) => pass(self.batch, row, to),
-            (RowOf::Finding(row), Way::Finding(pass)) => pass(self.batch, row, to),
-            (RowOf::Reading(row), Way::Reading(column)) => to.put(READINGS[*column].1(self.batch, row)),
+            (RowOf::Frame(row), RowReader::Frame(pass)) => pass(self.batch, row, to),
+            (RowOf::Transaction(row), RowReader::Transaction(pass)) => pass(self.batch, row, to),
+            (RowOf::Finding(row), RowReader::Finding(pass)) => pass(self.batch, row, to),
+            (RowOf::Reading(row), RowReader::Reading(column)) => to.put(READINGS[*column].1(self.batch, row)),
             // The reader belongs to another table.
             _ => to.put(Cell::Null),
         }
@@ -110,7 +110,7 @@ impl<'a> RowRef<'a> {
 enum Rows {
     All(usize),
     Some(Arc<Vec<u32>>),
-    Readings(Readings),
+    Readings(ReadingRows),
 }
 
 impl Table {
@@ -120,7 +120,7 @@ impl Table {
             TableKind::Frames => Rows::All(batch.frames.len()),
             TableKind::Transactions => Rows::All(batch.transactions.len()),
             TableKind::Findings => Rows::All(batch.findings.len()),
-            TableKind::Readings => Rows::Readings(Readings::new(&batch)),
+            TableKind::Readings => Rows::Readings(ReadingRows::new(&batch)),
         };
         Self { batch, kind, rows }
     }
@@ -203,7 +203,7 @@ impl Table {
             (Rows::Readings(rows), _) => RowOf::Reading(rows.item(batch, row)),
             (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
             (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
-            _ => RowOf::Transaction(Exchange::new(batch, &batch.transactions[self.index(row)])),
+            _ => RowOf::Transaction(TransactionView::new(batch, &batch.transactions[self.index(row)])),
         };
         RowRef { batch, of }
     }

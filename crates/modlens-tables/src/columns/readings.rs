@@ -2,15 +2,15 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::columns::blocks::{each_part, Item};
+use crate::columns::blocks::{each_part, ReadingRef};
 use crate::columns::content::row_of;
 use crate::columns::tables::{bus, network, time, us};
 use crate::columns::{Cell, Items};
 use modlens_engine::records::{Batch, Half, Transaction};
-use modlens_profiles::points::{Bound, Compiled, Value};
+use modlens_profiles::points::{CompiledPoint, PlanInstance, Value};
 use modlens_protocol::register_type::Space;
 
-pub(super) type ReadItem = for<'a> fn(&'a Batch, Item<'a>) -> Cell<'a>;
+pub(super) type ReadItem = for<'a> fn(&'a Batch, ReadingRef<'a>) -> Cell<'a>;
 
 pub(super) const READINGS: &[(&str, ReadItem)] = &[
     ("txn", |b, r| Cell::Int(txn(b, r).number as i64)),
@@ -76,12 +76,12 @@ fn json(value: &Value<'_>) -> Json {
 }
 
 /// The transaction of a row.
-fn txn<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Transaction {
+fn txn<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Transaction {
     &batch.transactions[at.block.txn as usize]
 }
 
 /// The frame that carried the value: the request for a write, the response for a read.
-fn half<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Half {
+fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Half {
     let t = txn(batch, at);
     if at.block.write {
         &t.request
@@ -91,17 +91,17 @@ fn half<'a>(batch: &'a Batch, at: Item<'_>) -> &'a Half {
 }
 
 /// The plan and the point of a row, if a profile has one for it.
-fn point_of<'a>(batch: &'a Batch, at: Item<'_>) -> Option<(&'a Bound, &'a Compiled)> {
+fn point_of<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<(&'a PlanInstance, &'a CompiledPoint)> {
     let (index, bound) = (at.step.compiled()?, txn(batch, at).points.as_deref()?);
     Some((bound, bound.plan.compiled(index)))
 }
 
-fn compiled<'a>(batch: &'a Batch, at: Item<'_>) -> Option<&'a Compiled> {
+fn compiled<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<&'a CompiledPoint> {
     point_of(batch, at).map(|(_, compiled)| compiled)
 }
 
 /// The registers or the bit of a row, as on the wire.
-fn raw<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Items<'a>> {
+fn raw<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<Items<'a>> {
     slice_of(&at.block.items(batch), at.index_in_block() as u16, compiled(batch, at).map_or(1, |point| point.width))
 }
 
@@ -119,7 +119,7 @@ fn slice_of<'a>(items: &Items<'a>, item: u16, width: u16) -> Option<Items<'a>> {
 }
 
 /// The value of a point at index `item` of a block.
-fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compiled) -> Option<Value<'p>> {
+fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p PlanInstance, point: &'p CompiledPoint) -> Option<Value<'p>> {
     Some(match slice_of(items, item, point.width)? {
         Items::Words(bytes) => bound.value(point, bytes),
         // The register of a single write is stored as a number.
@@ -129,7 +129,7 @@ fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p Bound, point: &'p Compi
 }
 
 /// The value of a row: that of its point, or the bare register or bit.
-fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
+fn value<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<Value<'a>> {
     match point_of(batch, at) {
         Some((bound, compiled)) => value_of(&at.block.items(batch), at.index_in_block() as u16, bound, compiled),
         None => raw(batch, at).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
@@ -137,7 +137,7 @@ fn value<'a>(batch: &'a Batch, at: Item<'_>) -> Option<Value<'a>> {
 }
 
 /// A value, or a register or bit without a point, for code that visits all values of a batch.
-pub struct Part<'a> {
+pub struct ReadingView<'a> {
     /// Its transaction.
     pub transaction: &'a Transaction,
     /// The table that it belongs to.
@@ -147,12 +147,12 @@ pub struct Part<'a> {
     /// Whether it was written rather than read.
     pub write: bool,
     /// The compiled point and its index in the plan, if it has one.
-    pub compiled: Option<(u32, &'a Compiled)>,
+    pub compiled: Option<(u32, &'a CompiledPoint)>,
     /// Its registers as on the wire; one byte for a bit.
     pub raw: Vec<u8>,
 }
 
-impl Part<'_> {
+impl ReadingView<'_> {
     /// The converted value.
     pub fn value(&self) -> Value<'_> {
         let bound = self.transaction.points.as_deref();
@@ -165,7 +165,7 @@ impl Part<'_> {
 }
 
 /// Calls `slice_of` for every value of a batch, by transaction, those written first.
-pub fn each_value(batch: &Batch, mut visit: impl FnMut(Part<'_>)) {
+pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
     for t in &batch.transactions {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for write in [true, false] {
@@ -178,7 +178,7 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(Part<'_>)) {
                     Items::One(number) if !space.bits() => (number as u16).to_be_bytes().to_vec(),
                     bit => vec![bit.get(0) as u8],
                 };
-                visit(Part { transaction: t, space, address: step.address, write, compiled, raw });
+                visit(ReadingView { transaction: t, space, address: step.address, write, compiled, raw });
             });
         }
     }

@@ -5,32 +5,32 @@
 //! why an `Option` is branched on before a `Cell` is created: otherwise the variant would be known only at run time.
 #![allow(clippy::inline_always)]
 
-use crate::columns::{Cell, Items, Put};
+use crate::columns::{Cell, CellSink, Items};
 use modlens_protocol::finding::Finding;
-use modlens_protocol::functions::Row;
+use modlens_protocol::functions::FunctionRow;
 use modlens_protocol::source::Place;
 use modlens_protocol::Ns;
 
 /// A value that a column has.
-pub(super) trait Shown<'a>: Sized {
+pub(super) trait ColumnValue<'a>: Sized {
     /// The value as a `Cell`.
     fn cell(self) -> Cell<'a>;
 
     /// Passes the value to a writer.
     #[inline(always)]
-    fn pass<S: Put>(self, to: &mut S) {
+    fn pass<S: CellSink>(self, to: &mut S) {
         to.put(self.cell());
     }
 }
 
-impl<'a, T: Shown<'a>> Shown<'a> for Option<T> {
+impl<'a, T: ColumnValue<'a>> ColumnValue<'a> for Option<T> {
     #[inline(always)]
     fn cell(self) -> Cell<'a> {
         self.map_or(Cell::Null, T::cell)
     }
 
     #[inline(always)]
-    fn pass<S: Put>(self, to: &mut S) {
+    fn pass<S: CellSink>(self, to: &mut S) {
         match self {
             Some(value) => value.pass(to),
             None => to.put(Cell::Null),
@@ -38,7 +38,7 @@ impl<'a, T: Shown<'a>> Shown<'a> for Option<T> {
     }
 }
 
-impl<'a> Shown<'a> for Cell<'a> {
+impl<'a> ColumnValue<'a> for Cell<'a> {
     #[inline(always)]
     fn cell(self) -> Cell<'a> {
         self
@@ -46,16 +46,16 @@ impl<'a> Shown<'a> for Cell<'a> {
 }
 
 /// The name of a function, which only some formats have to quote.
-pub(super) struct Name<'a>(pub(super) &'a Row);
+pub(super) struct FunctionName<'a>(pub(super) &'a FunctionRow);
 
-impl<'a> Shown<'a> for Name<'a> {
+impl<'a> ColumnValue<'a> for FunctionName<'a> {
     #[inline(always)]
     fn cell(self) -> Cell<'a> {
         Cell::Text(&self.0.name)
     }
 
     #[inline(always)]
-    fn pass<S: Put>(self, to: &mut S) {
+    fn pass<S: CellSink>(self, to: &mut S) {
         if self.0.unquoted {
             to.put(Cell::Word(&self.0.name));
         } else {
@@ -69,7 +69,7 @@ macro_rules! shown {
         #[doc = $words]
         pub(super) struct $name$(<$life>)?($(pub(super) $kind),*);
 
-        impl<'a> Shown<'a> for $name$(<$life>)? {
+        impl<'a> ColumnValue<'a> for $name$(<$life>)? {
             #[inline(always)]
             fn cell(self) -> Cell<'a> {
                 let Self($($part),*) = self;
@@ -92,7 +92,7 @@ shown! {
 
 macro_rules! numbers {
     ($($kind:ty),*) => {$(
-        impl<'a> Shown<'a> for $kind {
+        impl<'a> ColumnValue<'a> for $kind {
             #[inline(always)]
             fn cell(self) -> Cell<'a> {
                 Cell::Int(self as i64)
@@ -103,7 +103,7 @@ macro_rules! numbers {
 
 numbers!(u8, u16, u32, u64);
 
-impl<'a> Shown<'a> for bool {
+impl<'a> ColumnValue<'a> for bool {
     #[inline(always)]
     fn cell(self) -> Cell<'a> {
         Cell::Bool(self)

@@ -4,10 +4,10 @@
 //! memory.
 #![allow(clippy::inline_always)]
 
-use crate::columns::content::{exception_text, Exchange};
+use crate::columns::content::{exception_text, TransactionView};
 use crate::columns::readings::named;
-use crate::columns::shown::{Codes, Hex, Ints, Name, Shown, Source, Text, Time, Us, Word};
-use crate::columns::{functions, Cell, Put};
+use crate::columns::shown::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Time, Us, Word};
+use crate::columns::{functions, Cell, CellSink};
 use modlens_engine::records::{Batch, Bus, FindingRow, Frame, Half, Network};
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::source::Clock;
@@ -20,13 +20,13 @@ pub(super) const OF_THE_BUS: [&str; 4] = ["bus", "client", "server", "connection
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
 
 /// Reads the value of a column from a transaction.
-pub(super) type ReadExchange = for<'a> fn(&'a Batch, Exchange<'a>) -> Cell<'a>;
+pub(super) type ReadTransaction = for<'a> fn(&'a Batch, TransactionView<'a>) -> Cell<'a>;
 
 /// Reads the value of a column from a row and passes it to a writer.
-pub(super) type Pass<R, S> = for<'a> fn(&'a Batch, &'a R, &mut S);
+pub(super) type Emit<R, S> = for<'a> fn(&'a Batch, &'a R, &mut S);
 
 /// Reads the value of a column from a transaction and passes it to a writer.
-pub(super) type PassExchange<S> = for<'a> fn(&'a Batch, Exchange<'a>, &mut S);
+pub(super) type EmitTransaction<S> = for<'a> fn(&'a Batch, TransactionView<'a>, &mut S);
 
 /// Defines the columns of a table. `READ` returns a value as a `Cell`; `pass` is compiled for each writer, so that the
 /// writer's code for other kinds of values than the column's is removed.
@@ -38,7 +38,7 @@ macro_rules! columns {
             pub(super) const KEYS: &[&str] = &[$($key),*];
             pub(super) const READ: &[$read$(<$row>)?] = &[$(|$batch, $of| $value.cell()),*];
 
-            pub(super) fn pass<S: Put>(column: usize) -> $pass<$($row,)? S> {
+            pub(super) fn pass<S: CellSink>(column: usize) -> $pass<$($row,)? S> {
                 const COUNT: usize = $table::KEYS.len();
                 let all: [$pass<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.pass(to)),*];
                 all[column]
@@ -72,8 +72,8 @@ fn utc_time(batch: &Batch, index: u32, start: Option<Ns>) -> Option<Time> {
 
 /// The name of a function code, with or without the exception bit.
 #[inline(always)]
-fn name(batch: &Batch, code: Option<u8>) -> Option<Name<'_>> {
-    functions(batch).any(code? & !EXCEPTION_BIT).map(Name)
+fn name(batch: &Batch, code: Option<u8>) -> Option<FunctionName<'_>> {
+    functions(batch).any(code? & !EXCEPTION_BIT).map(FunctionName)
 }
 
 /// The position in the input.
@@ -94,7 +94,7 @@ fn line(batch: &Batch, frame: &Frame) -> Option<Word<'static>> {
 }
 
 columns! {
-    Frames: Read, Pass<Frame>;
+    Frames: Read, Emit<Frame>;
     ("frame", |_, f| f.number),
     ("time", |b, f| utc_time(b, f.bus, f.start)),
     ("elapsed_us", |_, f| f.elapsed.map(Us)),
@@ -124,7 +124,7 @@ columns! {
 }
 
 columns! {
-    Transactions: ReadExchange, PassExchange<>;
+    Transactions: ReadTransaction, EmitTransaction<>;
     ("txn", |_, t| t.number),
     ("time", |b, t| utc_time(b, t.bus, t.start)),
     ("elapsed_us", |_, t| t.elapsed.map(Us)),
@@ -165,7 +165,7 @@ columns! {
 }
 
 columns! {
-    Findings: Read, Pass<FindingRow>;
+    Findings: Read, Emit<FindingRow>;
     ("frame", |_, f| f.frame),
     ("txn", |_, f| f.txn),
     ("time", |b, f| utc_time(b, f.bus, f.start)),

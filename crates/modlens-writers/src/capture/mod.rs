@@ -20,8 +20,8 @@ use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
 use payload::Route;
 use ports::Ports;
 use tcp::{Connections, Segment};
-use told::Told;
-use words::Note;
+use told::PendingAnnotations;
+use words::FindingNote;
 
 use modlens_engine::records::{Batch, Frame, Transaction};
 use modlens_protocol::direction::Direction;
@@ -30,13 +30,13 @@ use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
 use modlens_tables::columns::{Table, TableKind};
 
-pub use style::{Options, Style};
+pub use style::{CaptureOptions, Encapsulation};
 pub use words::settings;
 
 /// Writes a capture file, batch by batch.
 #[derive(Debug)]
 pub struct Capture {
-    options: Options,
+    options: CaptureOptions,
     /// Whether the file header was written.
     has_header: bool,
     /// The table that the filter applies to; `None` without a filter.
@@ -44,7 +44,7 @@ pub struct Capture {
     /// Batches with frames to be written, and the index of the first such frame.
     waiting: VecDeque<(Arc<Batch>, usize)>,
     /// The findings of frames that are still to be written, by frame number.
-    findings_by_frame: BTreeMap<u64, Vec<Note>>,
+    findings_by_frame: BTreeMap<u64, Vec<FindingNote>>,
     /// The numbers of the transactions or frames that the filter kept.
     kept: HashSet<u64>,
     /// All transactions up to this number are complete, and those in `complete_beyond` (from a live tap).
@@ -55,7 +55,7 @@ pub struct Capture {
     /// The number of frames still to be written as context after a kept one.
     context_left: usize,
     /// Transactions whose annotation was not written yet.
-    told: Told,
+    told: PendingAnnotations,
     /// Transactions of a live tap whose last packet was written before they were complete.
     unannotated: BTreeSet<u64>,
     /// The name of the bus and the line of each interface.
@@ -78,7 +78,7 @@ const MAX_NUMBERS: usize = 100_000;
 
 impl Capture {
     /// A capture file with these options.
-    pub fn new(options: Options) -> Self {
+    pub fn new(options: CaptureOptions) -> Self {
         Self {
             options,
             has_header: false,
@@ -90,7 +90,7 @@ impl Capture {
             complete_beyond: HashSet::new(),
             context_before: VecDeque::new(),
             context_left: 0,
-            told: Told::default(),
+            told: PendingAnnotations::default(),
             unannotated: BTreeSet::new(),
             interfaces: Vec::new(),
             origin_written: false,
@@ -115,7 +115,7 @@ impl Capture {
             }
         }
         for (at, row) in batch.transactions.iter().enumerate() {
-            if !self.options.classic && self.options.style != Style::Tcp {
+            if !self.options.classic && self.options.style != Encapsulation::Tcp {
                 self.told.insert(row.number, batch, at);
             }
             if self.options.live && self.filtered.is_some() {
@@ -160,7 +160,7 @@ impl Capture {
 
     /// The link type of the packets.
     fn link(&self) -> u16 {
-        if self.options.style == Style::Tcp {
+        if self.options.style == Encapsulation::Tcp {
             LINK_ETHERNET
         } else {
             LINK_UPPER_PDU
@@ -255,7 +255,7 @@ impl Capture {
         let echo = frame.findings.of(&batch.codes).contains(&Finding::LocalEcho);
         let txn = frame.txn.unwrap_or(frame.number);
         let route = self.ports.route(frame.bus as usize, txn, frame.direction, echo || frame.txn.is_none());
-        if self.options.style == Style::Tcp {
+        if self.options.style == Encapsulation::Tcp {
             self.synthetic(batch, frame, route, time, out);
             return;
         }
@@ -392,7 +392,7 @@ mod tests {
         let should_write = Wanted { frames: true, transactions: true, findings: true };
         let mut session = Session::new(Arc::default(), should_write, true, None);
         let bus = session.add_bus(BusOptions::named("bus"));
-        let mut capture = Capture::new(Options { live: true, ..Options::default() });
+        let mut capture = Capture::new(CaptureOptions { live: true, ..CaptureOptions::default() });
         let mut out = Vec::new();
         let frames: [&[u8]; 2] = [&[1, 3, 0, 0, 0, 1, 0x84, 0x0A], &[1, 3, 2, 0, 7, 0xF9, 0x86]];
         for at in 0..40 {

@@ -1,8 +1,8 @@
 //! Makes one packet of a frame: the data that a Wireshark dissector takes, and the options of the packet.
 
 use super::payload::{self, Route};
-use super::words::{self, Note};
-use super::{blocks, Style};
+use super::words::{self, FindingNote};
+use super::{blocks, Encapsulation};
 use modlens_engine::records::{Batch, Frame};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -10,7 +10,7 @@ use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
 
 /// Appends the data of a packet with link type 252 (exported PDU).
-pub(super) fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, notes: &[Note], out: &mut Vec<u8>) {
+pub(super) fn bytes(style: Encapsulation, batch: &Batch, frame: &Frame, route: Route, notes: &[FindingNote], out: &mut Vec<u8>) {
     let wire = frame.wire.of(&batch.arena);
     if !frame.verdict.good() {
         let (protocol, info) = words::columns(batch, frame, notes);
@@ -21,14 +21,21 @@ pub(super) fn bytes(style: Style, batch: &Batch, frame: &Frame, route: Route, no
     let (adu, checksum) = unwrap(frame.mode, frame.verdict, wire, &mut scratch);
     match (style, frame.mode) {
         // ASCII and TCP frames have no CRC; one is computed, because the dissector `mbrtu` requires it.
-        (Style::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { checksum } else { &[] }, out),
+        (Encapsulation::Rtu, mode) => payload::rtu(adu, if mode == Mode::Rtu { checksum } else { &[] }, out),
         (_, Mode::Tcp) => payload::tcp(route, wire, out),
         _ => payload::udp(route, adu, checksum, out),
     }
 }
 
 /// Appends comments, flags and our custom option of a packet.
-pub(super) fn annotations(style: Style, batch: &Batch, frame: &Frame, notes: &[Note], origin: Option<Ns>, out: &mut Vec<u8>) {
+pub(super) fn annotations(
+    style: Encapsulation,
+    batch: &Batch,
+    frame: &Frame,
+    notes: &[FindingNote],
+    origin: Option<Ns>,
+    out: &mut Vec<u8>,
+) {
     if frame.mode == Mode::Ascii && frame.verdict.good() {
         let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
         blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
@@ -46,6 +53,6 @@ pub(super) fn annotations(style: Style, batch: &Batch, frame: &Frame, notes: &[N
     // The dissector `mbrtu` gets an RTU frame even if the frame on the line had another mode. The original bytes are
     // then stored in our custom option.
     let is_verbatim =
-        style != Style::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
+        style != Encapsulation::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
     blocks::custom(out, |out| words::custom(batch, frame, is_verbatim, origin, out));
 }

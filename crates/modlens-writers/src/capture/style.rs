@@ -2,7 +2,7 @@
 
 /// How frames are encapsulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Style {
+pub enum Encapsulation {
     /// For the dissector `mbudp`, which decodes all functions, the direction and pairs, and shows checksum bytes.
     #[default]
     Udp,
@@ -12,7 +12,7 @@ pub enum Style {
     Tcp,
 }
 
-impl Style {
+impl Encapsulation {
     /// All styles with their names, the default first.
     pub const ALL: [(&'static str, Self); 3] = [("udp", Self::Udp), ("rtu", Self::Rtu), ("tcp", Self::Tcp)];
 
@@ -32,9 +32,9 @@ impl Style {
 
 /// The options of a capture file.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct CaptureOptions {
     /// How frames are encapsulated.
-    pub style: Style,
+    pub style: Encapsulation,
     /// Whether to write classic pcap, which has no names, comments or flags.
     pub classic: bool,
     /// Whether frames are written at once, rather than when their transaction is complete.

@@ -7,22 +7,22 @@ use std::sync::Arc;
 use modlens_engine::records::Batch;
 
 /// The position of a row: the number of its batch, counted from the first one, and its index in the batch.
-type Place = (u64, u32);
+type RowPosition = (u64, u32);
 
 /// Rows by transaction number. Finding one takes a subtraction, and a batch is kept alive by one reference for all of
 /// its rows.
 #[derive(Debug, Default)]
-pub struct Told {
+pub struct PendingAnnotations {
     /// The transaction number of the first element of `rows`.
     first: u64,
-    rows: VecDeque<Option<Place>>,
+    rows: VecDeque<Option<RowPosition>>,
     /// The batches of these rows, oldest first, with the number of their rows that are still here.
     batches: VecDeque<(Arc<Batch>, usize)>,
     /// The number of batches that were dropped.
     dropped_batches: u64,
 }
 
-impl Told {
+impl PendingAnnotations {
     /// The index in `rows` of a transaction number.
     fn place(&self, number: u64) -> Option<usize> {
         usize::try_from(number.checked_sub(self.first)?).ok().filter(|&at| at < self.rows.len())
@@ -103,7 +103,7 @@ mod tests {
     /// Compares with a plain list of the numbers that were added and removed.
     #[test]
     fn numbers_can_be_added_and_removed_in_any_order() {
-        let mut pending = Told::default();
+        let mut pending = PendingAnnotations::default();
         let batches = [Arc::new(Batch::default()), Arc::new(Batch::default())];
         for (at, number) in [7, 9, 3, 8, 20].into_iter().enumerate() {
             pending.insert(number, &batches[at / 3], at);

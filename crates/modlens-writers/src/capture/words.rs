@@ -24,10 +24,10 @@ const WRONG_GAP: u32 = 1 << 27;
 const SYMBOL_ERROR: u32 = 1 << 31;
 
 /// A finding and its detail.
-pub type Note = (Finding, String);
+pub type FindingNote = (Finding, String);
 
 /// A finding as a comment: severity, code, title and detail.
-pub fn comment((finding, detail): &Note) -> String {
+pub fn comment((finding, detail): &FindingNote) -> String {
     let doc = finding.doc();
     let separator = if detail.is_empty() { "" } else { ": " };
     format!("{} {}: {}{separator}{detail}", doc.severity.text(), doc.code, doc.title)
@@ -55,7 +55,7 @@ pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
 }
 
 /// The texts of the columns Protocol and Info for bytes that are no valid frame.
-pub fn columns(batch: &Batch, frame: &Frame, notes: &[Note]) -> (String, String) {
+pub fn columns(batch: &Batch, frame: &Frame, notes: &[FindingNote]) -> (String, String) {
     let mode = frame.mode.text().to_uppercase();
     let checksum = if frame.mode == Mode::Ascii { "LRC" } else { "CRC" };
     let (kind, mut info) = match frame.verdict {

@@ -18,8 +18,8 @@ use zstd::zstd_safe::compress_bound;
 
 use super::distinct::{Numbers, Words};
 use super::encode::{push_varint, Deltas, Lengths, Plain, Runs};
-use crate::values::Values;
-use modlens_tables::columns::{Kind, Put, Reader, RowRef, TableKind};
+use crate::values::ColumnBuilder;
+use modlens_tables::columns::{CellSink, ColumnReader, ColumnType, RowRef, TableKind};
 
 /// zstd: higher levels take twice the time for a twentieth less.
 const LEVEL: i32 = 1;
@@ -66,15 +66,15 @@ pub(super) trait Column: Send {
 pub(super) fn column(table: TableKind, column: usize, leaf: ColumnDescPtr) -> Box<dyn Column> {
     let what = &table.columns()[column];
     match (what.kind, FEW_VALUES.contains(&what.key.as_str())) {
-        (Kind::Int, true) => new(table, column, leaf, Numbers::<i64>::default()),
-        (Kind::Int | Kind::Time, _) => new(table, column, leaf, Deltas::default()),
-        (Kind::Us | Kind::Float, _) => new::<f64, _>(table, column, leaf, Plain::default()),
-        (Kind::Bool, _) => new::<bool, _>(table, column, leaf, Plain::default()),
-        (Kind::Text | Kind::Map, true) => new::<u8, _>(table, column, leaf, Words::default()),
-        (Kind::Text | Kind::Map, false) => new(table, column, leaf, Lengths::default()),
+        (ColumnType::Int, true) => new(table, column, leaf, Numbers::<i64>::default()),
+        (ColumnType::Int | ColumnType::Time, _) => new(table, column, leaf, Deltas::default()),
+        (ColumnType::Us | ColumnType::Float, _) => new::<f64, _>(table, column, leaf, Plain::default()),
+        (ColumnType::Bool, _) => new::<bool, _>(table, column, leaf, Plain::default()),
+        (ColumnType::Text | ColumnType::Map, true) => new::<u8, _>(table, column, leaf, Words::default()),
+        (ColumnType::Text | ColumnType::Map, false) => new(table, column, leaf, Lengths::default()),
         // Registers have 16 bits: a dictionary halves them, and no page has more than its values.
-        (Kind::Ints, _) => new(table, column, leaf, Numbers::<i32>::default()),
-        (Kind::Texts, _) => new::<&'static str, _>(table, column, leaf, Words::default()),
+        (ColumnType::Ints, _) => new(table, column, leaf, Numbers::<i32>::default()),
+        (ColumnType::Texts, _) => new::<&'static str, _>(table, column, leaf, Words::default()),
     }
 }
 
@@ -84,7 +84,7 @@ pub(super) trait Encoder<T> {
     const ENCODING: Encoding;
 
     /// Appends the values of a page that are not null.
-    fn encode(&mut self, values: &Values<T>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>);
+    fn encode(&mut self, values: &ColumnBuilder<T>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>);
 
     /// Appends the dictionary of the part, if it has one; gives the number of values. The next part has another.
     fn dictionary(&mut self, _out: &mut Vec<u8>) -> Option<usize> {
@@ -97,8 +97,8 @@ pub(super) trait Encoder<T> {
 
 struct Chunk<T, E> {
     leaf: ColumnDescPtr,
-    reader: Reader<Values<T>>,
-    values: Values<T>,
+    reader: ColumnReader<ColumnBuilder<T>>,
+    values: ColumnBuilder<T>,
     encoder: E,
     /// Pages that are complete.
     pages: Vec<u8>,
@@ -110,11 +110,11 @@ struct Chunk<T, E> {
 
 fn new<T, E>(table: TableKind, column: usize, leaf: ColumnDescPtr, encoder: E) -> Box<dyn Column>
 where
-    Values<T>: Put,
+    ColumnBuilder<T>: CellSink,
     T: Send + 'static,
     E: Encoder<T> + Send + 'static,
 {
-    let values = Values::with_capacity(0);
+    let values = ColumnBuilder::with_capacity(0);
     Box::new(Chunk { leaf, reader: table.reader(column), values, encoder, pages: Vec::new(), size: 0, entries: 0, nulls: 0 })
 }
 
@@ -150,7 +150,7 @@ impl<T, E: Encoder<T>> Chunk<T, E> {
 
 impl<T, E> Column for Chunk<T, E>
 where
-    Values<T>: Put,
+    ColumnBuilder<T>: CellSink,
     T: Send,
     E: Encoder<T> + Send,
 {

@@ -13,7 +13,7 @@ use parquet::file::statistics::Statistics;
 
 use super::column::Encoder;
 use super::encode::{push_varint, some, texts, widen, Bounds};
-use crate::values::Values;
+use crate::values::ColumnBuilder;
 
 /// Appends numbers of which there are so many different ones, as one run of packed ones.
 fn push_places(places: &[u32], different: usize, out: &mut Vec<u8>) {
@@ -128,7 +128,7 @@ impl<N: Number> Numbers<N> {
 impl Encoder<i64> for Numbers<i64> {
     const ENCODING: Encoding = Encoding::RLE_DICTIONARY;
 
-    fn encode(&mut self, values: &Values<i64>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<i64>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
         self.places(some(values, nulls), out);
     }
 
@@ -145,7 +145,7 @@ impl Encoder<i64> for Numbers<i64> {
 impl Encoder<i32> for Numbers<i32> {
     const ENCODING: Encoding = Encoding::RLE_DICTIONARY;
 
-    fn encode(&mut self, values: &Values<i32>, _: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<i32>, _: Option<&NullBuffer>, out: &mut Vec<u8>) {
         self.places(values.items.iter().copied(), out);
     }
 
@@ -206,7 +206,7 @@ impl Words {
 impl Encoder<u8> for Words {
     const ENCODING: Encoding = Encoding::RLE_DICTIONARY;
 
-    fn encode(&mut self, values: &Values<u8>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<u8>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
         self.places(texts(values, nulls), out);
     }
 
@@ -224,7 +224,7 @@ impl Encoder<u8> for Words {
 impl Encoder<&'static str> for Words {
     const ENCODING: Encoding = Encoding::RLE_DICTIONARY;
 
-    fn encode(&mut self, values: &Values<&'static str>, _: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<&'static str>, _: Option<&NullBuffer>, out: &mut Vec<u8>) {
         self.places(values.items.iter().map(|word| word.as_bytes()), out);
     }
 

@@ -5,7 +5,7 @@ use parquet::basic::Encoding;
 use parquet::file::statistics::Statistics;
 
 use super::column::Encoder;
-use crate::values::Values;
+use crate::values::ColumnBuilder;
 
 /// ULEB128.
 pub(super) fn push_varint(mut value: u64, out: &mut Vec<u8>) {
@@ -60,13 +60,13 @@ impl<'a> Runs<'a> {
 }
 
 /// The values that are not null.
-pub(super) fn some<'a, T: Copy>(values: &'a Values<T>, nulls: Option<&'a NullBuffer>) -> impl Iterator<Item = T> + 'a {
+pub(super) fn some<'a, T: Copy>(values: &'a ColumnBuilder<T>, nulls: Option<&'a NullBuffer>) -> impl Iterator<Item = T> + 'a {
     let items = values.items.iter().enumerate();
     items.filter(move |(row, _)| nulls.is_none_or(|nulls| nulls.is_valid(*row))).map(|(_, item)| *item)
 }
 
 /// The texts that are not null.
-pub(super) fn texts<'a>(values: &'a Values<u8>, nulls: Option<&'a NullBuffer>) -> impl Iterator<Item = &'a [u8]> {
+pub(super) fn texts<'a>(values: &'a ColumnBuilder<u8>, nulls: Option<&'a NullBuffer>) -> impl Iterator<Item = &'a [u8]> {
     let ends = values.offsets.windows(2).enumerate();
     let there = ends.filter(move |(row, _)| nulls.is_none_or(|nulls| nulls.is_valid(*row)));
     there.map(|(_, ends)| &values.items[ends[0] as usize..ends[1] as usize])
@@ -96,7 +96,7 @@ const MINI: usize = 32;
 impl Encoder<i64> for Deltas {
     const ENCODING: Encoding = Encoding::DELTA_BINARY_PACKED;
 
-    fn encode(&mut self, values: &Values<i64>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<i64>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
         self.numbers.clear();
         self.numbers.extend(some(values, nulls));
         for &number in &self.numbers {
@@ -170,7 +170,7 @@ pub(super) struct Lengths {
 impl Encoder<u8> for Lengths {
     const ENCODING: Encoding = Encoding::DELTA_LENGTH_BYTE_ARRAY;
 
-    fn encode(&mut self, values: &Values<u8>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<u8>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
         self.lengths.clear();
         self.lengths.extend(texts(values, nulls).map(|text| text.len() as i64));
         push_deltas(&self.lengths, out);
@@ -193,7 +193,7 @@ pub(super) struct Plain<T> {
 impl Encoder<f64> for Plain<f64> {
     const ENCODING: Encoding = Encoding::PLAIN;
 
-    fn encode(&mut self, values: &Values<f64>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<f64>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
         for number in some(values, nulls) {
             if !number.is_nan() {
                 widen(&mut self.bounds, number);
@@ -213,7 +213,7 @@ impl Encoder<f64> for Plain<f64> {
 impl Encoder<bool> for Plain<bool> {
     const ENCODING: Encoding = Encoding::PLAIN;
 
-    fn encode(&mut self, values: &Values<bool>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
+    fn encode(&mut self, values: &ColumnBuilder<bool>, nulls: Option<&NullBuffer>, out: &mut Vec<u8>) {
         let start = out.len();
         for (at, yes) in some(values, nulls).enumerate() {
             if at % 8 == 0 {

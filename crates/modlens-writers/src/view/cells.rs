@@ -2,9 +2,9 @@
 
 use serde_json::Value as Json;
 
-use crate::view::grid::Values;
+use crate::view::grid::ValueList;
 use crate::view::text::{push_visible, visible};
-use crate::view::{Base, Style};
+use crate::view::{AddressNotation, Style};
 use modlens_tables::columns::{Cell, Items, RowRef, TableKind};
 
 /// Durations of at least this many microseconds are shown without tenths of a millisecond.
@@ -15,9 +15,9 @@ const BITS_PER_GROUP: usize = 8;
 
 /// Finds the columns of a table by name.
 #[derive(Clone, Copy)]
-pub struct Keys(pub TableKind);
+pub struct ColumnLookup(pub TableKind);
 
-impl Keys {
+impl ColumnLookup {
     /// The index of a column, which must exist.
     pub fn at(self, key: &str) -> usize {
         self.0.column(key).unwrap_or_else(|error| panic!("{error}"))
@@ -72,7 +72,7 @@ fn is_bits(kind: Option<&str>) -> bool {
 }
 
 /// A range of addresses: `107-109`, `40108`. It ends at 65535 even if the request asked for more.
-pub fn address_range(first: Option<i64>, quantity: Option<i64>, kind: Option<&str>, base: Base) -> String {
+pub fn address_range(first: Option<i64>, quantity: Option<i64>, kind: Option<&str>, base: AddressNotation) -> String {
     let Some(first) = first else { return String::new() };
     let start = base.address(first, kind);
     match quantity {
@@ -116,7 +116,7 @@ pub fn findings(row: &RowRef<'_>, column: usize, state: &str) -> String {
 
 /// The columns that contain the values of a transaction.
 #[derive(Clone, Copy)]
-pub struct Carried {
+pub struct TransactionValues {
     readings: usize,
     data: usize,
     operation: usize,
@@ -127,9 +127,9 @@ pub struct Carried {
     fields: usize,
 }
 
-impl Carried {
+impl TransactionValues {
     /// Looks up the columns.
-    pub fn new(keys: Keys) -> Self {
+    pub fn new(keys: ColumnLookup) -> Self {
         Self {
             readings: keys.at("readings"),
             data: keys.at("data"),
@@ -145,15 +145,15 @@ impl Carried {
     /// The values of a transaction: values read, values written, decoded fields.
     ///
     /// Where a profile names the values, their names and values replace the registers.
-    pub fn values<'a>(self, row: &RowRef<'a>, base: Base) -> Values<'a> {
+    pub fn values<'a>(self, row: &RowRef<'a>, base: AddressNotation) -> ValueList<'a> {
         if let Cell::Map(Json::Object(named)) = row.cell(self.readings) {
             let named_value = |(name, value): (&String, &Json)| (visible(&format!("{name}={}", reading(value))), 1);
-            return Values::Texts(named.iter().map(named_value).collect());
+            return ValueList::Texts(named.iter().map(named_value).collect());
         }
         let (data, kind) = (ints(row.cell(self.data)), word(row, self.register_type));
         let does = word(row, self.operation);
         if let (Some(items), Some("read"), false) = (data, does, is_bits(kind)) {
-            return Values::Numbers(items); // the case of nearly every row
+            return ValueList::Numbers(items); // the case of nearly every row
         }
         let mut texts = Vec::new();
         if let Some(items) = data {
@@ -173,7 +173,7 @@ impl Carried {
                 texts.push((visible(&format!("{key}={}", field(value))), 1));
             }
         }
-        Values::Texts(texts)
+        ValueList::Texts(texts)
     }
 }
 

@@ -4,14 +4,14 @@
 //! the rest of its line; a text is cut. So memory does not grow, and a live table does not change its layout.
 
 use crate::view::text::{push_fitted, width};
-use crate::view::{Part, Style};
+use crate::view::{Style, StyledText};
 use modlens_tables::columns::{Items, RowRef};
 
 /// A text cut to fewer columns than this is left out, because it would be meaningless.
 const MIN_CUT_COLUMNS: usize = 4;
 
 /// A list of values, of which as many are shown as fit: `555 0 100 … +12`.
-pub enum Values<'a> {
+pub enum ValueList<'a> {
     /// Registers or bits, still encoded as on the wire.
     Numbers(Items<'a>),
     /// Bytes, as pairs of hex digits.
@@ -20,7 +20,7 @@ pub enum Values<'a> {
     Texts(Vec<(String, usize)>),
 }
 
-impl Values<'_> {
+impl ValueList<'_> {
     /// The number of texts.
     pub fn len(&self) -> usize {
         match self {
@@ -106,21 +106,21 @@ fn more_width(count: usize) -> usize {
 }
 
 /// The content of a cell.
-pub enum Shown<'a> {
+pub enum CellContent<'a> {
     /// A text.
     Text(String),
     /// A list of values.
-    Values(Values<'a>),
+    ValueList(ValueList<'a>),
     /// Texts and lists, each in its own style and separated by spaces; what does not fit is cut.
-    Run(Vec<(Shown<'a>, Style)>),
+    Run(Vec<(CellContent<'a>, Style)>),
 }
 
-impl Shown<'_> {
+impl CellContent<'_> {
     /// The complete text, from which the width of a column is derived.
     fn full_text(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
-            Self::Values(values) => values.full_text(),
+            Self::ValueList(values) => values.full_text(),
             Self::Run(_) => String::new(),
         }
     }
@@ -130,7 +130,7 @@ impl Shown<'_> {
 ///
 /// A column with `most` and `share` 0 is never cut.
 #[derive(Clone, Debug)]
-pub struct Head {
+pub struct ColumnHead {
     pub title: String,
     pub least: usize,
     pub most: usize,
@@ -138,7 +138,7 @@ pub struct Head {
     pub right: bool,
 }
 
-impl Head {
+impl ColumnHead {
     /// A column of left-aligned text, as wide as its widest cell in the first rows.
     pub fn left(title: &str, least: usize) -> Self {
         Self { title: title.to_owned(), least, most: 0, share: 0, right: false }
@@ -171,31 +171,31 @@ impl Head {
 }
 
 /// Makes the cell of a row.
-type Read = Box<dyn for<'a> Fn(&RowRef<'a>) -> (Shown<'a>, Style) + Send + Sync>;
+type Read = Box<dyn for<'a> Fn(&RowRef<'a>) -> (CellContent<'a>, Style) + Send + Sync>;
 
 /// A column of a grid: its head, and the function that makes its cells.
-pub struct Column {
-    head: Head,
+pub struct GridColumn {
+    head: ColumnHead,
     read: Read,
 }
 
-impl Column {
+impl GridColumn {
     /// A column with this head, whose cells are made by `read`.
-    pub fn new(head: Head, read: impl for<'a> Fn(&RowRef<'a>) -> (Shown<'a>, Style) + Send + Sync + 'static) -> Self {
+    pub fn new(head: ColumnHead, read: impl for<'a> Fn(&RowRef<'a>) -> (CellContent<'a>, Style) + Send + Sync + 'static) -> Self {
         Self { head, read: Box::new(read) }
     }
 }
 
 /// The columns of a table with their widths.
 pub struct Grid {
-    columns: Vec<Column>,
+    columns: Vec<GridColumn>,
     widths: Vec<usize>,
     gap: &'static str,
 }
 
 impl Grid {
     /// Derives the widths from the first rows, for `room` columns of the terminal.
-    pub fn new(columns: Vec<Column>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
+    pub fn new(columns: Vec<GridColumn>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
         let mut widths: Vec<usize> =
             columns.iter().map(|column| column.head.width(rows.iter().map(|row| (column.read)(row).0.full_text()))).collect();
         let taken = widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
@@ -213,34 +213,34 @@ impl Grid {
     }
 
     /// The line of titles.
-    pub fn head(&self) -> Vec<Part> {
-        let titles = self.columns.iter().map(|column| (Shown::Text(column.head.title.clone()), Style::Head));
+    pub fn head(&self) -> Vec<StyledText> {
+        let titles = self.columns.iter().map(|column| (CellContent::Text(column.head.title.clone()), Style::ColumnHead));
         self.line(titles)
     }
 
     /// The line of a row. The text of the column `given` is `cell`.
-    pub fn row(&self, row: &RowRef<'_>, given: usize, cell: String) -> Vec<Part> {
+    pub fn row(&self, row: &RowRef<'_>, given: usize, cell: String) -> Vec<StyledText> {
         let mut cell = Some(cell);
         self.line(self.columns.iter().enumerate().map(|(index, column)| {
             let (shown, style) = (column.read)(row);
             match cell.take_if(|_| index == given) {
-                Some(text) => (Shown::Text(text), style),
+                Some(text) => (CellContent::Text(text), style),
                 None => (shown, style),
             }
         }))
     }
 
     /// The parts of a line.
-    fn line<'a>(&self, cells: impl Iterator<Item = (Shown<'a>, Style)>) -> Vec<Part> {
+    fn line<'a>(&self, cells: impl Iterator<Item = (CellContent<'a>, Style)>) -> Vec<StyledText> {
         let mut parts = Vec::with_capacity(2 * self.columns.len() + 4);
         for ((column, &room), (cell, style)) in self.columns.iter().zip(&self.widths).zip(cells) {
             if !parts.is_empty() {
                 parts.push((self.gap.to_owned(), Style::Plain));
             }
             match cell {
-                Shown::Run(pieces) => push_run(&pieces, room, &mut parts),
-                Shown::Values(values) => parts.push((fitted(values.within(room), &column.head, room), style)),
-                Shown::Text(text) => parts.push((fitted(text, &column.head, room), style)),
+                CellContent::Run(pieces) => push_run(&pieces, room, &mut parts),
+                CellContent::ValueList(values) => parts.push((fitted(values.within(room), &column.head, room), style)),
+                CellContent::Text(text) => parts.push((fitted(text, &column.head, room), style)),
             }
         }
         parts
@@ -248,7 +248,7 @@ impl Grid {
 }
 
 /// A text in the width of its column; a number that does not fit is not cut.
-fn fitted(text: String, head: &Head, room: usize) -> String {
+fn fitted(text: String, head: &ColumnHead, room: usize) -> String {
     if width(&text) > room && head.share == 0 && head.most == 0 {
         return text;
     }
@@ -258,20 +258,20 @@ fn fitted(text: String, head: &Head, room: usize) -> String {
 }
 
 /// Appends the pieces with spaces between them, in at most `room` columns.
-fn push_run(pieces: &[(Shown<'_>, Style)], room: usize, parts: &mut Vec<Part>) {
+fn push_run(pieces: &[(CellContent<'_>, Style)], room: usize, parts: &mut Vec<StyledText>) {
     let mut end = None; // the columns that are used, once there is a piece
     for (piece, style) in pieces {
         let start_column = end.map_or(0, |end| end + 1);
         let Some(columns_left) = room.checked_sub(start_column) else { break };
         let text = match piece {
-            Shown::Values(values) => values.within(columns_left),
-            Shown::Text(text) => text.clone(),
-            Shown::Run(_) => continue,
+            CellContent::ValueList(values) => values.within(columns_left),
+            CellContent::Text(text) => text.clone(),
+            CellContent::Run(_) => continue,
         };
         let text_width = width(&text);
         let text = match piece {
             _ if text_width <= columns_left => text,
-            Shown::Text(_) if columns_left >= MIN_CUT_COLUMNS => {
+            CellContent::Text(_) if columns_left >= MIN_CUT_COLUMNS => {
                 let mut cut = String::new();
                 push_fitted(&text, columns_left, false, &mut cut);
                 cut
@@ -297,11 +297,11 @@ mod tests {
 
     use super::*;
 
-    fn texts(values: &[(&str, usize)]) -> Values<'static> {
-        Values::Texts(values.iter().map(|(text, count)| ((*text).to_owned(), *count)).collect())
+    fn texts(values: &[(&str, usize)]) -> ValueList<'static> {
+        ValueList::Texts(values.iter().map(|(text, count)| ((*text).to_owned(), *count)).collect())
     }
 
-    fn run(pieces: Vec<(Shown<'_>, Style)>, room: usize) -> Vec<Part> {
+    fn run(pieces: Vec<(CellContent<'_>, Style)>, room: usize) -> Vec<StyledText> {
         let mut parts = Vec::new();
         push_run(&pieces, room, &mut parts);
         parts
@@ -311,9 +311,9 @@ mod tests {
     fn as_many_values_are_shown_as_fit() {
         assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1), ("7", 1)]).within(10), "555 0 … +2");
         assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1)]).within(9), "555 0 100");
-        assert_eq!(Values::Numbers(Items::Words(&[0, 1, 255, 255])).within(7), "1 65535");
-        assert_eq!(Values::Bytes(&[1, 0xAB]).within(80), "01 ab");
-        assert_eq!(Values::Bytes(&[]).within(0), "");
+        assert_eq!(ValueList::Numbers(Items::Words(&[0, 1, 255, 255])).within(7), "1 65535");
+        assert_eq!(ValueList::Bytes(&[1, 0xAB]).within(80), "01 ab");
+        assert_eq!(ValueList::Bytes(&[]).within(0), "");
     }
 
     #[test]
@@ -324,10 +324,10 @@ mod tests {
     #[test]
     fn a_run_keeps_its_styles_and_its_room() {
         let pieces = vec![
-            (Shown::Text("ok".into()), Style::Good),
-            (Shown::Text("retry".into()), Style::Odd),
-            (Shown::Text(String::new()), Style::Bad),
-            (Shown::Values(texts(&[("555", 1), ("0", 1), ("100", 1)])), Style::Plain),
+            (CellContent::Text("ok".into()), Style::Good),
+            (CellContent::Text("retry".into()), Style::Odd),
+            (CellContent::Text(String::new()), Style::Bad),
+            (CellContent::ValueList(texts(&[("555", 1), ("0", 1), ("100", 1)])), Style::Plain),
         ];
         let found = run(pieces, 17);
         assert_eq!(found, [("ok ".into(), Style::Good), ("retry ".into(), Style::Odd), ("555 … +2".into(), Style::Plain)]);
@@ -338,7 +338,7 @@ mod tests {
         fn all_values_or_some_and_the_number_of_the_others(numbers: Vec<u16>, room in 1usize..60) {
             let spelled: Vec<String> = numbers.iter().map(u16::to_string).collect();
             let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_be_bytes()).collect();
-            let shown = Values::Numbers(Items::Words(&bytes)).within(room);
+            let shown = ValueList::Numbers(Items::Words(&bytes)).within(room);
             match shown.split_once('…') {
                 None => prop_assert_eq!(&shown, &spelled.join(" ")),
                 Some((begun, more)) => {
@@ -353,8 +353,8 @@ mod tests {
 
         #[test]
         fn a_run_never_takes_more_than_its_room(words in proptest::collection::vec("[abc温]{0,9}", 0..5), room in 0usize..40) {
-            let mut pieces: Vec<(Shown<'_>, Style)> = words.into_iter().map(|word| (Shown::Text(word), Style::Plain)).collect();
-            pieces.push((Shown::Values(texts(&[("1", 1), ("2", 1), ("3", 1)])), Style::Plain));
+            let mut pieces: Vec<(CellContent<'_>, Style)> = words.into_iter().map(|word| (CellContent::Text(word), Style::Plain)).collect();
+            pieces.push((CellContent::ValueList(texts(&[("1", 1), ("2", 1), ("3", 1)])), Style::Plain));
             let taken: usize = run(pieces, room).iter().map(|part| width(&part.0)).sum();
             prop_assert!(taken <= room);
         }

@@ -10,9 +10,9 @@ mod moments;
 mod tables;
 mod text;
 
-use cells::{Carried, Keys};
-use grid::{Column, Grid, Shown};
-use moments::Moments;
+use cells::{ColumnLookup, TransactionValues};
+use grid::{CellContent, Grid, GridColumn};
+use moments::TimeColumn;
 
 use modlens_protocol::Ns;
 use modlens_tables::columns::{RowRef, Table, TableKind};
@@ -21,7 +21,7 @@ use modlens_tables::columns::{RowRef, Table, TableKind};
 const WIDE_COLUMNS: usize = 120;
 
 /// A text and its style.
-pub type Part = (String, Style);
+pub type StyledText = (String, Style);
 
 /// The offset of local time from UTC at a time, both in ns. It does not change within a minute.
 pub type Zone = Box<dyn Fn(Ns) -> Ns + Send + Sync>;
@@ -32,7 +32,7 @@ pub enum Style {
     /// Plain text.
     Plain,
     /// A column title.
-    Head,
+    ColumnHead,
     /// Of minor interest.
     Dim,
     /// Correct.
@@ -50,7 +50,7 @@ impl Style {
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "",
-            Self::Head => "head",
+            Self::ColumnHead => "head",
             Self::Dim => "dim",
             Self::Good => "good",
             Self::Odd => "odd",
@@ -62,7 +62,7 @@ impl Style {
 
 /// The notation of addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Base {
+pub enum AddressNotation {
     /// As on the wire, from 0, in decimal.
     Wire,
     /// As on the wire, from 0, in hexadecimal.
@@ -73,7 +73,7 @@ pub enum Base {
     Six,
 }
 
-impl Base {
+impl AddressNotation {
     /// The notation with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Some(match name {
@@ -117,7 +117,7 @@ impl Base {
 
 /// The times that a table shows. If they are unknown, the position in the file is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Times {
+pub enum TimeDisplay {
     /// Time of day.
     Clock,
     /// Time since the start.
@@ -127,11 +127,11 @@ pub enum Times {
 }
 
 /// The appearance of a table.
-pub struct Look {
+pub struct TableOptions {
     /// The notation of addresses.
-    pub base: Base,
+    pub base: AddressNotation,
     /// The times to show.
-    pub times: Times,
+    pub times: TimeDisplay,
     /// The user's time zone.
     pub zone: Zone,
     /// The width of the terminal in columns.
@@ -141,26 +141,26 @@ pub struct Look {
 }
 
 /// The lines of one table, which may still be growing.
-pub struct Lines {
+pub struct TableLines {
     grid: Grid,
-    moments: Moments,
+    moments: TimeColumn,
     started: bool,
 }
 
 /// The index of the time column.
 const TIME_COLUMN: usize = 1;
 
-impl Lines {
+impl TableLines {
     /// The lines of a table that begins with these rows, of which there must be at least one.
-    pub fn new(kind: TableKind, rows: &[RowRef<'_>], look: Look) -> Self {
+    pub fn new(kind: TableKind, rows: &[RowRef<'_>], look: TableOptions) -> Self {
         let is_wide = look.width >= WIDE_COLUMNS;
-        let mut moments = Moments::new(look.times, kind, &rows[0], if is_wide { 6 } else { 3 }, look.zone);
+        let mut moments = TimeColumn::new(look.times, kind, &rows[0], if is_wide { 6 } else { 3 }, look.zone);
         let mut columns = tables::columns(kind, look.base, rows, is_wide);
         // The cells of the time column depend on previous rows, unlike those of all other columns.
         let widest = rows.iter().map(|row| text::width(&moments.cell(row))).max().unwrap_or(0);
         let head = moments.head();
-        let head = grid::Head { least: head.least.max(widest), ..head };
-        columns.insert(TIME_COLUMN, Column::new(head, |_| (Shown::Text(String::new()), Style::Dim)));
+        let head = grid::ColumnHead { least: head.least.max(widest), ..head };
+        columns.insert(TIME_COLUMN, GridColumn::new(head, |_| (CellContent::Text(String::new()), Style::Dim)));
         if let Some(labels) = look.labels {
             columns.insert(TIME_COLUMN + 1, tables::bus(kind, labels));
         }
@@ -169,12 +169,12 @@ impl Lines {
     }
 
     /// The line of titles.
-    pub fn head(&self) -> Vec<Part> {
+    pub fn head(&self) -> Vec<StyledText> {
         self.grid.head()
     }
 
     /// The line of the next row.
-    pub fn row(&mut self, row: &RowRef<'_>) -> Vec<Part> {
+    pub fn row(&mut self, row: &RowRef<'_>) -> Vec<StyledText> {
         let time = self.moments.cell(row);
         self.moments.advance(row);
         self.grid.row(row, TIME_COLUMN, time)
@@ -182,7 +182,7 @@ impl Lines {
 
     /// Passes on the lines of a range of rows, with the titles before the first row of all, and each date before its
     /// first row.
-    pub fn rows(&mut self, table: &Table, range: std::ops::Range<usize>, mut line: impl FnMut(Vec<Part>)) {
+    pub fn rows(&mut self, table: &Table, range: std::ops::Range<usize>, mut line: impl FnMut(Vec<StyledText>)) {
         if !self.started && !range.is_empty() {
             self.started = true;
             line(self.head());
@@ -198,7 +198,7 @@ impl Lines {
 }
 
 /// Appends a line without styles and without trailing spaces.
-pub fn push_plain(parts: &[Part], out: &mut String) {
+pub fn push_plain(parts: &[StyledText], out: &mut String) {
     let start = out.len();
     for (text, _) in parts {
         out.push_str(text);
@@ -208,6 +208,6 @@ pub fn push_plain(parts: &[Part], out: &mut String) {
 }
 
 /// The values of a transaction, as many as fit into `width` columns.
-pub fn carried(row: &RowRef<'_>, base: Base, width: usize) -> String {
-    Carried::new(Keys(TableKind::Transactions)).values(row, base).within(width)
+pub fn carried(row: &RowRef<'_>, base: AddressNotation, width: usize) -> String {
+    TransactionValues::new(ColumnLookup(TableKind::Transactions)).values(row, base).within(width)
 }

@@ -3,8 +3,8 @@
 //!
 //! The first row decides which of these is shown; the title of the column names it.
 
-use crate::view::grid::Head;
-use crate::view::{Times, Zone};
+use crate::view::grid::ColumnHead;
+use crate::view::{TimeDisplay, Zone};
 use modlens_protocol::source::Place;
 use modlens_protocol::timestamp::push_time;
 use modlens_protocol::Ns;
@@ -18,7 +18,7 @@ const ZONE_LOOKUP_NS: Ns = 60 * SECOND_NS;
 
 /// The content of the column.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum TimeColumnContent {
     Clock,
     Elapsed,
     Delta,
@@ -26,8 +26,8 @@ enum Kind {
 }
 
 /// The time column of one table.
-pub struct Moments {
-    kind: Kind,
+pub struct TimeColumn {
+    kind: TimeColumnContent,
     title: String,
     digits: usize,
     time: Option<usize>,
@@ -40,14 +40,14 @@ pub struct Moments {
     previous_us: Option<f64>,
 }
 
-impl Moments {
+impl TimeColumn {
     /// A time column for rows like `first`, with `digits` decimals of a second. Falls back to elapsed time or position
     /// if the wanted times are not known.
-    pub fn new(wanted: Times, table: TableKind, first: &RowRef<'_>, digits: usize, zone: Zone) -> Self {
+    pub fn new(wanted: TimeDisplay, table: TableKind, first: &RowRef<'_>, digits: usize, zone: Zone) -> Self {
         let column = |key| table.column(key).ok();
         let elapsed = column("elapsed_us").expect("every table has it");
         let mut column = Self {
-            kind: Kind::Place,
+            kind: TimeColumnContent::Place,
             title: String::new(),
             digits,
             time: column("time"),
@@ -60,34 +60,36 @@ impl Moments {
         };
         let relative = column.elapsed_us(first).is_some();
         match (wanted, column.time(first)) {
-            (Times::Clock, Some(ns)) => {
-                column.kind = Kind::Clock;
+            (TimeDisplay::Clock, Some(ns)) => {
+                column.kind = TimeColumnContent::Clock;
                 column.title = format!("time {}", zone_text(column.utc_offset(ns)));
             }
-            (Times::Delta, _) if relative => (column.kind, column.title) = (Kind::Delta, "delta s".into()),
-            _ if relative => (column.kind, column.title) = (Kind::Elapsed, "elapsed s".into()),
+            (TimeDisplay::Delta, _) if relative => (column.kind, column.title) = (TimeColumnContent::Delta, "delta s".into()),
+            _ if relative => (column.kind, column.title) = (TimeColumnContent::Elapsed, "elapsed s".into()),
             _ => column.title = column.position(first).map_or("place", |(position, _)| position_name(position)).into(),
         }
         column
     }
 
     /// The head of the column.
-    pub fn head(&self) -> Head {
+    pub fn head(&self) -> ColumnHead {
         let least = match self.kind {
-            Kind::Clock => "00:00:00.".len() + self.digits,
-            Kind::Place => 7,
-            Kind::Elapsed | Kind::Delta => 5 + self.digits,
+            TimeColumnContent::Clock => "00:00:00.".len() + self.digits,
+            TimeColumnContent::Place => 7,
+            TimeColumnContent::Elapsed | TimeColumnContent::Delta => 5 + self.digits,
         };
-        Head::right(&self.title, least)
+        ColumnHead::right(&self.title, least)
     }
 
     /// The text of a row's cell.
     pub fn cell(&mut self, row: &RowRef<'_>) -> String {
         match self.kind {
-            Kind::Clock => self.time(row).map_or_else(String::new, |ns| self.local(ns)[11..=19 + self.digits].to_owned()),
-            Kind::Place => self.position(row).map_or_else(String::new, |(_, number)| number.to_string()),
-            Kind::Elapsed => self.elapsed_us(row).map_or_else(String::new, |us| self.seconds(us)),
-            Kind::Delta => {
+            TimeColumnContent::Clock => {
+                self.time(row).map_or_else(String::new, |ns| self.local(ns)[11..=19 + self.digits].to_owned())
+            }
+            TimeColumnContent::Place => self.position(row).map_or_else(String::new, |(_, number)| number.to_string()),
+            TimeColumnContent::Elapsed => self.elapsed_us(row).map_or_else(String::new, |us| self.seconds(us)),
+            TimeColumnContent::Delta => {
                 let us = self.elapsed_us(row);
                 us.map_or_else(String::new, |us| self.seconds(us - self.previous_us.unwrap_or(us)))
             }
@@ -96,7 +98,7 @@ impl Moments {
 
     /// The date of a row, if it differs from that of the row before.
     pub fn day(&mut self, row: &RowRef<'_>) -> Option<String> {
-        let ns = self.time(row).filter(|_| self.kind == Kind::Clock)?;
+        let ns = self.time(row).filter(|_| self.kind == TimeColumnContent::Clock)?;
         let mut text = self.local(ns);
         text.truncate(10);
         if text == self.day {
@@ -108,7 +110,7 @@ impl Moments {
 
     /// Ends a row: times since the previous row count from it now.
     pub fn advance(&mut self, row: &RowRef<'_>) {
-        if self.kind == Kind::Delta {
+        if self.kind == TimeColumnContent::Delta {
             self.previous_us = self.elapsed_us(row);
         }
     }

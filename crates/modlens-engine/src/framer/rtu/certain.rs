@@ -11,7 +11,7 @@ use crate::input::Input;
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::expected_block;
 use modlens_protocol::framing::RTU_LIMIT;
-use modlens_protocol::functions::{Extent, Row, EXCEPTION_BIT};
+use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// Unit, function code and the first byte of the body.
 const HEADER_BYTES: usize = 3;
@@ -235,7 +235,7 @@ fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Optio
 /// The byte count that the response to this request begins with, and the length of the whole response frame in bytes, if
 /// the request determines them and the request cannot be taken for its own response.
 #[inline]
-pub fn answer(row: &Row, pdu: &[u8]) -> Option<(u8, usize)> {
+pub fn answer(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
     let count = expected_block(row, pdu).filter(|_| !row.mirrored)?;
     let count = u8::try_from(count).ok()?;
     match row.response.extent(&[count]) {

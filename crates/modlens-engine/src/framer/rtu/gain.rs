@@ -8,7 +8,7 @@ use crate::framer::rtu::pending::{print, Open, Request};
 use crate::framer::Context;
 use modlens_protocol::direction::{answers, consistent, expected_block, Direction, Match, Pause};
 use modlens_protocol::framing::BROADCAST;
-use modlens_protocol::functions::{Extent, Layout, Operation, Permit, Row, EXCEPTION_BIT};
+use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Layout, Operation, EXCEPTION_BIT};
 
 /// 0 for requests, 1 for responses: the index of learned counts.
 pub const REQUEST: usize = 0;
@@ -63,7 +63,7 @@ fn exception(model: &Model, code: u8, exception: u8) -> f32 {
     model.bits(exception) - usual - function - costs::EXCEPTION
 }
 
-fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {
+fn layout(model: &Model, row: &FunctionRow, body: &[u8], direction: usize) -> f32 {
     let layout = if direction == REQUEST { &row.request } else { &row.response };
     let other = if direction == REQUEST { &row.response } else { &row.request };
     // A frame whose last byte was 00 keeps a right checksum without it: then it was cut short.
@@ -92,7 +92,7 @@ fn layout(model: &Model, row: &Row, body: &[u8], direction: usize) -> f32 {
 }
 
 /// A field within its limits is worth its bits less those that choose among the values permitted.
-pub fn permitted(model: &Model, permit: &Permit, body: &[u8]) -> f32 {
+pub fn permitted(model: &Model, permit: &FieldLimits, body: &[u8]) -> f32 {
     let Some(field) = body.get(permit.offset..permit.offset + permit.width) else { return 0.0 };
     if permit.violated_by(body).is_some() {
         return -costs::BROKEN_RULE;
@@ -264,7 +264,7 @@ pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, see
 }
 
 /// What unit, function and limits are worth in a direction.
-fn claim(model: &Model, context: &Context<'_>, row: Option<&Row>, seen: &[u8], direction: usize) -> f32 {
+fn claim(model: &Model, context: &Context<'_>, row: Option<&FunctionRow>, seen: &[u8], direction: usize) -> f32 {
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
     let mut gain = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
     if let Some(row) = row {
@@ -277,7 +277,7 @@ fn claim(model: &Model, context: &Context<'_>, row: Option<&Row>, seen: &[u8], d
 }
 
 /// What the request that waits makes of the header of a response.
-fn due(model: &Model, context: &Context<'_>, row: Option<&Row>, asked: Option<&Request>, seen: &[u8]) -> f32 {
+fn due(model: &Model, context: &Context<'_>, row: Option<&FunctionRow>, asked: Option<&Request>, seen: &[u8]) -> f32 {
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
     let Some(asked) = asked.filter(|asked| asked.is_of(unit, code & !EXCEPTION_BIT)) else { return -costs::ORPHAN };
     let expected = row.and_then(|row| expected_block(row, &asked.pdu));

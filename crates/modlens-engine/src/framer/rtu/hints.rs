@@ -7,7 +7,7 @@ use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs::{usual_bits, OPEN_LENGTH, ORPHAN};
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use crate::framer::rtu::model::Model;
-use modlens_protocol::functions::{Functions, Permit, EXCEPTION_BIT};
+use modlens_protocol::functions::{FieldLimits, Functions, EXCEPTION_BIT};
 
 /// So many times as many sightings.
 const MORE: f32 = 1.125;
@@ -81,7 +81,7 @@ impl Model {
         if function == 0 {
             return f32::MIN;
         }
-        let permitted = |permits: &[Permit]| permits.iter().map(permitted_at_most).sum::<f32>();
+        let permitted = |permits: &[FieldLimits]| permits.iter().map(permitted_at_most).sum::<f32>();
         // Without a row it is a request of any length.
         let mut request = -OPEN_LENGTH;
         let mut response = f32::MIN;
@@ -99,7 +99,7 @@ impl Model {
 }
 
 /// The most that a field is worth whose values are limited.
-fn permitted_at_most(permit: &Permit) -> f32 {
+fn permitted_at_most(permit: &FieldLimits) -> f32 {
     let choices: u64 = permit.ranges.iter().map(|(low, high)| u64::from(high - low) + 1).sum();
     let usual = |low: u32, high: u32| {
         let places = (0..permit.width as u32).map(|place| 8 * place);

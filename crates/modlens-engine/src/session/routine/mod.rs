@@ -19,7 +19,7 @@ use modlens_profiles::points::sunspec::may_begin_in;
 use modlens_protocol::checksum::CHECKSUM;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::Plain;
+use modlens_protocol::functions::StandardLayout;
 use modlens_protocol::mbap::HEADER as MBAP;
 use modlens_protocol::Ns;
 
@@ -218,7 +218,7 @@ struct BatchTotals {
 /// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
 /// exchange has to take the slow path, which looks for the map.
 fn may_hold_no_map(expected: &Exchange) -> bool {
-    expected.kind != Plain::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
+    expected.kind != StandardLayout::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 
 /// The place of the PDU in the bytes of a binary frame. `length` is that of unit and PDU.

@@ -7,7 +7,7 @@ use crate::records::{Frame, Half, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::routine::MatchedExchange;
 use crate::session::rows::elapsed;
-use modlens_profiles::points::Bound;
+use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::status::Status;
@@ -36,7 +36,7 @@ pub(super) struct ExchangeRows<'a> {
 
 impl ExchangeRows<'_> {
     /// The row of the transaction. `pdus`: places of the PDUs of request and response in the arena.
-    pub(super) fn transaction(&self, points: Option<Arc<Bound>>, pdus: [Span; 2], findings: Span) -> Transaction {
+    pub(super) fn transaction(&self, points: Option<Arc<PlanInstance>>, pdus: [Span; 2], findings: Span) -> Transaction {
         let half = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| Half { frame, wire, pdu, start };
         Transaction {
             number: self.txn,
