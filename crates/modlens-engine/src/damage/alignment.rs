@@ -6,40 +6,19 @@
 //! are worth far more than `MISSING_INSIDE_BITS`. So one byte is missing at index 2.
 
 use crate::damage::expected_frame::ExpectedFrame;
-use crate::damage::kind::Harm;
-use crate::damage::region::ROUNDING_BITS;
+use crate::damage::kind::DamageKind;
+use crate::damage::thresholds::{
+    COLLISION_BITS, COLLISION_MISFIT_BITS, CRC_CORRECTABLE_BITS, CRC_MATCH_BITS, DOUBLED_BYTE_BITS, MAX_HEADER_FLIPS,
+    MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS, THREE_FLIPS_BITS,
+    TWO_FLIPS_BITS,
+};
 use crate::framer::rtu::index::MOST_LOST;
 use crate::framer::rtu::model::Model;
 use crate::framer::rtu::sift::Costs;
 use modlens_protocol::checksum::{crc16, mending_bit, update};
 
-/// The most flipped bits in unit and function code together at which the two are still recognised.
-const MAX_HEADER_FLIPS: u32 = 3;
-
-/// Bits that it takes to say what happened, and where: bytes missing in front, bytes missing inside, one byte received
-/// twice, and a second transmitter from some byte on.
-const MISSING_HEAD_BITS: f32 = 5.0;
-const MISSING_INSIDE_BITS: f32 = 6.0;
-const DOUBLED_BYTE_BITS: f32 = 8.0;
-const COLLISION_BITS: f32 = 5.0;
-
-/// Cost of a byte by the number of its flipped bits. Bytes with more flipped bits do not agree at all.
-const FLIPPED_BITS: [f32; 4] = [0.0, 9.0, 13.0, 17.0];
-
-/// Cost of a byte in which a collision seems to have set bits to 1, which it cannot do.
-const COLLISION_MISFIT_BITS: f32 = 4.0;
-
-/// Gain for a CRC that is valid once the damage is corrected.
-pub const CRC_MATCH_BITS: f32 = 16.0;
-
-/// Gain for a single flipped bit that explains the wrong CRC. The bits that say which one it is are subtracted from it.
-const CRC_CORRECTABLE_BITS: f32 = 13.0;
-
-/// Gain for one more byte of a run of equal values, which was to be expected.
-const RUN_BYTE_BITS: f32 = 0.3;
-
-/// Comparison stops where the score has fallen so far below its maximum.
-const MAX_SCORE_DROP_BITS: f32 = 12.0;
+/// Cost of a byte by the number of its flipped bits.
+const FLIPPED_BITS: [f32; 4] = [0.0, ONE_FLIP_BITS, TWO_FLIPS_BITS, THREE_FLIPS_BITS];
 
 /// The best explanation of some bytes as an expected frame.
 #[derive(Clone, Debug)]
@@ -55,7 +34,7 @@ pub struct Alignment {
     /// Number of bytes that are left of the frame, where its length is known.
     pub length: Option<usize>,
     /// What happened to the frame.
-    pub harm: Option<Harm>,
+    pub damage: Option<DamageKind>,
     /// The CRC is valid once the damage is corrected.
     pub is_corrected: bool,
     /// All bytes with a known value agree, but the CRC does not.
@@ -100,9 +79,9 @@ fn align_without_head(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8],
     let unbroken = std::iter::once(without_break(model, known, bytes, missing));
     let alignments = unbroken.chain(losses).chain(others).map(|explanation| {
         // Bytes of the expected frame that are not there; -1 if one is there twice.
-        let shortfall = match explanation.harm {
-            Some(Harm::Lost { count, .. }) => count as isize,
-            Some(Harm::Doubled { .. }) => -1,
+        let shortfall = match explanation.damage {
+            Some(DamageKind::LostBytes { count, .. }) => count as isize,
+            Some(DamageKind::DoubledByte { .. }) => -1,
             _ => 0,
         };
         let length = expected.length.map(|length| length.saturating_add_signed(-shortfall));
@@ -115,7 +94,7 @@ fn align_without_head(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8],
             missing_head_bytes: missing,
             agreeing_bytes: agreeing,
             length,
-            harm: explanation.harm,
+            damage: explanation.damage,
             is_corrected,
             is_exact: crc_score == 0.0 && missing == 0 && agreeing == known.len(),
         }
@@ -140,14 +119,14 @@ struct Prefix {
 struct Explanation {
     score: f32,
     core_bytes: usize,
-    harm: Option<Harm>,
+    damage: Option<DamageKind>,
 }
 
 /// Explains the bytes by flipped bits only, with or without bytes missing in front.
 fn without_break(model: &Model, known: &[u8], bytes: &[u8], missing: usize) -> Explanation {
     let (score, core_bytes) = score_with_flips(model, known, bytes, 0);
-    let harm = (missing > 0).then_some(Harm::Lost { at: 0, count: missing });
-    Explanation { score: if missing > 0 { score - MISSING_HEAD_BITS } else { score }, core_bytes, harm }
+    let damage = (missing > 0).then_some(DamageKind::LostBytes { at: 0, count: missing });
+    Explanation { score: if missing > 0 { score - MISSING_HEAD_BITS } else { score }, core_bytes, damage }
 }
 
 /// Compares bytes one by one and allows for flipped bits. Returns the highest score that any number of leading bytes
@@ -175,9 +154,9 @@ fn missing_inside(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix, cou
     let rest = known.get(prefix.length + count..)?;
     let (score, core_bytes) = score_with_flips(model, rest, &bytes[prefix.length..], prefix.length);
     let score = prefix.score + score - MISSING_INSIDE_BITS;
-    let harm = Some(Harm::Lost { at: prefix.length, count });
+    let damage = Some(DamageKind::LostBytes { at: prefix.length, count });
     // If no known byte is left behind the loss, only the CRC can confirm it.
-    (core_bytes > prefix.length || rest.is_empty()).then_some(Explanation { score, core_bytes, harm })
+    (core_bytes > prefix.length || rest.is_empty()).then_some(Explanation { score, core_bytes, damage })
 }
 
 /// Explains the bytes by a repetition of the last byte of the prefix.
@@ -188,7 +167,7 @@ fn doubled_byte(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Op
     }
     let (score, core_bytes) = score_with_flips(model, &known[at..], bytes.get(at + 1..)?, at + 1);
     let score = prefix.score + score - DOUBLED_BYTE_BITS;
-    (core_bytes > at + 1).then_some(Explanation { score, core_bytes, harm: Some(Harm::Doubled { at }) })
+    (core_bytes > at + 1).then_some(Explanation { score, core_bytes, damage: Some(DamageKind::DoubledByte { at }) })
 }
 
 /// Explains the bytes by a second transmitter behind the prefix. On RS-485 the driver that pulls to 0 wins: bits that
@@ -207,7 +186,7 @@ fn collision(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Optio
         }
         core_bytes += 1;
     }
-    (wrong_bytes > 1).then_some(Explanation { score, core_bytes, harm: Some(Harm::Collided { at: prefix.length }) })
+    (wrong_bytes > 1).then_some(Explanation { score, core_bytes, damage: Some(DamageKind::Collision { at: prefix.length }) })
 }
 
 /// Bits that the CRC adds once the damage of the known bytes is corrected.
@@ -235,7 +214,8 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::damage::expected_frame::{poll_request, POLL_REQUEST_BITS};
+    use crate::damage::expected_frame::poll_request;
+    use crate::damage::thresholds::POLL_REQUEST_BITS;
     use crate::framer::rtu::sift::Sift;
     use proptest::prelude::*;
 

@@ -6,7 +6,7 @@
 
 use memchr::{memchr, memchr2_iter};
 
-use crate::damage::kind::Harm;
+use crate::damage::kind::DamageKind;
 use crate::framer::Context;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::{judge, Direction};
@@ -36,7 +36,7 @@ pub(crate) struct ColonlessMessage {
     /// All of its hex characters are there.
     pub is_complete: bool,
     /// What happened to it.
-    pub harm: Option<Harm>,
+    pub damage: Option<DamageKind>,
 }
 
 /// The first message without a colon in front of the first colon.
@@ -70,14 +70,14 @@ fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_uni
         return None;
     }
     let is_valid = |start: usize| (line_end - start).is_multiple_of(2) && has_valid_lrc(&bytes[start..line_end]);
-    let message = |start, hex_start, is_complete, harm| {
-        Some(ColonlessMessage { start, hex_start, hex_end: line_end, end: line_end, is_complete, harm })
+    let message = |start, hex_start, is_complete, damage| {
+        Some(ColonlessMessage { start, hex_start, hex_end: line_end, end: line_end, is_complete, damage })
     };
     // The character in front may be the colon with a flipped bit; one that differs in more bits is a stray byte.
     let lost_colon = hex == line_start || (bytes[hex - 1] ^ b':').count_ones() > MAX_COLON_FLIPS;
     if is_valid(hex) {
-        let harm = lost_colon.then_some(Harm::Lost { at: 0, count: 1 });
-        return message(if lost_colon { hex } else { hex - 1 }, hex, true, harm);
+        let damage = lost_colon.then_some(DamageKind::LostBytes { at: 0, count: 1 });
+        return message(if lost_colon { hex } else { hex - 1 }, hex, true, damage);
     }
     // The first hex character may be the damaged colon.
     if is_valid(hex + 1) {
@@ -88,7 +88,7 @@ fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_uni
     let may_be_rest = lost_colon && line_start == 0 && hex <= MAX_STRAY_BYTES && digits > MIN_HEX_CHARACTERS;
     let lacks_known_unit = || missing_byte(&bytes[hex..line_end]).is_some_and(|unit| known_units[usize::from(unit)]);
     if may_be_rest && (digits % 2 == 1 || lacks_known_unit()) {
-        return message(hex, hex, false, Some(Harm::Lost { at: 0, count: 0 }));
+        return message(hex, hex, false, Some(DamageKind::LostBytes { at: 0, count: 0 }));
     }
     None
 }
@@ -107,7 +107,7 @@ fn has_valid_lrc(text: &[u8]) -> bool {
 
 /// What happened to a message with an odd number of hex characters between colon and line end: one of them was received
 /// twice, or an unknown number is missing. `None` for an even number.
-pub(crate) fn explain_odd_digits(text: &[u8]) -> Option<Harm> {
+pub(crate) fn explain_odd_digits(text: &[u8]) -> Option<DamageKind> {
     let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
     if !is_odd || text.len() + 1 < MIN_HEX_CHARACTERS {
         return None;
@@ -120,10 +120,10 @@ pub(crate) fn explain_odd_digits(text: &[u8]) -> Option<Harm> {
         shortened[at - 1] = text[at - 1];
         let is_repetition = text[at] == text[at - 1] && (at < 2 || text[at] != text[at - 2]);
         if is_repetition && text[at] != b'0' && has_valid_lrc(&shortened) {
-            return Some(Harm::Doubled { at: at + 1 });
+            return Some(DamageKind::DoubledByte { at: at + 1 });
         }
     }
-    Some(Harm::Lost { at: text.len() + 1, count: 0 })
+    Some(DamageKind::LostBytes { at: text.len() + 1, count: 0 })
 }
 
 /// Number of bytes that a message with an invalid LRC lacks by the length that it announces, or `None` if it lacks none or
@@ -163,16 +163,16 @@ mod tests {
     use super::*;
 
     /// Start, end and damage of the message without colon in a text that may go on, with unit 1 known.
-    fn found(text: &str) -> Option<(usize, usize, Option<Harm>)> {
+    fn found(text: &str) -> Option<(usize, usize, Option<DamageKind>)> {
         let mut known_units = [false; 256];
         known_units[1] = true;
-        find_colonless(text.as_bytes(), false, &known_units).map(|message| (message.start, message.end, message.harm))
+        find_colonless(text.as_bytes(), false, &known_units).map(|message| (message.start, message.end, message.damage))
     }
 
     // 01 03 00 00 00 02 has the LRC FA, the two's complement of the sum (2.5.2.2).
     #[test]
     fn a_line_without_colon_is_a_message_that_lost_it() {
-        let lost = Some(Harm::Lost { at: 0, count: 1 });
+        let lost = Some(DamageKind::LostBytes { at: 0, count: 1 });
         assert_eq!(found("010300000002FA\r\n:01"), Some((0, 16, lost)));
         assert_eq!(found("noise\r\n010300000002FA\r\n"), Some((7, 23, lost)));
         assert_eq!(found("010300000002FB\r\n"), None);
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_line_without_colon_and_unit_is_the_rest_of_a_message_of_a_known_unit() {
-        let rest = Some(Harm::Lost { at: 0, count: 0 });
+        let rest = Some(DamageKind::LostBytes { at: 0, count: 0 });
         assert_eq!(found("0300000002FA\r\n"), Some((0, 14, rest)));
         assert_eq!(found("\x7f0300000002FA\r\n"), Some((1, 15, rest)));
         assert_eq!(found("0300000002F9\r\n"), None, "unit 2 is not known");
@@ -197,12 +197,12 @@ mod tests {
 
     #[test]
     fn an_odd_number_of_hex_characters_shows_a_loss_or_a_doubled_character() {
-        assert_eq!(explain_odd_digits(b"01030000002FA"), Some(Harm::Lost { at: 14, count: 0 }));
-        assert_eq!(explain_odd_digits(b"0103000000022FA"), Some(Harm::Doubled { at: 13 }));
-        assert_eq!(explain_odd_digits(b"0103000011112D9"), Some(Harm::Doubled { at: 10 }), "one character of a run");
+        assert_eq!(explain_odd_digits(b"01030000002FA"), Some(DamageKind::LostBytes { at: 14, count: 0 }));
+        assert_eq!(explain_odd_digits(b"0103000000022FA"), Some(DamageKind::DoubledByte { at: 13 }));
+        assert_eq!(explain_odd_digits(b"0103000011112D9"), Some(DamageKind::DoubledByte { at: 10 }), "one character of a run");
         assert_eq!(explain_odd_digits(b"010300000002FA"), None);
         assert_eq!(explain_odd_digits(b"0103000x002FA"), None);
-        let rest = Some(Harm::Lost { at: 0, count: 0 });
+        let rest = Some(DamageKind::LostBytes { at: 0, count: 0 });
         assert_eq!(found("10300000002FA\r\n"), Some((0, 15, rest)));
     }
 }

@@ -1,11 +1,10 @@
 //! Candidates for damaged frames: alignments with expected frames, and unpredicted frames that only their header supports.
 
-use crate::damage::alignment::{self, align, Alignment};
-use crate::damage::expected_frame::{self, ExpectedFrame};
-use crate::damage::kind::Harm;
-use crate::damage::region::{
-    UnframedRegion, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, ROUNDING_BITS, STRAY_BYTE_BITS,
-};
+use crate::damage::alignment::{align, Alignment, DAMAGE_COSTS};
+use crate::damage::expected_frame::{poll_request, ExpectedFrame};
+use crate::damage::kind::DamageKind;
+use crate::damage::region::UnframedRegion;
+use crate::damage::thresholds::{FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
 use crate::framer::rtu::announced_length::AROUND;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
@@ -35,7 +34,7 @@ pub(crate) struct Candidate {
     /// Its missing first bytes.
     pub(crate) head: Vec<u8>,
     /// What happened to it.
-    pub(crate) harm: Option<Harm>,
+    pub(crate) damage: Option<DamageKind>,
     /// Its CRC is valid once the damage is corrected.
     pub(crate) is_corrected: bool,
     /// All bytes with a known value agree, but the CRC does not.
@@ -64,11 +63,11 @@ impl UnframedRegion<'_, '_> {
         let polls = &self.model.polls;
         let mut likely = if polls.is_empty() { 0 } else { polls.possible(bytes) };
         if likely != 0 {
-            let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + expected_frame::POLL_REQUEST_BITS;
-            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &alignment::DAMAGE_COSTS);
+            let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + POLL_REQUEST_BITS;
+            likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
         }
         for at in members(likely) {
-            candidates.extend(self.aligned_candidate(&expected_frame::poll_request(polls.get(at)), start));
+            candidates.extend(self.aligned_candidate(&poll_request(polls.get(at)), start));
         }
         if self.context.known_units[usize::from(bytes[0])] || self.input.offset() == 0 {
             let directions = [REQUEST, RESPONSE].into_iter();
@@ -129,7 +128,7 @@ impl UnframedRegion<'_, '_> {
             header,
             header_cost,
             head: Vec::new(),
-            harm: None,
+            damage: None,
             is_corrected: false,
             is_exact: true,
             agreeing_bytes: None,
@@ -143,7 +142,7 @@ impl UnframedRegion<'_, '_> {
             let follows_pause = self.context.speaker.is_some() && self.has_frame_gap(0);
             return if follows_pause { -costs::PAUSE_BEFORE } else { 0.0 };
         }
-        let strays = (STRAY_BYTE_BITS * start as f32).min(MAX_STRAY_BITS);
+        let strays = (costs::STRAY * start as f32).min(MAX_STRAY_BITS);
         let follows_pause = self.input.pause_before(start).is_some_and(|pause| pause >= self.frame_gap_ns);
         if follows_pause {
             strays - costs::PAUSE_BEFORE
@@ -200,7 +199,7 @@ impl Candidate {
             header: [expected.bytes[0], expected.bytes[1]],
             header_cost: 0.0,
             head: expected.bytes[..alignment.missing_head_bytes].to_vec(),
-            harm: alignment.harm,
+            damage: alignment.damage,
             is_corrected: alignment.is_corrected,
             is_exact: alignment.is_exact,
             agreeing_bytes: alignment.length.filter(is_known).map(|_| alignment.agreeing_bytes),

@@ -2,16 +2,17 @@
 
 use crate::damage::candidates::Candidate;
 use crate::damage::crc_correction;
-use crate::damage::kind::Harm;
-use crate::damage::region::{
-    Piece, UnframedRegion, COARSE_FRAME_GAP_NS, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES,
-    MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
+use crate::damage::glitch::is_glitch_byte;
+use crate::damage::kind::DamageKind;
+use crate::damage::region::{DamagedFrame, UnframedRegion};
+use crate::damage::thresholds::{
+    FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
 };
 use crate::framer::rtu::announced_length::AROUND;
 use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
 use modlens_protocol::checksum::mending_bit;
-use modlens_protocol::direction::{Asked, Direction};
+use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
@@ -21,7 +22,7 @@ impl UnframedRegion<'_, '_> {
     /// A chain is built from left to right by dynamic programming: for each candidate, `chains` keeps the best total of a
     /// chain that ends with it and the index of the candidate before it. Every candidate of a chain but its last needs
     /// `MIN_DAMAGED_FRAME_BITS` for itself; a response behind its own damaged request gets back what its header cost.
-    pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<Piece> {
+    pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<DamagedFrame> {
         let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
         for candidate in candidates {
             let mut best = (candidate.score, None);
@@ -40,7 +41,7 @@ impl UnframedRegion<'_, '_> {
         let may_end_with = |&at: &usize| chains[at].1.is_some() || candidates[at].score >= MIN_DAMAGED_FRAME_BITS;
         let ends = (0..candidates.len()).filter(may_end_with);
         let mut next = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
-        let mut frames: Vec<Piece> = Vec::new();
+        let mut frames: Vec<DamagedFrame> = Vec::new();
         while let Some(at) = next {
             let limit = frames.last().map_or(self.length, |frame| frame.start);
             let frame = self.damaged_frame(&candidates[at], limit);
@@ -54,7 +55,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Extends a frame whose first bytes seem to be missing over as many bytes in front of it, if those are free: then
     /// nothing is missing, and the bytes in front are the first ones of the frame with wrong values.
-    fn extend_over_wrong_head(&self, frame: Piece, previous_end: usize) -> Piece {
+    fn extend_over_wrong_head(&self, frame: DamagedFrame, previous_end: usize) -> DamagedFrame {
         let count = frame.head.len();
         let Some(start) = frame.start.checked_sub(count).filter(|&start| count > 0 && start >= previous_end) else {
             return frame;
@@ -64,20 +65,20 @@ impl UnframedRegion<'_, '_> {
         if !has_crc || (start != previous_end && !self.has_frame_gap(start)) || is_interrupted {
             return frame;
         }
-        Piece { start, is_short: false, harm: None, wrong_head_bytes: count, ..frame }
+        DamagedFrame { start, is_short: false, damage: None, wrong_head_bytes: count, ..frame }
     }
 
     /// Decides where a candidate ends and what happened to it. `limit` is the index where the next frame begins.
-    fn damaged_frame(&self, candidate: &Candidate, limit: usize) -> Piece {
+    fn damaged_frame(&self, candidate: &Candidate, limit: usize) -> DamagedFrame {
         let room = limit - candidate.start;
         let announced = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced_length(candidate, limit));
         let mut should = announced.unwrap_or(room);
         let mut length = should.min(room).min(RTU_LIMIT);
-        let mut harm = candidate.harm;
-        if harm.is_none() && candidate.is_exact && room > should && should < RTU_LIMIT {
+        let mut damage = candidate.damage;
+        if damage.is_none() && candidate.is_exact && room > should && should < RTU_LIMIT {
             let longer = &self.bytes()[candidate.start..=candidate.start + should];
-            harm = crc_correction::doubled_byte(longer).map(|at| Harm::Doubled { at });
-            length += usize::from(harm.is_some());
+            damage = crc_correction::doubled_byte(longer).map(|at| DamageKind::DoubledByte { at });
+            length += usize::from(damage.is_some());
         }
         if let Some(gap) = self.gap_inside(candidate, candidate.start + length) {
             length = gap - candidate.start;
@@ -88,36 +89,37 @@ impl UnframedRegion<'_, '_> {
         let is_correctable = length < should && mending_bit(bytes).is_some();
         if is_correctable {
             should = length;
-        } else if harm.is_none() && length < should {
+        } else if damage.is_none() && length < should {
             let count = should - length;
             let is_truncated = self.is_followed_by_retry(candidate);
-            harm = Some(if is_truncated { Harm::Truncated { count } } else { Harm::Lost { at: length, count } });
-        } else if harm.is_none() && candidate.end.is_some() {
-            harm = self.strays_for_lost_bytes(candidate, bytes);
-            length -= match harm {
-                Some(Harm::Lost { count, .. }) => count,
+            damage =
+                Some(if is_truncated { DamageKind::Truncated { count } } else { DamageKind::LostBytes { at: length, count } });
+        } else if damage.is_none() && candidate.end.is_some() {
+            damage = self.strays_for_lost_bytes(candidate, bytes);
+            length -= match damage {
+                Some(DamageKind::LostBytes { count, .. }) => count,
                 _ => 0,
             };
         }
-        let is_short = length < should || matches!(harm, Some(Harm::Lost { .. }));
+        let is_short = length < should || matches!(damage, Some(DamageKind::LostBytes { .. }));
         let direction = gain::direction(candidate.direction);
         let (start, end) = (candidate.start, candidate.start + length);
         let head = candidate.head.clone();
-        Piece { start, end, direction, head, is_short, harm, is_unidentified: false, wrong_head_bytes: 0 }
+        DamagedFrame { start, end, direction, head, is_short, damage, is_unidentified: false, wrong_head_bytes: 0 }
     }
 
     /// Whether a frame of the right length is really a shorter one, whose lost bytes have been replaced by as many stray
     /// bytes of a line driver behind it.
-    fn strays_for_lost_bytes(&self, candidate: &Candidate, bytes: &[u8]) -> Option<Harm> {
+    fn strays_for_lost_bytes(&self, candidate: &Candidate, bytes: &[u8]) -> Option<DamageKind> {
         if !candidate.is_exact && candidate.agreeing_bytes.is_none() {
             return None;
         }
-        let harm = match candidate.agreeing_bytes {
+        let damage = match candidate.agreeing_bytes {
             Some(agreeing) => strays_behind_known_bytes(bytes, agreeing),
             None => strays_behind_unknown_bytes(bytes, self.end_bonus(candidate.end) > 0.0),
         };
-        harm.filter(|harm| match harm {
-            Harm::Lost { count, .. } => self.is_silent_behind_strays(candidate.start + bytes.len() - count),
+        damage.filter(|damage| match damage {
+            DamageKind::LostBytes { count, .. } => self.is_silent_behind_strays(candidate.start + bytes.len() - count),
             _ => true,
         })
     }
@@ -145,12 +147,6 @@ impl UnframedRegion<'_, '_> {
         (candidate.core_end.max(candidate.start + 1)..end).find(|&at| self.has_frame_gap(at))
     }
 
-    /// Whether there is a pause before this byte that ends a frame, as far as the clock can tell.
-    pub(crate) fn has_frame_gap(&self, at: usize) -> bool {
-        let min_gap_ns = if self.input.coarse { self.frame_gap_ns.max(COARSE_FRAME_GAP_NS) } else { self.frame_gap_ns };
-        self.input.pause_before(at).is_some_and(|pause| pause >= min_gap_ns)
-    }
-
     /// Whether the request follows the region once more, so that the unit has not received the candidate, or the master
     /// has not: then the sender stopped, and the tap has lost nothing.
     fn is_followed_by_retry(&self, candidate: &Candidate) -> bool {
@@ -161,12 +157,6 @@ impl UnframedRegion<'_, '_> {
             return frame[..2] == candidate.header && (agrees || !candidate.head.is_empty());
         }
         self.is_followed_by(self.context.asked)
-    }
-
-    /// Whether the frame behind the region is this request.
-    pub(crate) fn is_followed_by(&self, asked: Option<Asked<'_>>) -> bool {
-        let frame = self.next_frame.map_or(&[][..], |(frame, _)| frame);
-        asked.is_some_and(|asked| frame.len() > 2 && asked.unit == frame[0] && asked.pdu == &frame[1..frame.len() - 2])
     }
 }
 
@@ -183,7 +173,7 @@ fn score_behind(candidate: &Candidate, before: &Candidate) -> f32 {
 
 /// Whether a frame of the right length, whose CRC no single flipped bit explains, is a shorter one with stray bytes behind
 /// it; for frames whose content is unknown.
-fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<Harm> {
+fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<DamageKind> {
     let length = bytes.len();
     let last = *bytes.last().filter(|&&last| length > 5 && is_glitch_byte(last))?;
     let count = bytes.iter().rev().take_while(|&&byte| byte == last).count();
@@ -192,28 +182,17 @@ fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<Harm> {
         // makes the CRC valid, and one flipped bit does not.
         1 if !ends_well && length <= MAX_INSERTION_CHECK_BYTES => {
             let at = crc_correction::missing_byte(&bytes[..length - 1]).filter(|_| mending_bit(bytes).is_none())?;
-            Some(Harm::Lost { at, count })
+            Some(DamageKind::LostBytes { at, count })
         }
-        2..=MAX_GLITCH_BYTES if mending_bit(bytes).is_none() => Some(Harm::Lost { at: length - count, count }),
+        2..=MAX_GLITCH_BYTES if mending_bit(bytes).is_none() => Some(DamageKind::LostBytes { at: length - count, count }),
         _ => None,
     }
 }
 
 /// Whether the last bytes of a frame are stray bytes in the place of lost ones; for frames whose content is known, of
 /// which the first `agreeing` bytes are as expected.
-fn strays_behind_known_bytes(bytes: &[u8], agreeing: usize) -> Option<Harm> {
+fn strays_behind_known_bytes(bytes: &[u8], agreeing: usize) -> Option<DamageKind> {
     let rest = bytes.get(agreeing..).filter(|rest| (1..=MAX_GLITCH_BYTES).contains(&rest.len()))?;
     let are_strays = rest.iter().all(|&byte| byte == rest[0]) && is_glitch_byte(rest[0]) && mending_bit(bytes).is_none();
-    are_strays.then_some(Harm::Lost { at: agreeing, count: rest.len() })
-}
-
-/// Whether a line driver that is switched on or off can leave this byte. The line changes its level at most once, and the
-/// low bit comes first, so the byte has zeros in its low bits and ones in the others: `00`, `80`, `C0` ... `FE`, `FF`.
-pub(crate) fn is_glitch_byte(byte: u8) -> bool {
-    byte.leading_ones() + byte.trailing_zeros() >= 8
-}
-
-/// Whether these stray bytes are what a line driver leaves when it is switched: at most three, all of one such value.
-pub fn is_glitch(strays: &[u8]) -> bool {
-    strays.len() <= MAX_GLITCH_BYTES && strays.iter().all(|&byte| is_glitch_byte(byte) && byte == strays[0])
+    are_strays.then_some(DamageKind::LostBytes { at: agreeing, count: rest.len() })
 }

@@ -2,9 +2,10 @@
 
 use std::borrow::Cow;
 
-use crate::damage::alignment::CRC_MATCH_BITS;
 use crate::damage::region::UnframedRegion;
+use crate::damage::thresholds::{CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use crate::framer::rtu::announced_length::AROUND;
+use crate::framer::rtu::costs;
 use crate::framer::rtu::gain::{REQUEST, RESPONSE};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::{expected_block, Asked, Direction};
@@ -33,18 +34,6 @@ impl ExpectedFrame<'_> {
         }
     }
 }
-
-/// Selection cost of the response to the outstanding request, or of the frame that the next one repeats or answers.
-const DUE_FRAME_BITS: f32 = 1.0;
-
-/// Selection cost of a retry of the outstanding request.
-const RETRY_BITS: f32 = 4.0;
-
-/// Selection cost of any request of the poll cycle.
-pub const POLL_REQUEST_BITS: f32 = 5.0;
-
-/// Selection cost of an exception response: about one response in twenty is one.
-const EXCEPTION_BITS: f32 = 4.0;
 
 /// Bytes that a write response repeats from its request: the address, and the value or the quantity.
 const ECHOED_BYTES: usize = 4;
@@ -142,6 +131,6 @@ fn responses<'a>(region: &UnframedRegion<'a, '_>, asked: Asked<'_>) -> Option<[E
     let exception = vec![asked.unit, code | EXCEPTION_BIT];
     Some([
         ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS },
-        ExpectedFrame { bytes: Cow::Owned(exception), length: Some(5), direction: RESPONSE, selection_cost: EXCEPTION_BITS },
+        ExpectedFrame { bytes: Cow::Owned(exception), length: Some(5), direction: RESPONSE, selection_cost: costs::EXCEPTION },
     ])
 }

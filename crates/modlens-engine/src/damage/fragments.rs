@@ -1,9 +1,10 @@
 //! Fragments of frames in front of the damaged frames of a region and behind them, which only their place gives away.
 
-use crate::damage::chain::is_glitch_byte;
-use crate::damage::expected_frame;
-use crate::damage::kind::Harm;
-use crate::damage::region::{Piece, UnframedRegion, COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
+use crate::damage::expected_frame::response_length;
+use crate::damage::glitch::is_glitch_byte;
+use crate::damage::kind::DamageKind;
+use crate::damage::region::{DamagedFrame, UnframedRegion};
+use crate::damage::thresholds::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
 use crate::framer::rtu::announced_length::AROUND;
 use modlens_protocol::checksum::mending_bit;
 use modlens_protocol::direction::{Asked, Direction};
@@ -13,14 +14,14 @@ use modlens_protocol::Ns;
 
 impl UnframedRegion<'_, '_> {
     /// Whether a pause separates the bytes behind a frame from it, and those bytes have no pause among themselves.
-    pub(crate) fn is_one_burst_behind(&self, frame: &Piece) -> bool {
+    pub(crate) fn is_one_burst_behind(&self, frame: &DamagedFrame) -> bool {
         let (start, end) = (frame.end, self.length);
         start < end && self.has_frame_gap(start) && !(start + 1..end).any(|at| self.has_frame_gap(at))
     }
 
     /// The fragment behind a frame that lost its end, between two pauses: the end of a frame that lost its beginning.
-    pub(crate) fn trailing_fragment(&self, frames: &[Piece]) -> Option<Piece> {
-        let last = frames.last().filter(|last| matches!(last.harm, Some(Harm::Lost { .. })))?;
+    pub(crate) fn trailing_fragment(&self, frames: &[DamagedFrame]) -> Option<DamagedFrame> {
+        let last = frames.last().filter(|last| matches!(last.damage, Some(DamageKind::LostBytes { .. })))?;
         let (_, next_direction) = self.next_frame?;
         let (start, end) = (last.end, self.length);
         let is_plausible = end - start > self.model.strays_at_most() && end - start <= RTU_LIMIT;
@@ -29,8 +30,8 @@ impl UnframedRegion<'_, '_> {
         }
         // Requests and responses alternate.
         let direction = if next_direction == Direction::Request { Direction::Response } else { Direction::Request };
-        let harm = Some(Harm::Lost { at: 0, count: 0 });
-        Some(unidentified(start, end, direction, harm))
+        let damage = Some(DamageKind::LostBytes { at: 0, count: 0 });
+        Some(unidentified(start, end, direction, damage))
     }
 
     /// The fragment in front of the first damaged frame, which ends at index `end`, where a frame must have stood.
@@ -38,7 +39,7 @@ impl UnframedRegion<'_, '_> {
     /// A recording begins in the middle of a frame more often than not. Elsewhere a fragment is reported only if the
     /// direction of the next frame shows that a request or a response is missing, and if there are more bytes than stray
     /// bytes account for. `is_alone`: no damaged frame was recognised in the region.
-    pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<Piece> {
+    pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<DamagedFrame> {
         let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
         let (direction, asked) = self.due_in_front(end, starts_recording)?;
         if !(is_alone || starts_recording) || self.follows_damaged_frame || end > RTU_LIMIT {
@@ -48,8 +49,8 @@ impl UnframedRegion<'_, '_> {
         let is_beginning = |&asked: &Asked<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, asked);
         if let Some(asked) = asked.filter(is_beginning) {
             let is_unidentified = bytes.len() < 2;
-            let harm = self.is_followed_by(Some(asked)).then_some(Harm::Truncated { count: 0 });
-            return Some(Piece { is_unidentified, ..unidentified(0, end, direction, harm) });
+            let damage = self.is_followed_by(Some(asked)).then_some(DamageKind::Truncated { count: 0 });
+            return Some(DamagedFrame { is_unidentified, ..unidentified(0, end, direction, damage) });
         }
         // On a line with few stray bytes, zeros at the beginning are data.
         let has_no_strays = starts_recording || (self.context.speaker.is_some() && self.has_few_strays());
@@ -60,20 +61,20 @@ impl UnframedRegion<'_, '_> {
         if length < min_length {
             return None;
         }
-        let expected_length = asked.and_then(|asked| expected_frame::response_length(self, asked));
+        let expected_length = asked.and_then(|asked| response_length(self, asked));
         let is_repeated = self.is_followed_by(asked);
-        let harm = match expected_length {
+        let damage = match expected_length {
             Some(expected) if expected > length && expected - length <= length && !is_repeated => {
-                Some(Harm::Lost { at: 0, count: expected - length })
+                Some(DamageKind::LostBytes { at: 0, count: expected - length })
             }
             Some(expected) if expected < length => return None,
             // The frames of this side begin with a unit and a function of the line, unless those two were lost.
             None if self.context.speaker.is_some() && !starts_recording && self.lacks_header(&bytes[strays..]) => {
-                Some(Harm::Lost { at: 0, count: 0 })
+                Some(DamageKind::LostBytes { at: 0, count: 0 })
             }
             _ => None,
         };
-        Some(unidentified(strays, end, direction, harm))
+        Some(unidentified(strays, end, direction, damage))
     }
 
     /// The direction of the frame that must have stood in the first `end` bytes, and the request it answers, if known.
@@ -102,11 +103,11 @@ impl UnframedRegion<'_, '_> {
     /// Whether a frame has lost an unknown number of bytes, because the bytes behind it are neither stray bytes nor part of
     /// a recognised frame, on a line where bytes go missing. Where another transmitter may have collided with the frame
     /// instead, the bytes behind it may be that transmitter's, which does not stop where the frame ends.
-    pub(crate) fn lost_bytes_behind(&self, frame: &Piece) -> bool {
+    pub(crate) fn lost_bytes_behind(&self, frame: &DamagedFrame) -> bool {
         let behind = self.length - frame.end;
         let is_correctable = mending_bit(&self.bytes()[frame.start..frame.end]).is_some();
         let loses_bytes = self.is_framed_independently() || (self.model.loses_bytes() && !self.ends_as_announced);
-        let is_undamaged = frame.harm.is_none() && !is_correctable;
+        let is_undamaged = frame.damage.is_none() && !is_correctable;
         loses_bytes && self.has_few_strays() && is_undamaged && behind > self.model.strays_at_most()
     }
 
@@ -145,8 +146,8 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the bytes behind a frame that lost some are its own last ones: the pause before them is as long as the
     /// transmission of the missing bytes.
-    pub(crate) fn resumes_after_loss(&self, frame: &Piece) -> bool {
-        let (Some(Harm::Lost { count, .. }), Some(char_ns)) = (frame.harm, self.input.char_ns) else { return false };
+    pub(crate) fn resumes_after_loss(&self, frame: &DamagedFrame) -> bool {
+        let (Some(DamageKind::LostBytes { count, .. }), Some(char_ns)) = (frame.damage, self.input.char_ns) else { return false };
         let Some(missing) = count.checked_sub(self.length - frame.end).filter(|&missing| missing > 0) else { return false };
         let expected_ns = missing as Ns * char_ns;
         let tolerance_ns = if self.input.coarse { COARSE_FRAME_GAP_NS / 2 } else { 2 * char_ns };
@@ -156,9 +157,9 @@ impl UnframedRegion<'_, '_> {
 }
 
 /// A fragment of a frame whose unit and function are unknown.
-fn unidentified(start: usize, end: usize, direction: Direction, harm: Option<Harm>) -> Piece {
+fn unidentified(start: usize, end: usize, direction: Direction, damage: Option<DamageKind>) -> DamagedFrame {
     let head = Vec::new();
-    Piece { start, end, direction, head, is_short: true, harm, is_unidentified: true, wrong_head_bytes: 0 }
+    DamagedFrame { start, end, direction, head, is_short: true, damage, is_unidentified: true, wrong_head_bytes: 0 }
 }
 
 /// Whether these one or two bytes are the first ones of the response and no stray bytes. That one byte is the unit of the

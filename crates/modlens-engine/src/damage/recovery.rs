@@ -1,172 +1,197 @@
-//! Rows for bytes that begin no whole frame: a damaged frame where header or silences say so, noise elsewhere.
+//! Frames for the bytes that no valid frame claims: damaged frames where the evidence is enough, noise for the rest.
 
 use std::collections::VecDeque;
 
-use crate::damage::chain::is_glitch;
-use crate::damage::kind::Harm;
-use crate::damage::region::{Piece, UnframedRegion};
+use crate::damage::glitch::is_glitch;
+use crate::damage::kind::DamageKind;
+use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::framer::rtu::announced_length::{announced, AROUND, LONGEST};
-use crate::framer::rtu::search::Told;
-use crate::framer::rtu::Rtu;
+use crate::framer::rtu::model::Model;
 use crate::framer::{Context, Cut, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{CutBy, Verdict};
 use modlens_protocol::functions::Extent;
+use modlens_protocol::Ns;
 
-impl Rtu {
-    /// The first piece of the bytes up to `to`, which begin no whole frame: a damaged one, or noise.
-    pub(crate) fn piece(&mut self, input: &Input, context: &Context<'_>, to: u64, adu: &mut Vec<u8>) -> Cut {
-        let offset = input.offset();
-        if self.dissected < to {
-            self.dissected = to;
-            self.pieces = self.dissect(input, context, (to - offset) as usize);
-            if !context.ahead {
-                self.blame();
+/// The state of damage recovery on one line.
+#[derive(Default)]
+pub struct DamageRecovery {
+    /// Damaged frames that were found and not yet emitted, with the stream offsets of their first bytes.
+    found: VecDeque<(u64, DamagedFrame)>,
+    /// Stream offset up to which the bytes have been analysed.
+    analysed_to: u64,
+    /// A response without its end was found live, and it is not known yet whether the master will ask again.
+    pub(crate) awaits_reaction: bool,
+}
+
+/// What is known about the place of an unframed region.
+pub struct Surroundings<'a, 'c> {
+    /// What the session knows, the outstanding request in front of the region among it.
+    pub context: &'a Context<'c>,
+    /// The input, whose first byte is the first one of the region.
+    pub input: &'a Input,
+    /// The frame that follows the region.
+    pub next_frame: Option<(&'a [u8], Direction)>,
+    /// A damaged frame was reported right in front of the region.
+    pub follows_damaged_frame: bool,
+    /// The shortest pause between two frames.
+    pub frame_gap_ns: Ns,
+}
+
+impl<'a, 'c> Surroundings<'a, 'c> {
+    /// The first `length` bytes of the input as a region.
+    fn region(&self, model: &'a Model, length: usize, ends_as_announced: bool) -> UnframedRegion<'a, 'c> {
+        let &Self { context, input, next_frame, follows_damaged_frame, frame_gap_ns } = self;
+        UnframedRegion { model, context, input, length, next_frame, follows_damaged_frame, frame_gap_ns, ends_as_announced }
+    }
+}
+
+impl DamageRecovery {
+    /// The first frame of the unframed bytes up to stream offset `to`: a damaged frame, or noise. `adu` gets unit and PDU.
+    ///
+    /// A region is analysed once; further calls emit what was found. The line's model learns from the damage.
+    pub fn next_frame(&mut self, model: &mut Model, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+        let offset = at.input.offset();
+        let region_bytes = (to - offset) as usize;
+        if self.analysed_to < to {
+            self.analysed_to = to;
+            let frames = at.region(model, region_bytes, false).damaged_frames();
+            self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();
+            if !at.context.ahead && at.next_frame.is_none() {
+                let last = self.found.back_mut().map(|(_, last)| last);
+                self.awaits_reaction |= last.is_some_and(|last| attribute_truncation(model, last));
             }
-            self.pieces.iter().for_each(|(_, piece)| self.search.model.learn_harm(piece.harm));
+            self.found.iter().for_each(|(_, frame)| model.learn_damage(frame.damage));
         }
-        let region = (to - offset) as usize;
-        let first = self.pieces.front().filter(|(start, _)| *start == offset);
-        let Some((_, piece)) = first else {
-            let strays = self.pieces.front().map_or(region, |(start, _)| (start - offset) as usize);
-            let cut = self.damaged(input, context, strays, adu);
-            let glitch = cut.verdict == Verdict::Noise && is_glitch(&input.bytes()[..cut.length]);
-            return Cut { harm: glitch.then_some(Harm::Glitch), ..cut };
+        let first = self.found.front().filter(|(start, _)| *start == offset);
+        let Some((_, frame)) = first else {
+            let noise_bytes = self.found.front().map_or(region_bytes, |(start, _)| (start - offset) as usize);
+            let cut = burst(at, noise_bytes, adu);
+            let is_glitch = cut.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..cut.length]);
+            return Cut { damage: is_glitch.then_some(DamageKind::Glitch), ..cut };
         };
-        let length = piece.end - piece.start;
-        let cut_by = if length == region { CutBy::Frame } else { CutBy::Length };
-        let cut = Self::show(piece, &input.bytes()[..length], cut_by, adu);
-        self.pieces.pop_front();
+        let length = frame.end - frame.start;
+        let cut_by = if length == region_bytes { CutBy::Frame } else { CutBy::Length };
+        let cut = emit(frame, &at.input.bytes()[..length], cut_by, adu);
+        self.found.pop_front();
         cut
     }
+}
 
-    /// A piece as a frame, with its first bytes put back where it is known which ones are missing.
-    fn show(piece: &Piece, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> Cut {
-        let short = piece.is_short || wire.len() < AROUND;
-        adu.clear();
-        if !piece.is_unidentified {
-            adu.extend_from_slice(&piece.head);
-            adu.extend_from_slice(if short { wire } else { &wire[piece.wrong_head_bytes..wire.len() - 2] });
-        }
-        let verdict = if short { Verdict::Incomplete } else { Verdict::BadChecksum };
-        Cut { verdict, direction: piece.direction, harm: piece.harm, ..Cut::noise(wire.len(), cut_by) }
+/// A frame with a wrong CRC that the search found by its announced length, and what happened to it. `adu` gets unit and PDU.
+///
+/// If the result has fewer bytes than `length`, the others are stray bytes in the place of what the frame has lost.
+pub fn damaged_hypothesis(
+    model: &mut Model,
+    at: &Surroundings<'_, '_>,
+    length: usize,
+    direction: Direction,
+    adu: &mut Vec<u8>,
+) -> Cut {
+    let wire = &at.input.bytes()[..length];
+    let frames = at.region(model, length, true).damaged_frames();
+    let is_this = |frame: &&DamagedFrame| frame.start == 0 && (frame.end == length || is_glitch(&wire[frame.end..]));
+    if let Some(frame) = frames.iter().find(is_this) {
+        model.learn_damage(frame.damage);
+        return emit(frame, &wire[..frame.end], CutBy::Length, adu);
     }
+    adu.clear();
+    adu.extend_from_slice(&wire[..length - 2]);
+    Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) }
+}
 
-    /// A frame with a wrong checksum that the search found by its length, and what happened to it.
-    pub(crate) fn spoilt(
-        &mut self,
-        input: &Input,
-        context: &Context<'_>,
-        length: usize,
-        direction: Direction,
-        adu: &mut Vec<u8>,
-    ) -> Cut {
-        let wire = &input.bytes()[..length];
-        let model = &self.search.model;
-        let silence = self.silence(input);
-        let region = UnframedRegion {
-            model,
-            context,
-            input,
-            length,
-            next_frame: None,
-            follows_damaged_frame: true,
-            frame_gap_ns: silence,
-            ends_as_announced: true,
-        };
-        let pieces = region.damaged_frames();
-        let found = pieces.iter().find(|piece| piece.start == 0 && (piece.end == length || is_glitch(&wire[piece.end..])));
-        if let Some(piece) = found {
-            self.search.model.learn_harm(piece.harm);
-            if piece.end < length {
-                // It is shorter: strays stand in the place of what was lost.
-                self.told = Some(Told::Junk(input.offset() + length as u64));
-            }
-            return Self::show(piece, &wire[..piece.end], CutBy::Length, adu);
-        }
-        adu.clear();
-        adu.extend_from_slice(&wire[..length - 2]);
-        Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) }
+/// Live, a silence has ended a response too early: did the sender stop, or has the tap lost the rest?
+///
+/// The line's history decides. A master that did not get its response asks again, one that did goes on with its poll
+/// cycle; in a recording, the next frame shows which before the response is emitted. Returns whether `last`, the last
+/// frame in front of the silence, is such a response, so that the master's reaction is still to be learned.
+fn attribute_truncation(model: &Model, last: &mut DamagedFrame) -> bool {
+    let Some(DamageKind::LostBytes { at, count: count @ 1.. }) = last.damage else { return false };
+    if last.direction != Direction::Response || at != last.end - last.start {
+        return false;
     }
-
-    fn dissect(&self, input: &Input, context: &Context<'_>, length: usize) -> VecDeque<(u64, Piece)> {
-        let next_frame = match self.told {
-            Some(Told::Frame { start, end, direction, .. } | Told::Damaged { start, end, direction }) => {
-                let from = (start - input.offset()) as usize;
-                Some((&input.bytes()[from..from + (end - start) as usize], direction))
-            }
-            _ => None,
-        };
-        let model = &self.search.model;
-        let region = UnframedRegion {
-            model,
-            context,
-            input,
-            length,
-            next_frame,
-            follows_damaged_frame: self.after_damage,
-            frame_gap_ns: self.silence(input),
-            ends_as_announced: false,
-        };
-        region.damaged_frames().into_iter().map(|piece| (input.offset() + piece.start as u64, piece)).collect()
+    if !model.loses_ends() {
+        last.damage = Some(DamageKind::Truncated { count });
     }
+    true
+}
 
-    /// Names the bytes `..region`, which begin no frame: the first piece of them.
-    fn damaged(&self, input: &Input, context: &Context<'_>, region: usize, adu: &mut Vec<u8>) -> Cut {
-        let edge = input.edge_after(0, region, self.silence(input));
-        let burst = edge.unwrap_or(region).min(NOISE_LIMIT);
-        let by_edge = match edge {
-            Some(end) if input.read(end).is_some_and(|read| read.record) => CutBy::Record,
-            None if burst == NOISE_LIMIT => CutBy::Limit,
-            None if burst < input.bytes().len() => CutBy::Frame,
-            None if input.ended => CutBy::End,
-            _ => CutBy::Silence,
-        };
-        let cut = Self::name(input, context, burst, by_edge);
-        adu.clear();
-        if cut.verdict != Verdict::Noise {
-            let end = if cut.verdict == Verdict::Incomplete { cut.length } else { cut.length - 2 };
-            adu.extend_from_slice(&input.bytes()[..end]);
-        }
-        cut
+/// Emits a damaged frame, with its first bytes restored in `adu` where it is known which ones are missing or wrong.
+fn emit(frame: &DamagedFrame, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> Cut {
+    let is_short = frame.is_short || wire.len() < AROUND;
+    adu.clear();
+    if !frame.is_unidentified {
+        adu.extend_from_slice(&frame.head);
+        adu.extend_from_slice(if is_short { wire } else { &wire[frame.wrong_head_bytes..wire.len() - 2] });
     }
+    let verdict = if is_short { Verdict::Incomplete } else { Verdict::BadChecksum };
+    Cut { verdict, direction: frame.direction, damage: frame.damage, ..Cut::noise(wire.len(), cut_by) }
+}
 
-    fn name(input: &Input, context: &Context<'_>, burst: usize, by_edge: CutBy) -> Cut {
-        let bytes = &input.bytes()[..burst];
-        let alone = input.offset() == 0 && by_edge == CutBy::End;
-        let record = by_edge == CutBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
-        if burst < AROUND || !(alone || record) {
-            return Cut::noise(burst, by_edge);
-        }
-        let damaged = |length, verdict, cut_by, direction| Cut { verdict, direction, ..Cut::noise(length, cut_by) };
-        let familiar = context.known_units[bytes[0] as usize] || context.asked.is_some_and(|asked| asked.unit == bytes[0]);
-        let mut shorter = None;
-        let mut longer = None;
-        // Where this unit and function were asked for, it is the answer, not another request.
-        let answer = context.asked.is_some_and(|asked| asked.unit == bytes[0] && asked.pdu.first() == Some(&bytes[1]));
-        let known = announced(context, bytes);
-        for (direction, length) in known.iter().copied().flatten().take(if answer { 1 } else { 2 }) {
-            match length {
-                Extent::Exactly(length) if length == burst => {
-                    return damaged(length, Verdict::BadChecksum, CutBy::Length, direction);
-                }
-                Extent::Exactly(length) if length < burst => shorter = shorter.or(Some((length, direction))),
-                Extent::Exactly(_) | Extent::AtLeast(_) => longer = longer.or(Some(direction)),
-                Extent::Open(_) => {}
+/// Emits the first burst of `length` bytes that hold no recognised frame. A burst ends at a pause or a record boundary, and
+/// it is noise unless `burst_frame` makes a damaged frame of it.
+fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> Cut {
+    let Surroundings { input, context, .. } = *at;
+    let edge = input.edge_after(0, length, at.frame_gap_ns);
+    let burst_bytes = edge.unwrap_or(length).min(NOISE_LIMIT);
+    let cut_by = match edge {
+        Some(end) if input.read(end).is_some_and(|read| read.record) => CutBy::Record,
+        None if burst_bytes == NOISE_LIMIT => CutBy::Limit,
+        None if burst_bytes < input.bytes().len() => CutBy::Frame,
+        None if input.ended => CutBy::End,
+        _ => CutBy::Silence,
+    };
+    let cut = burst_frame(input, context, burst_bytes, cut_by).unwrap_or(Cut::noise(burst_bytes, cut_by));
+    adu.clear();
+    if cut.verdict != Verdict::Noise {
+        let end = if cut.verdict == Verdict::Incomplete { cut.length } else { cut.length - 2 };
+        adu.extend_from_slice(&input.bytes()[..end]);
+    }
+    cut
+}
+
+/// The damaged frame that a burst has to be because nothing else stands in its record or in the whole recording: somebody
+/// has put it there as a frame. Its header says whether its CRC is wrong or its end is missing.
+///
+/// Example: a recording of the bytes `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`. Such a burst is noise
+/// only if it is too long for a frame, or if its unit is unknown and its boundaries prove nothing.
+fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by: CutBy) -> Option<Cut> {
+    let bytes = &input.bytes()[..burst_bytes];
+    let is_entire_input = input.offset() == 0 && cut_by == CutBy::End;
+    let is_record = cut_by == CutBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
+    if burst_bytes < AROUND || !(is_entire_input || is_record) {
+        return None;
+    }
+    let frame = |length, verdict, cut_by, direction| Some(Cut { verdict, direction, ..Cut::noise(length, cut_by) });
+    let is_outstanding_unit = context.asked.is_some_and(|asked| asked.unit == bytes[0]);
+    let is_familiar = context.known_units[bytes[0] as usize] || is_outstanding_unit;
+    let mut shorter = None;
+    let mut longer = None;
+    // If the outstanding request has this unit and function, the burst is its response and not another request.
+    let is_response = context.asked.is_some_and(|asked| asked.unit == bytes[0] && asked.pdu.first() == Some(&bytes[1]));
+    let announced = announced(context, bytes);
+    for (direction, extent) in announced.iter().copied().flatten().take(if is_response { 1 } else { 2 }) {
+        match extent {
+            Extent::Exactly(length) if length == burst_bytes => {
+                return frame(length, Verdict::BadChecksum, CutBy::Length, direction);
             }
+            Extent::Exactly(length) if length < burst_bytes => shorter = shorter.or(Some((length, direction))),
+            Extent::Exactly(_) | Extent::AtLeast(_) => longer = longer.or(Some(direction)),
+            Extent::Open(_) => {}
         }
-        let alone = input.offset() == 0 && by_edge == CutBy::End;
-        let bounded = alone || input.timed || matches!(by_edge, CutBy::Silence | CutBy::Record);
-        match (shorter, longer) {
-            (Some((length, direction)), _) if familiar && !bounded => {
-                damaged(length, Verdict::BadChecksum, CutBy::Length, direction)
-            }
-            (_, Some(direction)) if burst <= LONGEST && (bounded || familiar || by_edge == CutBy::End) => {
-                damaged(burst, Verdict::Incomplete, by_edge, direction)
-            }
-            _ if burst <= LONGEST && (bounded || familiar) => damaged(burst, Verdict::BadChecksum, by_edge, Direction::Unknown),
-            _ => Cut::noise(burst, by_edge),
+    }
+    // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
+    let is_bounded = is_entire_input || input.timed || matches!(cut_by, CutBy::Silence | CutBy::Record);
+    let may_be_frame = burst_bytes <= LONGEST;
+    match (shorter, longer) {
+        (Some((length, direction)), _) if is_familiar && !is_bounded => {
+            frame(length, Verdict::BadChecksum, CutBy::Length, direction)
         }
+        (_, Some(direction)) if may_be_frame && (is_bounded || is_familiar || cut_by == CutBy::End) => {
+            frame(burst_bytes, Verdict::Incomplete, cut_by, direction)
+        }
+        _ if may_be_frame && (is_bounded || is_familiar) => frame(burst_bytes, Verdict::BadChecksum, cut_by, Direction::Unknown),
+        _ => None,
     }
 }

@@ -3,7 +3,7 @@
 use memchr::{memchr, memchr3_iter};
 
 use crate::damage::ascii;
-use crate::damage::kind::Harm;
+use crate::damage::kind::DamageKind;
 use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::checksum::lrc;
@@ -91,7 +91,7 @@ impl Ascii {
                 adu.truncate(adu.len() - usize::from(has_lrc));
                 let direction = ascii::direction(context, adu);
                 let cut = Cut::noise(message.end, CutBy::Delimiter);
-                return Some(Cut { verdict: Verdict::Incomplete, direction, harm: message.harm, ..cut });
+                return Some(Cut { verdict: Verdict::Incomplete, direction, damage: message.damage, ..cut });
             }
             None => {}
         }
@@ -121,12 +121,12 @@ impl Ascii {
             // number of characters and exactly one byte missing.
             let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
             let lost_end = is_odd && ascii::missing_bytes(context, adu) == Some(1);
-            cut.harm = lost_end.then_some(Harm::Lost { at: text.len() + 1, count: 3 });
+            cut.damage = lost_end.then_some(DamageKind::LostBytes { at: text.len() + 1, count: 3 });
             return cut;
         }
-        if let Some(harm) = ascii::explain_odd_digits(text).filter(|_| !no_checksum) {
+        if let Some(damage) = ascii::explain_odd_digits(text).filter(|_| !no_checksum) {
             let direction = ascii::direction(context, adu);
-            return Cut { direction, harm: Some(harm), ..cut };
+            return Cut { direction, damage: Some(damage), ..cut };
         }
         cut.verdict = match is_hex {
             true if no_checksum => Verdict::NoChecksum,
@@ -135,8 +135,8 @@ impl Ascii {
         };
         if cut.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
             let direction = ascii::direction(context, adu);
-            let harm = Some(Harm::Lost { at: text.len() + 1, count: 2 });
-            return Cut { verdict: Verdict::Incomplete, direction, harm, ..cut };
+            let damage = Some(DamageKind::LostBytes { at: text.len() + 1, count: 2 });
+            return Cut { verdict: Verdict::Incomplete, direction, damage, ..cut };
         }
         if !no_checksum {
             adu.pop();

@@ -10,7 +10,7 @@ pub mod rtu;
 pub mod silence;
 pub mod tcp;
 
-use crate::damage::kind::Harm;
+use crate::damage::kind::DamageKind;
 use crate::input::Input;
 use modlens_protocol::direction::{Asked, Direction, Pause};
 use modlens_protocol::finding::Finding;
@@ -42,7 +42,7 @@ pub struct Cut {
     /// A finding on the framing itself.
     pub finding: Option<Finding>,
     /// What happened to a frame that did not arrive whole.
-    pub harm: Option<Harm>,
+    pub damage: Option<DamageKind>,
 }
 
 impl Cut {
@@ -57,7 +57,7 @@ impl Cut {
             tentative: false,
             mbap_id: None,
             finding: None,
-            harm: None,
+            damage: None,
         }
     }
 }

@@ -5,7 +5,7 @@
 //! is enough to check that the damaged bytes may have been that request; the checksum, which differs between requests,
 //! is part of the comparison.
 
-use crate::damage::chain::is_glitch;
+use crate::damage::glitch::is_glitch;
 
 /// Bits that noise flips in a frame now and then. The checksums of two different requests differ in eight of sixteen
 /// bits on average.

@@ -363,8 +363,8 @@ fn find_on_frame(
             String::from("between bytes that are no frames, and the unit was in no paired transaction yet"),
         ));
     }
-    if let Some((finding, harm)) = cut.harm.and_then(|harm| Some((harm.finding()?, harm))) {
-        found.push((finding, harm.text()));
+    if let Some((finding, damage)) = cut.damage.and_then(|damage| Some((damage.finding()?, damage))) {
+        found.push((finding, damage.detail()));
     }
     if let Some(finding) = cut.finding {
         found.push((finding, framing_detail(finding, frame.wire)));

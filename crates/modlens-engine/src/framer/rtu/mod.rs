@@ -20,9 +20,7 @@ pub(crate) mod search;
 pub(crate) mod shapes;
 pub(crate) mod sift;
 
-use std::collections::VecDeque;
-
-use crate::damage::region::Piece;
+use crate::damage::recovery::{damaged_hypothesis, DamageRecovery, Surroundings};
 use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::direction::{judge, Direction};
@@ -52,21 +50,17 @@ pub const SURE: u8 = 60;
 pub struct Rtu {
     pub(crate) search: Search,
     /// What the search decided and is not given out yet.
-    pub(crate) told: Option<Told>,
+    told: Option<Told>,
     /// Where a frame begins that was not certain.
-    pub(crate) doubted: Option<u64>,
+    doubted: Option<u64>,
     /// The same of one behind a few strays, by the offset of the first of them.
-    pub(crate) doubted_behind: Option<u64>,
-    /// What was found in the bytes before it: damaged frames with their stream offsets.
-    pub(crate) pieces: VecDeque<(u64, Piece)>,
-    /// Up to here the bytes were looked through.
-    pub(crate) dissected: u64,
+    doubted_behind: Option<u64>,
+    /// What was found in the unframed bytes in front of it.
+    recovery: DamageRecovery,
     /// The last frame given out was damaged.
     pub(crate) after_damage: bool,
-    /// An answer without its end was told, and not yet what the master made of it.
-    pub(crate) open_end: bool,
     /// Shortest pause between frames.
-    pub(crate) silence: Ns,
+    silence: Ns,
 }
 
 impl Rtu {
@@ -77,15 +71,13 @@ impl Rtu {
             told: None,
             doubted: None,
             doubted_behind: None,
-            pieces: VecDeque::new(),
-            dissected: 0,
+            recovery: DamageRecovery::default(),
             after_damage: false,
-            open_end: false,
             silence: line.map_or(COARSE_SILENCE, Line::t35_ns),
         }
     }
 
-    pub(crate) fn silence(&self, input: &Input) -> Ns {
+    fn silence(&self, input: &Input) -> Ns {
         if input.coarse {
             self.silence.max(COARSE_SILENCE)
         } else {
@@ -175,7 +167,7 @@ impl Rtu {
         self.hear(input, length.bytes());
         self.search.pass(context, bytes, 0, length);
         let direction = self.search.direction();
-        self.learn_end(context, &bytes[..length.bytes()], direction);
+        self.recovery.learn_reaction(&mut self.search.model, context, &bytes[..length.bytes()], direction);
         if !length.exact() {
             return self.cut(input, context, length.bytes(), direction, SURE, adu);
         }
@@ -200,19 +192,19 @@ impl Rtu {
                     self.told = None;
                 }
                 Some(Told::Junk(to) | Told::Frame { start: to, .. } | Told::Damaged { start: to, .. }) if input.offset() < to => {
-                    return Some(self.piece(input, context, to, adu));
+                    return Some(self.next_unframed(input, context, to, adu));
                 }
                 Some(Told::Frame { start, end, direction, confidence, tentative }) => {
                     (self.told, self.after_damage) = (None, false);
                     let length = (end - start) as usize;
                     self.hear(input, length);
-                    self.learn_end(context, &input.bytes()[..length], direction);
+                    self.recovery.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
                     let cut = self.cut(input, context, length, direction, confidence, adu);
                     return Some(Cut { tentative, ..cut });
                 }
                 Some(Told::Damaged { start, end, direction }) => {
                     (self.told, self.after_damage) = (None, true);
-                    return Some(self.spoilt(input, context, (end - start) as usize, direction, adu));
+                    return Some(self.damaged_hypothesis(input, context, (end - start) as usize, direction, adu));
                 }
                 _ => self.told = None,
             }
@@ -236,6 +228,39 @@ impl Rtu {
                 told => told,
             };
         }
+    }
+
+    /// The first frame of the bytes up to stream offset `to`, which no valid frame claims: a damaged frame, or noise.
+    fn next_unframed(&mut self, input: &Input, context: &Context<'_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+        let next_frame = match self.told {
+            Some(Told::Frame { start, end, direction, .. } | Told::Damaged { start, end, direction }) => {
+                let from = (start - input.offset()) as usize;
+                Some((&input.bytes()[from..from + (end - start) as usize], direction))
+            }
+            _ => None,
+        };
+        let follows_damaged_frame = self.after_damage;
+        let at = Surroundings { context, input, next_frame, follows_damaged_frame, frame_gap_ns: self.silence(input) };
+        self.recovery.next_frame(&mut self.search.model, &at, to, adu)
+    }
+
+    /// A frame with a wrong CRC that the search found by its announced length.
+    fn damaged_hypothesis(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        length: usize,
+        direction: Direction,
+        adu: &mut Vec<u8>,
+    ) -> Cut {
+        let frame_gap_ns = self.silence(input);
+        let at = Surroundings { context, input, next_frame: None, follows_damaged_frame: true, frame_gap_ns };
+        let cut = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
+        if cut.length < length {
+            // Stray bytes stand in the place of what the frame has lost.
+            self.told = Some(Told::Junk(input.offset() + length as u64));
+        }
+        cut
     }
 
     /// A record of a recording that prints no checksums is one frame.

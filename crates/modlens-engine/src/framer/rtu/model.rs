@@ -1,6 +1,6 @@
 //! What one line has shown so far, counted, and what evidence is worth there.
 
-use crate::damage::kind::Harm;
+use crate::damage::kind::DamageKind;
 use crate::framer::rtu::bits::log2;
 use crate::framer::rtu::costs::{
     function_prior, unit_prior, usual_bits, AFTER_STRAYS, BEFORE_STRAYS, FIRST_COPIES, FIRST_JUNK, FIRST_LATES, FIRST_ORPHANS,
@@ -32,7 +32,7 @@ pub struct Model {
     /// Frames with a pause inside.
     paused: f32,
     /// Damaged frames of which bytes were missing, and those that another sender talked into.
-    harms: [f32; 2],
+    damage_counts: [f32; 2],
     /// Answers without their end, behind which the master went on, and those that it asked for again.
     ends: [f32; 2],
     requests: f32,
@@ -89,7 +89,7 @@ impl Default for Model {
             junk: 0.0,
             few: 0.0,
             paused: 0.0,
-            harms: [0.0; 2],
+            damage_counts: [0.0; 2],
             ends: [0.0; 2],
             requests: 0.0,
             copies: 0.0,
@@ -334,10 +334,10 @@ impl Model {
     }
 
     /// What happened to a damaged frame, where its bytes told.
-    pub fn learn_harm(&mut self, harm: Option<Harm>) {
-        match harm {
-            Some(Harm::Lost { count: 1.., .. }) => self.harms[0] += 1.0,
-            Some(Harm::Collided { .. }) => self.harms[1] += 1.0,
+    pub fn learn_damage(&mut self, damage: Option<DamageKind>) {
+        match damage {
+            Some(DamageKind::LostBytes { count: 1.., .. }) => self.damage_counts[0] += 1.0,
+            Some(DamageKind::Collision { .. }) => self.damage_counts[1] += 1.0,
             _ => {}
         }
     }
@@ -346,7 +346,7 @@ impl Model {
     pub fn loses_bytes(&self) -> bool {
         const SOME: f32 = 3.0;
         const FOR_EACH_COLLISION: f32 = 4.0;
-        self.harms[0] >= SOME && self.harms[0] >= FOR_EACH_COLLISION * self.harms[1]
+        self.damage_counts[0] >= SOME && self.damage_counts[0] >= FOR_EACH_COLLISION * self.damage_counts[1]
     }
 
     /// Behind an answer without its end, the master asked for it again, or went on.
@@ -387,7 +387,7 @@ impl Model {
             *value /= 2.0;
         }
         self.unit_total /= 2.0;
-        self.harms.iter_mut().for_each(|count| *count /= 2.0);
+        self.damage_counts.iter_mut().for_each(|count| *count /= 2.0);
         for value in [&mut self.frames, &mut self.junk, &mut self.few, &mut self.paused, &mut self.requests, &mut self.copies] {
             *value /= 2.0;
         }

@@ -1,0 +1,71 @@
+//! Finds the damaged frames of a region: candidates, the best chain of them, and the fragments around it.
+
+use crate::damage::candidates::Candidate;
+use crate::damage::expected_frame::expected_frames;
+use crate::damage::glitch::is_glitch;
+use crate::damage::kind::DamageKind;
+use crate::damage::region::{DamagedFrame, UnframedRegion};
+use crate::damage::thresholds::{MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
+use crate::framer::rtu::costs;
+use crate::framer::rtu::index::Values;
+
+impl UnframedRegion<'_, '_> {
+    /// The damaged frames of this region, in order; all other bytes of it are noise.
+    pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
+        let mut frames = if self.is_too_short() { Vec::new() } else { self.best_chain(&self.all_candidates()) };
+        // If the region is the entire input (somebody pasted one damaged frame), the frame starts at the first byte: a
+        // candidate that starts later is discarded, unless only glitch bytes of a line driver precede it.
+        if self.is_entire_input() && frames.first().is_some_and(|frame| !is_glitch(&self.bytes()[..frame.start])) {
+            frames.clear();
+        }
+        let first = frames.first().map_or(self.length, |frame| frame.start);
+        frames.splice(0..0, self.leading_fragment(first, frames.is_empty()));
+        match frames.last_mut() {
+            // The rest of the frame follows a loss in its middle: the frame extends to the end of the region.
+            Some(last) if self.is_one_burst_behind(last) && self.resumes_after_loss(last) => {
+                let at = last.end - last.start;
+                let count = match last.damage {
+                    Some(DamageKind::LostBytes { count, .. }) => count + last.end - self.length,
+                    _ => 0,
+                };
+                (last.end, last.damage) = (self.length, Some(DamageKind::LostBytes { at, count }));
+            }
+            Some(last) if self.lost_bytes_behind(last) => {
+                let at = last.end - last.start;
+                (last.is_short, last.damage) = (true, Some(DamageKind::LostBytes { at, count: 0 }));
+            }
+            _ => frames.extend(self.trailing_fragment(&frames)),
+        }
+        frames
+    }
+
+    /// Whether so few bytes are left (at most `MAX_GLITCH_BYTES`) that no candidate can reach `MIN_DAMAGED_FRAME_BITS`.
+    ///
+    /// Their CRC cannot match, because they are fewer than any frame has. The bonus for ending at a frame boundary is
+    /// smaller than the cost of the missing bytes, and the bonus for a preceding pause is smaller than the cost of
+    /// choosing one of the expected frames. Glitch bytes of a line driver are never a unit and a function code.
+    fn is_too_short(&self) -> bool {
+        let max_bits = || self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - costs::STRAY;
+        self.length <= MAX_GLITCH_BYTES && (is_glitch(self.bytes()) || max_bits() < MIN_DAMAGED_FRAME_BITS)
+    }
+
+    /// All candidates of the region, ordered by the index of their first byte.
+    fn all_candidates(&self) -> Vec<Candidate> {
+        let expected = expected_frames(self);
+        // Which values the first two bytes of any expected frame can have: a cheap test that fails nearly everywhere.
+        let mut values = Values::default();
+        for frame in &expected {
+            values.add(&frame.bytes);
+        }
+        let mut candidates = Vec::new();
+        let searched_again_from = SEARCHED_BYTES.max(self.length.saturating_sub(SEARCHED_BYTES));
+        for start in (0..SEARCHED_BYTES.min(self.length)).chain(searched_again_from..self.length) {
+            let bytes = &self.bytes()[start..];
+            if !expected.is_empty() && values.admit(bytes) {
+                self.add_expected(&expected, start, &mut candidates);
+            }
+            self.add_familiar(start, &mut candidates);
+        }
+        candidates
+    }
+}
