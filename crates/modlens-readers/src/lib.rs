@@ -2,7 +2,7 @@
 
 pub mod chunk;
 pub mod logic;
-pub mod marks;
 pub mod pace;
+pub mod parmrk;
 pub mod pcap;
 pub mod text;

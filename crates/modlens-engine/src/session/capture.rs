@@ -15,7 +15,7 @@ use modlens_protocol::line::Line;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
-use modlens_readers::pcap::own::{PortMetadata, RecordingSegment};
+use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
 use modlens_readers::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
 
 /// Times before March 1973 are not dates: the clock started with the recording.

@@ -1,19 +1,19 @@
 //! Logic analysers: samples of channels to the bytes of serial lines.
 //!
-//! `edges` (samples to changes of channels), `guess` (which channels are lines, with what settings), `uart` (changes to
+//! `edges` (samples to changes of channels), `autobaud` (which channels are lines, with what settings), `uart` (changes to
 //! characters). The first stretch is kept until the settings are certain; from there on nothing is.
 
+mod autobaud;
 mod edges;
-mod guess;
-mod table;
+mod level_table;
 mod uart;
 
+pub use autobaud::Settings;
 pub use edges::{Edge, Edges, CHANNELS};
-pub use guess::Settings;
-pub use table::{is_table, Table};
+pub use level_table::{is_table, Table};
 pub use uart::Character;
 
-use guess::guess;
+use autobaud::guess;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::Line;
 use uart::Uart;

@@ -10,7 +10,7 @@ use pcap_parser::{
     InterfaceDescriptionBlock, LegacyPcapBlock, OptionCode, PcapNGOption,
 };
 
-use crate::pcap::own::{self, PortMetadata};
+use crate::pcap::metadata::{self, PortMetadata};
 use modlens_protocol::Ns;
 
 /// A record that announces more bytes is damaged. Wireshark limits packets to 256 KiB.
@@ -271,7 +271,7 @@ impl CaptureFile {
         };
         match block {
             Block::SectionHeader(header) => {
-                own::custom_texts(&header.options).next().unwrap_or_default().clone_into(&mut self.section_metadata);
+                metadata::custom_texts(&header.options).next().unwrap_or_default().clone_into(&mut self.section_metadata);
             }
             Block::InterfaceDescription(described) => {
                 self.interfaces.push(Arc::new(describe_interface(&described, &self.section_metadata)));
@@ -361,7 +361,7 @@ fn describe_interface(block: &InterfaceDescriptionBlock<'_>, section_metadata: &
         link: block.linktype.0 as u16,
         name: text(OptionCode::IfName),
         description: text(OptionCode::IfDescription),
-        own: own::custom_texts(&block.options).find_map(|words| PortMetadata::read(section_metadata, words)),
+        own: metadata::custom_texts(&block.options).find_map(|words| PortMetadata::read(section_metadata, words)),
         resolution: (1_000_000_000 / ticks_per_second.max(1)).max(1) as Ns,
         ticks_per_second,
         offset_s: block.ts_offset(),

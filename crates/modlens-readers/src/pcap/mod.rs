@@ -1,37 +1,37 @@
 //! Reads captures (pcap and pcapng) of networks and of serial lines, and turns them into byte streams of Modbus.
 //!
 //! In the order in which data passes through: `file` cuts the file into packets, `net` finds the TCP or UDP segment in a
-//! packet through all tunnels (`fragments` reassembles IP packets), `table` finds its connection, `stream` puts the bytes of
-//! TCP in order, and `evidence` decides whether a connection carries Modbus and in which framing. `serial` reads the link
-//! types of serial lines, and `own` the metadata that modlens itself has written. The engine makes frames of the streams.
+//! packet through all tunnels (`fragments` reassembles IP packets), `connections` finds its connection, `stream` puts the bytes of
+//! TCP in order, and `classify` decides whether a connection carries Modbus and in which framing. `serial` reads the link
+//! types of serial lines, and `metadata` the metadata that modlens itself has written. The engine makes frames of the streams.
 
 pub mod adu;
-mod evidence;
+mod classify;
+mod connections;
 mod file;
 mod fragments;
+pub mod metadata;
 mod net;
-pub mod own;
 mod serial;
 mod stream;
-mod table;
 
+pub use connections::Ports;
 pub use file::{signature, Interface};
 pub use net::Endpoint;
 pub use serial::Content;
 pub use stream::Piece;
-pub use table::Ports;
 
+use connections::Table;
 use file::{CaptureFile, CapturedPacket};
 use fragments::Fragments;
 use serial::Serial;
-use table::Table;
 
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-use own::PacketMetadata;
+use metadata::PacketMetadata;
 
 /// What is found in a capture, in order. A slot is the number of a connection; it is reused once the connection is closed.
 #[derive(Debug)]
@@ -238,7 +238,7 @@ fn read_serial_packet(
             skipped.headers += u64::from(content.header);
             skipped.cut += u64::from(packet.length > packet.data.len());
             let (interface, by) = (packet.interface, packet.by);
-            let errors = if by.own.is_some() { own::errors(packet.options) } else { Vec::new() };
+            let errors = if by.own.is_some() { metadata::errors(packet.options) } else { Vec::new() };
             each(Event::Line { interface, by, content, errors, packet: packet.number, time: packet.time });
         }
         Serial::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), skipped, each),

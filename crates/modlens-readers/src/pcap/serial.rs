@@ -5,8 +5,8 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use crate::chunk::Side;
 use crate::pcap::file::CapturedPacket;
+use crate::pcap::metadata::{self, PacketMetadata};
 use crate::pcap::net::{Endpoint, Segment};
-use crate::pcap::own::{self, PacketMetadata};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::mbap::HEADER as MBAP;
 
@@ -86,7 +86,7 @@ pub fn read<'a>(packet: &CapturedPacket<'a>) -> Serial<'a> {
 pub fn exported_metadata<'a>(packet: &CapturedPacket<'a>) -> Option<PacketMetadata<'a>> {
     let (tags, pdu) = parse_tags(packet.data).filter(|_| packet.by.link == WIRESHARK_UPPER_PDU)?;
     let bytes = if tags.dissector == b"mbudp" { unwrap_udp_export(pdu)?.0 } else { pdu };
-    own::packet_metadata(packet.options, bytes)
+    metadata::packet_metadata(packet.options, bytes)
 }
 
 /// The value of the pcapng option `epb_flags`, which is in the byte order of the section; 0 where it is missing.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::text::clock::ClockSettings;
 use crate::text::dialect::{Dialect, Dialects};
 use crate::text::notation::{Notation, NotationFlags};
-use crate::text::{evidence, suspicion, Reader};
+use crate::text::{foreign_protocols, frame_evidence, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
 pub type Guess = (String, f64, String);
@@ -125,7 +125,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<Guess> {
 /// The guess for a text in which no checksum is valid: the row that finds most bytes, and the other protocol that the
 /// bytes look like, if any.
 fn unproved(scored: &[(Arc<Dialect>, Score)], text: &[u8]) -> Option<Guess> {
-    let why = suspicion::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
+    let why = foreign_protocols::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
             let reason = format!("no checksum closes in {} byte strings{why}", score.records);
@@ -159,17 +159,17 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> Score {
     let mut burst: Vec<u8> = Vec::new();
     while let Some((record, bytes)) = reader.next(true) {
         if record.record || record.hole || burst.len() > 1 << 14 {
-            score.proven_bytes += evidence::proven_bytes(&burst);
+            score.proven_bytes += frame_evidence::proven_bytes(&burst);
             burst.clear();
         }
         score.bytes += bytes.len();
         if record.no_checksum {
-            score.proven_bytes += if evidence::has_frame_layout(bytes) { bytes.len() } else { 0 };
+            score.proven_bytes += if frame_evidence::has_frame_layout(bytes) { bytes.len() } else { 0 };
         } else {
             burst.extend_from_slice(bytes);
         }
     }
-    score.proven_bytes += evidence::proven_bytes(&burst);
+    score.proven_bytes += frame_evidence::proven_bytes(&burst);
     if !reader.has_announced_bytes() {
         return Score::default();
     }

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use serde_json::Value as Json;
 
 use crate::chunk::Side;
-use crate::text::starts::Starts;
+use crate::text::anchors::Starts;
 use crate::text::template::Template;
 use crate::text::Reader;
 use modlens_protocol::functions::parse_toml;

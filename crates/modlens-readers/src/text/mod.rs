@@ -1,29 +1,29 @@
 //! Reads recordings in text form: lines go in, bytes with timestamps come out.
 //!
 //! A dialect is a row of analyzer/sources/dialects.toml (`dialect`). Its templates (`template`) find bytes written in a
-//! certain notation (`notation`) and timestamps (`stamp`, `date`) in a line. `reader` applies the templates line by line,
-//! `deliver` assembles the bytes of one or several lines into entries and drops printed duplicates, `detect` chooses the
-//! rows that a text needs, and `suspicion` names the protocol of a text that is not Modbus. All that this module knows
-//! about Modbus is how to verify that a run of bytes is a whole frame (`evidence`).
+//! certain notation (`notation`) and timestamps (`timestamps`, `date`) in a line. `reader` applies the templates line by line,
+//! `entries` assembles the bytes of one or several lines into entries and drops printed duplicates, `detect` chooses the
+//! rows that a text needs, and `foreign_protocols` names the protocol of a text that is not Modbus. All that this module knows
+//! about Modbus is how to verify that a run of bytes is a whole frame (`frame_evidence`).
 //!
 //! Lines that no row can read are counted and the first three are kept, so that nothing is dropped silently.
 
-mod chunks;
+mod anchors;
+mod chunk_log;
 mod clean;
 mod clock;
 mod date;
-mod deliver;
 pub mod detect;
 mod dialect;
-mod evidence;
-mod front;
+mod encapsulation;
+mod entries;
+pub mod foreign_protocols;
+mod frame_evidence;
 mod notation;
+mod prefix;
 mod reader;
-mod stamp;
-mod starts;
-pub mod suspicion;
 mod template;
-mod unwrap;
+mod timestamps;
 
 use crate::chunk::Side;
 use modlens_protocol::framing::Mode;

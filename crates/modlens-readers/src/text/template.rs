@@ -8,9 +8,9 @@ use memchr::memchr;
 use memchr::memmem::Finder;
 
 use crate::chunk::Side;
-use crate::text::front;
 use crate::text::notation::{Notation, NotationFlags};
-use crate::text::stamp::Stamps;
+use crate::text::prefix;
+use crate::text::timestamps::Stamps;
 use modlens_protocol::Ns;
 
 /// The most characters that `{any}` may stand for.
@@ -311,13 +311,13 @@ fn match_elements(
             }
             Element::Offset(radix) => parse_offset(rest, *radix, found)?,
             Element::Front => {
-                let (time, side, behind) = front::parse_prefix(rest, scratch.stamps);
+                let (time, side, behind) = prefix::parse_prefix(rest, scratch.stamps);
                 (found.time, found.side) = (time, side);
                 rest.len() - behind.len()
             }
             Element::Bytes(notations, stop) => match_bytes(notations, *stop, rest, found, scratch)?,
             Element::Chunk => {
-                let read = super::chunks::parse(rest, scratch.stamps, scratch.out)?;
+                let read = super::chunk_log::parse(rest, scratch.stamps, scratch.out)?;
                 (found.time, found.line) = (read.0, read.1);
                 rest.len()
             }
@@ -373,7 +373,7 @@ fn match_bytes(
         scratch.out.truncate(start);
         let mut flags = NotationFlags::default();
         let Some(length) = notation.read(text, stop, scratch.out, &mut flags) else { continue };
-        if crate::text::evidence::is_whole_frame(&scratch.out[start..]) {
+        if crate::text::frame_evidence::is_whole_frame(&scratch.out[start..]) {
             *scratch.preferred = Some(notation);
             found.flags = flags;
             return Some(length);

@@ -1,6 +1,6 @@
 //! Writes blocks of pcapng (draft-ietf-opsawg-pcapng) and records of classic pcap. Knows nothing about Modbus.
 
-use modlens_readers::pcap::own::ENTERPRISE;
+use modlens_readers::pcap::metadata::ENTERPRISE;
 
 /// Link type of exported PDUs: the name of a Wireshark dissector and addresses, then the bytes for the dissector.
 pub const LINK_UPPER_PDU: u16 = 252;

@@ -12,7 +12,7 @@ use modlens_protocol::hex::hex;
 use modlens_protocol::line::Line;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
-use modlens_readers::pcap::own::DEFAULTS;
+use modlens_readers::pcap::metadata::DEFAULTS;
 use modlens_tables::cell_text::push_us;
 use modlens_tables::columns::exception_name;
 

@@ -1,6 +1,6 @@
 //! Reads a text line by line with the dialects that it needs.
 
-mod others;
+mod fallback;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -10,12 +10,12 @@ use memchr::memchr;
 use crate::chunk::Side;
 use crate::text::clean::{clean, is_quoted};
 use crate::text::clock::{ClockSettings, Kind};
-use crate::text::deliver::Deliver;
 use crate::text::dialect::{Dialect, Dialects, Role};
-use crate::text::evidence;
+use crate::text::entries::Deliver;
+use crate::text::frame_evidence;
 use crate::text::notation::Notation;
-use crate::text::stamp::{delta, Stamps};
 use crate::text::template::{Match, Scratch, Template};
+use crate::text::timestamps::{delta, Stamps};
 use crate::text::Record;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
@@ -113,7 +113,7 @@ impl Reader {
         while let Some((record, bytes)) = ahead.next(false) {
             let Some(side) = record.side else { continue };
             let slot = &mut sides[usize::from(side == Side::Received)];
-            *slot = (*slot + evidence::direction_evidence(bytes, record.framing)).clamp(-100, 100);
+            *slot = (*slot + frame_evidence::direction_evidence(bytes, record.framing)).clamp(-100, 100);
         }
         sides
     }
@@ -222,7 +222,7 @@ impl Reader {
                 && dialect.has_headers
                 && found.offset.is_none()
                 && !self.deliver.expects_continuation()
-                && !evidence::is_whole_frame(&self.bytes)
+                && !frame_evidence::is_whole_frame(&self.bytes)
             {
                 self.stamps.state = saved_state;
                 return false;

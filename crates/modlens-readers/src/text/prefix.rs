@@ -1,7 +1,7 @@
 //! Parses what may stand in front of plain bytes: a timestamp and a word that says who sent them, in either order.
 
 use crate::chunk::Side;
-use crate::text::stamp::Stamps;
+use crate::text::timestamps::Stamps;
 use modlens_protocol::Ns;
 
 /// Words that say who sent the bytes, seen from the logging program. A word stands before those that it begins with.

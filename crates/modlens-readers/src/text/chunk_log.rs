@@ -3,7 +3,7 @@
 use memchr::memchr;
 use serde_json::Value as Json;
 
-use crate::text::stamp::Stamps;
+use crate::text::timestamps::Stamps;
 use modlens_protocol::hex::solid;
 use modlens_protocol::Ns;
 

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::RandomState;
 
-use crate::pcap::evidence::{classify, Found, Held};
+use crate::pcap::classify::{classify, Found, Held};
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::stream::{Arrival, Outcome, Piece, Stream};
 use crate::pcap::{Event, LeftOut};

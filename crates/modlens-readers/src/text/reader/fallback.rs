@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::text::dialect::Dialect;
-use crate::text::evidence;
+use crate::text::frame_evidence;
 use crate::text::reader::Reader;
 
 /// How many single lines of a text are tried with all rows; a bound on the time that foreign text may cost.
@@ -71,7 +71,7 @@ impl Reader {
             let saved_state = self.stamps.state;
             if !used
                 && self.collect_matches(dialect, line)
-                && evidence::proven_bytes(&self.found) == self.found.len()
+                && frame_evidence::proven_bytes(&self.found) == self.found.len()
                 && !self.found.is_empty()
             {
                 self.dialects.push(Arc::clone(dialect));
@@ -92,13 +92,13 @@ fn proves_all_bytes(row: &Arc<Dialect>, text: &[u8]) -> bool {
     let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
     while let Some((record, piece)) = reader.next(true) {
         if record.record {
-            good += evidence::proven_bytes(&burst);
+            good += frame_evidence::proven_bytes(&burst);
             burst.clear();
         }
         bytes += piece.len();
         burst.extend_from_slice(piece);
     }
-    good += evidence::proven_bytes(&burst);
+    good += frame_evidence::proven_bytes(&burst);
     // Where a program prints no checksums, matching its fixed text has to be enough.
     bytes > 0 && (good == bytes || row.no_checksum) && reader.has_announced_bytes()
 }

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use crate::chunk::Side;
 use crate::text::dialect::{Dialect, Encapsulation, Role};
-use crate::text::evidence::check_frame;
+use crate::text::frame_evidence::check_frame;
 use crate::text::reader::LeftOut;
-use crate::text::stamp::Stamps;
 use crate::text::template::Match;
-use crate::text::{unwrap, Record};
+use crate::text::timestamps::Stamps;
+use crate::text::{encapsulation, Record};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::Ns;
 
@@ -202,7 +202,7 @@ impl Deliver {
         if dialect.is_dump {
             self.dump_line(&entry_bytes, found, stamps);
         } else if dialect.encapsulation == Some(Encapsulation::Solarman) {
-            match unwrap::solarman_rtu_frame(bytes) {
+            match encapsulation::solarman_rtu_frame(bytes) {
                 Ok(inner) => {
                     self.skip(self.number, bytes, "Solarman V5 wrapper of a frame");
                     self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, stamps);
@@ -310,7 +310,7 @@ impl Deliver {
     fn end_multi_line_frame(&mut self, stamps: &Stamps) {
         let Some(MultiLineFrame { dialect, header, bytes, number }) = self.multi_line_frame.take() else { return };
         let inner = match dialect.encapsulation {
-            Some(Encapsulation::Network) => match unwrap::network_payload(&bytes) {
+            Some(Encapsulation::Network) => match encapsulation::network_payload(&bytes) {
                 Ok(inner) => inner,
                 Err(reason) => return self.skip(number, &bytes, reason),
             },
