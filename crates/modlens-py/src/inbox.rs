@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use modlens_engine::session::Session as Core;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
-use modlens_readers::marks::Unmark;
+use modlens_readers::parmrk::Unmark;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
