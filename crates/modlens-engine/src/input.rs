@@ -83,7 +83,10 @@ impl Input {
     /// Whether a chunk changes nothing of how the bytes before it are looked at.
     pub fn takes_alike(&self, chunk: &Chunk<'_>) -> bool {
         let timed = matches!(chunk.times, Times::Read(_));
-        let plain = !chunk.hole && !chunk.line_error && chunk.errors.is_empty() && !matches!(chunk.times, Times::Bytes(_));
+        let plain = !chunk.follows_loss
+            && !chunk.has_line_error
+            && chunk.error_positions.is_empty()
+            && !matches!(chunk.times, Times::Bytes(_));
         plain && timed == self.timed && (self.coarse || !timed || chunk.bytes.len() < 2)
     }
 
@@ -97,12 +100,12 @@ impl Input {
             self.buffer.drain(..self.head);
             self.head = 0;
         }
-        self.marked |= chunk.hole || chunk.line_error || !chunk.errors.is_empty();
-        if chunk.hole {
+        self.marked |= chunk.follows_loss || chunk.has_line_error || !chunk.error_positions.is_empty();
+        if chunk.follows_loss {
             self.holes.push_back(self.end());
         }
         let begin = self.end();
-        self.errors.extend(chunk.errors.iter().map(|&at| begin + u64::from(at)));
+        self.errors.extend(chunk.error_positions.iter().map(|&at| begin + u64::from(at)));
         self.buffer.extend_from_slice(chunk.bytes);
         let end = self.end();
         let read = |end: u64, time: Ns, record: bool| Read {
@@ -111,23 +114,23 @@ impl Input {
             record,
             origin: chunk.origin,
             side: chunk.side,
-            line_error: chunk.line_error,
-            no_checksum: chunk.no_checksum,
-            framing: chunk.framing,
+            line_error: chunk.has_line_error,
+            no_checksum: chunk.lacks_checksum,
+            framing: chunk.proven_framing,
         };
         match chunk.times {
-            Times::None => self.push_read(read(end, NO_TIME, chunk.record || chunk.hole)),
+            Times::None => self.push_read(read(end, NO_TIME, chunk.starts_record || chunk.follows_loss)),
             Times::Read(time) => {
                 self.timed = true;
                 self.coarse |= chunk.bytes.len() > 1;
                 self.longest = self.longest.max(chunk.bytes.len());
-                self.push_read(read(end, time, chunk.record || chunk.hole));
+                self.push_read(read(end, time, chunk.starts_record || chunk.follows_loss));
             }
             Times::Bytes(times) => {
                 self.timed = true;
                 let first = end - chunk.bytes.len() as u64;
                 for (i, &time) in times.iter().take(chunk.bytes.len()).enumerate() {
-                    self.push_read(read(first + i as u64 + 1, time, i == 0 && (chunk.record || chunk.hole)));
+                    self.push_read(read(first + i as u64 + 1, time, i == 0 && (chunk.starts_record || chunk.follows_loss)));
                 }
                 if times.len() < chunk.bytes.len() {
                     self.push_read(read(end, NO_TIME, false));
@@ -342,8 +345,8 @@ mod tests {
     #[test]
     fn marks_and_holes_stay_with_their_bytes() {
         let mut input = Input::default();
-        input.push(&Chunk { bytes: &[1, 2, 3], errors: &[1], ..Chunk::default() });
-        input.push(&Chunk { bytes: &[4, 5], hole: true, ..Chunk::default() });
+        input.push(&Chunk { bytes: &[1, 2, 3], error_positions: &[1], ..Chunk::default() });
+        input.push(&Chunk { bytes: &[4, 5], follows_loss: true, ..Chunk::default() });
         assert_eq!((input.errors_in(0, 1), input.errors_in(0, 3), input.line_error(2, 5)), (0, 1, false));
         assert_eq!((input.hole(0, 3), input.hole(0, 4), input.hole(3, 5)), (false, true, true));
         input.consume(3);

@@ -64,11 +64,11 @@ impl Dialects {
         while let Some((record, bytes)) = reader.next(true) {
             found.push((record.number, record.side.map(|who| side(Some(who))), record.time, bytes.to_vec()));
         }
-        let left_out = reader.left_out().iter().map(|(line, bytes, reason)| (*line, bytes.clone(), *reason)).collect();
+        let left_out = reader.skipped().iter().map(|(line, bytes, reason)| (*line, bytes.clone(), *reason)).collect();
         Ok((found, left_out, reader.unparsed))
     }
 
-    fn detect(&self, sample: &[u8], name: &str) -> Vec<detect::Guess> {
+    fn detect(&self, sample: &[u8], name: &str) -> Vec<detect::FormatGuess> {
         detect::detect(sample, name, &self.core)
     }
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use modlens_engine::session::Session as Core;
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
-use modlens_readers::parmrk::Unmark;
+use modlens_readers::parmrk::ParmrkDecoder;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -242,9 +242,12 @@ fn pass(core: &mut Core, (bus, line): (usize, u8), item: &Item, data: &[u8], shi
     let times = Times::Read(item.time + shift_ns);
     if item.hole {
         // What time alone decides is decided before what came before is closed; `analyzer.live` does the same.
-        core.feed(bus, &Chunk { line, times, hole: true, ..Chunk::default() });
+        core.feed(bus, &Chunk { line, times, follows_loss: true, ..Chunk::default() });
     }
-    core.feed(bus, &Chunk { bytes: data, line, times, errors: &item.errors, hole: item.hole, ..Chunk::default() });
+    core.feed(
+        bus,
+        &Chunk { bytes: data, line, times, error_positions: &item.errors, follows_loss: item.hole, ..Chunk::default() },
+    );
 }
 
 fn seconds(number: f64) -> Duration {
@@ -301,12 +304,12 @@ mod reader {
     use std::io::PipeReader;
     use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-    use modlens_readers::pace::Pace;
+    use modlens_readers::pace::ReadPacer;
     use rustix::event::{poll, PollFd, PollFlags};
     use rustix::io::Errno;
     use rustix::time::{clock_gettime, ClockId};
 
-    use super::{Arc, Item, JoinHandle, Ns, PyResult, Shared, Unmark, READ_SIZE};
+    use super::{Arc, Item, JoinHandle, Ns, ParmrkDecoder, PyResult, Shared, READ_SIZE};
 
     /// Starts the thread; it has a descriptor of its own, so that nobody can close it under its hands.
     pub fn start(shared: Arc<Shared>, port: usize, fd: i32, stop: PipeReader, marked: bool) -> PyResult<JoinHandle<()>> {
@@ -314,9 +317,9 @@ mod reader {
         // not open is told by `dup` as an error.
         #[allow(unsafe_code)]
         let file = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned()?;
-        let unmark = marked.then(Unmark::default);
+        let decoder = marked.then(ParmrkDecoder::default);
         let run = move || {
-            let number = listen(&shared, port, &file, &stop, unmark);
+            let number = listen(&shared, port, &file, &stop, decoder);
             if let Some(number) = number {
                 shared.push(Item::new(port, now(), None, vec![number]));
             }
@@ -325,9 +328,15 @@ mod reader {
     }
 
     /// Reads until the port ends (gives the error's number, 0 for none) or it is told to stop (None).
-    fn listen(shared: &Shared, port: usize, file: &OwnedFd, stop: &PipeReader, mut unmark: Option<Unmark>) -> Option<u32> {
+    fn listen(
+        shared: &Shared,
+        port: usize,
+        file: &OwnedFd,
+        stop: &PipeReader,
+        mut decoder: Option<ParmrkDecoder>,
+    ) -> Option<u32> {
         let mut buffer = [0u8; READ_SIZE];
-        let mut pace = Pace::default();
+        let mut pace = ReadPacer::default();
         loop {
             let mut ready = [PollFd::new(file, PollFlags::IN), PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
             match poll(&mut ready, None) {
@@ -346,8 +355,8 @@ mod reader {
             };
             let time = now();
             let (mut data, mut errors) = (Vec::with_capacity(length), Vec::new());
-            match &mut unmark {
-                Some(unmark) => unmark.push(&buffer[..length], &mut data, &mut errors),
+            match &mut decoder {
+                Some(decoder) => decoder.push(&buffer[..length], &mut data, &mut errors),
                 None => data.extend_from_slice(&buffer[..length]),
             }
             let rest = pace.rest(length, time, shared.char_ns(port));

@@ -149,7 +149,7 @@ impl Session {
         };
         let errors = errors.unwrap_or_default();
         let times = time_ns.map_or(Times::None, Times::Read);
-        let chunk = Chunk { bytes: data, line, times, errors: &errors, hole, ..Chunk::default() };
+        let chunk = Chunk { bytes: data, line, times, error_positions: &errors, follows_loss: hole, ..Chunk::default() };
         py.detach(|| self.core.feed(bus, &chunk));
         Ok(())
     }
@@ -303,9 +303,9 @@ impl Session {
             .to_string());
         };
         let dropped: serde_json::Map<String, serde_json::Value> =
-            reader.left_out_counts().map(|(reason, count)| (reason.to_owned(), count.into())).collect();
+            reader.skipped_counts().map(|(reason, count)| (reason.to_owned(), count.into())).collect();
         let left_out: Vec<(u64, String, &str)> =
-            reader.left_out().iter().map(|(line, bytes, reason)| (*line, hex(bytes), *reason)).collect();
+            reader.skipped().iter().map(|(line, bytes, reason)| (*line, hex(bytes), *reason)).collect();
         let formats: Vec<&str> = reader.dialects().iter().map(|dialect| dialect.name.as_str()).collect();
         Ok(json!({
             "lines": reader.lines(), "records": reader.records(), "unparsed": reader.unparsed,

@@ -36,17 +36,17 @@ pub struct Chunk<'a> {
     /// Who sent them, where the recording says so.
     pub side: Option<Side>,
     /// A record of the recording starts here: a frame is not expected to reach across.
-    pub record: bool,
+    pub starts_record: bool,
     /// The receiver marked a parity, framing or break error in these bytes.
-    pub line_error: bool,
+    pub has_line_error: bool,
     /// Which of these bytes the receiver marked, where it says so byte by byte; positions in `bytes`, rising.
-    pub errors: &'a [u32],
+    pub error_positions: &'a [u32],
     /// Bytes were lost before these.
-    pub hole: bool,
+    pub follows_loss: bool,
     /// The recording prints frames without their checksum.
-    pub no_checksum: bool,
+    pub lacks_checksum: bool,
     /// The framing that these bytes, a whole record, prove by themselves.
-    pub framing: Option<Mode>,
+    pub proven_framing: Option<Mode>,
     /// Line or packet number in the file; 0 where the offset is the place.
     pub origin: u64,
 }

@@ -10,14 +10,14 @@ use modlens_protocol::Ns;
 /// and how long an answer took. A line that carries character behind character has none to tell, and is read less often
 /// until a read brings less than the line can carry.
 #[derive(Default)]
-pub struct Pace {
+pub struct ReadPacer {
     bytes: usize,
     since: Ns,
     newest: Ns,
     resting: bool,
 }
 
-impl Pace {
+impl ReadPacer {
     /// Frames that follow each other have at least t3.5 between them, 1.75 ms or more (serial line, 2.5.1.1).
     const PAUSE: Ns = 1_750_000;
 
@@ -66,7 +66,7 @@ mod tests {
 
     /// Reads of so many bytes at so many ms; whether the line is left alone after each.
     fn rests(reads: impl IntoIterator<Item = (Ns, usize)>) -> Vec<bool> {
-        let mut pace = Pace::default();
+        let mut pace = ReadPacer::default();
         reads.into_iter().map(|(ms, length)| !pace.rest(length, ms * MS, CHAR).is_zero()).collect()
     }
 
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_fast_line_is_read_before_its_driver_is_full() {
-        let mut pace = Pace::default();
+        let mut pace = ReadPacer::default();
         let mut rest = Duration::ZERO;
         for ms in 1..20 {
             rest = pace.rest(300, ms * MS, 3_333);
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_line_without_settings_is_never_left_alone() {
-        let mut pace = Pace::default();
+        let mut pace = ReadPacer::default();
         assert!((1..500).all(|ms| pace.rest(300, ms * MS, 0).is_zero()));
     }
 }

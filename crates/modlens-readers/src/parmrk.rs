@@ -18,19 +18,19 @@ enum State {
 /// Takes escapes apart, wherever reads cut them.
 ///
 /// ```
-/// use modlens_readers::marks::Unmark;
+/// use modlens_readers::parmrk::ParmrkDecoder;
 /// let (mut bytes, mut errors) = (Vec::new(), Vec::new());
-/// let mut unmark = Unmark::default();
-/// unmark.push(&[0x01, 0xFF, 0xFF, 0xFF, 0x00], &mut bytes, &mut errors);
-/// unmark.push(&[0x42, 0x07], &mut bytes, &mut errors);
+/// let mut decoder = ParmrkDecoder::default();
+/// decoder.push(&[0x01, 0xFF, 0xFF, 0xFF, 0x00], &mut bytes, &mut errors);
+/// decoder.push(&[0x42, 0x07], &mut bytes, &mut errors);
 /// assert_eq!((bytes, errors), (vec![0x01, 0xFF, 0x42, 0x07], vec![2]));
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct Unmark {
+pub struct ParmrkDecoder {
     state: State,
 }
 
-impl Unmark {
+impl ParmrkDecoder {
     /// Appends the bytes of a read to `bytes`, and the places of marked ones in `bytes` to `errors`.
     ///
     /// What no driver writes behind an escape is taken as it stands: nothing is deleted.
@@ -79,9 +79,9 @@ mod tests {
         #[test]
         fn every_byte_and_every_mark_comes_back(sent: Vec<(u8, bool)>, cut in 1usize..9) {
             let (mut bytes, mut errors) = (Vec::new(), Vec::new());
-            let mut unmark = Unmark::default();
+            let mut decoder = ParmrkDecoder::default();
             for read in marked(&sent).chunks(cut) {
-                unmark.push(read, &mut bytes, &mut errors);
+                decoder.push(read, &mut bytes, &mut errors);
             }
             prop_assert_eq!(&bytes, &sent.iter().map(|(byte, _)| *byte).collect::<Vec<_>>());
             let places: Vec<u32> = (0u32..).zip(&sent).filter(|(_, (_, error))| *error).map(|(at, _)| at).collect();
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn what_no_driver_writes_is_kept() {
         let (mut bytes, mut errors) = (Vec::new(), Vec::new());
-        Unmark::default().push(&[0xFF, 0x01, 0x02], &mut bytes, &mut errors);
+        ParmrkDecoder::default().push(&[0xFF, 0x01, 0x02], &mut bytes, &mut errors);
         assert_eq!((bytes, errors), (vec![0xFF, 0x01, 0x02], vec![]));
     }
 }

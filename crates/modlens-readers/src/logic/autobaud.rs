@@ -4,7 +4,7 @@
 //! are none, which settings leave the fewest characters marked.
 
 use crate::logic::edges::Edge;
-use crate::logic::uart::{Character, Uart};
+use crate::logic::uart::{Character, UartReceiver};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::{Line, Parity};
 use modlens_protocol::recognize::evidence_bytes;
@@ -32,9 +32,9 @@ const FORMATS: [(u8, Parity, u8); 7] = [
     (7, Parity::None, 4),
 ];
 
-/// Settings of a channel, and what speaks for them.
+/// ChannelSettings of a channel, and what speaks for them.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct ChannelSettings {
     /// Line settings.
     pub line: Line,
     /// The idle level is low.
@@ -47,7 +47,7 @@ pub struct Settings {
     pub marked: usize,
 }
 
-impl Settings {
+impl ChannelSettings {
     /// More is better: checksums first, then clean characters.
     fn rank(&self) -> (usize, isize) {
         (self.good, self.characters as isize - 4 * self.marked as isize)
@@ -62,11 +62,11 @@ pub fn guess(
     rate: f64,
     line: Option<Line>,
     inverted: Option<bool>,
-) -> Option<Settings> {
+) -> Option<ChannelSettings> {
     let all = |baud: u32| FORMATS.map(|(data_bits, parity, stop_halves)| Line { baud, data_bits, parity, stop_halves });
     let lines = line.map_or_else(|| baud_rates(edges, rate).into_iter().flat_map(all).collect(), |line| vec![line]);
     let polarities = inverted.map_or_else(|| vec![idle_low(edges, now), !idle_low(edges, now)], |it| vec![it]);
-    let mut best: Option<Settings> = None;
+    let mut best: Option<ChannelSettings> = None;
     for &line in &lines {
         for &inverted in &polarities {
             let found = attempt(functions, edges, now, rate, line, inverted);
@@ -79,15 +79,15 @@ pub fn guess(
     best.filter(|best| best.characters > 0)
 }
 
-fn attempt(functions: &Functions, edges: &[Edge], now: u64, rate: f64, line: Line, inverted: bool) -> Settings {
-    let mut uart = Uart::new(line, rate, inverted);
+fn attempt(functions: &Functions, edges: &[Edge], now: u64, rate: f64, line: Line, inverted: bool) -> ChannelSettings {
+    let mut uart = UartReceiver::new(line, rate, inverted);
     for &edge in edges {
         uart.edge(edge);
     }
     let found: Vec<Character> = std::iter::from_fn(|| uart.next(now)).collect();
     let bytes: Vec<u8> = found.iter().map(|it| it.byte).collect();
     let marked = found.iter().filter(|it| it.marked()).count();
-    Settings { line, inverted, good: evidence_bytes(functions, &bytes), characters: found.len(), marked }
+    ChannelSettings { line, inverted, good: evidence_bytes(functions, &bytes), characters: found.len(), marked }
 }
 
 /// Whether the line is low for most of the time: silence is longer than talk.

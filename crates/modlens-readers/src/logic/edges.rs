@@ -11,7 +11,7 @@ pub struct Edge {
 
 /// Finds the edges of all channels in blocks of samples, cut anywhere.
 #[derive(Debug)]
-pub struct Edges {
+pub struct EdgeDetector {
     /// Bytes of one sample.
     unit: usize,
     /// The sample before.
@@ -25,7 +25,7 @@ pub struct Edges {
 /// Channels that a sample can have.
 pub const CHANNELS: usize = 64;
 
-impl Edges {
+impl EdgeDetector {
     /// For samples of so many bytes, at most eight.
     pub fn new(unit: usize) -> Self {
         Self { unit: unit.clamp(1, 8), last: None, carry: Vec::new(), samples: 0 }
@@ -97,7 +97,7 @@ mod tests {
     fn edges_are_found_however_the_blocks_are_cut() {
         let samples: Vec<u8> = [vec![1; 100], vec![0; 37], vec![3; 5], vec![2; 64]].concat();
         let found = |size: usize, unit: usize| {
-            let mut edges = Edges::new(unit);
+            let mut edges = EdgeDetector::new(unit);
             let mut all = Vec::new();
             for block in samples.chunks(size) {
                 edges.push(block, &mut |channel, edge| all.push((channel, edge)));

@@ -15,7 +15,7 @@ const LONGEST_LINE: usize = 1 << 16;
 
 /// Finds the changes in blocks of text, cut anywhere.
 #[derive(Debug, Default)]
-pub struct Table {
+pub struct LevelTable {
     /// The beginning of a line whose rest is in the next block.
     carry: Vec<u8>,
     first: Option<f64>,
@@ -24,7 +24,7 @@ pub struct Table {
     pub samples: u64,
 }
 
-impl Table {
+impl LevelTable {
     /// Takes text; lines that are no rows are passed over.
     pub fn push(&mut self, mut block: &[u8], each: &mut impl FnMut(usize, Edge)) {
         while let Some(end) = memchr(b'\n', block) {
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn rows_are_changes_however_they_are_cut() {
         let found = |size: usize| {
-            let mut table = Table::default();
+            let mut table = LevelTable::default();
             let mut all = Vec::new();
             for block in TEXT.chunks(size) {
                 table.push(block, &mut |channel, edge| all.push((channel, edge.sample, edge.high)));

@@ -8,15 +8,15 @@ mod edges;
 mod level_table;
 mod uart;
 
-pub use autobaud::Settings;
-pub use edges::{Edge, Edges, CHANNELS};
-pub use level_table::{is_table, Table};
+pub use autobaud::ChannelSettings;
+pub use edges::{Edge, EdgeDetector, CHANNELS};
+pub use level_table::{is_table, LevelTable};
 pub use uart::Character;
 
 use autobaud::guess;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::Line;
-use uart::Uart;
+use uart::UartReceiver;
 
 /// The settings are judged on so many changes of a channel.
 const ENOUGH: usize = 20_000;
@@ -44,32 +44,32 @@ pub struct Wiring {
 
 /// A line that was found.
 #[derive(Clone, Copy, Debug)]
-pub struct Found {
+pub struct DetectedLine {
     /// The channel.
     pub channel: usize,
     /// Its settings.
-    pub settings: Settings,
+    pub settings: ChannelSettings,
 }
 
 /// A character of a line, 0 or 1.
-pub type Heard = (usize, Character);
+pub type LineCharacter = (usize, Character);
 
 #[derive(Debug, Default)]
 struct Channel {
     edges: Vec<Edge>,
-    uart: Option<(usize, Uart)>,
+    uart: Option<(usize, UartReceiver)>,
 }
 
 /// Reads the samples of a logic analyser.
 #[derive(Debug)]
 pub struct Analyser {
     wiring: Wiring,
-    edges: Edges,
+    edges: EdgeDetector,
     /// In place of samples.
-    table: Option<Table>,
+    table: Option<LevelTable>,
     channels: Vec<Channel>,
     /// The lines, once they are decided.
-    found: Option<Vec<Found>>,
+    found: Option<Vec<DetectedLine>>,
     /// Channels that carry the same as a line: the other wire of a pair, an echo.
     copies: Vec<usize>,
 }
@@ -78,12 +78,12 @@ impl Analyser {
     /// An analyser with this wiring.
     pub fn new(wiring: Wiring) -> Self {
         let channels = (0..CHANNELS).map(|_| Channel::default()).collect();
-        let table = (wiring.unit == 0).then(Table::default);
-        Self { edges: Edges::new(wiring.unit), table, wiring, channels, found: None, copies: Vec::new() }
+        let table = (wiring.unit == 0).then(LevelTable::default);
+        Self { edges: EdgeDetector::new(wiring.unit), table, wiring, channels, found: None, copies: Vec::new() }
     }
 
     /// The lines, once they are decided.
-    pub fn found(&self) -> Option<&[Found]> {
+    pub fn found(&self) -> Option<&[DetectedLine]> {
         self.found.as_deref()
     }
 
@@ -98,7 +98,7 @@ impl Analyser {
     }
 
     /// Takes samples, cut anywhere; `heard` gets the characters that are whole, in the order of their ends.
-    pub fn push(&mut self, functions: &Functions, block: &[u8], heard: &mut Vec<Heard>) {
+    pub fn push(&mut self, functions: &Functions, block: &[u8], heard: &mut Vec<LineCharacter>) {
         let Self { edges, table, channels, wiring, .. } = self;
         let mut each = |channel: usize, edge| {
             if wiring.channels.as_ref().is_none_or(|chosen| chosen.contains(&channel)) {
@@ -117,7 +117,7 @@ impl Analyser {
     }
 
     /// The samples have ended.
-    pub fn finish(&mut self, functions: &Functions, heard: &mut Vec<Heard>) {
+    pub fn finish(&mut self, functions: &Functions, heard: &mut Vec<LineCharacter>) {
         let Self { table, channels, wiring, .. } = self;
         if let Some(table) = table {
             table.finish(&mut |channel, edge| {
@@ -141,7 +141,7 @@ impl Analyser {
         // Everybody is judged up to the change that was enough for the busiest.
         let full = self.channels.iter().filter_map(|channel| channel.edges.get(ENOUGH - 1)).map(|edge| edge.sample).min();
         let now = full.unwrap_or_else(|| self.samples());
-        let mut found: Vec<(Found, Vec<u8>)> = Vec::new();
+        let mut found: Vec<(DetectedLine, Vec<u8>)> = Vec::new();
         for (number, channel) in self.channels.iter().enumerate() {
             let count = channel.edges.partition_point(|edge| edge.sample < now);
             let edges = &channel.edges[..count];
@@ -154,7 +154,7 @@ impl Analyser {
             if settings.good == 0 && self.wiring.channels.is_none() {
                 continue;
             }
-            let mut uart = Uart::new(settings.line, rate, settings.inverted);
+            let mut uart = UartReceiver::new(settings.line, rate, settings.inverted);
             for &edge in edges {
                 uart.edge(edge);
             }
@@ -162,23 +162,23 @@ impl Analyser {
             if found.iter().any(|(_, other)| *other == bytes) {
                 self.copies.push(number);
             } else {
-                found.push((Found { channel: number, settings }, bytes));
+                found.push((DetectedLine { channel: number, settings }, bytes));
             }
         }
         // The best two are the lines of the bus.
         found.sort_by_key(|(it, _)| (std::cmp::Reverse(it.settings.good), it.channel));
         found.truncate(LINES);
         found.sort_by_key(|(it, _)| it.channel);
-        let found: Vec<Found> = found.into_iter().map(|(it, _)| it).collect();
+        let found: Vec<DetectedLine> = found.into_iter().map(|(it, _)| it).collect();
         for (line, it) in found.iter().enumerate() {
-            let uart = Uart::new(it.settings.line, self.wiring.rate, it.settings.inverted);
+            let uart = UartReceiver::new(it.settings.line, self.wiring.rate, it.settings.inverted);
             self.channels[it.channel].uart = Some((line, uart));
         }
         self.found = Some(found);
     }
 
     /// Moves edges to the receivers and takes what they have heard, oldest first.
-    fn characters(&mut self, heard: &mut Vec<Heard>) {
+    fn characters(&mut self, heard: &mut Vec<LineCharacter>) {
         if self.found.is_none() {
             return;
         }

@@ -29,13 +29,13 @@ impl Character {
 
 /// A receiver of one channel.
 #[derive(Debug)]
-pub struct Uart {
+pub struct UartReceiver {
     line: Line,
     /// Samples a bit.
     bit: f64,
     /// The idle level is low.
     inverted: bool,
-    /// Edges that are still needed, oldest first.
+    /// EdgeDetector that are still needed, oldest first.
     edges: VecDeque<Edge>,
     /// The level before the oldest of them.
     level: Option<bool>,
@@ -43,7 +43,7 @@ pub struct Uart {
     from: f64,
 }
 
-impl Uart {
+impl UartReceiver {
     /// A receiver with these settings, for so many samples a second.
     pub fn new(line: Line, rate: f64, inverted: bool) -> Self {
         Self { bit: rate / f64::from(line.baud), line, inverted, edges: VecDeque::new(), level: None, from: 0.0 }
@@ -130,7 +130,7 @@ impl Uart {
 mod tests {
     use super::*;
 
-    /// Edges of characters as a transmitter makes them, bit by bit.
+    /// EdgeDetector of characters as a transmitter makes them, bit by bit.
     fn sent(line: Line, rate: f64, inverted: bool, bytes: &[(u8, f64)]) -> (Vec<Edge>, u64) {
         let bit = rate / f64::from(line.baud);
         let (mut edges, mut level, mut at) = (vec![Edge { sample: 0, high: !inverted }], true, 10.0 * bit);
@@ -164,7 +164,7 @@ mod tests {
             let line: Line = settings.parse().unwrap();
             for (rate, inverted) in [(1e6, false), (1e6, true), (4e6, false)] {
                 let (edges, now) = sent(line, rate, inverted, &bytes);
-                let mut uart = Uart::new(line, rate, inverted);
+                let mut uart = UartReceiver::new(line, rate, inverted);
                 for edge in edges {
                     uart.edge(edge);
                 }
@@ -183,12 +183,12 @@ mod tests {
     fn wrong_parity_and_a_break_are_marked() {
         let even: Line = "9600-8E1".parse().unwrap();
         let (edges, now) = sent("9600-8O1".parse().unwrap(), 1e6, false, &[(0x55, 5.0)]);
-        let mut uart = Uart::new(even, 1e6, false);
+        let mut uart = UartReceiver::new(even, 1e6, false);
         for edge in edges {
             uart.edge(edge);
         }
         assert!(uart.next(now).unwrap().parity_error);
-        let mut uart = Uart::new("9600-8N1".parse().unwrap(), 1e6, false);
+        let mut uart = UartReceiver::new("9600-8N1".parse().unwrap(), 1e6, false);
         for (sample, high) in [(0, true), (1000, false), (9000, true)] {
             uart.edge(Edge { sample, high });
         }

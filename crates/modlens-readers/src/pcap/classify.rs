@@ -28,7 +28,7 @@ const MBAP_BYTES: usize = 7;
 
 /// Bytes of a stream that are kept until the decision is taken.
 #[derive(Clone, Debug)]
-pub struct Held {
+pub struct BufferedChunk {
     /// Who sent it: 0 or 1.
     pub side: usize,
     /// The bytes.
@@ -45,7 +45,7 @@ pub struct Held {
 
 /// What a connection turned out to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
+pub enum Classification {
     /// Modbus in this framing, and the side (0 or 1) of the client, where the frames show it.
     Modbus(Mode, Option<usize>),
     /// Something else.
@@ -64,18 +64,18 @@ struct FrameCandidate<'a> {
 
 /// Classifies a connection by its bytes so far; `None` means that more bytes are needed. If it has ended, the decision is
 /// taken with what there is.
-pub fn classify(functions: &Functions, held: &[Held], is_known_port: bool, has_ended: bool) -> Option<Found> {
+pub fn classify(functions: &Functions, held: &[BufferedChunk], is_known_port: bool, has_ended: bool) -> Option<Classification> {
     let found = if is_known_port { on_known_port(functions, held) } else { anywhere(functions, held) };
     if found.is_some() {
         return found;
     }
     let bytes: usize = held.iter().map(|segment| segment.bytes.len()).sum();
     let limit = if is_known_port { MAX_UNDECIDED_BYTES } else { MAX_UNDECIDED_BYTES_ON_ANY_PORT };
-    (has_ended || held.len() >= MAX_UNDECIDED_SEGMENTS || bytes >= limit).then_some(Found::Other)
+    (has_ended || held.len() >= MAX_UNDECIDED_SEGMENTS || bytes >= limit).then_some(Classification::Other)
 }
 
 /// Looks for one whole frame, where the port number already speaks for Modbus.
-fn on_known_port(functions: &Functions, held: &[Held]) -> Option<Found> {
+fn on_known_port(functions: &Functions, held: &[BufferedChunk]) -> Option<Classification> {
     for side in 0..2 {
         let mine = || held.iter().filter(move |segment| segment.side == side);
         let all: Vec<u8> = mine().flat_map(|segment| segment.bytes.iter().copied()).collect();
@@ -85,10 +85,10 @@ fn on_known_port(functions: &Functions, held: &[Held]) -> Option<Found> {
             let whole = announced(bytes).filter(|&length| length <= bytes.len());
             // If the packet ends exactly where the header says, an unknown layout does not speak against Modbus.
             if whole.is_some_and(|length| length == segment.bytes.len() || layout_fits(functions, &bytes[MBAP_BYTES..length])) {
-                return Some(Found::Modbus(Mode::Tcp, client_side(functions, held)));
+                return Some(Classification::Modbus(Mode::Tcp, client_side(functions, held)));
             }
             if parse_rtu(functions, &segment.bytes).is_some() {
-                return Some(Found::Modbus(Mode::Rtu, client_side(functions, held)));
+                return Some(Classification::Modbus(Mode::Rtu, client_side(functions, held)));
             }
             start += segment.bytes.len();
         }
@@ -97,19 +97,19 @@ fn on_known_port(functions: &Functions, held: &[Held]) -> Option<Found> {
         let may_be_mbap = announced(&all).is_some();
         if let Some(mode) = evidence(functions, &all).filter(|mode| *mode == Mode::Ascii || (*mode == Mode::Rtu && !may_be_mbap))
         {
-            return Some(Found::Modbus(mode, None));
+            return Some(Classification::Modbus(mode, None));
         }
     }
     None
 }
 
 /// Looks for a request with its response, or for several frames of one side in a row.
-fn anywhere(functions: &Functions, held: &[Held]) -> Option<Found> {
+fn anywhere(functions: &Functions, held: &[BufferedChunk]) -> Option<Classification> {
     let frames: Vec<FrameCandidate<'_>> = held.iter().flat_map(|segment| whole_frames(functions, segment)).collect();
     for (at, request) in frames.iter().enumerate() {
         let has_response = frames[at + 1..].iter().any(|other| is_response_to(functions, request, other));
         if has_response && readings(functions, request.pdu).0 {
-            return Some(Found::Modbus(request.mode, Some(request.side)));
+            return Some(Classification::Modbus(request.mode, Some(request.side)));
         }
     }
     for side in 0..2 {
@@ -118,7 +118,7 @@ fn anywhere(functions: &Functions, held: &[Held]) -> Option<Found> {
         if mine().count() >= MIN_FRAMES_IN_A_ROW.max(count) {
             let asks = mine().all(|it| readings(functions, it.pdu).0);
             let mode = mine().next()?.mode;
-            return Some(Found::Modbus(mode, Some(if asks { side } else { 1 - side })));
+            return Some(Classification::Modbus(mode, Some(if asks { side } else { 1 - side })));
         }
     }
     None
@@ -133,7 +133,7 @@ fn is_response_to(functions: &Functions, request: &FrameCandidate<'_>, other: &F
 
 /// The side of the client: that of the first frame that can only be a request, or the opposite of that of the first one
 /// that can only be a response.
-fn client_side(functions: &Functions, held: &[Held]) -> Option<usize> {
+fn client_side(functions: &Functions, held: &[BufferedChunk]) -> Option<usize> {
     held.iter().flat_map(|segment| whole_frames(functions, segment)).find_map(|it| match readings(functions, it.pdu) {
         (true, false) => Some(it.side),
         (false, true) => Some(1 - it.side),
@@ -142,7 +142,7 @@ fn client_side(functions: &Functions, held: &[Held]) -> Option<usize> {
 }
 
 /// The whole frames with a known function at the start of the bytes of one segment.
-fn whole_frames<'a>(functions: &'a Functions, segment: &'a Held) -> Vec<FrameCandidate<'a>> {
+fn whole_frames<'a>(functions: &'a Functions, segment: &'a BufferedChunk) -> Vec<FrameCandidate<'a>> {
     let mut found = Vec::new();
     if let Some((unit, pdu)) = parse_rtu(functions, &segment.bytes) {
         found.push(FrameCandidate { mode: Mode::Rtu, side: segment.side, transaction_id: 0, unit, pdu });

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 
 use foldhash::fast::RandomState;
 
-use crate::pcap::classify::{classify, Found, Held};
+use crate::pcap::classify::{classify, BufferedChunk, Classification};
 use crate::pcap::net::{Endpoint, Segment};
-use crate::pcap::stream::{Arrival, Outcome, Piece, Stream};
-use crate::pcap::{Event, LeftOut};
+use crate::pcap::stream::{ArrivedSegment, Outcome, Stream, StreamChunk};
+use crate::pcap::{Event, SkipCounts};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -54,7 +54,7 @@ struct ConnectionKey {
 #[derive(Debug)]
 enum ConversationState {
     /// Not enough bytes yet, which are kept until the decision.
-    Undecided(Vec<Held>),
+    Undecided(Vec<BufferedChunk>),
     /// It carries Modbus.
     Modbus,
     /// It carries something else.
@@ -101,13 +101,13 @@ struct Conversation {
 /// What a conversation reads from and reports to.
 struct CaptureContext<'a, 'b> {
     functions: &'a Functions,
-    skipped: &'a mut LeftOut,
+    skipped: &'a mut SkipCounts,
     each: &'a mut (dyn FnMut(Event<'_>) + 'b),
 }
 
 /// All connections of a capture.
 #[derive(Debug, Default)]
-pub struct Table {
+pub struct ConnectionTable {
     ports: Ports,
     index: HashMap<ConnectionKey, usize, RandomState>,
     slots: Vec<Option<Connection>>,
@@ -122,7 +122,7 @@ const REMEMBERED_DATAGRAMS: usize = 8;
 /// A datagram without IP identification that repeats another one within this time was captured twice.
 const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
 
-impl Table {
+impl ConnectionTable {
     /// A table of connections that expects Modbus on these ports.
     pub fn new(ports: Ports) -> Self {
         Self { ports, ..Self::default() }
@@ -134,7 +134,7 @@ impl Table {
         functions: &Functions,
         it: &Segment<'_>,
         (packet, time): (u64, Option<Ns>),
-        skipped: &mut LeftOut,
+        skipped: &mut SkipCounts,
         each: &mut dyn FnMut(Event<'_>),
     ) {
         let listed = [self.ports.listed(it.from.port), self.ports.listed(it.to.port)];
@@ -161,7 +161,7 @@ impl Table {
         match it.tcp {
             Some(tcp) => {
                 let (payload, length, ident) = (it.payload, it.length, it.ident);
-                connection.segment(&Arrival { side, tcp, payload, length, ident, packet, time }, context);
+                connection.segment(&ArrivedSegment { side, tcp, payload, length, ident, packet, time }, context);
             }
             None if it.length > 0 => connection.datagram(it, side, (packet, time), context),
             None => {}
@@ -169,7 +169,7 @@ impl Table {
     }
 
     /// Ends all connections, because the capture has ended.
-    pub fn finish(&mut self, functions: &Functions, skipped: &mut LeftOut, each: &mut dyn FnMut(Event<'_>)) {
+    pub fn finish(&mut self, functions: &Functions, skipped: &mut SkipCounts, each: &mut dyn FnMut(Event<'_>)) {
         let context = &mut CaptureContext { functions, skipped, each };
         let mut open: Vec<usize> = self.index.values().copied().collect();
         open.sort_unstable();
@@ -245,13 +245,13 @@ impl Connection {
     }
 
     /// Takes a TCP segment.
-    fn segment(&mut self, arrival: &Arrival<'_>, context: &mut CaptureContext<'_, '_>) {
+    fn segment(&mut self, arrival: &ArrivedSegment<'_>, context: &mut CaptureContext<'_, '_>) {
         let conversation = &mut self.conversation;
-        let mut outcome = self.stream.take(arrival, &mut |piece| conversation.take_bytes(piece, context));
+        let mut outcome = self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context));
         if outcome == Outcome::OtherConnection {
             self.restart(context);
             let conversation = &mut self.conversation;
-            outcome = self.stream.take(arrival, &mut |piece| conversation.take_bytes(piece, context));
+            outcome = self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context));
         }
         self.conversation.note_repetition(outcome, arrival.packet, arrival.time, context);
         if arrival.tcp.rst || self.stream.ended() {
@@ -280,7 +280,7 @@ impl Connection {
         }
         self.datagrams.push((side, ident, it.payload.to_vec(), time));
         let cut = it.payload.len() < it.length;
-        self.conversation.take_bytes(Piece { side, bytes: it.payload, packet, time, missing: 0, cut }, context);
+        self.conversation.take_bytes(StreamChunk { side, bytes: it.payload, packet, time, missing: 0, cut }, context);
     }
 
     /// Ends the current connection, because another one begins between the same ports.
@@ -295,7 +295,7 @@ impl Connection {
     /// segments are recognised.
     fn end(&mut self, context: &mut CaptureContext<'_, '_>) {
         let conversation = &mut self.conversation;
-        self.stream.finish(&mut |piece| conversation.take_bytes(piece, context));
+        self.stream.finish(&mut |chunk| conversation.take_bytes(chunk, context));
         self.conversation.end(context);
     }
 }
@@ -332,14 +332,14 @@ impl Conversation {
             _ => return,
         };
         if matches!(self.state, ConversationState::Modbus) {
-            (context.each)(Event::Found { slot: self.slot, finding, detail, packet, time });
+            (context.each)(Event::Finding { slot: self.slot, finding, detail, packet, time });
         }
     }
 
     /// Takes bytes in order: they are delivered, counted as other traffic, or kept until the decision.
-    fn take_bytes(&mut self, piece: Piece<'_>, context: &mut CaptureContext<'_, '_>) {
+    fn take_bytes(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
         match self.state {
-            ConversationState::Modbus => self.deliver(piece, context),
+            ConversationState::Modbus => self.deliver(chunk, context),
             ConversationState::Other => context.skipped.not_modbus += 1,
             ConversationState::Undecided(_) | ConversationState::Over => {
                 // Bytes behind a RST or FIN mean that the ports are used again, or that the RST was for another connection.
@@ -347,13 +347,13 @@ impl Conversation {
                     self.state = ConversationState::Undecided(Vec::new());
                 }
                 let ConversationState::Undecided(held) = &mut self.state else { return };
-                held.push(Held {
-                    side: piece.side,
-                    bytes: piece.bytes.to_vec(),
-                    packet: piece.packet,
-                    time: piece.time,
-                    missing: piece.missing,
-                    cut: piece.cut,
+                held.push(BufferedChunk {
+                    side: chunk.side,
+                    bytes: chunk.bytes.to_vec(),
+                    packet: chunk.packet,
+                    time: chunk.time,
+                    missing: chunk.missing,
+                    cut: chunk.cut,
                 });
                 self.decide(false, context);
             }
@@ -365,7 +365,7 @@ impl Conversation {
         let ConversationState::Undecided(held) = &mut self.state else { return };
         let Some(found) = classify(context.functions, held, self.is_known_port, ended) else { return };
         let held = std::mem::take(held);
-        let Found::Modbus(mode, client_side) = found else {
+        let Classification::Modbus(mode, client_side) = found else {
             context.skipped.not_modbus += held.len() as u64;
             context.skipped.other_connections += u64::from(!held.is_empty());
             self.state = ConversationState::Other;
@@ -380,8 +380,8 @@ impl Conversation {
         let (client, server) = (self.endpoint_of(self.client), self.endpoint_of(1 - self.client));
         (context.each)(Event::Opened { slot: self.slot, client, server, mode });
         for it in held {
-            let Held { side, packet, time, missing, cut, .. } = it;
-            self.deliver(Piece { side, bytes: &it.bytes, packet, time, missing, cut }, context);
+            let BufferedChunk { side, packet, time, missing, cut, .. } = it;
+            self.deliver(StreamChunk { side, bytes: &it.bytes, packet, time, missing, cut }, context);
         }
     }
 
@@ -394,14 +394,22 @@ impl Conversation {
         }
     }
 
-    fn deliver(&mut self, piece: Piece<'_>, context: &mut CaptureContext<'_, '_>) {
-        context.skipped.missing += u64::from(piece.missing);
-        context.skipped.cut += u64::from(piece.cut);
-        let from_client = piece.side == self.client;
-        let server_recorded = self.side_recorded[1 - self.client];
-        (context.each)(Event::Bytes { slot: self.slot, from_client, piece, record: self.key.is_udp, heard: server_recorded });
+    /// Reports bytes of a Modbus connection.
+    fn deliver(&mut self, chunk: StreamChunk<'_>, context: &mut CaptureContext<'_, '_>) {
+        context.skipped.missing += u64::from(chunk.missing);
+        context.skipped.cut += u64::from(chunk.cut);
+        let from_client = chunk.side == self.client;
+        let server_side_recorded = self.side_recorded[1 - self.client];
+        (context.each)(Event::Bytes {
+            slot: self.slot,
+            from_client,
+            chunk,
+            is_whole_message: self.key.is_udp,
+            server_side_recorded,
+        });
     }
 
+    /// Decides with what there is, and closes a Modbus connection.
     fn end(&mut self, context: &mut CaptureContext<'_, '_>) {
         self.decide(true, context);
         if matches!(self.state, ConversationState::Modbus) {

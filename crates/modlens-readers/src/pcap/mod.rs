@@ -18,13 +18,13 @@ mod stream;
 pub use connections::Ports;
 pub use file::{signature, Interface};
 pub use net::Endpoint;
-pub use serial::Content;
-pub use stream::Piece;
+pub use serial::SerialContent;
+pub use stream::StreamChunk;
 
-use connections::Table;
+use connections::ConnectionTable;
 use file::{CaptureFile, CapturedPacket};
 use fragments::Fragments;
-use serial::Serial;
+use serial::SerialPacket;
 
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
@@ -56,14 +56,14 @@ pub enum Event<'a> {
         /// The client has sent them.
         from_client: bool,
         /// The bytes, with their packet and what is missing before them.
-        piece: Piece<'a>,
+        chunk: StreamChunk<'a>,
         /// They are a whole message, because they came in a datagram of their own.
-        record: bool,
+        is_whole_message: bool,
         /// Anything that the server has sent was captured, so that a missing response means something.
-        heard: bool,
+        server_side_recorded: bool,
     },
     /// A finding about a Modbus connection.
-    Found {
+    Finding {
         /// Slot of the connection.
         slot: usize,
         /// The finding.
@@ -100,7 +100,7 @@ pub enum Event<'a> {
         /// The interface.
         by: &'a Interface,
         /// The bytes and what the packet says about them.
-        content: Content<'a>,
+        content: SerialContent<'a>,
         /// Positions of the bytes for which the receiver reported an error, where they are known.
         errors: Vec<u32>,
         /// Number of the packet.
@@ -112,7 +112,7 @@ pub enum Event<'a> {
 
 /// The number of packets that were not decoded, by reason, and of bytes that are missing.
 #[derive(Clone, Debug, Default)]
-pub struct LeftOut {
+pub struct SkipCounts {
     /// Packets of ports that are not listed, or without TCP and UDP.
     pub other: u64,
     /// Packets on Modbus ports that do not carry Modbus.
@@ -142,8 +142,8 @@ pub struct LeftOut {
 pub struct Capture {
     file: CaptureFile,
     fragments: Fragments,
-    table: Table,
-    skipped: LeftOut,
+    table: ConnectionTable,
+    skipped: SkipCounts,
     /// The last link type that could not be parsed.
     unknown_link_type: Option<u16>,
 }
@@ -151,7 +151,7 @@ pub struct Capture {
 impl Capture {
     /// A reader that expects Modbus on these ports.
     pub fn new(ports: Ports) -> Self {
-        Self { table: Table::new(ports), ..Self::default() }
+        Self { table: ConnectionTable::new(ports), ..Self::default() }
     }
 
     /// Takes the next block of the file, cut anywhere; `each` is called with everything that it shows.
@@ -222,9 +222,9 @@ impl Capture {
 /// Reads a packet of a serial line: an exported frame with its metadata, bytes of the line, or an exported Modbus/TCP frame.
 fn read_serial_packet(
     functions: &Functions,
-    table: &mut Table,
+    table: &mut ConnectionTable,
     packet: &CapturedPacket<'_>,
-    skipped: &mut LeftOut,
+    skipped: &mut SkipCounts,
     each: &mut dyn FnMut(Event<'_>),
 ) {
     let decoded = packet.by.own.as_ref().is_some_and(|port| port.recording.is_none());
@@ -234,14 +234,14 @@ fn read_serial_packet(
         return;
     }
     match serial::read(packet) {
-        Serial::Line(content) => {
-            skipped.headers += u64::from(content.header);
+        SerialPacket::Line(content) => {
+            skipped.headers += u64::from(content.had_header);
             skipped.cut += u64::from(packet.length > packet.data.len());
             let (interface, by) = (packet.interface, packet.by);
             let errors = if by.own.is_some() { metadata::errors(packet.options) } else { Vec::new() };
             each(Event::Line { interface, by, content, errors, packet: packet.number, time: packet.time });
         }
-        Serial::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), skipped, each),
-        Serial::Nothing => skipped.other += 1,
+        SerialPacket::Network(segment) => table.take(functions, &segment, (packet.number, packet.time), skipped, each),
+        SerialPacket::Nothing => skipped.other += 1,
     }
 }

@@ -25,28 +25,28 @@ const SLAVE_PORT: u32 = 502;
 
 /// What a packet of a serial line holds.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Content<'a> {
+pub struct SerialContent<'a> {
     /// The bytes that were on the line.
     pub bytes: &'a [u8],
     /// Who sent them: the master counts as the logging side, so requests were sent and responses received.
     pub side: Option<Side>,
     /// The packet is a whole frame.
-    pub record: bool,
+    pub is_whole_frame: bool,
     /// The receiver reported a parity, framing or break error.
-    pub line_error: bool,
+    pub has_line_error: bool,
     /// Bytes were lost before these.
-    pub hole: bool,
+    pub follows_loss: bool,
     /// The frame was captured without its checksum.
-    pub no_checksum: bool,
+    pub lacks_checksum: bool,
     /// A header of the capturing program was removed from in front of the bytes.
-    pub header: bool,
+    pub had_header: bool,
 }
 
 /// What a packet of a serial link type holds.
 #[derive(Debug)]
-pub enum Serial<'a> {
+pub enum SerialPacket<'a> {
     /// Bytes of a serial line.
-    Line(Content<'a>),
+    Line(SerialContent<'a>),
     /// A frame of Modbus/TCP that was exported without the headers of its packet.
     Network(Segment<'a>),
     /// Nothing that can be decoded.
@@ -59,18 +59,18 @@ pub fn is_known_link(link: u16) -> bool {
 }
 
 /// Parses a packet of one of the known link types.
-pub fn read<'a>(packet: &CapturedPacket<'a>) -> Serial<'a> {
+pub fn read<'a>(packet: &CapturedPacket<'a>) -> SerialPacket<'a> {
     let found = match packet.by.link {
-        USER0 => Serial::Line(plain_frame(packet.data)),
+        USER0 => SerialPacket::Line(plain_frame(packet.data)),
         RTAC => rtac_read(packet.data),
         _ => exported_pdu(packet.data),
     };
     let flags = packet_flags(packet);
     match found {
-        Serial::Line(content) => Serial::Line(Content {
+        SerialPacket::Line(content) => SerialPacket::Line(SerialContent {
             // Bits 28 to 31 of `epb_flags` are errors of the receiver: unaligned frame, wrong start delimiter, preamble
             // error, symbol error.
-            line_error: content.line_error || flags >> 28 != 0,
+            has_line_error: content.has_line_error || flags >> 28 != 0,
             side: content.side.or(match flags & 3 {
                 1 => Some(Side::Received),
                 2 => Some(Side::Sent),
@@ -98,24 +98,24 @@ fn packet_flags(packet: &CapturedPacket<'_>) -> u32 {
 
 /// A plain RTU frame. One capturing program puts a header of four bytes in front: if the CRC is valid only without them,
 /// they are removed.
-fn plain_frame(data: &[u8]) -> Content<'_> {
-    let header = !crc_valid(data) && data.get(4..).is_some_and(crc_valid);
-    let bytes = if header { &data[4..] } else { data };
-    Content { bytes, record: true, header, ..Content::default() }
+fn plain_frame(data: &[u8]) -> SerialContent<'_> {
+    let had_header = !crc_valid(data) && data.get(4..).is_some_and(crc_valid);
+    let bytes = if had_header { &data[4..] } else { data };
+    SerialContent { bytes, is_whole_frame: true, had_header, ..SerialContent::default() }
 }
 
 /// A read with the RTAC header, whose event type is in its ninth byte: data sent or received, lost data, receiver errors,
 /// or a change of modem lines.
-fn rtac_read(data: &[u8]) -> Serial<'_> {
-    let Some((header, bytes)) = data.split_at_checked(RTAC_HEADER_BYTES) else { return Serial::Nothing };
-    let content = Content { bytes, ..Content::default() };
-    Serial::Line(match header[8] {
-        1 | 3 => Content { side: Some(Side::Sent), ..content },
-        2 | 4 => Content { side: Some(Side::Received), ..content },
-        5 | 6 => Content { hole: true, ..content },
-        7..=10 => Content { line_error: true, ..content },
+fn rtac_read(data: &[u8]) -> SerialPacket<'_> {
+    let Some((header, bytes)) = data.split_at_checked(RTAC_HEADER_BYTES) else { return SerialPacket::Nothing };
+    let content = SerialContent { bytes, ..SerialContent::default() };
+    SerialPacket::Line(match header[8] {
+        1 | 3 => SerialContent { side: Some(Side::Sent), ..content },
+        2 | 4 => SerialContent { side: Some(Side::Received), ..content },
+        5 | 6 => SerialContent { follows_loss: true, ..content },
+        7..=10 => SerialContent { has_line_error: true, ..content },
         // A change of modem lines carries no data.
-        _ if bytes.is_empty() => return Serial::Nothing,
+        _ if bytes.is_empty() => return SerialPacket::Nothing,
         _ => content,
     })
 }
@@ -154,28 +154,28 @@ fn parse_tags(mut data: &[u8]) -> Option<(Tags<'_>, &[u8])> {
 }
 
 /// Reads an exported PDU, for which the name of the dissector tells the framing.
-fn exported_pdu(data: &[u8]) -> Serial<'_> {
-    let Some((tags, pdu)) = parse_tags(data) else { return Serial::Nothing };
+fn exported_pdu(data: &[u8]) -> SerialPacket<'_> {
+    let Some((tags, pdu)) = parse_tags(data) else { return SerialPacket::Nothing };
     let side = match tags.ports {
         [_, Some(SLAVE_PORT)] => Some(Side::Sent),
         [Some(SLAVE_PORT), _] => Some(Side::Received),
         _ => None,
     };
-    let content = Content { side, record: true, ..Content::default() };
+    let content = SerialContent { side, is_whole_frame: true, ..SerialContent::default() };
     match tags.dissector {
-        b"mbrtu" | b"data" | b"data-text-lines" => Serial::Line(Content { bytes: pdu, ..content }),
+        b"mbrtu" | b"data" | b"data-text-lines" => SerialPacket::Line(SerialContent { bytes: pdu, ..content }),
         b"mbudp" => match unwrap_udp_export(pdu) {
-            Some((bytes, no_checksum)) => Serial::Line(Content { bytes, no_checksum, ..content }),
-            None => Serial::Nothing,
+            Some((bytes, lacks_checksum)) => SerialPacket::Line(SerialContent { bytes, lacks_checksum, ..content }),
+            None => SerialPacket::Nothing,
         },
         b"mbtcp" => {
             let end = |side: usize| Endpoint {
                 address: tags.addresses[side].unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED)),
                 port: tags.ports[side].unwrap_or(0) as u16,
             };
-            Serial::Network(Segment { from: end(0), to: end(1), tcp: None, payload: pdu, length: pdu.len(), ident: None })
+            SerialPacket::Network(Segment { from: end(0), to: end(1), tcp: None, payload: pdu, length: pdu.len(), ident: None })
         }
-        _ => Serial::Nothing,
+        _ => SerialPacket::Nothing,
     }
 }
 

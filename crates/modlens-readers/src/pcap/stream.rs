@@ -47,7 +47,7 @@ pub enum Outcome {
 
 /// Bytes of one direction, delivered in order.
 #[derive(Clone, Copy, Debug)]
-pub struct Piece<'a> {
+pub struct StreamChunk<'a> {
     /// Who sent them: 0 or 1.
     pub side: usize,
     /// The bytes.
@@ -64,7 +64,7 @@ pub struct Piece<'a> {
 
 /// A captured segment, as input of the reassembly.
 #[derive(Clone, Copy, Debug)]
-pub struct Arrival<'a> {
+pub struct ArrivedSegment<'a> {
     /// Who sent it: 0 or 1.
     pub side: usize,
     /// Fields of the TCP header.
@@ -109,7 +109,7 @@ struct StreamDirection {
 
 /// A segment that waits for bytes before it.
 #[derive(Debug)]
-struct Waiting {
+struct WaitingSegment {
     side: usize,
     start: u32,
     acknowledged: Option<u32>,
@@ -123,7 +123,7 @@ struct Waiting {
 #[derive(Debug, Default)]
 pub struct Stream {
     sides: [StreamDirection; 2],
-    waiting: Vec<Waiting>,
+    waiting: Vec<WaitingSegment>,
     /// The number of bytes in `waiting`.
     waiting_bytes: usize,
 }
@@ -135,7 +135,7 @@ fn ahead(a: u32, b: u32) -> i32 {
 
 impl Stream {
     /// Takes a segment; `each` is called with all bytes that are in order now.
-    pub fn take(&mut self, it: &Arrival<'_>, each: &mut dyn FnMut(Piece<'_>)) -> Outcome {
+    pub fn take(&mut self, it: &ArrivedSegment<'_>, each: &mut dyn FnMut(StreamChunk<'_>)) -> Outcome {
         let side = &mut self.sides[it.side];
         let start = it.tcp.sequence.wrapping_add(u32::from(it.tcp.syn));
         let next = *side.next.get_or_insert(start);
@@ -159,7 +159,7 @@ impl Stream {
                 self.deliver(it.side, start, it.payload, it.length, (it.packet, it.time), each);
             } else {
                 self.waiting_bytes += it.payload.len();
-                self.waiting.push(Waiting {
+                self.waiting.push(WaitingSegment {
                     side: it.side,
                     start,
                     acknowledged: it.tcp.acknowledged,
@@ -177,7 +177,7 @@ impl Stream {
     }
 
     /// Delivers what waits, because no further segment comes.
-    pub fn finish(&mut self, each: &mut dyn FnMut(Piece<'_>)) {
+    pub fn finish(&mut self, each: &mut dyn FnMut(StreamChunk<'_>)) {
         while !self.waiting.is_empty() {
             self.give_up();
             self.deliver_in_order(each);
@@ -209,7 +209,7 @@ impl Stream {
         bytes: &[u8],
         length: usize,
         (packet, time): (u64, Option<Ns>),
-        each: &mut dyn FnMut(Piece<'_>),
+        each: &mut dyn FnMut(StreamChunk<'_>),
     ) {
         let direction = &mut self.sides[side];
         let next = direction.next.unwrap_or(start);
@@ -226,12 +226,12 @@ impl Stream {
         if fresh.is_empty() {
             direction.missing += missing;
         } else {
-            each(Piece { side, bytes: fresh, packet, time, missing, cut: cut > 0 });
+            each(StreamChunk { side, bytes: fresh, packet, time, missing, cut: cut > 0 });
         }
     }
 
     /// Delivers what is in order, and gives up missing bytes for which segments have waited too long.
-    fn deliver_or_give_up(&mut self, now: Option<Ns>, each: &mut dyn FnMut(Piece<'_>)) {
+    fn deliver_or_give_up(&mut self, now: Option<Ns>, each: &mut dyn FnMut(StreamChunk<'_>)) {
         self.deliver_in_order(each);
         while self.waiting.len() > MAX_WAITING_SEGMENTS || self.waiting_bytes > MAX_WAITING_BYTES || self.is_overdue(now) {
             self.give_up();
@@ -246,8 +246,8 @@ impl Stream {
     }
 
     /// Delivers all waiting segments that are in order now.
-    fn deliver_in_order(&mut self, each: &mut dyn FnMut(Piece<'_>)) {
-        let ready = |stream: &Self, it: &Waiting| {
+    fn deliver_in_order(&mut self, each: &mut dyn FnMut(StreamChunk<'_>)) {
+        let ready = |stream: &Self, it: &WaitingSegment| {
             let next = stream.sides[it.side].next.unwrap_or(it.start);
             ahead(it.start, next) <= 0 && !stream.is_blocked(it.side, it.acknowledged)
         };
@@ -294,7 +294,7 @@ impl Stream {
 
 impl StreamDirection {
     /// Whether this segment is new, a duplicate of the capture or a retransmission; it is remembered for the next ones.
-    fn check_and_remember(&mut self, it: &Arrival<'_>, start: u32) -> Outcome {
+    fn check_and_remember(&mut self, it: &ArrivedSegment<'_>, start: u32) -> Outcome {
         let this = Fingerprint { start, length: it.length as u32, ident: it.ident.filter(|&id| id != 0), time: it.time };
         let same = |old: &&Fingerprint| (old.start, old.length) == (this.start, this.length);
         let outcome = match self.recent.iter().rfind(same) {

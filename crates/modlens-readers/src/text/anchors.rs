@@ -11,7 +11,7 @@ const BITS: usize = 64;
 
 /// The rules of a dialect that yield bytes, by the two characters that their matches begin with.
 #[derive(Clone, Debug)]
-pub(super) struct Starts {
+pub(super) struct AnchorIndex {
     /// Index of the first rule that yields bytes; the rules before it are not indexed.
     pub first_rule_with_bytes: usize,
     /// Rules without fixed text at their beginning: they can match only at the start of the text that is left.
@@ -24,12 +24,12 @@ pub(super) struct Starts {
     first_chars: Vec<u8>,
 }
 
-impl Starts {
+impl AnchorIndex {
     /// Builds the index; rules without bytes must stand before all others.
     pub fn of(rules: &[(Role, Template)]) -> Self {
         let first = rules.iter().position(|(role, _)| role.holds_bytes()).unwrap_or(rules.len());
         let none = Box::new([0; 256]);
-        let mut starts = Self {
+        let mut index = Self {
             first_rule_with_bytes: first,
             unanchored: Vec::new(),
             first_char_masks: none.clone(),
@@ -39,19 +39,19 @@ impl Starts {
         for (i, (_, template)) in rules.iter().enumerate().skip(first) {
             let bit = 1 << (i - first).min(BITS - 1);
             match *template.anchor_text() {
-                [] => starts.unanchored.push(i),
+                [] => index.unanchored.push(i),
                 [one] => {
-                    starts.first_char_masks[one as usize] |= bit;
-                    starts.second_char_masks.iter_mut().for_each(|mask| *mask |= bit);
+                    index.first_char_masks[one as usize] |= bit;
+                    index.second_char_masks.iter_mut().for_each(|mask| *mask |= bit);
                 }
                 [one, two, ..] => {
-                    starts.first_char_masks[one as usize] |= bit;
-                    starts.second_char_masks[two as usize] |= bit;
+                    index.first_char_masks[one as usize] |= bit;
+                    index.second_char_masks[two as usize] |= bit;
                 }
             }
         }
-        starts.first_chars = (0..=u8::MAX).filter(|&b| starts.first_char_masks[b as usize] != 0).collect();
-        starts
+        index.first_chars = (0..=u8::MAX).filter(|&b| index.first_char_masks[b as usize] != 0).collect();
+        index
     }
 
     /// The next position from `at` on where a match of any indexed rule may begin.

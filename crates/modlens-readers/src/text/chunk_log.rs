@@ -3,7 +3,7 @@
 use memchr::memchr;
 use serde_json::Value as Json;
 
-use crate::text::timestamps::Stamps;
+use crate::text::timestamps::TimestampParser;
 use modlens_protocol::hex::solid;
 use modlens_protocol::Ns;
 
@@ -11,13 +11,13 @@ use modlens_protocol::Ns;
 ///
 /// Returns the time (`None` for a read without one) and the line of a two-line tap (0 for the only line, 1 for A, 2 for B).
 /// Returns `None` for a line that is no such object; `out` is then unchanged.
-pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Option<(Option<Ns>, u8)> {
+pub(super) fn parse(line: &[u8], timestamps: &mut TimestampParser, out: &mut Vec<u8>) -> Option<(Option<Ns>, u8)> {
     if line.first() != Some(&b'{') {
         return None;
     }
     if let Some((time, hex, line)) = split_own_form(line) {
         let before = out.len();
-        let time = if time == b"null" { Some(None) } else { stamps.seconds(time).map(Some) };
+        let time = if time == b"null" { Some(None) } else { timestamps.seconds(time).map(Some) };
         if let Some(time) = time.filter(|_| solid(hex, out)) {
             return Some((time, line));
         }
@@ -26,7 +26,7 @@ pub(super) fn parse(line: &[u8], stamps: &mut Stamps, out: &mut Vec<u8>) -> Opti
     let Ok(Json::Object(object)) = serde_json::from_slice::<Json>(line) else { return None };
     let bytes = object.get("hex").and_then(Json::as_str).and_then(modlens_protocol::hex::parse_hex)?;
     let time = match object.get("t") {
-        Some(Json::Number(_)) => Some(time_digits(line).and_then(|text| stamps.seconds(text))?),
+        Some(Json::Number(_)) => Some(time_digits(line).and_then(|text| timestamps.seconds(text))?),
         None | Some(Json::Null) => None,
         Some(_) => return None,
     };

@@ -1,6 +1,6 @@
 //! What kind of clock a log has, and the time zone and date that the operator supplies for it.
 
-use crate::text::date::{date, two_digits, Order};
+use crate::text::date::{date, two_digits, DateOrder};
 use modlens_protocol::Ns;
 
 /// What the operator has said about the clock of a recording.
@@ -15,7 +15,7 @@ pub struct ClockSettings {
 
 /// What the timestamps of a log refer to, from the least to the most precise; a log is as good as its best timestamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum ClockKind {
     /// The log has no timestamps.
     #[default]
     None,
@@ -29,7 +29,7 @@ pub enum Kind {
     Utc,
 }
 
-impl Kind {
+impl ClockKind {
     /// The name shown to users.
     pub fn text(self) -> &'static str {
         match self {
@@ -44,7 +44,7 @@ impl Kind {
 
 impl ClockSettings {
     /// Converts a local time (ns since 1970) to UTC; without a known zone the time is returned unchanged.
-    pub fn utc(&self, local: Ns) -> (Ns, Kind) {
+    pub fn utc(&self, local: Ns) -> (Ns, ClockKind) {
         let zone = &self.zone;
         // A local time exists twice where clocks are set back; the earlier moment is taken.
         let utc_in_period = |i: usize| {
@@ -54,7 +54,7 @@ impl ClockSettings {
         };
         let next_period = zone.partition_point(|(from, offset)| from + offset <= local);
         let utc = (next_period.saturating_sub(2)..(next_period + 1).min(zone.len())).find_map(utc_in_period);
-        let kind = if zone.is_empty() { Kind::Local } else { Kind::Utc };
+        let kind = if zone.is_empty() { ClockKind::Local } else { ClockKind::Utc };
         // A local time in the hour that is skipped where clocks are set forward keeps the offset from before.
         (utc.unwrap_or_else(|| local - zone.get(next_period.saturating_sub(1)).map_or(0, |entry| entry.1)), kind)
     }
@@ -63,6 +63,6 @@ impl ClockSettings {
 /// Parses a date that the operator supplied, such as `2026-11-21`, into days since 1970-01-01.
 pub fn day_of(text: &str) -> Option<i64> {
     let line = text.as_bytes();
-    let days = date(&[line, b" "].concat(), &mut Order::default()).map(|(days, _)| days);
+    let days = date(&[line, b" "].concat(), &mut DateOrder::default()).map(|(days, _)| days);
     days.filter(|_| line.len() == 10 && two_digits(line, 0).is_some())
 }

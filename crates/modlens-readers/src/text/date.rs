@@ -9,7 +9,7 @@ const MONTHS: [&[u8]; 12] = [b"jan", b"feb", b"mar", b"apr", b"may", b"jun", b"j
 
 /// Whether the day or the month comes first in dates like `01/02/2019`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Order {
+pub(super) enum DateOrder {
     /// No date has shown it yet; the day is assumed to come first.
     #[default]
     Undecided,
@@ -33,7 +33,7 @@ pub(super) fn two_digits(line: &[u8], at: usize) -> Option<i64> {
 
 /// Parses a date and the separator behind it: days since 1970-01-01, and the rest of the line. A date that has a number
 /// above 12 settles `order` for those that do not.
-pub(super) fn date<'a>(line: &'a [u8], order: &mut Order) -> Option<(i64, &'a [u8])> {
+pub(super) fn date<'a>(line: &'a [u8], order: &mut DateOrder) -> Option<(i64, &'a [u8])> {
     let (days, length) = parse_year_first(line).or_else(|| parse_year_last(line, order))?;
     let ([b' ' | b'T' | b'@' | b'_', rest @ ..] | [b',', b' ', rest @ ..]) = &line[length..] else { return None };
     Some((days, rest))
@@ -50,18 +50,18 @@ fn parse_year_first(line: &[u8]) -> Option<(i64, usize)> {
 }
 
 /// Parses `21.11.2026`, `21/11/2026` or `11/21/2026`: days since 1970-01-01 and the length of the text.
-fn parse_year_last(line: &[u8], order: &mut Order) -> Option<(i64, usize)> {
+fn parse_year_last(line: &[u8], order: &mut DateOrder) -> Option<(i64, usize)> {
     let separator = *line.get(2).filter(|b| matches!(b, b'.' | b'/' | b'-'))?;
     if line.get(5) != Some(&separator) {
         return None;
     }
     let (first, second, year) = (two_digits(line, 0)?, two_digits(line, 3)?, number(line.get(6..10)?)?);
     match (first, second) {
-        (13.., _) => *order = Order::DayFirst,
-        (_, 13..) => *order = Order::MonthFirst,
+        (13.., _) => *order = DateOrder::DayFirst,
+        (_, 13..) => *order = DateOrder::MonthFirst,
         _ => {}
     }
-    let month_first = *order == Order::MonthFirst && separator != b'.';
+    let month_first = *order == DateOrder::MonthFirst && separator != b'.';
     let (day, month) = if month_first { (second, first) } else { (first, second) };
     Some((days(year, month, day)?, 10))
 }

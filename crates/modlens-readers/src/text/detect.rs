@@ -10,7 +10,7 @@ use crate::text::notation::{Notation, NotationFlags};
 use crate::text::{foreign_protocols, frame_evidence, Reader};
 
 /// A format that a file may have: its name, the confidence from 0 to 1, and the reason.
-pub type Guess = (String, f64, String);
+pub type FormatGuess = (String, f64, String);
 
 /// A guess with less confidence than this is not confirmed by any checksum.
 pub const UNPROVED: f64 = 0.2;
@@ -44,7 +44,7 @@ impl Score {
 /// Guesses the format of a file from its first bytes and its name. The best guess comes first, and there is always one.
 ///
 /// A text format may consist of several rows joined by `+`; the first of them that fits a line reads it.
-pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<Guess> {
+pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<FormatGuess> {
     if let Some(kind) = crate::pcap::signature(sample) {
         return vec![(kind.into(), 1.0, String::from("by its first bytes"))];
     }
@@ -78,7 +78,7 @@ fn is_sigrok(sample: &[u8]) -> bool {
 
 /// Chooses the rows that read a text best: the most specific row among the best, and after it each further row that finds
 /// frames in lines which those before cannot read.
-fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<Guess> {
+fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     // The sample may end inside a line.
     let text = sample.iter().rposition(|&b| b == b'\n').map_or(sample, |end| &sample[..=end]);
     let mut scored: Vec<(Arc<Dialect>, Score)> = dialects
@@ -124,7 +124,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<Guess> {
 
 /// The guess for a text in which no checksum is valid: the row that finds most bytes, and the other protocol that the
 /// bytes look like, if any.
-fn unproved(scored: &[(Arc<Dialect>, Score)], text: &[u8]) -> Option<Guess> {
+fn unproved(scored: &[(Arc<Dialect>, Score)], text: &[u8]) -> Option<FormatGuess> {
     let why = foreign_protocols::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
@@ -158,12 +158,12 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> Score {
     let mut score = Score::default();
     let mut burst: Vec<u8> = Vec::new();
     while let Some((record, bytes)) = reader.next(true) {
-        if record.record || record.hole || burst.len() > 1 << 14 {
+        if record.starts_record || record.follows_loss || burst.len() > 1 << 14 {
             score.proven_bytes += frame_evidence::proven_bytes(&burst);
             burst.clear();
         }
         score.bytes += bytes.len();
-        if record.no_checksum {
+        if record.lacks_checksum {
             score.proven_bytes += if frame_evidence::has_frame_layout(bytes) { bytes.len() } else { 0 };
         } else {
             burst.extend_from_slice(bytes);

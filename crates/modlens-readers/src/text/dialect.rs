@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use serde_json::Value as Json;
 
 use crate::chunk::Side;
-use crate::text::anchors::Starts;
+use crate::text::anchors::AnchorIndex;
 use crate::text::template::Template;
 use crate::text::Reader;
 use modlens_protocol::functions::parse_toml;
@@ -106,7 +106,7 @@ pub struct Dialect {
     /// The templates and their meaning; those whose lines hold no bytes of frames come first.
     pub(super) rules: Vec<(Role, Template)>,
     /// The index of the rules by the characters that they begin with.
-    pub(super) starts: Starts,
+    pub(super) anchors: AnchorIndex,
     /// Any program may write it, so more specific rows are preferred.
     pub generic: bool,
     /// It is a dump of an endless stream, so line ends mean nothing.
@@ -292,7 +292,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         encapsulation,
         may_have_short_fractions: flag(row, "short_fractions")?,
         has_deltas: flag(row, "deltas")?,
-        starts: Starts::of(&rules),
+        anchors: AnchorIndex::of(&rules),
         has_headers: rules.iter().any(|(role, _)| matches!(role, Role::Header(_))),
         rules,
     })
@@ -305,7 +305,7 @@ pub(super) fn strings_of_sample(row: &Arc<Dialect>) -> Strings {
     let mut strings: Strings = Vec::new();
     while let Some((record, bytes)) = reader.next(true) {
         match strings.last_mut() {
-            Some((_, string)) if !record.record => string.extend_from_slice(bytes),
+            Some((_, string)) if !record.starts_record => string.extend_from_slice(bytes),
             _ => strings.push((record.side, bytes.to_vec())),
         }
     }

@@ -7,10 +7,10 @@ use std::sync::Arc;
 use crate::chunk::Side;
 use crate::text::dialect::{Dialect, Encapsulation, Role};
 use crate::text::frame_evidence::check_frame;
-use crate::text::reader::LeftOut;
-use crate::text::template::Match;
-use crate::text::timestamps::Stamps;
-use crate::text::{encapsulation, Record};
+use crate::text::reader::SkippedBytes;
+use crate::text::template::LineMatch;
+use crate::text::timestamps::TimestampParser;
+use crate::text::{encapsulation, LogEntry};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::Ns;
 
@@ -74,7 +74,7 @@ struct MultiLineFrame {
 /// A line of a dump in 16-bit words. It may end with half a word, which only the next offset shows.
 #[derive(Debug)]
 struct PendingDumpLine {
-    record: Record,
+    record: LogEntry,
     bytes: Vec<u8>,
     /// The next offset if all of the last word are data.
     end_offset: u64,
@@ -93,8 +93,8 @@ struct EntryBytes<'a> {
 
 /// The entries that are ready to be fetched, and the state on which the next ones depend.
 #[derive(Debug, Default)]
-pub(super) struct Deliver {
-    ready: VecDeque<(Record, usize, usize)>,
+pub(super) struct EntryAssembler {
+    ready: VecDeque<(LogEntry, usize, usize)>,
     ready_bytes: Vec<u8>,
     streams: Vec<DeviceStream>,
     /// The last header line, as long as lines of its bytes may follow.
@@ -105,7 +105,7 @@ pub(super) struct Deliver {
     /// The last bytes were read by a generic dialect.
     is_generic: bool,
     pub keys: Vec<Vec<u8>>,
-    pub left_out: Vec<LeftOut>,
+    pub skipped: Vec<SkippedBytes>,
     pub counts: BTreeMap<&'static str, u64>,
     pub records: u64,
     /// Lines that announced bytes: header lines, and dump lines with an offset.
@@ -113,12 +113,12 @@ pub(super) struct Deliver {
     pub number: u64,
 }
 
-impl Deliver {
+impl EntryAssembler {
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
     }
 
-    pub fn pop(&mut self) -> Option<(Record, &[u8])> {
+    pub fn pop(&mut self) -> Option<(LogEntry, &[u8])> {
         let (record, start, end) = self.ready.pop_front()?;
         Some((record, &self.ready_bytes[start..end]))
     }
@@ -138,31 +138,31 @@ impl Deliver {
     }
 
     /// Takes one match of a line. `bytes` are those that the template found, `role` says what they are.
-    pub fn take(&mut self, dialect: &Arc<Dialect>, role: Role, found: &Match, bytes: &[u8], stamps: &Stamps) {
-        self.end_dump_line(found.offset, stamps);
+    pub fn take(&mut self, dialect: &Arc<Dialect>, role: Role, found: &LineMatch, bytes: &[u8], timestamps: &TimestampParser) {
+        self.end_dump_line(found.offset, timestamps);
         let key = found.key.map_or(0, |(key, _)| key);
         match role {
             Role::Ignored => {}
             Role::RepeatedLines => self.dump_state.has_repeat_mark = true,
             Role::Duplicate => self.skip(self.number, bytes, DUPLICATE),
             Role::Header(_) | Role::DuplicateHeader => {
-                self.end_multi_line_frame(stamps);
+                self.end_multi_line_frame(timestamps);
                 self.announced += 1;
                 let side = if let Role::Header(side) = role { side } else { None };
                 let announces_duplicates = role == Role::DuplicateHeader;
                 self.header = Some(Header { side, time: found.time, key, announces_duplicates });
             }
-            Role::Continuation => self.continuation(dialect, found, bytes, stamps),
+            Role::Continuation => self.continuation(dialect, found, bytes, timestamps),
             Role::PossibleDuplicate if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
                 self.skip(self.number, bytes, DUPLICATE);
             }
-            Role::PossibleDuplicate => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, stamps),
-            Role::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, stamps),
+            Role::PossibleDuplicate => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, timestamps),
+            Role::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, timestamps),
         }
     }
 
     /// Takes bytes that a header line announced: duplicates are skipped, parts of a multi-line frame are collected.
-    fn continuation(&mut self, dialect: &Arc<Dialect>, found: &Match, bytes: &[u8], stamps: &Stamps) {
+    fn continuation(&mut self, dialect: &Arc<Dialect>, found: &LineMatch, bytes: &[u8], timestamps: &TimestampParser) {
         self.announced += u64::from(found.offset.is_some());
         let without_header = Header { side: None, time: found.time, key: 0, announces_duplicates: false };
         let header = self.header.unwrap_or(without_header);
@@ -170,7 +170,7 @@ impl Deliver {
             self.skip(self.number, bytes, DUPLICATE);
         } else if dialect.is_joined {
             if found.offset == Some(0) {
-                self.end_multi_line_frame(stamps);
+                self.end_multi_line_frame(timestamps);
             }
             let number = self.number;
             let begin = || MultiLineFrame { dialect: Arc::clone(dialect), header, bytes: Vec::new(), number };
@@ -180,7 +180,7 @@ impl Deliver {
             }
         } else {
             let time = found.time.or(header.time);
-            self.entry(dialect, found, bytes, header.side, time, header.key, stamps);
+            self.entry(dialect, found, bytes, header.side, time, header.key, timestamps);
         }
     }
 
@@ -189,28 +189,28 @@ impl Deliver {
     fn entry(
         &mut self,
         dialect: &Dialect,
-        found: &Match,
+        found: &LineMatch,
         bytes: &[u8],
         side: Option<Side>,
         time: Option<Ns>,
         key: usize,
-        stamps: &Stamps,
+        timestamps: &TimestampParser,
     ) {
         self.is_generic = dialect.generic;
         let no_checksum = dialect.no_checksum || found.flags.no_checksum;
         let entry_bytes = EntryBytes { bytes, side, time, key, line: found.line, number: self.number, no_checksum };
         if dialect.is_dump {
-            self.dump_line(&entry_bytes, found, stamps);
+            self.dump_line(&entry_bytes, found, timestamps);
         } else if dialect.encapsulation == Some(Encapsulation::Solarman) {
             match encapsulation::solarman_rtu_frame(bytes) {
                 Ok(inner) => {
                     self.skip(self.number, bytes, "Solarman V5 wrapper of a frame");
-                    self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, stamps);
+                    self.log_entry(&EntryBytes { bytes: &bytes[inner], ..entry_bytes }, timestamps);
                 }
                 Err(reason) => self.skip(self.number, bytes, reason),
             }
         } else {
-            self.log_entry(&entry_bytes, stamps);
+            self.log_entry(&entry_bytes, timestamps);
         }
     }
 
@@ -218,7 +218,7 @@ impl Deliver {
     ///
     /// A frame may not begin where the bytes before, from the same sender, do not end with a valid checksum yet: programs
     /// print what one read returned, which may be a part of a frame.
-    fn log_entry(&mut self, entry_bytes: &EntryBytes<'_>, stamps: &Stamps) {
+    fn log_entry(&mut self, entry_bytes: &EntryBytes<'_>, timestamps: &TimestampParser) {
         if entry_bytes.bytes.is_empty() {
             return;
         }
@@ -235,31 +235,31 @@ impl Deliver {
         stream.group.extend_from_slice(entry_bytes.bytes);
         stream.is_mid_frame = !(is_whole_frame || no_checksum || (!starts_record && crc_valid(&stream.group)));
         stream.side = entry_bytes.side;
-        let record = Record {
+        let record = LogEntry {
             time: entry_bytes.time,
             side: entry_bytes.side,
             line: entry_bytes.line,
-            record: starts_record,
-            no_checksum,
-            framing,
+            starts_record,
+            lacks_checksum: no_checksum,
+            proven_framing: framing,
             key: entry_bytes.key,
             number: entry_bytes.number,
-            ..Record::default()
+            ..LogEntry::default()
         };
-        self.push(record, entry_bytes.bytes, stamps);
+        self.push(record, entry_bytes.bytes, timestamps);
     }
 
     /// Makes an entry of a line of a dump. A dump prints an endless stream, so line ends mean nothing: only offset 0 starts
     /// a new stream, and only a jump of the offsets shows that bytes were lost.
-    fn dump_line(&mut self, entry_bytes: &EntryBytes<'_>, found: &Match, stamps: &Stamps) {
-        let plain = Record {
+    fn dump_line(&mut self, entry_bytes: &EntryBytes<'_>, found: &LineMatch, timestamps: &TimestampParser) {
+        let plain = LogEntry {
             side: entry_bytes.side,
             line: entry_bytes.line,
             time: entry_bytes.time,
             number: entry_bytes.number,
-            ..Record::default()
+            ..LogEntry::default()
         };
-        let Some(offset) = found.offset else { return self.push(plain, entry_bytes.bytes, stamps) };
+        let Some(offset) = found.offset else { return self.push(plain, entry_bytes.bytes, timestamps) };
         let state = &mut self.dump_state;
         let mut has_lost_bytes = false;
         let mut bytes = std::mem::take(&mut state.scratch);
@@ -278,36 +278,36 @@ impl Deliver {
         let end_offset = offset + entry_bytes.bytes.len() as u64;
         state.expected_offset = Some(end_offset);
         bytes.extend_from_slice(entry_bytes.bytes);
-        let record = Record { record: offset == 0, hole: has_lost_bytes, ..plain };
+        let record = LogEntry { starts_record: offset == 0, follows_loss: has_lost_bytes, ..plain };
         if found.may_end_with_half_word {
             self.pending_dump_line = Some(PendingDumpLine { record, bytes, end_offset });
         } else {
-            self.push(record, &bytes, stamps);
+            self.push(record, &bytes, timestamps);
             self.dump_state.scratch = bytes;
         }
     }
 
     /// Makes an entry of the pending dump line. `offset` is that of the line behind it: one less than expected says that
     /// the last word holds one byte only.
-    fn end_dump_line(&mut self, offset: Option<u64>, stamps: &Stamps) {
+    fn end_dump_line(&mut self, offset: Option<u64>, timestamps: &TimestampParser) {
         let Some(PendingDumpLine { record, mut bytes, end_offset }) = self.pending_dump_line.take() else { return };
         if offset.is_some_and(|offset| offset + 1 == end_offset) {
             bytes.pop();
         }
-        self.push(record, &bytes, stamps);
+        self.push(record, &bytes, timestamps);
         self.dump_state.scratch = bytes;
     }
 
     /// Ends the multi-line frame with the time that its last line states.
-    pub fn end_frame_at(&mut self, time: Ns, stamps: &Stamps) {
+    pub fn end_frame_at(&mut self, time: Ns, timestamps: &TimestampParser) {
         if let Some(frame) = &mut self.multi_line_frame {
             frame.header.time = frame.header.time.or(Some(time));
         }
-        self.end_multi_line_frame(stamps);
+        self.end_multi_line_frame(timestamps);
     }
 
     /// Makes an entry of the multi-line frame, if there is one.
-    fn end_multi_line_frame(&mut self, stamps: &Stamps) {
+    fn end_multi_line_frame(&mut self, timestamps: &TimestampParser) {
         let Some(MultiLineFrame { dialect, header, bytes, number }) = self.multi_line_frame.take() else { return };
         let inner = match dialect.encapsulation {
             Some(Encapsulation::Network) => match encapsulation::network_payload(&bytes) {
@@ -318,19 +318,19 @@ impl Deliver {
         };
         let no_checksum = dialect.no_checksum;
         let Header { side, time, key, .. } = header;
-        self.log_entry(&EntryBytes { bytes: &bytes[inner], side, time, key, line: 0, number, no_checksum }, stamps);
+        self.log_entry(&EntryBytes { bytes: &bytes[inner], side, time, key, line: 0, number, no_checksum }, timestamps);
     }
 
     /// Ends what the last header line announced, because a line that no template reads follows.
-    pub fn end_announcement(&mut self, stamps: &Stamps) {
-        self.end_dump_line(None, stamps);
-        self.end_multi_line_frame(stamps);
+    pub fn end_announcement(&mut self, timestamps: &TimestampParser) {
+        self.end_dump_line(None, timestamps);
+        self.end_multi_line_frame(timestamps);
         self.header = None;
     }
 
     /// Handles a blank line. In text that people typed (read by a generic dialect) it separates frames.
-    pub fn blank_line(&mut self, stamps: &Stamps) {
-        self.end_multi_line_frame(stamps);
+    pub fn blank_line(&mut self, timestamps: &TimestampParser) {
+        self.end_multi_line_frame(timestamps);
         if self.is_generic {
             for stream in &mut self.streams {
                 stream.is_mid_frame = false;
@@ -339,26 +339,26 @@ impl Deliver {
     }
 
     /// Makes entries of everything that waits for a further line.
-    pub fn finish(&mut self, stamps: &Stamps) {
-        self.end_dump_line(None, stamps);
-        self.end_multi_line_frame(stamps);
+    pub fn finish(&mut self, timestamps: &TimestampParser) {
+        self.end_dump_line(None, timestamps);
+        self.end_multi_line_frame(timestamps);
     }
 
     /// Counts bytes that are not delivered and keeps the first of them for the list shown to users.
     fn skip(&mut self, number: u64, bytes: &[u8], reason: &'static str) {
         *self.counts.entry(reason).or_default() += 1;
-        if self.left_out.len() < MAX_LISTED {
-            self.left_out.push((number, bytes.to_vec(), reason));
+        if self.skipped.len() < MAX_LISTED {
+            self.skipped.push((number, bytes.to_vec(), reason));
         }
     }
 
-    fn push(&mut self, record: Record, bytes: &[u8], stamps: &Stamps) {
+    fn push(&mut self, record: LogEntry, bytes: &[u8], timestamps: &TimestampParser) {
         if self.ready.is_empty() {
             self.ready_bytes.clear();
         }
         let start = self.ready_bytes.len();
         self.ready_bytes.extend_from_slice(bytes);
         self.records += 1;
-        self.ready.push_back((Record { clock: stamps.clock(), ..record }, start, self.ready_bytes.len()));
+        self.ready.push_back((LogEntry { clock: timestamps.clock(), ..record }, start, self.ready_bytes.len()));
     }
 }

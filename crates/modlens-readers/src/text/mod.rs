@@ -30,13 +30,13 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
-pub use clock::{day_of, ClockSettings, Kind};
+pub use clock::{day_of, ClockKind, ClockSettings};
 pub use dialect::{Dialect, Dialects, TABLE};
-pub use reader::{LeftOut, Reader};
+pub use reader::{Reader, SkippedBytes};
 
 /// What a text log says about one run of bytes. The bytes themselves are returned beside it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Record {
+pub struct LogEntry {
     /// When the bytes were logged; `None` where the log has no timestamp.
     pub time: Option<Ns>,
     /// Who sent the bytes; `None` where the log does not say.
@@ -45,13 +45,13 @@ pub struct Record {
     pub line: u8,
     /// A frame may start here, and none is expected to continue across this place. False for bytes that continue the
     /// entry before.
-    pub record: bool,
+    pub starts_record: bool,
     /// Bytes are missing from the log before these.
-    pub hole: bool,
+    pub follows_loss: bool,
     /// The bytes are one frame that was printed without its checksum.
-    pub no_checksum: bool,
+    pub lacks_checksum: bool,
     /// The framing that a valid checksum or length proves for these bytes; `None` where none or several do.
-    pub framing: Option<Mode>,
+    pub proven_framing: Option<Mode>,
     /// Which of several devices the line names: 1 is the first of `Reader::keys`, 0 means that it names none.
     pub key: usize,
     /// Number of the line in the file, from 1.

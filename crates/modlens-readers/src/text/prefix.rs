@@ -1,7 +1,7 @@
 //! Parses what may stand in front of plain bytes: a timestamp and a word that says who sent them, in either order.
 
 use crate::chunk::Side;
-use crate::text::timestamps::Stamps;
+use crate::text::timestamps::TimestampParser;
 use modlens_protocol::Ns;
 
 /// Words that say who sent the bytes, seen from the logging program. A word stands before those that it begins with.
@@ -31,17 +31,17 @@ const DIRECTION_WORDS: &[(&str, Side)] = &[
 ];
 
 /// Parses the prefix of a line: the timestamp, the sender, and the rest of the line. Either may be missing.
-pub(super) fn parse_prefix<'a>(line: &'a [u8], stamps: &mut Stamps) -> (Option<Ns>, Option<Side>, &'a [u8]) {
+pub(super) fn parse_prefix<'a>(line: &'a [u8], timestamps: &mut TimestampParser) -> (Option<Ns>, Option<Side>, &'a [u8]) {
     // Most lines of plain hex begin with bytes: two digits and a space are no timestamp.
     if line.len() > 4 && line[0].is_ascii_hexdigit() && line[1].is_ascii_hexdigit() && line[2] == b' ' {
         return (None, None, line);
     }
-    let (time, rest) = stamps.take_leading(line);
+    let (time, rest) = timestamps.take_leading(line);
     let rest = if rest.len() == line.len() && rest.starts_with(b":") { rest } else { skip_separators(rest) };
     let (side, rest) = direction_word(rest);
     // The timestamp may also stand behind the word.
     let (time, rest) = if time.is_none() && side.is_some() {
-        match stamps.take_leading(skip_separators(rest)) {
+        match timestamps.take_leading(skip_separators(rest)) {
             (Some(late), behind) => (Some(late), behind),
             _ => (time, rest),
         }

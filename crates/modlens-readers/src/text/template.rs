@@ -10,7 +10,7 @@ use memchr::memmem::Finder;
 use crate::chunk::Side;
 use crate::text::notation::{Notation, NotationFlags};
 use crate::text::prefix;
-use crate::text::timestamps::Stamps;
+use crate::text::timestamps::TimestampParser;
 use modlens_protocol::Ns;
 
 /// The most characters that `{any}` may stand for.
@@ -40,16 +40,16 @@ enum Element {
     /// The name of a device, up to this character or else to the next space.
     Key(Option<u8>),
     /// An optional timestamp and an optional word that says who sent the bytes, in either order.
-    Front,
+    Prefix,
     /// Bytes in one of these notations; strings end at this character.
     Bytes(Vec<Notation>, Option<u8>),
     /// A whole line of modlens' own chunk log.
-    Chunk,
+    ChunkLog,
 }
 
-/// What a template found in a line, except for the bytes, which go to `Scratch::out`.
+/// What a template found in a line, except for the bytes, which go to `MatchContext::out`.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Match {
+pub(super) struct LineMatch {
     /// Position of the match in the line.
     pub start: usize,
     pub end: usize,
@@ -80,8 +80,8 @@ pub(super) struct Template {
 }
 
 /// What a match writes its results to, and what it learns from the line.
-pub(super) struct Scratch<'a> {
-    pub stamps: &'a mut Stamps,
+pub(super) struct MatchContext<'a> {
+    pub timestamps: &'a mut TimestampParser,
     pub out: &'a mut Vec<u8>,
     /// Of a template with several notations, the one that gave the last valid checksum; it is tried first.
     pub preferred: &'a mut Option<Notation>,
@@ -89,9 +89,9 @@ pub(super) struct Scratch<'a> {
     steps: u32,
 }
 
-impl<'a> Scratch<'a> {
-    pub fn new(stamps: &'a mut Stamps, out: &'a mut Vec<u8>, preferred: &'a mut Option<Notation>) -> Self {
-        Self { stamps, out, preferred, steps: 0 }
+impl<'a> MatchContext<'a> {
+    pub fn new(timestamps: &'a mut TimestampParser, out: &'a mut Vec<u8>, preferred: &'a mut Option<Notation>) -> Self {
+        Self { timestamps, out, preferred, steps: 0 }
     }
 }
 
@@ -123,7 +123,7 @@ impl Template {
             return Err(String::from("an empty template"));
         }
         link_elements(&mut elements);
-        let must_reach_line_end = matches!(elements.first(), Some(Element::Front));
+        let must_reach_line_end = matches!(elements.first(), Some(Element::Prefix));
         let anchor = match elements.first() {
             Some(Element::Text(text)) if !is_at_line_start => Some(Finder::new(text).into_owned()),
             Some(Element::Bytes(notations, _)) if !is_at_line_start => {
@@ -131,7 +131,7 @@ impl Template {
             }
             _ => None,
         };
-        if anchor.is_none() && !is_at_line_start && !matches!(elements.first(), Some(Element::Front | Element::Chunk)) {
+        if anchor.is_none() && !is_at_line_start && !matches!(elements.first(), Some(Element::Prefix | Element::ChunkLog)) {
             return Err(format!("{text:?}: begins with no fixed text; put ^ in front if it begins the line"));
         }
         Ok(Self { anchor, elements, must_reach_line_end, is_at_line_start, is_at_line_end })
@@ -154,7 +154,7 @@ impl Template {
 
     /// Whether a match yields bytes.
     pub fn takes_bytes(&self) -> bool {
-        self.elements.iter().any(|element| matches!(element, Element::Bytes(..) | Element::Chunk))
+        self.elements.iter().any(|element| matches!(element, Element::Bytes(..) | Element::ChunkLog))
     }
 
     /// Whether a match may begin at `start`: its fixed text stands there, and not inside a word.
@@ -164,7 +164,7 @@ impl Template {
     }
 
     /// The first match that begins at or behind `from`; its bytes go to `scratch.out`.
-    pub fn find(&self, line: &[u8], from: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
+    pub fn find(&self, line: &[u8], from: usize, scratch: &mut MatchContext<'_>) -> Option<LineMatch> {
         if self.is_at_line_start && from > 0 {
             return None;
         }
@@ -186,9 +186,9 @@ impl Template {
     }
 
     /// The match that begins at `start`, if there is one; its bytes go to `scratch.out`.
-    pub fn match_at(&self, line: &[u8], start: usize, scratch: &mut Scratch<'_>) -> Option<Match> {
+    pub fn match_at(&self, line: &[u8], start: usize, scratch: &mut MatchContext<'_>) -> Option<LineMatch> {
         scratch.out.clear();
-        let mut found = Match { start, ..Match::default() };
+        let mut found = LineMatch { start, ..LineMatch::default() };
         found.end = match_elements(&self.elements, line, start, &mut found, scratch)?;
         (!self.is_at_line_end || line[found.end..].trim_ascii().is_empty()).then_some(found)
     }
@@ -217,8 +217,8 @@ fn parse_element(word: &str) -> Option<Element> {
         "offset" => Element::Offset(16),
         "octal offset" => Element::Offset(8),
         "key" => Element::Key(None),
-        "front" => Element::Front,
-        "chunk" => Element::Chunk,
+        "front" => Element::Prefix,
+        "chunk" => Element::ChunkLog,
         notations => {
             let list: Option<Vec<Notation>> = notations
                 .split('|')
@@ -271,8 +271,8 @@ fn match_elements(
     elements: &[Element],
     line: &[u8],
     start: usize,
-    found: &mut Match,
-    scratch: &mut Scratch<'_>,
+    found: &mut LineMatch,
+    scratch: &mut MatchContext<'_>,
 ) -> Option<usize> {
     let mut at = start;
     for (i, element) in elements.iter().enumerate() {
@@ -297,27 +297,27 @@ fn match_elements(
             }
             Element::Time => {
                 let (time, behind) = if rest.first() == Some(&b'-') {
-                    scratch.stamps.before_start(rest)
+                    scratch.timestamps.before_start(rest)
                 } else {
-                    scratch.stamps.take_leading(rest)
+                    scratch.timestamps.take_leading(rest)
                 };
                 found.time = Some(time?);
                 rest.len() - behind.len()
             }
             Element::Milliseconds => {
                 let length = count_some(rest, |b| b.is_ascii_digit())?;
-                found.time = Some(scratch.stamps.milliseconds(&rest[..length])?);
+                found.time = Some(scratch.timestamps.milliseconds(&rest[..length])?);
                 length
             }
             Element::Offset(radix) => parse_offset(rest, *radix, found)?,
-            Element::Front => {
-                let (time, side, behind) = prefix::parse_prefix(rest, scratch.stamps);
+            Element::Prefix => {
+                let (time, side, behind) = prefix::parse_prefix(rest, scratch.timestamps);
                 (found.time, found.side) = (time, side);
                 rest.len() - behind.len()
             }
             Element::Bytes(notations, stop) => match_bytes(notations, *stop, rest, found, scratch)?,
-            Element::Chunk => {
-                let read = super::chunk_log::parse(rest, scratch.stamps, scratch.out)?;
+            Element::ChunkLog => {
+                let read = super::chunk_log::parse(rest, scratch.timestamps, scratch.out)?;
                 (found.time, found.line) = (read.0, read.1);
                 rest.len()
             }
@@ -327,7 +327,13 @@ fn match_elements(
 }
 
 /// Matches `{any}`: tries the elements behind it at each place from `from` on, nearest first.
-fn match_any(behind: &[Element], line: &[u8], from: usize, found: &mut Match, scratch: &mut Scratch<'_>) -> Option<usize> {
+fn match_any(
+    behind: &[Element],
+    line: &[u8],
+    from: usize,
+    found: &mut LineMatch,
+    scratch: &mut MatchContext<'_>,
+) -> Option<usize> {
     let Some(next) = behind.first() else { return Some(line.len()) };
     let before = (*found, scratch.out.len());
     let limit = line.len().min(from + MAX_ANY_CHARS);
@@ -359,8 +365,8 @@ fn match_bytes(
     notations: &[Notation],
     stop: Option<u8>,
     text: &[u8],
-    found: &mut Match,
-    scratch: &mut Scratch<'_>,
+    found: &mut LineMatch,
+    scratch: &mut MatchContext<'_>,
 ) -> Option<usize> {
     let start = scratch.out.len();
     if let [only] = notations {
@@ -385,7 +391,7 @@ fn match_bytes(
 }
 
 /// Parses the 4 to 16 digits of a dump's offset; returns the length of the text.
-fn parse_offset(text: &[u8], radix: u32, found: &mut Match) -> Option<usize> {
+fn parse_offset(text: &[u8], radix: u32, found: &mut LineMatch) -> Option<usize> {
     let length = count_prefix(text, |b| (b as char).is_digit(radix));
     let digits = std::str::from_utf8(&text[..length]).ok().filter(|digits| (4..=16).contains(&digits.len()))?;
     found.offset = Some(u64::from_str_radix(digits, radix).ok()?);

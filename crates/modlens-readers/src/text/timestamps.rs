@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::text::clock::{ClockSettings, Kind};
-use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, Order};
+use crate::text::clock::{ClockKind, ClockSettings};
+use crate::text::date::{date, date_in_words, fraction, number, time_of_day, zone, DateOrder};
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -20,9 +20,9 @@ const MAX_PREFIX_CHARS: usize = 200;
 /// Parses the timestamps of one recording. What one of them shows (the clock, the order of day and month) holds for the
 /// next ones.
 #[derive(Clone, Debug, Default)]
-pub struct Stamps {
+pub struct TimestampParser {
     settings: Arc<ClockSettings>,
-    pub(super) state: StampState,
+    pub(super) state: TimestampState,
     cached_second: CachedSecond,
 }
 
@@ -61,9 +61,9 @@ impl CachedSecond {
 /// What timestamps have shown so far. It is copied before a template is tried and restored if the template does not fit,
 /// so that a line which turns out to be something else teaches nothing.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct StampState {
-    kind: Kind,
-    order: Order,
+pub(super) struct TimestampState {
+    kind: ClockKind,
+    order: DateOrder,
     /// Nanoseconds to add to times of day, a whole day for each midnight that has passed.
     midnights_ns: Ns,
     /// The last time of day, to notice midnight.
@@ -78,7 +78,7 @@ pub(super) struct StampState {
     delta_sum_ns: Ns,
 }
 
-impl Stamps {
+impl TimestampParser {
     /// A parser for one recording; `settings` is what the operator knows of its clock.
     pub fn new(settings: Arc<ClockSettings>) -> Self {
         Self { settings, ..Self::default() }
@@ -87,28 +87,31 @@ impl Stamps {
     /// The clock as the engine needs to know it: absolute, relative or none.
     pub fn clock(&self) -> Clock {
         match self.state.kind {
-            Kind::None => Clock::None,
-            Kind::Utc => Clock::Utc,
+            ClockKind::None => Clock::None,
+            ClockKind::Utc => Clock::Utc,
             _ => Clock::Relative,
         }
     }
 
     /// What the timestamps so far refer to, as users are told.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ClockKind {
         self.state.kind
     }
 
     /// The smallest time difference in ns that the decimals of the timestamps can express; `None` without timestamps.
     pub fn resolution(&self) -> Option<Ns> {
-        (self.state.kind != Kind::None).then(|| 10i64.pow(9 - self.state.decimals.min(9)))
+        (self.state.kind != ClockKind::None).then(|| 10i64.pow(9 - self.state.decimals.min(9)))
     }
 
     /// Reads the timestamps of text that comes later, to learn whether the day or the month comes first and whether nine
     /// decimals are microseconds. Without this the first lines of a file would be read differently from the later ones.
     pub fn look_ahead(&mut self, lines: &[u8]) {
         for line in lines.split(|&b| b == b'\n').take(2000) {
-            let start =
-                StampState { order: self.state.order, short_fractions: self.state.short_fractions, ..StampState::default() };
+            let start = TimestampState {
+                order: self.state.order,
+                short_fractions: self.state.short_fractions,
+                ..TimestampState::default()
+            };
             let mut ahead = Self { settings: Arc::clone(&self.settings), state: start, ..Self::default() };
             ahead.find(line);
             self.state.order = ahead.state.order;
@@ -120,20 +123,20 @@ impl Stamps {
     /// Parses a number of seconds, since 1970 or since any start.
     pub fn seconds(&mut self, text: &[u8]) -> Option<Ns> {
         let (ns, decimals) = decimal(text)?;
-        self.note_clock(if ns >= LEAST_EPOCH_NS { Kind::Utc } else { Kind::Relative }, decimals);
+        self.note_clock(if ns >= LEAST_EPOCH_NS { ClockKind::Utc } else { ClockKind::Relative }, decimals);
         Some(ns)
     }
 
     /// Parses a number of milliseconds since any start.
     pub fn milliseconds(&mut self, text: &[u8]) -> Option<Ns> {
         let value = number(text)?.checked_mul(1_000_000)?;
-        self.note_clock(Kind::Relative, 3);
+        self.note_clock(ClockKind::Relative, 3);
         Some(value)
     }
 
     /// Adds a difference that the log prints instead of a time, and returns the sum of all of them.
     pub fn add_delta(&mut self, delta: Ns) -> Ns {
-        self.note_clock(Kind::Relative, 3);
+        self.note_clock(ClockKind::Relative, 3);
         self.state.delta_sum_ns = self.state.delta_sum_ns.saturating_add(delta);
         self.state.delta_sum_ns
     }
@@ -169,11 +172,11 @@ impl Stamps {
         }
         let front = &front[..front.len().min(MAX_PREFIX_CHARS)];
         // It nearly always stands where it stood in the line before.
-        if let Some((time, _)) = self.stamp_at(front, self.state.last_position) {
+        if let Some((time, _)) = self.date_time_at(front, self.state.last_position) {
             return Some(time);
         }
         for at in 0..front.len() {
-            if let Some((time, _)) = self.stamp_at(front, at) {
+            if let Some((time, _)) = self.date_time_at(front, at) {
                 self.state.last_position = at;
                 return Some(time);
             }
@@ -184,7 +187,7 @@ impl Stamps {
     }
 
     /// Parses the date and time at position `at`, which has to be the start of a word.
-    fn stamp_at<'a>(&mut self, front: &'a [u8], at: usize) -> Option<(Ns, &'a [u8])> {
+    fn date_time_at<'a>(&mut self, front: &'a [u8], at: usize) -> Option<(Ns, &'a [u8])> {
         let is_start = front.get(at).is_some_and(u8::is_ascii_digit) && (at == 0 || !front[at - 1].is_ascii_alphanumeric());
         if is_start {
             self.date_time(&front[at..], &front[..at])
@@ -226,7 +229,7 @@ impl Stamps {
         let days = days.or_else(|| date_in_words(before));
         let time = match (days, zone) {
             (Some(days), Some(offset)) => {
-                self.note_clock(Kind::Utc, decimals);
+                self.note_clock(ClockKind::Utc, decimals);
                 days * DAY_NS + ns_of_day - offset
             }
             (Some(days), None) => self.local(days * DAY_NS + ns_of_day, decimals),
@@ -261,7 +264,7 @@ impl Stamps {
         if let Some(day) = self.settings.day {
             return self.local(day * DAY_NS + self.state.midnights_ns + ns_of_day, decimals);
         }
-        self.note_clock(Kind::TimeOfDay, decimals);
+        self.note_clock(ClockKind::TimeOfDay, decimals);
         self.state.midnights_ns + ns_of_day
     }
 
@@ -273,7 +276,7 @@ impl Stamps {
     }
 
     /// Records what a timestamp has shown; the best kind of clock and the most decimals count.
-    fn note_clock(&mut self, kind: Kind, decimals: u32) {
+    fn note_clock(&mut self, kind: ClockKind, decimals: u32) {
         self.state.kind = self.state.kind.max(kind);
         self.state.decimals = self.state.decimals.max(decimals);
     }
@@ -315,9 +318,9 @@ mod tests {
     use super::*;
     use crate::text::clock::day_of;
 
-    fn found(line: &str) -> (Option<Ns>, Kind) {
-        let mut stamps = Stamps::default();
-        (stamps.find(line.as_bytes()), stamps.kind())
+    fn found(line: &str) -> (Option<Ns>, ClockKind) {
+        let mut timestamps = TimestampParser::default();
+        (timestamps.find(line.as_bytes()), timestamps.kind())
     }
 
     const NOON: Ns = 1_551_441_600 * SECOND_NS; // 2019-03-01 12:00 UTC, `date -ud 2019-03-01T12:00 +%s`
@@ -325,22 +328,22 @@ mod tests {
     #[test]
     fn timestamps_of_many_loggers_are_parsed() {
         for (line, ns, kind) in [
-            ("2019-03-01 12:00:00.250 DEBUG", NOON + 250_000_000, Kind::Local),
-            ("[bus] TRACE 2019/03/01 12:00:00 ", NOON, Kind::Local),
-            ("2019-03-01T12:00:00Z host app: ", NOON, Kind::Utc),
-            ("2019-03-01T13:00:00,5+01:00 ", NOON + 500_000_000, Kind::Utc),
-            ("01 Mar 2019 12:00:00 tty: ", NOON, Kind::Local),
-            ("Mar  1 2019 12:00:00 tty: ", NOON, Kind::Local),
-            ("01.03.2019 12:00:00.5 ", NOON + 500_000_000, Kind::Local),
-            ("[28/02/2019 12:00:00] ", NOON - DAY_NS, Kind::Local),
-            ("02/28/2019 12:00:00 ", NOON - DAY_NS, Kind::Local),
-            ("28/02/2019@12:00:00.829::Packet", NOON - DAY_NS + 829_000_000, Kind::Local),
-            ("Mar  1 12:00:00 host ", DAY_NS / 2, Kind::TimeOfDay),
-            ("[12:00:00.25][D][uart:114]: ", DAY_NS / 2 + 250_000_000, Kind::TimeOfDay),
-            ("16 12:00:00.25 G ", DAY_NS / 2 + 250_000_000, Kind::TimeOfDay),
-            ("[RTU]>Tx > 12:00:00:250 - ", DAY_NS / 2 + 250_000_000, Kind::TimeOfDay),
-            ("1551441600.5: ", NOON + 500_000_000, Kind::Utc),
-            ("000001.500 RX ", 1_500_000_000, Kind::Relative),
+            ("2019-03-01 12:00:00.250 DEBUG", NOON + 250_000_000, ClockKind::Local),
+            ("[bus] TRACE 2019/03/01 12:00:00 ", NOON, ClockKind::Local),
+            ("2019-03-01T12:00:00Z host app: ", NOON, ClockKind::Utc),
+            ("2019-03-01T13:00:00,5+01:00 ", NOON + 500_000_000, ClockKind::Utc),
+            ("01 Mar 2019 12:00:00 tty: ", NOON, ClockKind::Local),
+            ("Mar  1 2019 12:00:00 tty: ", NOON, ClockKind::Local),
+            ("01.03.2019 12:00:00.5 ", NOON + 500_000_000, ClockKind::Local),
+            ("[28/02/2019 12:00:00] ", NOON - DAY_NS, ClockKind::Local),
+            ("02/28/2019 12:00:00 ", NOON - DAY_NS, ClockKind::Local),
+            ("28/02/2019@12:00:00.829::Packet", NOON - DAY_NS + 829_000_000, ClockKind::Local),
+            ("Mar  1 12:00:00 host ", DAY_NS / 2, ClockKind::TimeOfDay),
+            ("[12:00:00.25][D][uart:114]: ", DAY_NS / 2 + 250_000_000, ClockKind::TimeOfDay),
+            ("16 12:00:00.25 G ", DAY_NS / 2 + 250_000_000, ClockKind::TimeOfDay),
+            ("[RTU]>Tx > 12:00:00:250 - ", DAY_NS / 2 + 250_000_000, ClockKind::TimeOfDay),
+            ("1551441600.5: ", NOON + 500_000_000, ClockKind::Utc),
+            ("000001.500 RX ", 1_500_000_000, ClockKind::Relative),
         ] {
             assert_eq!(found(line), (Some(ns), kind), "{line}");
         }
@@ -351,12 +354,12 @@ mod tests {
 
     #[test]
     fn a_day_above_twelve_settles_the_order_of_day_and_month() {
-        let mut stamps = Stamps::default();
-        stamps.look_ahead(b"01/02/2019 00:00:00 x\n01/31/2019 00:00:00 x\n");
-        let first = stamps.find(b"01/02/2019 00:00:00 x").unwrap();
+        let mut timestamps = TimestampParser::default();
+        timestamps.look_ahead(b"01/02/2019 00:00:00 x\n01/31/2019 00:00:00 x\n");
+        let first = timestamps.find(b"01/02/2019 00:00:00 x").unwrap();
         assert_eq!(first, 1_546_387_200 * SECOND_NS); // 2019-01-02
-        let mut stamps = Stamps::default();
-        assert_eq!(stamps.find(b"01/02/2019 00:00:00 x").unwrap(), 1_548_979_200 * SECOND_NS);
+        let mut timestamps = TimestampParser::default();
+        assert_eq!(timestamps.find(b"01/02/2019 00:00:00 x").unwrap(), 1_548_979_200 * SECOND_NS);
         // 2019-02-01
     }
 
@@ -365,12 +368,12 @@ mod tests {
         // Berlin: +1, from 2019-03-31 01:00 UTC on +2, from 2019-10-27 01:00 UTC on +1.
         let hour = 3600 * SECOND_NS;
         let zone = vec![(Ns::MIN / 2, hour), (1_553_994_000 * SECOND_NS, 2 * hour), (1_572_138_000 * SECOND_NS, hour)];
-        let mut stamps = Stamps::new(Arc::new(ClockSettings { zone, day: day_of("2019-03-01") }));
-        assert_eq!(stamps.find(b"13:00:00.000 x"), Some(NOON));
-        assert_eq!(stamps.find(b"2019-07-01 14:00:00 x"), Some(1_561_982_400 * SECOND_NS)); // 2019-07-01 12:00 UTC
-        assert_eq!(stamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND_NS)); // the first of the two
-        assert_eq!(stamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND_NS));
-        assert_eq!(stamps.kind(), Kind::Utc);
+        let mut timestamps = TimestampParser::new(Arc::new(ClockSettings { zone, day: day_of("2019-03-01") }));
+        assert_eq!(timestamps.find(b"13:00:00.000 x"), Some(NOON));
+        assert_eq!(timestamps.find(b"2019-07-01 14:00:00 x"), Some(1_561_982_400 * SECOND_NS)); // 2019-07-01 12:00 UTC
+        assert_eq!(timestamps.find(b"2019-10-27 02:30:00 x"), Some(1_572_136_200 * SECOND_NS)); // the first of the two
+        assert_eq!(timestamps.find(b"2019-10-27 03:30:00 x"), Some(1_572_143_400 * SECOND_NS));
+        assert_eq!(timestamps.kind(), ClockKind::Utc);
     }
 
     #[test]
@@ -382,9 +385,12 @@ mod tests {
 
     #[test]
     fn socat_prints_microseconds_as_nanoseconds() {
-        let mut stamps = Stamps { state: StampState { short_fractions: true, ..StampState::default() }, ..Stamps::default() };
-        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY_NS / 2 + 393_542_000));
-        assert_eq!(stamps.find(b"12:00:00.393542123 x"), Some(DAY_NS / 2 + 393_542_123));
-        assert_eq!(stamps.find(b"12:00:00.000393542 x"), Some(DAY_NS / 2 + 393_542));
+        let mut timestamps = TimestampParser {
+            state: TimestampState { short_fractions: true, ..TimestampState::default() },
+            ..TimestampParser::default()
+        };
+        assert_eq!(timestamps.find(b"12:00:00.000393542 x"), Some(DAY_NS / 2 + 393_542_000));
+        assert_eq!(timestamps.find(b"12:00:00.393542123 x"), Some(DAY_NS / 2 + 393_542_123));
+        assert_eq!(timestamps.find(b"12:00:00.000393542 x"), Some(DAY_NS / 2 + 393_542));
     }
 }

@@ -40,14 +40,14 @@ impl Reader {
         let used = |row: &Arc<Dialect>| self.dialects.iter().any(|one| one.name == row.name);
         let Some(row) = others.rows().filter(|row| !used(row)).find(reads) else { return false };
         self.dialects.push(Arc::clone(row));
-        self.stamps.state.short_fractions |= row.may_have_short_fractions;
+        self.timestamps.state.short_fractions |= row.may_have_short_fractions;
         // All of these lines but the last one were counted as unparsed.
-        self.deliver.end_announcement(&self.stamps);
+        self.assembler.end_announcement(&self.timestamps);
         let lines = std::mem::take(&mut self.unread);
         self.unparsed -= lines.len() as u64 - 1;
         self.first_unparsed.retain(|(number, _)| lines.iter().all(|(other, _)| other != number));
         for (number, line) in lines {
-            self.deliver.number = number;
+            self.assembler.number = number;
             if self.collect_matches(row, &line) {
                 self.deliver_matches(row);
             } else if !line.trim_ascii().is_empty() {
@@ -68,18 +68,18 @@ impl Reader {
         // Dialects with header lines need these lines, too: `read_with_unread_lines` tries them.
         for dialect in others.rows().filter(|row| !row.has_headers) {
             let used = self.dialects.iter().any(|one| one.name == dialect.name);
-            let saved_state = self.stamps.state;
+            let saved_state = self.timestamps.state;
             if !used
                 && self.collect_matches(dialect, line)
                 && frame_evidence::proven_bytes(&self.found) == self.found.len()
                 && !self.found.is_empty()
             {
                 self.dialects.push(Arc::clone(dialect));
-                self.stamps.state.short_fractions |= dialect.may_have_short_fractions;
+                self.timestamps.state.short_fractions |= dialect.may_have_short_fractions;
                 self.deliver_matches(dialect);
                 return true;
             }
-            self.stamps.state = saved_state;
+            self.timestamps.state = saved_state;
         }
         false
     }
@@ -91,7 +91,7 @@ fn proves_all_bytes(row: &Arc<Dialect>, text: &[u8]) -> bool {
     reader.push(text);
     let (mut bytes, mut burst, mut good) = (0, Vec::new(), 0);
     while let Some((record, piece)) = reader.next(true) {
-        if record.record {
+        if record.starts_record {
             good += frame_evidence::proven_bytes(&burst);
             burst.clear();
         }

@@ -9,14 +9,14 @@ use memchr::memchr;
 
 use crate::chunk::Side;
 use crate::text::clean::{clean, is_quoted};
-use crate::text::clock::{ClockSettings, Kind};
+use crate::text::clock::{ClockKind, ClockSettings};
 use crate::text::dialect::{Dialect, Dialects, Role};
-use crate::text::entries::Deliver;
+use crate::text::entries::EntryAssembler;
 use crate::text::frame_evidence;
 use crate::text::notation::Notation;
-use crate::text::template::{Match, Scratch, Template};
-use crate::text::timestamps::{delta, Stamps};
-use crate::text::Record;
+use crate::text::template::{LineMatch, MatchContext, Template};
+use crate::text::timestamps::{delta, TimestampParser};
+use crate::text::LogEntry;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 
@@ -33,7 +33,7 @@ const MAX_LINE_BYTES: usize = 1 << 24;
 const MAX_MATCHES_PER_LINE: usize = 64;
 
 /// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
-pub type LeftOut = (u64, Vec<u8>, &'static str);
+pub type SkippedBytes = (u64, Vec<u8>, &'static str);
 
 /// Reads the text of one recording, which may arrive in blocks of any size.
 #[derive(Debug)]
@@ -54,7 +54,7 @@ pub struct Reader {
     number: u64,
     /// Most lines begin with mail quotes.
     is_quoted_mail: bool,
-    stamps: Stamps,
+    timestamps: TimestampParser,
     /// The notation that gave the last valid checksum, of a template with several.
     preferred: Option<Notation>,
     /// Bytes of the last match.
@@ -62,10 +62,10 @@ pub struct Reader {
     /// Reused memory for a line without its decoration.
     scratch: Vec<u8>,
     /// All matches in the current line, each with the end of its bytes in `found`.
-    matches: Vec<(Role, Match, usize)>,
+    matches: Vec<(Role, LineMatch, usize)>,
     /// Bytes of all matches in the current line.
     found: Vec<u8>,
-    deliver: Deliver,
+    assembler: EntryAssembler,
     /// How many lines no row could read.
     pub unparsed: u64,
     /// The first of these lines, with their numbers.
@@ -76,8 +76,8 @@ impl Reader {
     /// A reader with these rows, of which the first that fits a line reads it. Where none fits, the rows of `others` are
     /// tried, and a row that fits is used from there on.
     pub fn new(dialects: Vec<Arc<Dialect>>, others: Option<Arc<Dialects>>, clock: Arc<ClockSettings>) -> Self {
-        let mut stamps = Stamps::new(clock);
-        stamps.state.short_fractions = dialects.iter().any(|dialect| dialect.may_have_short_fractions);
+        let mut timestamps = TimestampParser::new(clock);
+        timestamps.state.short_fractions = dialects.iter().any(|dialect| dialect.may_have_short_fractions);
         Self {
             dialects,
             others,
@@ -88,13 +88,13 @@ impl Reader {
             at: 0,
             number: 0,
             is_quoted_mail: false,
-            stamps,
+            timestamps,
             preferred: None,
             bytes: Vec::new(),
             scratch: Vec::new(),
             matches: Vec::new(),
             found: Vec::new(),
-            deliver: Deliver::default(),
+            assembler: EntryAssembler::default(),
             unparsed: 0,
             first_unparsed: Vec::new(),
         }
@@ -105,7 +105,7 @@ impl Reader {
     /// Gives, for what the log calls sent and received, requests less responses among the frames that can be one only.
     pub fn look_ahead(&mut self, sample: &[u8]) -> [i32; 2] {
         self.is_quoted_mail = is_quoted(sample);
-        self.stamps.look_ahead(sample);
+        self.timestamps.look_ahead(sample);
         let mut ahead = Self::new(self.dialects.clone(), None, Arc::default());
         ahead.is_quoted_mail = self.is_quoted_mail;
         ahead.push(sample);
@@ -113,7 +113,7 @@ impl Reader {
         while let Some((record, bytes)) = ahead.next(false) {
             let Some(side) = record.side else { continue };
             let slot = &mut sides[usize::from(side == Side::Received)];
-            *slot = (*slot + frame_evidence::direction_evidence(bytes, record.framing)).clamp(-100, 100);
+            *slot = (*slot + frame_evidence::direction_evidence(bytes, record.proven_framing)).clamp(-100, 100);
         }
         sides
     }
@@ -129,16 +129,16 @@ impl Reader {
 
     /// The next entry and its bytes; `None` if more text is needed. `is_last` says that the text has ended, so that a last
     /// line without line end is read and nothing waits for a further line.
-    pub fn next(&mut self, is_last: bool) -> Option<(Record, &[u8])> {
-        while self.deliver.is_empty() {
+    pub fn next(&mut self, is_last: bool) -> Option<(LogEntry, &[u8])> {
+        while self.assembler.is_empty() {
             if !self.read_next_line(is_last) {
                 if is_last {
-                    self.deliver.finish(&self.stamps);
+                    self.assembler.finish(&self.timestamps);
                 }
                 break;
             }
         }
-        self.deliver.pop()
+        self.assembler.pop()
     }
 
     /// Reads the next line of the buffer; returns false if there is no whole line.
@@ -165,15 +165,15 @@ impl Reader {
     /// Hands a line to the first row that can read it: the rows in use, then other rows, then other rows together with
     /// the lines before. A line that nothing reads is counted, unless it is a comment.
     fn read_line(&mut self, line: &[u8]) {
-        self.deliver.number = self.number;
+        self.assembler.number = self.number;
         let text = line.trim_ascii();
         if text.is_empty() {
-            self.deliver.blank_line(&self.stamps);
+            self.assembler.blank_line(&self.timestamps);
             return;
         }
         let dialects = std::mem::take(&mut self.dialects);
         // Bytes that a header line announced belong to the dialect of that line, so dialects with headers come first.
-        let is_announced = self.deliver.expects_continuation();
+        let is_announced = self.assembler.expects_continuation();
         let with_headers = dialects.iter().filter(|row| is_announced && row.has_headers);
         let row = with_headers.chain(dialects.iter()).find(|dialect| self.collect_matches(dialect, line)).cloned();
         let has_deltas = dialects.iter().any(|dialect| dialect.has_deltas);
@@ -187,13 +187,13 @@ impl Reader {
             self.unread.clear();
         } else if !self.read_with_another_dialect(line) && !is_comment(text) && !self.read_with_unread_lines(line) {
             if !has_deltas {
-                self.deliver.end_announcement(&self.stamps);
+                self.assembler.end_announcement(&self.timestamps);
             }
             self.note_unparsed(text);
         }
         if let Some(delta) = delta(text).filter(|_| has_deltas) {
-            let time = self.stamps.add_delta(delta);
-            self.deliver.end_frame_at(time, &self.stamps);
+            let time = self.timestamps.add_delta(delta);
+            self.assembler.end_frame_at(time, &self.timestamps);
         }
     }
 
@@ -202,7 +202,7 @@ impl Reader {
         let matches = std::mem::take(&mut self.matches);
         let mut from = 0;
         for (role, found, end) in &matches {
-            self.deliver.take(dialect, *role, found, &self.found[from..*end], &self.stamps);
+            self.assembler.take(dialect, *role, found, &self.found[from..*end], &self.timestamps);
             from = *end;
         }
         self.matches = matches;
@@ -214,25 +214,25 @@ impl Reader {
         self.matches.clear();
         self.found.clear();
         let (mut from, mut must_reach_line_end) = (0, false);
-        let saved_state = self.stamps.state;
+        let saved_state = self.timestamps.state;
         while from < line.len() && self.matches.len() < MAX_MATCHES_PER_LINE {
             let Some((role, mut found, to_line_end)) = self.next_match(dialect, line, from) else { break };
             // Plain bytes count as announced only if a header line announced them or they prove themselves.
             if role == Role::Continuation
                 && dialect.has_headers
                 && found.offset.is_none()
-                && !self.deliver.expects_continuation()
+                && !self.assembler.expects_continuation()
                 && !frame_evidence::is_whole_frame(&self.bytes)
             {
-                self.stamps.state = saved_state;
+                self.timestamps.state = saved_state;
                 return false;
             }
             self.found.extend_from_slice(&self.bytes);
             if let Some((start, end)) = found.key {
-                found.key = Some((self.deliver.key(line[start..end].trim_ascii()), 0));
+                found.key = Some((self.assembler.key(line[start..end].trim_ascii()), 0));
             }
             if found.time.is_none() && found.start > from {
-                found.time = self.stamps.find(&line[from..found.start]);
+                found.time = self.timestamps.find(&line[from..found.start]);
             }
             (from, must_reach_line_end) = (found.end.max(from + 1), to_line_end);
             self.matches.push((role, found, self.found.len()));
@@ -242,7 +242,7 @@ impl Reader {
             if must_reach_line_end { tail.iter().all(|b| b" \t\r.,;*`_|]}\"'".contains(b)) } else { may_follow(tail) };
         let is_read = is_read_to_end && !self.matches.is_empty();
         if !is_read {
-            self.stamps.state = saved_state;
+            self.timestamps.state = saved_state;
         }
         is_read
     }
@@ -250,16 +250,16 @@ impl Reader {
     /// The match to be taken next: that of the first rule without bytes that matches, or else the match with bytes that
     /// begins first, where the earlier rule wins a tie. Its bytes are in `self.bytes`. The boolean says that the match has
     /// to reach the end of the line.
-    fn next_match(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, Match, bool)> {
-        let starts = &dialect.starts;
-        for i in 0..starts.first_rule_with_bytes {
+    fn next_match(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, LineMatch, bool)> {
+        let anchors = &dialect.anchors;
+        for i in 0..anchors.first_rule_with_bytes {
             let found = self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch));
             if found.is_some() {
                 return found;
             }
         }
         let mut unanchored = None;
-        for &i in &starts.unanchored {
+        for &i in &anchors.unanchored {
             unanchored =
                 self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch)).map(|found| (i, found));
             if unanchored.is_some() {
@@ -267,9 +267,9 @@ impl Reader {
             }
         }
         let mut at = from;
-        while let Some(start) = starts.next(line, at) {
+        while let Some(start) = anchors.next(line, at) {
             let before = |i: usize| unanchored.as_ref().is_none_or(|(rule, (_, found, _))| (start, i) < (found.start, *rule));
-            for i in starts.rules(line, start, dialect.rules.len()).take_while(|&i| before(i)) {
+            for i in anchors.rules(line, start, dialect.rules.len()).take_while(|&i| before(i)) {
                 if !dialect.rules[i].1.may_begin(line, start) {
                     continue;
                 }
@@ -296,13 +296,13 @@ impl Reader {
         &mut self,
         dialect: &Dialect,
         index: usize,
-        find: impl FnOnce(&Template, &mut Scratch<'_>) -> Option<Match>,
-    ) -> Option<(Role, Match, bool)> {
+        find: impl FnOnce(&Template, &mut MatchContext<'_>) -> Option<LineMatch>,
+    ) -> Option<(Role, LineMatch, bool)> {
         let (role, template) = &dialect.rules[index];
-        let saved_state = self.stamps.state;
-        let found = find(template, &mut Scratch::new(&mut self.stamps, &mut self.bytes, &mut self.preferred));
+        let saved_state = self.timestamps.state;
+        let found = find(template, &mut MatchContext::new(&mut self.timestamps, &mut self.bytes, &mut self.preferred));
         if found.is_none() {
-            self.stamps.state = saved_state;
+            self.timestamps.state = saved_state;
         }
         found.map(|found| (*role, found, template.must_reach_line_end))
     }
@@ -323,7 +323,7 @@ impl Reader {
 
     /// Delivers what waits for a further line, because none is expected for a while.
     pub fn settle(&mut self) {
-        self.deliver.finish(&self.stamps);
+        self.assembler.finish(&self.timestamps);
     }
 
     /// The dialects in use.
@@ -338,43 +338,43 @@ impl Reader {
 
     /// The number of entries delivered so far.
     pub fn records(&self) -> u64 {
-        self.deliver.records
+        self.assembler.records
     }
 
     /// False if the first dialect in use has header lines and the text has shown none of them, so that its bytes may be of
     /// another dialect.
     pub fn has_announced_bytes(&self) -> bool {
-        self.deliver.announced > 0 || !self.dialects.first().is_some_and(|row| row.has_headers)
+        self.assembler.announced > 0 || !self.dialects.first().is_some_and(|row| row.has_headers)
     }
 
     /// How many byte strings were skipped, by reason.
-    pub fn left_out_counts(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
-        self.deliver.counts.iter().map(|(reason, count)| (*reason, *count))
+    pub fn skipped_counts(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
+        self.assembler.counts.iter().map(|(reason, count)| (*reason, *count))
     }
 
     /// The first byte strings that were skipped.
-    pub fn left_out(&self) -> &[LeftOut] {
-        &self.deliver.left_out
+    pub fn skipped(&self) -> &[SkippedBytes] {
+        &self.assembler.skipped
     }
 
-    /// The names of devices found in the lines; `Record::key` counts them from 1.
+    /// The names of devices found in the lines; `LogEntry::key` counts them from 1.
     pub fn keys(&self) -> &[Vec<u8>] {
-        &self.deliver.keys
+        &self.assembler.keys
     }
 
     /// What the timestamps so far show the clock to be, as the engine needs to know it.
     pub fn clock(&self) -> Clock {
-        self.stamps.clock()
+        self.timestamps.clock()
     }
 
     /// What the timestamps so far refer to, as users are told.
-    pub fn clock_kind(&self) -> Kind {
-        self.stamps.kind()
+    pub fn clock_kind(&self) -> ClockKind {
+        self.timestamps.kind()
     }
 
     /// The smallest time difference in ns that the timestamps can express; `None` without timestamps.
     pub fn resolution(&self) -> Option<Ns> {
-        self.stamps.resolution()
+        self.timestamps.resolution()
     }
 }
 
