@@ -359,7 +359,7 @@ mod reader {
                 Some(decoder) => decoder.push(&buffer[..length], &mut data, &mut errors),
                 None => data.extend_from_slice(&buffer[..length]),
             }
-            let rest = pace.rest(length, time, shared.char_ns(port));
+            let rest = pace.sleep_after(length, time, shared.char_ns(port));
             if !data.is_empty() {
                 shared.push(Item { seldom: !rest.is_zero(), ..Item::new(port, time, Some(data), errors) });
             }

@@ -1,58 +1,58 @@
-//! What enters the core: bytes off one line of one bus, with what the source knows about them.
+//! The input of the engine: bytes from one line of one bus, with what their source knows about them.
 
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
-/// Who put the bytes on the line, in the words of the log that they come from: relative to the logging process.
+/// Who transmitted the bytes, seen from the program that logged them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// `Tx`, `send`, `>>`.
+    /// The logging program, as logs say with `Tx`, `send` or `>>`.
     Sent,
-    /// `Rx`, `recv`, `<<`.
+    /// Its peer, as logs say with `Rx`, `recv` or `<<`.
     Received,
 }
 
-/// When the bytes came.
+/// What is known of the times of the bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Times<'a> {
-    /// Not known.
+    /// Nothing.
     #[default]
     None,
-    /// When the read returned: never before the last byte's stop bit.
+    /// The time at which the read returned, which is never before the stop bit of its last byte.
     Read(Ns),
-    /// When each byte's stop bit ended; as many as bytes.
+    /// The time at which the stop bit of each byte ended, one per byte.
     Bytes(&'a [Ns]),
 }
 
-/// Bytes and what is known of them. Only `bytes` is mandatory.
+/// Bytes with what is known of them. Only `bytes` is mandatory.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Chunk<'a> {
-    /// Which line of the bus: 0, or 1 and 2 for the lines A and B of a two-line tap.
+    /// Which line of the bus: 0 for the only one, 1 and 2 for the lines A and B of a two-line tap.
     pub line: u8,
     /// The bytes.
     pub bytes: &'a [u8],
-    /// When they came.
+    /// When they were received.
     pub times: Times<'a>,
-    /// Who sent them, where the recording says so.
+    /// Who sent them, where the recording states it.
     pub side: Option<Side>,
-    /// A record of the recording starts here: a frame is not expected to reach across.
+    /// A record of the recording starts here, so no frame is expected to continue across this place.
     pub starts_record: bool,
-    /// The receiver marked a parity, framing or break error in these bytes.
+    /// The receiver reported a parity error, a framing error or a break for some of these bytes.
     pub has_line_error: bool,
-    /// Which of these bytes the receiver marked, where it says so byte by byte; positions in `bytes`, rising.
+    /// Positions in `bytes`, in ascending order, for which the receiver reported an error, if it does so byte by byte.
     pub error_positions: &'a [u32],
     /// Bytes were lost before these.
     pub follows_loss: bool,
     /// The recording prints frames without their checksum.
     pub lacks_checksum: bool,
-    /// The framing that these bytes, a whole record, prove by themselves.
+    /// The framing that a valid checksum or length proves for these bytes, which are then a whole record.
     pub proven_framing: Option<Mode>,
-    /// Line or packet number in the file; 0 where the offset is the place.
+    /// Number of the line or packet in the file; 0 in files where the offset is the place.
     pub origin: u64,
 }
 
 impl Chunk<'_> {
-    /// When its last byte had come.
+    /// When its last byte was received.
     pub fn time(&self) -> Option<Ns> {
         match self.times {
             Times::None => None,

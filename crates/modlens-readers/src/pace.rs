@@ -1,54 +1,61 @@
-//! How often a live line is read: as its bytes come, or less often where that loses nothing.
+//! Decides how often a live line is read: whenever bytes arrive, or less often where nothing is lost by that.
 
 use std::time::Duration;
 
 use modlens_protocol::Ns;
 
-/// Whether a line is full, and how long it may be left alone then.
+/// Measures whether a line is saturated, and how long its reader may sleep then.
 ///
-/// Each read costs the waking of a thread, whatever it brings. A line with pauses needs them: they tell where frames begin,
-/// and how long an answer took. A line that carries character behind character has none to tell, and is read less often
-/// until a read brings less than the line can carry.
+/// Each read wakes a thread, which costs the same however many bytes it brings. A line with pauses has to be read at once,
+/// because the times of the reads show the pauses, which tell where frames begin and how long a response took. A saturated
+/// line carries character after character without pauses, so it is read less often, until a read brings fewer bytes than
+/// the line can carry.
 #[derive(Default)]
 pub struct ReadPacer {
+    /// Bytes since the last pause.
     bytes: usize,
-    since: Ns,
-    newest: Ns,
-    resting: bool,
+    /// The time of the last pause.
+    pause_end: Ns,
+    /// The time of the last read.
+    last_read: Ns,
+    /// The reader has slept before the last read.
+    has_slept: bool,
 }
 
 impl ReadPacer {
-    /// Frames that follow each other have at least t3.5 between them, 1.75 ms or more (serial line, 2.5.1.1).
-    const PAUSE: Ns = 1_750_000;
+    /// A gap between reads that may be a pause between frames: t3.5 is 1.75 ms or more (serial line, 2.5.1.1).
+    const PAUSE_NS: Ns = 1_750_000;
 
-    /// Bytes of two of the longest frames: who has seen so many without a pause knows whether the line is full.
-    const LEAST: usize = 512;
+    /// A line is saturated only if it has carried so many bytes, two frames of the greatest length, without a pause.
+    const MIN_BYTES_WITHOUT_PAUSE: usize = 512;
 
-    /// What is printed of a line is printed so late.
-    const REST: Ns = 8_000_000;
+    /// The longest sleep, by which users see the traffic later.
+    const MAX_SLEEP_NS: Ns = 8_000_000;
 
-    /// Drivers hold a few thousand bytes.
-    const MOST: Ns = 2048;
+    /// A sleep must not last longer than the line needs for so many characters, because drivers buffer a few thousand.
+    const MAX_SLEEP_CHARS: Ns = 2048;
 
-    /// Counts a read of a line whose characters take `char_ns` (0: never left alone); how long to leave it alone.
-    pub fn rest(&mut self, length: usize, time: Ns, char_ns: Ns) -> Duration {
-        let gap = time - self.newest;
-        self.newest = time;
-        let paused = if self.resting {
-            // Three quarters: a scheduler may be late by a millisecond or two.
+    /// Records a read of `length` bytes at `time` and returns how long the reader may sleep before the next one. `char_ns`
+    /// is the time of a character on the line; where it is 0, because it is not known, the reader never sleeps.
+    pub fn sleep_after(&mut self, length: usize, time: Ns, char_ns: Ns) -> Duration {
+        let gap = time - self.last_read;
+        self.last_read = time;
+        let has_pause = if self.has_slept {
+            // A read after a sleep has to bring three quarters of what the line can carry; a scheduler that is late by a
+            // millisecond or two explains the rest.
             4 * length as Ns * char_ns < 3 * gap
         } else {
-            gap > Self::PAUSE
+            gap > Self::PAUSE_NS
         };
         self.bytes += length;
-        // Nine tenths: receivers lose no character, but who counts begins in the middle of one.
-        let full = self.bytes as Ns * char_ns * 10 >= (time - self.since) * 9;
-        if paused || (self.bytes > Self::LEAST && !full) {
-            *self = Self { bytes: 0, since: time, newest: time, resting: false };
+        // Nine tenths of the capacity count as saturated, because the count does not begin exactly with a character.
+        let is_saturated = self.bytes as Ns * char_ns * 10 >= (time - self.pause_end) * 9;
+        if has_pause || (self.bytes > Self::MIN_BYTES_WITHOUT_PAUSE && !is_saturated) {
+            *self = Self { bytes: 0, pause_end: time, last_read: time, has_slept: false };
         }
-        self.resting = self.bytes > Self::LEAST;
-        if self.resting {
-            Duration::from_nanos((Self::MOST * char_ns).clamp(0, Self::REST) as u64)
+        self.has_slept = self.bytes > Self::MIN_BYTES_WITHOUT_PAUSE;
+        if self.has_slept {
+            Duration::from_nanos((Self::MAX_SLEEP_CHARS * char_ns).clamp(0, Self::MAX_SLEEP_NS) as u64)
         } else {
             Duration::ZERO
         }
@@ -64,14 +71,14 @@ mod tests {
     /// A character of 11 bits at 115200 baud.
     const CHAR: Ns = 95_486;
 
-    /// Reads of so many bytes at so many ms; whether the line is left alone after each.
+    /// For reads at these times in ms of so many bytes, whether the reader may sleep after each.
     fn rests(reads: impl IntoIterator<Item = (Ns, usize)>) -> Vec<bool> {
         let mut pace = ReadPacer::default();
-        reads.into_iter().map(|(ms, length)| !pace.rest(length, ms * MS, CHAR).is_zero()).collect()
+        reads.into_iter().map(|(ms, length)| !pace.sleep_after(length, ms * MS, CHAR).is_zero()).collect()
     }
 
     #[test]
-    fn a_full_line_is_read_less_often() {
+    fn a_saturated_line_is_read_less_often() {
         let found = rests((100..200).map(|ms| (ms, if ms % 2 == 0 { 10 } else { 11 })));
         assert_eq!(found.iter().position(|&rest| rest), Some(49), "512 bytes behind the first read");
         assert!(found[49..].iter().all(|&rest| rest));
@@ -91,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_is_found_in_the_length_of_a_read() {
+    fn a_short_read_after_a_sleep_shows_a_pause() {
         let full = (100..150).map(|ms| (ms, 11)).chain((1..20).map(|turn| (149 + 8 * turn, 83)));
         assert!(rests(full.clone())[50..].iter().all(|&rest| rest));
         let paused = full.chain([(309, 50), (310, 11), (311, 11)]);
@@ -103,14 +110,14 @@ mod tests {
         let mut pace = ReadPacer::default();
         let mut rest = Duration::ZERO;
         for ms in 1..20 {
-            rest = pace.rest(300, ms * MS, 3_333);
+            rest = pace.sleep_after(300, ms * MS, 3_333);
         }
         assert!(rest > Duration::from_millis(6) && rest < Duration::from_millis(7), "{rest:?}");
     }
 
     #[test]
-    fn a_line_without_settings_is_never_left_alone() {
+    fn a_line_with_unknown_settings_is_read_at_once() {
         let mut pace = ReadPacer::default();
-        assert!((1..500).all(|ms| pace.rest(300, ms * MS, 0).is_zero()));
+        assert!((1..500).all(|ms| pace.sleep_after(300, ms * MS, 0).is_zero()));
     }
 }

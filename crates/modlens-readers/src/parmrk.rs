@@ -1,12 +1,14 @@
-//! Line errors as a POSIX terminal driver tells them in the bytes themselves.
+//! Decodes the marks with which a POSIX terminal driver reports line errors within the received bytes.
 //!
-//! With `INPCK` and `PARMRK` set, the driver writes a byte that it received with a parity or framing error as `FF 00 x`,
-//! a break as `FF 00 00`, and a good `FF` as `FF FF` (termios(3)). Here the bytes are taken out again, each of them, and
-//! the places of the marked ones are told beside them. A mark says that the receiver doubts a byte, never that it was
-//! not on the line: drivers of USB adapters mark whole packets.
+//! With `INPCK` and `PARMRK` set, the driver delivers a byte with a parity or framing error as `FF 00 x`, a break as
+//! `FF 00 00`, and a valid `FF` as `FF FF` (termios(3)). The decoder restores the received bytes and reports the positions
+//! of the marked ones. A mark means that the receiver doubts a byte, but the byte was on the line: drivers of USB adapters
+//! mark whole packets.
 
+/// The byte that begins a mark.
 const ESCAPE: u8 = 0xFF;
 
+/// What the bytes before were.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
     #[default]
@@ -15,7 +17,7 @@ enum State {
     Marked,
 }
 
-/// Takes escapes apart, wherever reads cut them.
+/// Decodes the marks of one line; a mark may be split between two reads.
 ///
 /// ```
 /// use modlens_readers::parmrk::ParmrkDecoder;
@@ -31,16 +33,16 @@ pub struct ParmrkDecoder {
 }
 
 impl ParmrkDecoder {
-    /// Appends the bytes of a read to `bytes`, and the places of marked ones in `bytes` to `errors`.
+    /// Appends the bytes of a read to `bytes`, and the positions in `bytes` of marked ones to `error_positions`.
     ///
-    /// What no driver writes behind an escape is taken as it stands: nothing is deleted.
-    pub fn push(&mut self, raw: &[u8], bytes: &mut Vec<u8>, errors: &mut Vec<u32>) {
+    /// A sequence that no driver writes is kept as it is, so that no byte is ever lost.
+    pub fn push(&mut self, raw: &[u8], bytes: &mut Vec<u8>, error_positions: &mut Vec<u32>) {
         for &byte in raw {
             self.state = match (self.state, byte) {
                 (State::Plain, ESCAPE) => State::Escaped,
                 (State::Escaped, 0) => State::Marked,
                 (State::Marked, _) => {
-                    errors.push(bytes.len() as u32);
+                    error_positions.push(bytes.len() as u32);
                     bytes.push(byte);
                     State::Plain
                 }
@@ -65,7 +67,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a driver writes (termios(3), PARMRK).
+    /// The sequence that a driver delivers (termios(3), PARMRK).
     fn marked(sent: &[(u8, bool)]) -> Vec<u8> {
         let escape = |&(byte, error): &(u8, bool)| match (byte, error) {
             (byte, true) => vec![0xFF, 0, byte],
@@ -78,21 +80,21 @@ mod tests {
     proptest! {
         #[test]
         fn every_byte_and_every_mark_comes_back(sent: Vec<(u8, bool)>, cut in 1usize..9) {
-            let (mut bytes, mut errors) = (Vec::new(), Vec::new());
+            let (mut bytes, mut error_positions) = (Vec::new(), Vec::new());
             let mut decoder = ParmrkDecoder::default();
             for read in marked(&sent).chunks(cut) {
-                decoder.push(read, &mut bytes, &mut errors);
+                decoder.push(read, &mut bytes, &mut error_positions);
             }
             prop_assert_eq!(&bytes, &sent.iter().map(|(byte, _)| *byte).collect::<Vec<_>>());
             let places: Vec<u32> = (0u32..).zip(&sent).filter(|(_, (_, error))| *error).map(|(at, _)| at).collect();
-            prop_assert_eq!(errors, places);
+            prop_assert_eq!(error_positions, places);
         }
     }
 
     #[test]
-    fn what_no_driver_writes_is_kept() {
-        let (mut bytes, mut errors) = (Vec::new(), Vec::new());
-        ParmrkDecoder::default().push(&[0xFF, 0x01, 0x02], &mut bytes, &mut errors);
-        assert_eq!((bytes, errors), (vec![0xFF, 0x01, 0x02], vec![]));
+    fn a_sequence_that_no_driver_writes_is_kept() {
+        let (mut bytes, mut error_positions) = (Vec::new(), Vec::new());
+        ParmrkDecoder::default().push(&[0xFF, 0x01, 0x02], &mut bytes, &mut error_positions);
+        assert_eq!((bytes, error_positions), (vec![0xFF, 0x01, 0x02], vec![]));
     }
 }

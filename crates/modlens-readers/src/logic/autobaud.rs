@@ -1,7 +1,7 @@
-//! What line is it? Baud rate, parity and polarity of a channel, from its edges.
+//! Detects baud rate, character format and polarity of a channel from its edges.
 //!
-//! The shortest pulses are one bit; which settings are right is what the checksums of the frames say, and where there
-//! are none, which settings leave the fewest characters marked.
+//! The shortest pulses last one bit, which leaves few baud rates. Among all settings with these the number of bytes in
+//! frames with a valid checksum decides, and where there are none, the number of characters without errors.
 
 use crate::logic::edges::Edge;
 use crate::logic::uart::{Character, UartReceiver};
@@ -9,19 +9,19 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::line::{Line, Parity};
 use modlens_protocol::recognize::evidence_bytes;
 
-/// Rates that devices are set to.
-const RATES: [u32; 18] = [
+/// Baud rates that devices are commonly set to.
+const BAUD_RATES: [u32; 18] = [
     300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 28_800, 38_400, 56_000, 57_600, 76_800, 115_200, 128_000, 230_400, 460_800,
     921_600,
 ];
 
-/// What a receiver tolerates, sender and receiver together.
-const TOLERANCE: f64 = 0.045;
+/// The deviation of the baud rate that sender and receiver together may have, as a share of it.
+const BAUD_TOLERANCE: f64 = 0.045;
 
-/// Pulses longer than this many bits are silence, not data.
-const LONGEST: f64 = 11.0;
+/// A longer pulse, in bits, is silence and not data.
+const MAX_PULSE_BITS: f64 = 11.0;
 
-/// Character formats, the most common first.
+/// Character formats as data bits, parity and half stop bits, the most common first.
 const FORMATS: [(u8, Parity, u8); 7] = [
     (8, Parity::None, 2),
     (8, Parity::Even, 2),
@@ -32,30 +32,31 @@ const FORMATS: [(u8, Parity, u8); 7] = [
     (7, Parity::None, 4),
 ];
 
-/// ChannelSettings of a channel, and what speaks for them.
+/// Possible settings of a channel with the evidence for them.
 #[derive(Clone, Copy, Debug)]
 pub struct ChannelSettings {
     /// Line settings.
     pub line: Line,
     /// The idle level is low.
     pub inverted: bool,
-    /// Bytes in frames with a right checksum.
-    pub good: usize,
-    /// Characters.
+    /// The number of bytes in frames with a valid checksum.
+    pub valid_frame_bytes: usize,
+    /// The number of characters.
     pub characters: usize,
-    /// Characters with a wrong parity or stop bit.
-    pub marked: usize,
+    /// The number of characters with a wrong parity or stop bit.
+    pub error_characters: usize,
 }
 
 impl ChannelSettings {
-    /// More is better: checksums first, then clean characters.
+    /// The order of settings: bytes in valid frames count first, then characters without errors.
     fn rank(&self) -> (usize, isize) {
-        (self.good, self.characters as isize - 4 * self.marked as isize)
+        (self.valid_frame_bytes, self.characters as isize - 4 * self.error_characters as isize)
     }
 }
 
-/// The best settings for a channel with these edges, `now` samples into it. What is known is not guessed.
-pub fn guess(
+/// The best settings for a channel with these edges, whose level is known up to the sample `now`. `rate` is the number of
+/// samples per second; `line` and `inverted` are not detected where they are known. `None` if no character is decoded.
+pub fn detect_settings(
     functions: &Functions,
     edges: &[Edge],
     now: u64,
@@ -65,12 +66,12 @@ pub fn guess(
 ) -> Option<ChannelSettings> {
     let all = |baud: u32| FORMATS.map(|(data_bits, parity, stop_halves)| Line { baud, data_bits, parity, stop_halves });
     let lines = line.map_or_else(|| baud_rates(edges, rate).into_iter().flat_map(all).collect(), |line| vec![line]);
-    let polarities = inverted.map_or_else(|| vec![idle_low(edges, now), !idle_low(edges, now)], |it| vec![it]);
+    let polarities = inverted.map_or_else(|| vec![is_idle_low(edges, now), !is_idle_low(edges, now)], |it| vec![it]);
     let mut best: Option<ChannelSettings> = None;
     for &line in &lines {
         for &inverted in &polarities {
-            let found = attempt(functions, edges, now, rate, line, inverted);
-            // Of equals the first one: 8N1 before 8N2, the line's idle level as it looks.
+            let found = try_settings(functions, edges, now, rate, line, inverted);
+            // Of equally good settings the first is kept: 8N1 before 8N2, and the polarity that the idle level suggests.
             if best.is_none_or(|best| found.rank() > best.rank()) {
                 best = Some(found);
             }
@@ -79,37 +80,46 @@ pub fn guess(
     best.filter(|best| best.characters > 0)
 }
 
-fn attempt(functions: &Functions, edges: &[Edge], now: u64, rate: f64, line: Line, inverted: bool) -> ChannelSettings {
+/// Decodes the channel with these settings and counts what speaks for them.
+fn try_settings(functions: &Functions, edges: &[Edge], now: u64, rate: f64, line: Line, inverted: bool) -> ChannelSettings {
     let mut uart = UartReceiver::new(line, rate, inverted);
     for &edge in edges {
-        uart.edge(edge);
+        uart.push_edge(edge);
     }
     let found: Vec<Character> = std::iter::from_fn(|| uart.next(now)).collect();
     let bytes: Vec<u8> = found.iter().map(|it| it.byte).collect();
-    let marked = found.iter().filter(|it| it.marked()).count();
-    ChannelSettings { line, inverted, good: evidence_bytes(functions, &bytes), characters: found.len(), marked }
+    let error_characters = found.iter().filter(|it| it.has_error()).count();
+    ChannelSettings {
+        line,
+        inverted,
+        valid_frame_bytes: evidence_bytes(functions, &bytes),
+        characters: found.len(),
+        error_characters,
+    }
 }
 
-/// Whether the line is low for most of the time: silence is longer than talk.
-fn idle_low(edges: &[Edge], now: u64) -> bool {
+/// Whether the channel is low for most of the time, because a bus is silent longer than it carries data.
+fn is_idle_low(edges: &[Edge], now: u64) -> bool {
     let ends = edges.iter().skip(1).map(|edge| edge.sample).chain([now]);
     let mut times = [0u64; 2];
     for (edge, end) in edges.iter().zip(ends) {
-        times[usize::from(edge.high)] += end - edge.sample;
+        times[usize::from(edge.is_high)] += end - edge.sample;
     }
     times[0] > times[1]
 }
 
-/// The rates that fit the pulses, best first, three at most.
+/// The baud rates that fit the lengths of the pulses, best first, at most three. If no common rate fits, the measured one
+/// is among them.
 fn baud_rates(edges: &[Edge], rate: f64) -> Vec<u32> {
     let pulses: Vec<f64> = edges.windows(2).map(|two| (two[1].sample - two[0].sample) as f64).collect();
     let mut sorted = pulses.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    // A few glitches are shorter than any bit.
+    // The shortest 2 % of the pulses are ignored, because glitches are shorter than any bit.
     let Some(&shortest) = sorted.get(sorted.len() / 50) else { return Vec::new() };
+    // The average distance of the pulses from a whole number of bits.
     let misfit = |baud: u32| {
         let bit = rate / f64::from(baud);
-        let bits = pulses.iter().map(|pulse| pulse / bit).filter(|bits| *bits < LONGEST);
+        let bits = pulses.iter().map(|pulse| pulse / bit).filter(|bits| *bits < MAX_PULSE_BITS);
         let (count, sum) = bits.fold((0.0, 0.0), |(count, sum), bits| (count + 1.0, sum + (bits - bits.round().max(1.0)).abs()));
         if count > 0.0 {
             sum / count
@@ -119,12 +129,12 @@ fn baud_rates(edges: &[Edge], rate: f64) -> Vec<u32> {
     };
     let near = |baud: &u32| {
         let bits = shortest * f64::from(*baud) / rate;
-        // The shortest pulse is one bit, two where no single bit stands alone.
-        (bits - 1.0).abs() < 8.0 * TOLERANCE || (bits - 2.0).abs() < 4.0 * TOLERANCE
+        // The shortest pulse lasts one bit, or two where the data have no single bit between two edges.
+        (bits - 1.0).abs() < 8.0 * BAUD_TOLERANCE || (bits - 2.0).abs() < 4.0 * BAUD_TOLERANCE
     };
-    let mut fitting: Vec<(f64, u32)> = RATES.iter().copied().filter(near).map(|baud| (misfit(baud), baud)).collect();
+    let mut fitting: Vec<(f64, u32)> = BAUD_RATES.iter().copied().filter(near).map(|baud| (misfit(baud), baud)).collect();
     let measured = (rate / shortest).round() as u32;
-    if !fitting.iter().any(|(misfit, _)| *misfit < 2.0 * TOLERANCE) && measured > 0 {
+    if !fitting.iter().any(|(misfit, _)| *misfit < 2.0 * BAUD_TOLERANCE) && measured > 0 {
         fitting.push((misfit(measured), measured));
     }
     fitting.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,65 +1,70 @@
-//! Levels as Saleae's Logic exports them: a line of text for each change, a time in seconds and a level a channel.
+//! Reads levels as Saleae Logic exports them: one line of text per level change, with the time in seconds and the level of
+//! each channel.
 
 use memchr::memchr;
 
 use crate::logic::edges::{Edge, CHANNELS};
 
-/// Places a second: times have nanoseconds, or more digits.
+/// Samples per second: times are converted to ns, as finely as the file states them.
 pub const RATE: f64 = 1e9;
 
-/// The last levels hold so long, at the end: a character may still be going on.
-const HOLD: u64 = 100_000_000;
+/// At the end of the file the last levels count as held for so long, so that a character whose last bits are not followed
+/// by an edge is complete.
+const FINAL_HOLD_NS: u64 = 100_000_000;
 
-/// A line longer than this is no row.
-const LONGEST_LINE: usize = 1 << 16;
+/// A longer line is no row.
+const MAX_LINE_BYTES: usize = 1 << 16;
 
-/// Finds the changes in blocks of text, cut anywhere.
+/// Finds the level changes in text that arrives in blocks cut anywhere.
 #[derive(Debug, Default)]
 pub struct LevelTable {
     /// The beginning of a line whose rest is in the next block.
     carry: Vec<u8>,
+    /// The time of the first row in seconds, from which samples are counted.
     first: Option<f64>,
+    /// The levels of the last row, one bit per channel.
     levels: Option<u64>,
-    /// Places so far.
+    /// The number of samples so far, that is, ns since the first row.
     pub samples: u64,
 }
 
 impl LevelTable {
-    /// Takes text; lines that are no rows are passed over.
+    /// Takes a block of text; lines that are no rows, such as the column names, are ignored.
     pub fn push(&mut self, mut block: &[u8], each: &mut impl FnMut(usize, Edge)) {
         while let Some(end) = memchr(b'\n', block) {
             if self.carry.is_empty() {
-                self.row(&block[..end], each);
+                self.push_row(&block[..end], each);
             } else {
                 let mut line = std::mem::take(&mut self.carry);
                 line.extend_from_slice(&block[..end]);
-                self.row(&line, each);
+                self.push_row(&line, each);
                 line.clear();
                 self.carry = line;
             }
             block = &block[end + 1..];
         }
-        if self.carry.len() < LONGEST_LINE {
+        if self.carry.len() < MAX_LINE_BYTES {
             self.carry.extend_from_slice(block);
         }
     }
 
-    /// The text has ended.
+    /// Reads the last line, because the text has ended.
     pub fn finish(&mut self, each: &mut impl FnMut(usize, Edge)) {
         let line = std::mem::take(&mut self.carry);
-        self.row(&line, each);
-        self.samples += HOLD;
+        self.push_row(&line, each);
+        self.samples += FINAL_HOLD_NS;
     }
 
-    fn row(&mut self, line: &[u8], each: &mut impl FnMut(usize, Edge)) {
-        let Some((seconds, now, count)) = row(line) else { return };
+    /// Reports the channels that have changed since the row before.
+    fn push_row(&mut self, line: &[u8], each: &mut impl FnMut(usize, Edge)) {
+        let Some((seconds, now, count)) = parse_row(line) else { return };
         let first = *self.first.get_or_insert(seconds);
         let sample = ((seconds - first) * RATE).round().max(0.0) as u64;
         let used = if count == CHANNELS { u64::MAX } else { (1 << count) - 1 };
         let mut changed = self.levels.map_or(u64::MAX, |last| last ^ now) & used;
         while changed != 0 {
             let channel = changed.trailing_zeros() as usize;
-            each(channel, Edge { sample, high: now >> channel & 1 == 1 });
+            each(channel, Edge { sample, is_high: now >> channel & 1 == 1 });
             changed &= changed - 1;
         }
         self.levels = Some(now);
@@ -67,11 +72,12 @@ impl LevelTable {
     }
 }
 
-/// Time, levels (channel 0 in bit 0) and their number; `None` if the line is no row.
-fn row(line: &[u8]) -> Option<(f64, u64, usize)> {
+/// Parses a row: the time in seconds, the levels with channel 0 in bit 0, and the number of channels. `None` for other
+/// lines.
+fn parse_row(line: &[u8]) -> Option<(f64, u64, usize)> {
     let mut cells = line.trim_ascii().split(|&b| b == b',' || b == b'\t');
     let time = std::str::from_utf8(cells.next()?.trim_ascii()).ok()?;
-    // Rust reads `inf` and `nan`, too.
+    // Rust would parse `inf` and `nan`, too.
     let seconds = time.parse::<f64>().ok().filter(|_| time.ends_with(|last: char| last.is_ascii_digit()))?;
     let (mut levels, mut count) = (0, 0);
     for cell in cells {
@@ -85,22 +91,23 @@ fn row(line: &[u8]) -> Option<(f64, u64, usize)> {
     (count > 0).then_some((seconds, levels, count))
 }
 
-/// Whether a text is such a table: rows of a time and levels, rising, behind a line of names.
+/// Whether a text is such a table: a line of column names, then at least three rows of a time and levels, with times that
+/// do not decrease.
 pub fn is_table(sample: &[u8]) -> bool {
     let mut lines = sample.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
     let Some(names) = lines.next() else { return false };
     let width = names.split(|&b| b == b',' || b == b'\t').count();
     let (mut before, mut rows) = (f64::NEG_INFINITY, 0);
-    // The last line may be cut off.
+    // The last line of the sample may be cut off.
     let lines: Vec<&[u8]> = lines.take(50).collect();
     for line in &lines[..lines.len().saturating_sub(1)] {
-        match row(line) {
+        match parse_row(line) {
             Some((seconds, _, count)) if count + 1 == width && seconds >= before => before = seconds,
             _ => return false,
         }
         rows += 1;
     }
-    rows >= 3 && row(names).is_none()
+    rows >= 3 && parse_row(names).is_none()
 }
 
 #[cfg(test)]
@@ -115,9 +122,9 @@ mod tests {
             let mut table = LevelTable::default();
             let mut all = Vec::new();
             for block in TEXT.chunks(size) {
-                table.push(block, &mut |channel, edge| all.push((channel, edge.sample, edge.high)));
+                table.push(block, &mut |channel, edge| all.push((channel, edge.sample, edge.is_high)));
             }
-            table.finish(&mut |channel, edge| all.push((channel, edge.sample, edge.high)));
+            table.finish(&mut |channel, edge| all.push((channel, edge.sample, edge.is_high)));
             all
         };
         let whole = found(1000);

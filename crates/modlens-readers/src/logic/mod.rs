@@ -1,7 +1,8 @@
-//! Logic analysers: samples of channels to the bytes of serial lines.
+//! Decodes the samples of logic analysers to the characters of serial lines.
 //!
-//! `edges` (samples to changes of channels), `autobaud` (which channels are lines, with what settings), `uart` (changes to
-//! characters). The first stretch is kept until the settings are certain; from there on nothing is.
+//! `edges` finds the level changes in binary samples and `level_table` those in exported text; `autobaud` detects which
+//! channels are serial lines, and their settings; `uart` decodes level changes to characters. Edges are kept in memory
+//! only until the settings are decided.
 
 mod autobaud;
 mod edges;
@@ -13,92 +14,96 @@ pub use edges::{Edge, EdgeDetector, CHANNELS};
 pub use level_table::{is_table, LevelTable};
 pub use uart::Character;
 
-use autobaud::guess;
+use autobaud::detect_settings;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::Line;
 use uart::UartReceiver;
 
-/// The settings are judged on so many changes of a channel.
-const ENOUGH: usize = 20_000;
+/// The settings are decided once a channel has so many edges.
+const DECISION_EDGES: usize = 20_000;
 
-/// Fewer changes are no traffic.
-const FEWEST: usize = 20;
+/// A channel with fewer edges carries no traffic.
+const MIN_EDGES: usize = 20;
 
-/// The lines of one bus at most: one wire, or one for each direction.
-pub const LINES: usize = 2;
+/// The most lines of a bus: one wire, or one wire per direction.
+pub const MAX_LINES: usize = 2;
 
-/// What is known of the analyser's channels beforehand.
+/// What the operator and the recording state about the channels.
 #[derive(Clone, Debug, Default)]
 pub struct Wiring {
-    /// Samples a second.
+    /// Samples per second.
     pub rate: f64,
-    /// Bytes of a sample; 0 for rows of text with a time in seconds and a level a channel, whose rate is 1e9.
+    /// Bytes per sample. 0 stands for rows of text with a time in seconds and a level per channel, whose rate is 1e9.
     pub unit: usize,
-    /// Channels to look at; all where `None`.
+    /// The channels to decode; `None` for all of them.
     pub channels: Option<Vec<usize>>,
-    /// Line settings, where they are known.
+    /// The line settings, where they are known.
     pub line: Option<Line>,
-    /// Whether lines idle low, where that is known.
+    /// Whether the idle level is low, where that is known.
     pub inverted: Option<bool>,
 }
 
-/// A line that was found.
+/// A channel that was detected to be a serial line.
 #[derive(Clone, Copy, Debug)]
 pub struct DetectedLine {
-    /// The channel.
+    /// Number of the channel.
     pub channel: usize,
-    /// Its settings.
+    /// The detected settings.
     pub settings: ChannelSettings,
 }
 
-/// A character of a line, 0 or 1.
+/// A decoded character and its line, 0 or 1.
 pub type LineCharacter = (usize, Character);
 
+/// A channel of the analyser.
 #[derive(Debug, Default)]
 struct Channel {
+    /// Edges that the receiver has not seen yet.
     edges: Vec<Edge>,
+    /// Number of the line and the receiver, once the channel is known to be a serial line.
     uart: Option<(usize, UartReceiver)>,
 }
 
-/// Reads the samples of a logic analyser.
+/// Decodes the samples of a logic analyser, which arrive in blocks.
 #[derive(Debug)]
 pub struct Analyser {
     wiring: Wiring,
     edges: EdgeDetector,
-    /// In place of samples.
+    /// The parser of exported text, which takes the place of `edges` for such files.
     table: Option<LevelTable>,
     channels: Vec<Channel>,
-    /// The lines, once they are decided.
-    found: Option<Vec<DetectedLine>>,
-    /// Channels that carry the same as a line: the other wire of a pair, an echo.
+    /// The detected lines, once they are decided.
+    lines: Option<Vec<DetectedLine>>,
+    /// Channels that carry the same bytes as a line, such as the other wire of a differential pair.
     copies: Vec<usize>,
 }
 
 impl Analyser {
-    /// An analyser with this wiring.
+    /// A decoder for channels that are wired like this.
     pub fn new(wiring: Wiring) -> Self {
         let channels = (0..CHANNELS).map(|_| Channel::default()).collect();
         let table = (wiring.unit == 0).then(LevelTable::default);
-        Self { edges: EdgeDetector::new(wiring.unit), table, wiring, channels, found: None, copies: Vec::new() }
+        Self { edges: EdgeDetector::new(wiring.unit), table, wiring, channels, lines: None, copies: Vec::new() }
     }
 
-    /// The lines, once they are decided.
-    pub fn found(&self) -> Option<&[DetectedLine]> {
-        self.found.as_deref()
+    /// The detected lines; `None` until they are decided.
+    pub fn lines(&self) -> Option<&[DetectedLine]> {
+        self.lines.as_deref()
     }
 
-    /// Channels that carry the same as a line.
+    /// Channels that carry the same bytes as a detected line.
     pub fn copies(&self) -> &[usize] {
         &self.copies
     }
 
-    /// Nanoseconds of a place.
-    pub fn ns(&self, place: f64) -> modlens_protocol::Ns {
-        (place * 1e9 / self.wiring.rate).round() as modlens_protocol::Ns
+    /// Converts a position in samples to ns since the first sample.
+    pub fn ns(&self, sample: f64) -> modlens_protocol::Ns {
+        (sample * 1e9 / self.wiring.rate).round() as modlens_protocol::Ns
     }
 
-    /// Takes samples, cut anywhere; `heard` gets the characters that are whole, in the order of their ends.
-    pub fn push(&mut self, functions: &Functions, block: &[u8], heard: &mut Vec<LineCharacter>) {
+    /// Takes a block of samples, cut anywhere; appends the characters that are complete to `decoded`, in the order of their
+    /// ends.
+    pub fn push(&mut self, functions: &Functions, block: &[u8], decoded: &mut Vec<LineCharacter>) {
         let Self { edges, table, channels, wiring, .. } = self;
         let mut each = |channel: usize, edge| {
             if wiring.channels.as_ref().is_none_or(|chosen| chosen.contains(&channel)) {
@@ -109,15 +114,15 @@ impl Analyser {
             Some(table) => table.push(block, &mut each),
             None => edges.push(block, &mut each),
         }
-        // A fixed number of changes decides, however the blocks are cut.
-        if self.found.is_none() && self.channels.iter().any(|channel| channel.edges.len() >= ENOUGH) {
+        // The decision is taken at a fixed number of edges, so that it does not depend on how the blocks are cut.
+        if self.lines.is_none() && self.channels.iter().any(|channel| channel.edges.len() >= DECISION_EDGES) {
             self.decide(functions);
         }
-        self.characters(heard);
+        self.decode(decoded);
     }
 
-    /// The samples have ended.
-    pub fn finish(&mut self, functions: &Functions, heard: &mut Vec<LineCharacter>) {
+    /// Decides and decodes what is left, because the samples have ended.
+    pub fn finish(&mut self, functions: &Functions, decoded: &mut Vec<LineCharacter>) {
         let Self { table, channels, wiring, .. } = self;
         if let Some(table) = table {
             table.finish(&mut |channel, edge| {
@@ -126,72 +131,75 @@ impl Analyser {
                 }
             });
         }
-        if self.found.is_none() {
+        if self.lines.is_none() {
             self.decide(functions);
         }
-        self.characters(heard);
+        self.decode(decoded);
     }
 
-    /// How far the channels are known.
+    /// The number of samples up to which the levels are known.
     fn samples(&self) -> u64 {
         self.table.as_ref().map_or(self.edges.samples, |table| table.samples)
     }
 
+    /// Decides which channels are serial lines: those with most bytes in valid frames, two at most. A channel that carries
+    /// the same bytes as another one is a copy.
     fn decide(&mut self, functions: &Functions) {
-        // Everybody is judged up to the change that was enough for the busiest.
-        let full = self.channels.iter().filter_map(|channel| channel.edges.get(ENOUGH - 1)).map(|edge| edge.sample).min();
-        let now = full.unwrap_or_else(|| self.samples());
-        let mut found: Vec<(DetectedLine, Vec<u8>)> = Vec::new();
+        // All channels are examined up to the sample at which the busiest one had enough edges.
+        let decision_sample =
+            self.channels.iter().filter_map(|channel| channel.edges.get(DECISION_EDGES - 1)).map(|edge| edge.sample).min();
+        let now = decision_sample.unwrap_or_else(|| self.samples());
+        let mut lines: Vec<(DetectedLine, Vec<u8>)> = Vec::new();
         for (number, channel) in self.channels.iter().enumerate() {
             let count = channel.edges.partition_point(|edge| edge.sample < now);
             let edges = &channel.edges[..count];
-            if edges.len() < FEWEST {
+            if edges.len() < MIN_EDGES {
                 continue;
             }
             let (rate, line, inverted) = (self.wiring.rate, self.wiring.line, self.wiring.inverted);
-            let Some(settings) = guess(functions, edges, now, rate, line, inverted) else { continue };
-            // Named channels are believed; others have to show frames.
-            if settings.good == 0 && self.wiring.channels.is_none() {
+            let Some(settings) = detect_settings(functions, edges, now, rate, line, inverted) else { continue };
+            // Channels that the operator named count as lines even without valid frames.
+            if settings.valid_frame_bytes == 0 && self.wiring.channels.is_none() {
                 continue;
             }
             let mut uart = UartReceiver::new(settings.line, rate, settings.inverted);
             for &edge in edges {
-                uart.edge(edge);
+                uart.push_edge(edge);
             }
             let bytes: Vec<u8> = std::iter::from_fn(|| uart.next(now)).map(|it| it.byte).collect();
-            if found.iter().any(|(_, other)| *other == bytes) {
+            if lines.iter().any(|(_, other)| *other == bytes) {
                 self.copies.push(number);
             } else {
-                found.push((DetectedLine { channel: number, settings }, bytes));
+                lines.push((DetectedLine { channel: number, settings }, bytes));
             }
         }
-        // The best two are the lines of the bus.
-        found.sort_by_key(|(it, _)| (std::cmp::Reverse(it.settings.good), it.channel));
-        found.truncate(LINES);
-        found.sort_by_key(|(it, _)| it.channel);
-        let found: Vec<DetectedLine> = found.into_iter().map(|(it, _)| it).collect();
-        for (line, it) in found.iter().enumerate() {
+        // The two channels with most bytes in valid frames are the lines of the bus.
+        lines.sort_by_key(|(it, _)| (std::cmp::Reverse(it.settings.valid_frame_bytes), it.channel));
+        lines.truncate(MAX_LINES);
+        lines.sort_by_key(|(it, _)| it.channel);
+        let lines: Vec<DetectedLine> = lines.into_iter().map(|(it, _)| it).collect();
+        for (line, it) in lines.iter().enumerate() {
             let uart = UartReceiver::new(it.settings.line, self.wiring.rate, it.settings.inverted);
             self.channels[it.channel].uart = Some((line, uart));
         }
-        self.found = Some(found);
+        self.lines = Some(lines);
     }
 
-    /// Moves edges to the receivers and takes what they have heard, oldest first.
-    fn characters(&mut self, heard: &mut Vec<LineCharacter>) {
-        if self.found.is_none() {
+    /// Passes new edges to the receivers and appends the characters that they complete, oldest first.
+    fn decode(&mut self, decoded: &mut Vec<LineCharacter>) {
+        if self.lines.is_none() {
             return;
         }
         let now = self.samples();
-        let before = heard.len();
+        let before = decoded.len();
         for channel in &mut self.channels {
             let edges = channel.edges.drain(..);
             let Some((line, uart)) = &mut channel.uart else { continue };
-            edges.for_each(|edge| uart.edge(edge));
+            edges.for_each(|edge| uart.push_edge(edge));
             while let Some(character) = uart.next(now) {
-                heard.push((*line, character));
+                decoded.push((*line, character));
             }
         }
-        heard[before..].sort_by(|a, b| a.1.end.total_cmp(&b.1.end));
+        decoded[before..].sort_by(|a, b| a.1.end.total_cmp(&b.1.end));
     }
 }
