@@ -164,7 +164,7 @@ impl BusState {
         let is_new = self.lines.iter().all(|(line, _)| *line != chunk.line);
         let all_unmerged = self.lines.iter().all(|(_, line)| line.unmerged.is_some());
         let is_two_line_tap = chunk.line != 0 && self.options.bus.network.is_none();
-        let is_untimed = matches!(chunk.times, Times::None) && !chunk.record;
+        let is_untimed = matches!(chunk.times, Times::None) && !chunk.starts_record;
         let line = self.line(chunk.line);
         if is_new && all_unmerged && is_two_line_tap && is_untimed {
             line.unmerged = Some(Box::new(UnmergedFrames::new(Input::new(line.input.char_ns))));

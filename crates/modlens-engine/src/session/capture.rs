@@ -16,7 +16,7 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
-use modlens_readers::pcap::{Capture, Content, Endpoint, Event, Interface, Piece, Ports};
+use modlens_readers::pcap::{Capture, Endpoint, Event, Interface, Ports, SerialContent, StreamChunk};
 
 /// Times before March 1973 are not dates: the clock started with the recording.
 const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
@@ -117,16 +117,16 @@ impl Session {
                 }
             }
             Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
-            Event::Bytes { slot, from_client, piece, record, heard } => {
+            Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
-                    if self.buses[bus].pairing.response_side_recorded != heard || piece.missing > 0 {
+                    if self.buses[bus].pairing.response_side_recorded != server_side_recorded || chunk.missing > 0 {
                         self.decide_waiting();
                     }
-                    self.buses[bus].pairing.response_side_recorded = heard;
-                    self.feed_segment(bus, from_client, &piece, record);
+                    self.buses[bus].pairing.response_side_recorded = server_side_recorded;
+                    self.feed_stream(bus, from_client, &chunk, is_whole_message);
                 }
             }
-            Event::Found { slot, finding, detail, packet, time } => {
+            Event::Finding { slot, finding, detail, packet, time } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
                     self.emit_connection_finding(bus, finding, detail, packet, time);
                 }
@@ -142,7 +142,7 @@ impl Session {
                 let line = by.own.as_ref().map_or(0, |port| port.line);
                 // A tap receives everything, so that its word `received` does not tell who has sent the bytes.
                 let side = content.side.filter(|_| by.own.is_none());
-                self.feed_serial(bus, line, &Content { side, ..content }, &errors, packet, time);
+                self.feed_serial(bus, line, &SerialContent { side, ..content }, &errors, packet, time);
             }
             Event::Reimported { by, metadata, packet, time, .. } => {
                 self.reimport_packet(&mut state.reimport, &state.options, by, &metadata, packet, time);
@@ -183,8 +183,8 @@ impl Session {
         state.slots[slot] = Some(bus);
     }
 
-    /// Feeds the bytes of a TCP segment.
-    fn feed_segment(&mut self, bus: usize, from_client: bool, piece: &Piece<'_>, record: bool) {
+    /// Feeds bytes of a connection, in order.
+    fn feed_stream(&mut self, bus: usize, from_client: bool, piece: &StreamChunk<'_>, is_whole_message: bool) {
         if piece.missing > 0 {
             self.buses[bus].pairing.note_missing_bytes();
             let detail = format!("{} bytes are missing before packet {}", piece.missing, piece.packet);
@@ -195,8 +195,8 @@ impl Session {
             line: if from_client { FROM_CLIENT } else { FROM_SERVER },
             times: piece.time.map_or(Times::None, Times::Read),
             side: Some(if from_client { Side::Sent } else { Side::Received }),
-            record,
-            hole: piece.missing > 0,
+            starts_record: is_whole_message,
+            follows_loss: piece.missing > 0,
             origin: piece.packet,
             ..Chunk::default()
         };
@@ -204,18 +204,18 @@ impl Session {
     }
 
     /// Feeds the bytes of a packet of a serial interface.
-    fn feed_serial(&mut self, bus: usize, line: u8, content: &Content<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {
+    fn feed_serial(&mut self, bus: usize, line: u8, content: &SerialContent<'_>, errors: &[u32], packet: u64, time: Option<Ns>) {
         let chunk = Chunk {
             bytes: content.bytes,
             line,
             times: time.map_or(Times::None, Times::Read),
             side: content.side,
-            record: content.record,
-            hole: content.hole,
+            starts_record: content.is_whole_frame,
+            follows_loss: content.follows_loss,
             // Marks on single bytes say more than a mark on the whole packet.
-            line_error: content.line_error && errors.is_empty(),
-            errors,
-            no_checksum: content.no_checksum,
+            has_line_error: content.has_line_error && errors.is_empty(),
+            error_positions: errors,
+            lacks_checksum: content.lacks_checksum,
             origin: packet,
             ..Chunk::default()
         };

@@ -51,7 +51,7 @@ impl Session {
         let time = chunk.time();
         // A hole on a serial line means that the tap was away: no response to an open request will come. A connection goes
         // on behind lost segments.
-        let tap_was_away = chunk.hole && self.buses[bus].options.bus.network.is_none();
+        let tap_was_away = chunk.follows_loss && self.buses[bus].options.bus.network.is_none();
         // If bytes follow, it is unknown when the tap went away, so the bus is flushed before time advances. A chunk
         // without bytes says that the tap goes away at this moment.
         if tap_was_away && !chunk.bytes.is_empty() {

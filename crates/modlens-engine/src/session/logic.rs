@@ -8,7 +8,7 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
-use modlens_readers::logic::{Analyser, Character, Found, Wiring};
+use modlens_readers::logic::{Analyser, Character, DetectedLine, Wiring};
 
 /// One recording of a logic analyser.
 pub(super) struct LogicState {
@@ -35,7 +35,7 @@ impl Session {
             state.analyser.finish(&functions, &mut characters);
         }
         if state.bus.is_none() {
-            if let Some(found) = state.analyser.found().filter(|found| !found.is_empty()) {
+            if let Some(found) = state.analyser.lines().filter(|found| !found.is_empty()) {
                 let (line, sample_ns) = (found[0].settings.line, state.analyser.ns(1.0));
                 let (name, source) = (state.source.clone(), state.source.clone());
                 let bus = Bus { name, source, place: Place::Offset, clock: Clock::Relative, line: Some(line), network: None };
@@ -46,29 +46,34 @@ impl Session {
         }
         if let Some(bus) = state.bus {
             self.origin.get_or_insert(0);
-            let has_several_lines = state.analyser.found().is_some_and(|found| found.len() > 1);
+            let has_several_lines = state.analyser.lines().is_some_and(|found| found.len() > 1);
             self.feed_characters(bus, has_several_lines, &state.analyser, &characters);
         }
         self.logics[logic] = Some(state);
     }
 
     /// The lines that were detected, and the channels that carry the same signal as one of them.
-    pub fn logic(&self, logic: usize) -> Option<(&[Found], &[usize])> {
+    pub fn logic(&self, logic: usize) -> Option<(&[DetectedLine], &[usize])> {
         let state = self.logics.get(logic)?.as_ref()?;
-        Some((state.analyser.found().unwrap_or(&[]), state.analyser.copies()))
+        Some((state.analyser.lines().unwrap_or(&[]), state.analyser.copies()))
     }
 
     /// Feeds the characters in runs of one line, all with or all without a line error.
     fn feed_characters(&mut self, bus: usize, has_several_lines: bool, analyser: &Analyser, characters: &[(usize, Character)]) {
         let (mut bytes, mut times): (Vec<u8>, Vec<Ns>) = (Vec::new(), Vec::new());
-        for run in characters.chunk_by(|a, b| (a.0, a.1.marked()) == (b.0, b.1.marked())) {
+        for run in characters.chunk_by(|a, b| (a.0, a.1.has_error()) == (b.0, b.1.has_error())) {
             bytes.clear();
             times.clear();
             bytes.extend(run.iter().map(|(_, character)| character.byte));
             times.extend(run.iter().map(|(_, character)| analyser.ns(character.end)));
             let line = if has_several_lines { 1 + run[0].0 as u8 } else { 0 };
-            let chunk =
-                Chunk { line, bytes: &bytes, times: Times::Bytes(&times), line_error: run[0].1.marked(), ..Chunk::default() };
+            let chunk = Chunk {
+                line,
+                bytes: &bytes,
+                times: Times::Bytes(&times),
+                has_line_error: run[0].1.has_error(),
+                ..Chunk::default()
+            };
             self.feed(bus, &chunk);
         }
     }

@@ -111,7 +111,7 @@ pub struct Session {
     /// The bus with bytes that `feed_later` has left undecided.
     waiting: Option<usize>,
     /// The buses of raw recordings, each with the segment that was read last.
-    recorded: Vec<(modlens_readers::pcap::own::RecordingSegment, usize)>,
+    recorded: Vec<(modlens_readers::pcap::metadata::RecordingSegment, usize)>,
 }
 
 impl Default for Session {

@@ -20,7 +20,7 @@ use modlens_protocol::source::Place;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
-use modlens_readers::pcap::own::{self, micros, named, number, unhex, value, PacketMetadata};
+use modlens_readers::pcap::metadata::{self, micros, named, number, unhex, value, PacketMetadata};
 use modlens_readers::pcap::Interface;
 
 /// Frames that may wait for the metadata of their transaction. In a file that was cut, some wait for ever.
@@ -170,7 +170,7 @@ impl Session {
             end: start.map(|start| start + length * line.map_or(0, |line| line.char_ns())),
             clean_start: true,
             gap: micros(text, "gap_us"),
-            mbap_id: own::number(text, "mbap_id").map(|id| id as u16),
+            mbap_id: metadata::number(text, "mbap_id").map(|id| id as u16),
             origin: packet,
             tentative: text.split(' ').any(|word| word == "tentative"),
             codes: &[],
@@ -180,7 +180,7 @@ impl Session {
             number,
             bus: bus as u32,
             line: line_of,
-            offset: own::number(text, "offset").unwrap_or(0),
+            offset: metadata::number(text, "offset").unwrap_or(0),
             wire: self.batch.keep(&metadata.bytes),
             start,
             elapsed: elapsed(self.origin, start),
@@ -192,9 +192,9 @@ impl Session {
             exception,
             verdict: fields.verdict,
             tentative: observed.tentative,
-            confidence: byte_of("confidence").unwrap_or(own::DEFAULTS.confidence),
+            confidence: byte_of("confidence").unwrap_or(metadata::DEFAULTS.confidence),
             cut_by: fields.cut_by,
-            txn: own::number(text, "txn").map(|txn| reimport.txns_before + txn),
+            txn: metadata::number(text, "txn").map(|txn| reimport.txns_before + txn),
             mbap_id: observed.mbap_id,
             findings: self.batch.keep_codes(&finding_codes(text)),
             origin: packet,
@@ -263,7 +263,8 @@ impl Session {
         };
         let (request, response) = (half("request"), half("response"));
         let Some(first) = request.as_ref().or(response.as_ref()) else { return };
-        let status = own::value_or_default(text, "status", own::DEFAULTS.status, |name| named(&Status::ALL, Status::text, name));
+        let status =
+            metadata::value_or_default(text, "status", metadata::DEFAULTS.status, |name| named(&Status::ALL, Status::text, name));
         let Some(status) = status else { return };
         let other = |key: &str| number(text, key).map(|txn| reimport.txns_before + txn);
         let mut transaction = Box::new(PendingTransaction {

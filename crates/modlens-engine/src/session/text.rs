@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::session::{BusOptions, Session};
 use modlens_protocol::source::Place;
 use modlens_readers::chunk::{Chunk, Times};
-use modlens_readers::text::{Reader, Record};
+use modlens_readers::text::{LogEntry, Reader};
 
 impl Session {
     /// Opens a recording in text on a bus; `sample` is its beginning, from which the meaning of `sent` is learned.
@@ -19,19 +19,19 @@ impl Session {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
         let resolution = self.buses[bus].options.resolution;
-        while let Some((record, bytes)) = reader.next(last) {
+        while let Some((entry, bytes)) = reader.next(last) {
             // The bytes borrow the reader, which is needed for the names of devices, so they are copied.
             let mut copied = std::mem::take(&mut self.text);
             copied.clear();
             copied.extend_from_slice(bytes);
-            let to = self.device_bus(bus, &record, &reader);
+            let to = self.device_bus(bus, &entry, &reader);
             let stamps = if resolution.is_none() { reader.resolution() } else { self.buses[to].stamps_resolution };
-            if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, &record) {
+            if self.buses[to].stamps_resolution != stamps || !self.has_clock_of(to, &entry) {
                 // The records before had another clock.
                 self.decide_waiting();
             }
             self.buses[to].stamps_resolution = stamps;
-            self.feed_record(to, &record, &copied);
+            self.feed_entry(to, &entry, &copied);
             self.text = copied;
         }
         self.decide_waiting();
@@ -53,26 +53,26 @@ impl Session {
         }
     }
 
-    /// Whether a bus already has the clock of this record, and line numbers for places.
-    fn has_clock_of(&self, bus: usize, record: &Record) -> bool {
+    /// Whether a bus already has the clock of this entry, and line numbers for places.
+    fn has_clock_of(&self, bus: usize, entry: &LogEntry) -> bool {
         let row = &self.buses[bus].options.bus;
-        row.clock == record.clock && row.place == Place::Line
+        row.clock == entry.clock && row.place == Place::Line
     }
 
-    fn feed_record(&mut self, bus: usize, record: &Record, bytes: &[u8]) {
-        if !self.has_clock_of(bus, record) {
-            self.describe_bus(bus, record.clock, Place::Line);
+    fn feed_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) {
+        if !self.has_clock_of(bus, entry) {
+            self.describe_bus(bus, entry.clock, Place::Line);
         }
         let chunk = Chunk {
             bytes,
-            times: record.time.map_or(Times::None, Times::Read),
-            line: record.line,
-            side: record.side,
-            record: record.record,
-            hole: record.hole,
-            no_checksum: record.no_checksum,
-            framing: record.framing,
-            origin: record.number,
+            times: entry.time.map_or(Times::None, Times::Read),
+            line: entry.line,
+            side: entry.side,
+            starts_record: entry.starts_record,
+            follows_loss: entry.follows_loss,
+            lacks_checksum: entry.lacks_checksum,
+            proven_framing: entry.proven_framing,
+            origin: entry.number,
             ..Chunk::default()
         };
         self.feed_later(bus, &chunk);
@@ -80,14 +80,14 @@ impl Session {
 
     /// The bus of the device that a record names. The first device takes the recording's own bus, if that has no bytes yet;
     /// every further one gets a bus of its own.
-    fn device_bus(&mut self, bus: usize, record: &Record, reader: &Reader) -> usize {
-        if record.key == 0 {
+    fn device_bus(&mut self, bus: usize, entry: &LogEntry, reader: &Reader) -> usize {
+        if entry.key == 0 {
             return bus;
         }
-        if let Some(&(_, known)) = self.buses[bus].devices.iter().find(|(key, _)| *key == record.key) {
+        if let Some(&(_, known)) = self.buses[bus].devices.iter().find(|(key, _)| *key == entry.key) {
             return known;
         }
-        let name = String::from_utf8_lossy(&reader.keys()[record.key - 1]).into_owned();
+        let name = String::from_utf8_lossy(&reader.keys()[entry.key - 1]).into_owned();
         let own = &self.buses[bus].options;
         let row = crate::records::Bus { name: format!("{}:{name}", own.bus.source), ..own.bus.clone() };
         let options = BusOptions { bus: row.clone(), ..own.clone() };
@@ -100,7 +100,7 @@ impl Session {
             self.stats.rename_bus(bus, &row.name);
             self.buses[bus].options.bus = row;
         }
-        self.buses[bus].devices.push((record.key, to));
+        self.buses[bus].devices.push((entry.key, to));
         to
     }
 
