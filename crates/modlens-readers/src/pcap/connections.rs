@@ -6,9 +6,9 @@ use std::collections::HashMap;
 use foldhash::fast::RandomState;
 
 use crate::pcap::classify::{classify, BufferedChunk, Classification};
+use crate::pcap::event::{Event, SkipCounts};
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::stream::{ArrivedSegment, Outcome, Stream, StreamChunk};
-use crate::pcap::{Event, SkipCounts};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;

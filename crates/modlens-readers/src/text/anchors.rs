@@ -3,7 +3,7 @@
 
 use memchr::{memchr, memchr2, memchr3};
 
-use crate::text::dialect::Role;
+use crate::text::role::Role;
 use crate::text::template::Template;
 
 /// The number of bits in a mask of rules. Rules beyond this number share the last bit.

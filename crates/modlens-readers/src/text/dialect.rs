@@ -8,8 +8,8 @@ use serde_json::Value as Json;
 
 use crate::chunk::Side;
 use crate::text::anchors::AnchorIndex;
+use crate::text::role::Role;
 use crate::text::template::Template;
-use crate::text::Reader;
 use modlens_protocol::functions::parse_toml;
 
 /// The embedded table.
@@ -17,34 +17,6 @@ pub const TABLE: &str = include_str!("../../../../analyzer/sources/dialects.toml
 
 /// Byte strings with their sender; `None` where the log does not say who sent them.
 pub type Strings = Vec<(Option<Side>, Vec<u8>)>;
-
-/// The meaning of a line that a template matches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
-    /// It holds bytes; `None` where the log does not say who sent them.
-    Bytes(Option<Side>),
-    /// A header line, which announces the bytes in the lines behind it.
-    Header(Option<Side>),
-    /// A header line for bytes that the log has printed before.
-    DuplicateHeader,
-    /// It holds bytes that a header line announced.
-    Continuation,
-    /// It holds bytes that are duplicates if the same bytes were delivered last, and new otherwise.
-    PossibleDuplicate,
-    /// It holds bytes that the log has printed before.
-    Duplicate,
-    /// The `*` of a dump: it stands for lines like the one before, as many as the next offset says.
-    RepeatedLines,
-    /// It belongs to the format but holds neither bytes nor times.
-    Ignored,
-}
-
-impl Role {
-    /// Whether lines with this meaning hold bytes that are delivered.
-    pub fn holds_bytes(self) -> bool {
-        matches!(self, Self::Bytes(_) | Self::Continuation | Self::PossibleDuplicate)
-    }
-}
 
 /// The protocol that a program prints around the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,7 +139,8 @@ impl Dialects {
         static EMBEDDED: OnceLock<Dialects> = OnceLock::new();
         EMBEDDED.get_or_init(|| {
             let mut table = Self { rows: Vec::new() };
-            table.load(TABLE, "dialects.toml").expect("the embedded table is tested");
+            // A test checks the samples of the embedded rows, so that start-up need not.
+            table.load_with(TABLE, "dialects.toml", |_| Ok(())).expect("the embedded table is tested");
             table
         })
     }
@@ -196,12 +169,14 @@ impl Dialects {
             .collect()
     }
 
-    /// Adds the rows of a TOML text in front of the others; they replace rows of the same name. `origin` is the file's name
-    /// for messages. The sample of each row is read, to show that the row finds the bytes that it claims to find.
-    ///
-    /// # Errors
-    /// Names the wrong row and key, and the known words.
-    pub fn load(&mut self, text: &str, origin: &str) -> Result<(), String> {
+    /// Parses the rows of a TOML text and puts them in front of the others; they replace rows of the same name. `origin` is
+    /// the file's name for messages. `check` is called with each row before the next one is parsed.
+    pub(super) fn load_with(
+        &mut self,
+        text: &str,
+        origin: &str,
+        check: impl Fn(&Arc<Dialect>) -> Result<(), String>,
+    ) -> Result<(), String> {
         let table = parse_toml(text).map_err(|message| format!("{origin}: {message}"))?;
         if table.get("format").and_then(Json::as_u64) != Some(1) {
             return Err(format!("{origin}: the first line has to be `format = 1`"));
@@ -213,12 +188,10 @@ impl Dialects {
         }
         let mut added = Vec::new();
         for (i, row) in table.get("dialect").and_then(Json::as_array).into_iter().flatten().enumerate() {
-            let row = parse_row(row).map_err(|message| format!("{origin}: dialect row {}: {message}", i + 1))?;
-            added.push(Arc::new(row));
-            // A test checks the samples of the embedded rows, so start-up need not.
-            if text.len() != TABLE.len() {
-                check_sample(&added[i]).map_err(|message| format!("{origin}: dialect row {}: {message}", i + 1))?;
-            }
+            let in_row = |message: String| format!("{origin}: dialect row {}: {message}", i + 1);
+            let row = Arc::new(parse_row(row).map_err(in_row)?);
+            check(&row).map_err(in_row)?;
+            added.push(row);
         }
         self.rows.retain(|row| !added.iter().any(|new| new.name == row.name));
         added.append(&mut self.rows);
@@ -296,41 +269,6 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         has_headers: rules.iter().any(|(role, _)| matches!(role, Role::Header(_))),
         rules,
     })
-}
-
-/// The byte strings that a row finds in its own sample. Entries that continue a frame are joined to the one before.
-pub(super) fn strings_of_sample(row: &Arc<Dialect>) -> Strings {
-    let mut reader = Reader::new(vec![Arc::clone(row)], None, Arc::default());
-    reader.push(row.sample.trim_matches('\n').as_bytes());
-    let mut strings: Strings = Vec::new();
-    while let Some((record, bytes)) = reader.next(true) {
-        match strings.last_mut() {
-            Some((_, string)) if !record.starts_record => string.extend_from_slice(bytes),
-            _ => strings.push((record.side, bytes.to_vec())),
-        }
-    }
-    strings
-}
-
-/// Compares what the row finds in its sample with what it claims; the error message shows what was found. Senders are
-/// compared only if the sample is split in the same places, because a claim may join what the log prints in parts.
-fn check_sample(row: &Arc<Dialect>) -> Result<(), String> {
-    let found = strings_of_sample(row);
-    let is_joined = |strings: &Strings| strings.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
-    let sides = |strings: &Strings| strings.iter().map(|(side, _)| *side).collect::<Vec<_>>();
-    if is_joined(&found) == is_joined(&row.bytes) && (found.len() != row.bytes.len() || sides(&found) == sides(&row.bytes)) {
-        return Ok(());
-    }
-    let mark = |side: &Option<Side>| match side {
-        Some(Side::Sent) => ">",
-        Some(Side::Received) => "<",
-        None => "=",
-    };
-    let line = |(side, bytes): &(Option<Side>, Vec<u8>)| {
-        bytes.iter().fold(format!("\"{}", mark(side)), |text, b| text + &format!(" {b:02X}")) + "\""
-    };
-    let lines: Vec<String> = found.iter().map(line).collect();
-    Err(format!("the sample gives bytes = [{}], not what the row names", lines.join(", ")))
 }
 
 /// Parses the `bytes` of a row, such as `> 05 03` (sent), `< 05 03` (received) or `= 05 03` (the log does not say).

@@ -5,14 +5,17 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::chunk::Side;
-use crate::text::dialect::{Dialect, Encapsulation, Role};
+use crate::text::dialect::{Dialect, Encapsulation};
 use crate::text::frame_evidence::check_frame;
-use crate::text::reader::SkippedBytes;
+use crate::text::role::Role;
 use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
 use crate::text::{encapsulation, LogEntry};
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::Ns;
+
+/// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
+pub type SkippedBytes = (u64, Vec<u8>, &'static str);
 
 /// The most bytes that a `*` in a dump may stand for; a larger gap between the offsets counts as lost bytes.
 const MAX_REPEATED_BYTES: u64 = 1 << 24;

@@ -22,6 +22,8 @@ mod frame_evidence;
 mod notation;
 mod prefix;
 mod reader;
+mod role;
+mod sample;
 mod template;
 mod timestamps;
 
@@ -32,7 +34,8 @@ use modlens_protocol::Ns;
 
 pub use clock::{day_of, ClockKind, ClockSettings};
 pub use dialect::{Dialect, Dialects, TABLE};
-pub use reader::{Reader, SkippedBytes};
+pub use entries::SkippedBytes;
+pub use reader::Reader;
 
 /// What a text log says about one run of bytes. The bytes themselves are returned beside it.
 #[derive(Clone, Copy, Debug, Default)]

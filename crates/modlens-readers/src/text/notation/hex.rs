@@ -1,6 +1,6 @@
 //! Bytes as pairs of hex digits, with the separators, prefixes and suffixes that programs print.
 
-use crate::text::notation::{word, NotationFlags, BLOCK};
+use crate::text::notation::tokens::{word, NotationFlags, BLOCK};
 use modlens_protocol::hex::{digit, pair, solid, BAD, DIGITS, HIGH, LOW, NO};
 
 /// Whether a character may separate bytes.

@@ -3,9 +3,12 @@
 
 mod hex;
 mod other;
+mod tokens;
 
 use hex::{bracketed, byte, groups, hex, pairs, prefixed};
 use other::{ascii, base64, cell, decimal, decimal_one, escaped, named, words};
+
+pub(super) use tokens::NotationFlags;
 
 /// A way of printing bytes. `PLACEHOLDERS` has the placeholder that names it in templates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -47,16 +50,6 @@ pub(super) enum Notation {
     /// A frame of Modbus ASCII, colon and hex digits, which yields the characters that were on the line.
     Ascii,
 }
-
-/// What a notation has found beside the bytes.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct NotationFlags {
-    /// A placeholder stands where the checksum should be.
-    pub no_checksum: bool,
-}
-
-/// How many characters or bytes are processed at once, without a branch for each, where the text is regular.
-const BLOCK: usize = 8;
 
 impl Notation {
     /// The placeholders of templates, without braces.
@@ -123,17 +116,6 @@ impl Notation {
     pub fn has_words(self) -> bool {
         matches!(self, Self::Words | Self::Octal)
     }
-}
-
-/// The word at position `from`: letters, digits and question marks, possibly none.
-fn word(text: &[u8], from: usize) -> &[u8] {
-    // The test has no branches, so that the compiler checks several characters of a long word at once.
-    let within = |b: u8| (b | 0x20).wrapping_sub(b'a') < 26 || b.wrapping_sub(b'0') < 10 || b == b'?';
-    let rest = &text[from..];
-    let blocks = rest.chunks_exact(BLOCK).take_while(|block| block.iter().fold(true, |all, &b| all & within(b)));
-    let length = BLOCK * blocks.count();
-    let more = rest[length..].iter().take_while(|&&b| within(b)).count();
-    &rest[..length + more]
 }
 
 #[cfg(test)]

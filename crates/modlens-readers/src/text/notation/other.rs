@@ -3,7 +3,7 @@
 //! Each function appends the bytes at the start of the text to `out` and returns the length of the text that they took.
 
 use crate::text::notation::hex::{byte, hex_token};
-use crate::text::notation::word;
+use crate::text::notation::tokens::word;
 use modlens_protocol::checksum::{crc_valid, lrc};
 use modlens_protocol::hex::{digit, pair, BAD, DIGITS};
 

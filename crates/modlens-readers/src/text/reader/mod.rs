@@ -10,10 +10,11 @@ use memchr::memchr;
 use crate::chunk::Side;
 use crate::text::clean::{clean, is_quoted};
 use crate::text::clock::{ClockKind, ClockSettings};
-use crate::text::dialect::{Dialect, Dialects, Role};
-use crate::text::entries::EntryAssembler;
+use crate::text::dialect::{Dialect, Dialects};
+use crate::text::entries::{EntryAssembler, SkippedBytes};
 use crate::text::frame_evidence;
 use crate::text::notation::Notation;
+use crate::text::role::Role;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
 use crate::text::LogEntry;
@@ -31,9 +32,6 @@ const MAX_LINE_BYTES: usize = 1 << 24;
 
 /// The most matches that are taken from one line.
 const MAX_MATCHES_PER_LINE: usize = 64;
-
-/// Bytes that were read but not delivered: the number of the line, the bytes, and the reason.
-pub type SkippedBytes = (u64, Vec<u8>, &'static str);
 
 /// Reads the text of one recording, which may arrive in blocks of any size.
 #[derive(Debug)]

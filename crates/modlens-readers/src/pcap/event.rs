@@ -1,0 +1,114 @@
+//! What a capture yields: the events of its connections and serial lines, and counts of what was skipped.
+
+use crate::pcap::file::Interface;
+use crate::pcap::metadata::PacketMetadata;
+use crate::pcap::net::Endpoint;
+use crate::pcap::serial::SerialContent;
+use crate::pcap::stream::StreamChunk;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::Ns;
+
+/// What is found in a capture, in order. A slot is the number of a connection; it is reused once the connection is closed.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// The time of a packet of any kind, which moves the clock of the capture on.
+    Time(Ns, &'a Interface),
+    /// A connection turned out to carry Modbus.
+    Opened {
+        /// Slot of the connection.
+        slot: usize,
+        /// The end that sends requests.
+        client: Endpoint,
+        /// The end that sends responses.
+        server: Endpoint,
+        /// The framing.
+        mode: Mode,
+    },
+    /// Bytes of a Modbus connection, in order.
+    Bytes {
+        /// Slot of the connection.
+        slot: usize,
+        /// The client has sent them.
+        from_client: bool,
+        /// The bytes, with their packet and what is missing before them.
+        chunk: StreamChunk<'a>,
+        /// They are a whole message, because they came in a datagram of their own.
+        is_whole_message: bool,
+        /// Anything that the server has sent was captured, so that a missing response means something.
+        server_side_recorded: bool,
+    },
+    /// A finding about a Modbus connection.
+    Finding {
+        /// Slot of the connection.
+        slot: usize,
+        /// The finding.
+        finding: Finding,
+        /// Its detail, as shown to users.
+        detail: String,
+        /// Number of the packet that it is about.
+        packet: u64,
+        /// Time of the packet.
+        time: Option<Ns>,
+    },
+    /// A Modbus connection was closed; its slot will be reused.
+    Closed {
+        /// Slot of the connection.
+        slot: usize,
+    },
+    /// A frame that modlens has decoded and exported before, which is imported again as it was decoded then.
+    Reimported {
+        /// Index of the interface in the file.
+        interface: usize,
+        /// The interface.
+        by: &'a Interface,
+        /// The frame with its metadata.
+        metadata: PacketMetadata<'a>,
+        /// Number of the packet.
+        packet: u64,
+        /// Time of the packet.
+        time: Option<Ns>,
+    },
+    /// Bytes of a serial line.
+    Line {
+        /// Index of the interface in the file.
+        interface: usize,
+        /// The interface.
+        by: &'a Interface,
+        /// The bytes and what the packet says about them.
+        content: SerialContent<'a>,
+        /// Positions of the bytes for which the receiver reported an error, where they are known.
+        errors: Vec<u32>,
+        /// Number of the packet.
+        packet: u64,
+        /// Time of the packet.
+        time: Option<Ns>,
+    },
+}
+
+/// The number of packets that were not decoded, by reason, and of bytes that are missing.
+#[derive(Clone, Debug, Default)]
+pub struct SkipCounts {
+    /// Packets of ports that are not listed, or without TCP and UDP.
+    pub other: u64,
+    /// Packets on Modbus ports that do not carry Modbus.
+    pub not_modbus: u64,
+    /// The number of connections of these packets.
+    pub other_connections: u64,
+    /// Packets on port 802, Modbus over TLS.
+    pub encrypted: u64,
+    /// Packets without payload, such as acknowledgements.
+    pub without_data: u64,
+    /// Packets that were captured twice.
+    pub duplicates: u64,
+    /// Packets with bytes that TCP transmitted again.
+    pub retransmissions: u64,
+    /// Packets of link types that cannot be parsed.
+    pub unknown_link: u64,
+    /// Packets of which the capture kept only a part.
+    pub cut: u64,
+    /// Bytes of streams that are not in the capture.
+    pub missing: u64,
+    /// Headers of capturing programs that were removed in front of serial frames.
+    pub headers: u64,
+}
