@@ -7,7 +7,7 @@ use serde_json::{json, Value as Json};
 
 use crate::columns::{read_data, read_range, row_of, write_data, write_range, Items};
 use modlens_engine::records::{Batch, Transaction};
-use modlens_profiles::learn::{rank_types, text, AHEAD};
+use modlens_profiles::learn::{rank_types, text, MIN_MARGIN_BITS};
 use modlens_profiles::profile::Order;
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
@@ -296,7 +296,7 @@ fn choose_non_overlapping(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
         if best_of_first[remaining] > best_of_first[i] {
             let mut point = all[i].clone();
             let rival = all.iter().zip(&best_total_with).filter(|(other, _)| other.overlaps(&point)).map(|(_, bits)| *bits);
-            point.sure &= rival.fold(0.0, f64::max) + AHEAD <= best_total_with[i];
+            point.sure &= rival.fold(0.0, f64::max) + MIN_MARGIN_BITS <= best_total_with[i];
             chosen.push(point);
             remaining = last_before[i];
         } else {

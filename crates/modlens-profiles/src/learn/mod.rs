@@ -1,9 +1,11 @@
-//! What values alone suggest about the type and the order of a register.
+//! Infers the type and the order of registers from the values that they had over time.
 
-mod floats;
-mod judge;
+mod evidence;
+mod float_hypothesis;
+mod integer_hypothesis;
 mod movement;
+mod ranking;
 pub mod text;
-mod whole;
 
-pub use judge::{rank_types, sensible_float, TypeHypothesis, AHEAD};
+pub use evidence::{TypeHypothesis, MIN_MARGIN_BITS};
+pub use ranking::{is_plausible_float, rank_types};

@@ -1,7 +1,7 @@
 //! Checks whether the values of a profile's points make sense in the register and byte order that the profile gives.
 //! The result becomes the finding `order_mismatch`.
 
-use crate::learn::{rank_types, sensible_float};
+use crate::learn::{is_plausible_float, rank_types};
 use crate::points::{MultiRegisterPoint, Plan};
 use crate::profile::{Order, Type};
 use modlens_protocol::register_type::Space;
@@ -158,7 +158,7 @@ impl Samples {
         if is_float(point.kind) {
             implausible_orders |= 1 << point.order as u8;
             for (order, _) in Order::ALL {
-                implausible_orders |= u8::from(!sensible_float(block, order)) << order as u8;
+                implausible_orders |= u8::from(!is_plausible_float(block, order)) << order as u8;
             }
         }
         let enough = self.registers.len() + usize::from(wide.width) >= ENOUGH_SAMPLES * usize::from(wide.width);

@@ -1,12 +1,11 @@
 //! The evidence that registers are a float.
 
-use crate::learn::judge::{asked_for, coupling, span, TypeHypothesis, ENOUGH, WILD};
+use crate::learn::evidence::{
+    coupling_bits, push_range, request_bits, TypeHypothesis, MIN_HYPOTHESIS_BITS, PLAUSIBLE_MAGNITUDES, WILD_STEP,
+};
 use crate::learn::movement::Movement;
 use crate::points::Value;
 use crate::profile::{Order, Type};
-
-/// Plausible magnitudes of quantities in plants: from hundredths of a milli-unit to some hundred millions.
-pub const SIZES: std::ops::Range<f64> = 1e-5..1e9;
 
 /// Penalty in bits for bits that only rise: that is a counter rather than a measured value.
 const RISING_PENALTY_BITS: f64 = 8.0;
@@ -16,8 +15,8 @@ const ROUND_CONSTANT_BITS: f64 = 6.0;
 
 /// The bits of the samples as floating point numbers.
 fn as_floats(values: &[u64], words: usize) -> Vec<f64> {
-    let float = |&bits: &u64| if words == 2 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) };
-    values.iter().map(float).collect()
+    let float_hypothesis = |&bits: &u64| if words == 2 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) };
+    values.iter().map(float_hypothesis).collect()
 }
 
 /// The smallest and the largest magnitude, if all numbers have plausible magnitudes that differ by less than a factor
@@ -25,7 +24,7 @@ fn as_floats(values: &[u64], words: usize) -> Vec<f64> {
 fn magnitude_range(numbers: &[f64]) -> Option<(f64, f64)> {
     let (mut low, mut high) = (f64::MAX, 0.0f64);
     for size in numbers.iter().filter(|&&number| number != 0.0).map(|number| number.abs()) {
-        if !SIZES.contains(&size) {
+        if !PLAUSIBLE_MAGNITUDES.contains(&size) {
             return None;
         }
         (low, high) = (low.min(size), high.max(size));
@@ -35,18 +34,18 @@ fn magnitude_range(numbers: &[f64]) -> Option<(f64, f64)> {
 
 /// The hypothesis that the registers are a float in the order that `values` were loaded with; `None` if the evidence is
 /// too weak.
-pub fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<TypeHypothesis> {
+pub fn float_hypothesis(values: &[u64], words: usize, order: Order, exact_request_share: f64) -> Option<TypeHypothesis> {
     let kind = if words == 2 { Type::F32 } else { Type::F64 };
     let numbers = as_floats(values, words);
     magnitude_range(&numbers)?;
     let mut reason = String::new();
     let movement = Movement::of(values, words, true);
-    let mut bits = 2.0 + coupling(&movement, &mut reason) + asked_for(asked, &mut reason);
-    if words == 4 && (movement.low_step < WILD || movement.next_step < WILD) {
+    let mut bits = 2.0 + coupling_bits(&movement, &mut reason) + request_bits(exact_request_share, &mut reason);
+    if words == 4 && (movement.low_step < WILD_STEP || movement.next_step < WILD_STEP) {
         bits = 0.0;
     } else if words == 4 {
         let halves: Vec<u64> = values.iter().map(|value| value >> 32).collect();
-        bits += coupling(&Movement::of(&halves, 2, true), &mut String::new());
+        bits += coupling_bits(&Movement::of(&halves, 2, true), &mut String::new());
     }
     let short_decimal_bits = short_decimals(values, words);
     if short_decimal_bits > 0.0 {
@@ -62,10 +61,10 @@ pub fn float(values: &[u64], words: usize, order: Order, asked: f64) -> Option<T
         bits += ROUND_CONSTANT_BITS;
         reason.push_str("a constant that is a round number as a float; ");
     }
-    if bits < ENOUGH {
+    if bits < MIN_HYPOTHESIS_BITS {
         return None;
     }
-    span(kind, &numbers, &mut reason);
+    push_range(kind, &numbers, &mut reason);
     // Floats with plausible exponents are a small part of all bit patterns, so a float is preferred to an integer with
     // the same evidence.
     Some(TypeHypothesis { kind, order, bits: bits + 3.0, reason, sure: false, step: movement.step })

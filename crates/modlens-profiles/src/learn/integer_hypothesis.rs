@@ -1,6 +1,8 @@
 //! The evidence that registers are an integer.
 
-use crate::learn::judge::{asked_for, coupling, span, TypeHypothesis, CARRY, ENOUGH, WILD};
+use crate::learn::evidence::{
+    coupling_bits, push_range, request_bits, TypeHypothesis, CARRY_BITS, MIN_HYPOTHESIS_BITS, WILD_STEP,
+};
 use crate::learn::movement::Movement;
 use crate::profile::{Order, Type};
 
@@ -12,7 +14,7 @@ const CONSTANT_UPPER_BITS: f64 = 3.5;
 
 /// The hypothesis that the registers are an integer in the order that `values` were loaded with; `None` if the evidence
 /// is too weak.
-pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<TypeHypothesis> {
+pub fn integer_hypothesis(values: &[u64], words: usize, order: Order, exact_request_share: f64) -> Option<TypeHypothesis> {
     let movement = Movement::of(values, words, false);
     let width = 16 * words as u32;
     let top = |value: u64| value >> (width - 16);
@@ -23,13 +25,14 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<T
         (values.iter().any(|&value| top(value) >= 0xFF00), values.iter().all(|&value| top(value) >= 0xF000));
     let any_small = values.iter().any(|&value| top(value) < 0x0100);
     let signed = (any_negative && any_small) || all_negative;
-    if movement.distinct < 2 || (upper_half_empty && asked < 0.5) {
+    if movement.distinct < 2 || (upper_half_empty && exact_request_share < 0.5) {
         return None;
     }
     let mut reason = String::new();
-    let mut bits = asked_for(asked, &mut reason);
+    let mut bits = request_bits(exact_request_share, &mut reason);
     let constant_upper_bits = if words == 2 { constant_upper_half(values, &mut reason) } else { 0.0 };
-    bits += if words == 4 { four_registers(values, &movement, signed, &mut reason) } else { coupling(&movement, &mut reason) };
+    bits +=
+        if words == 4 { four_registers(values, &movement, signed, &mut reason) } else { coupling_bits(&movement, &mut reason) };
     bits = bits.max(constant_upper_bits);
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     if all_negative && !any_small && bits > 0.0 {
@@ -40,7 +43,7 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<T
         bits += 2.0;
         reason.push_str("the sign changes where the value passes zero; ");
     }
-    if bits < ENOUGH && constant_upper_bits == 0.0 {
+    if bits < MIN_HYPOTHESIS_BITS && constant_upper_bits == 0.0 {
         return None;
     }
     let kind = match (words, signed) {
@@ -59,7 +62,7 @@ pub fn whole(values: &[u64], words: usize, order: Order, asked: f64) -> Option<T
         }
     };
     let numbers: Vec<f64> = values.iter().map(number).collect();
-    span(kind, &numbers, &mut reason);
+    push_range(kind, &numbers, &mut reason);
     Some(TypeHypothesis { kind, order, bits, reason, sure: false, step: movement.step })
 }
 
@@ -91,26 +94,26 @@ fn constant_upper_half(values: &[u64], reason: &mut String) -> f64 {
 
 /// Evidence in bits for an integer of four registers. Its upper and lower halves are judged as numbers of two
 /// registers.
-fn four_registers(values: &[u64], whole: &Movement, signed: bool, reason: &mut String) -> f64 {
+fn four_registers(values: &[u64], movement: &Movement, signed: bool, reason: &mut String) -> f64 {
     let upper: Vec<u64> = values.iter().map(|value| value >> 32).collect();
     let changes = upper.windows(2).filter(|pair| pair[0] != pair[1]).count();
     if changes * 20 <= upper.len() {
         // Either a counter whose upper half hardly moves, or a shorter number behind constants. The two are told apart
         // by the carries.
         let lower: Vec<u64> = values.iter().map(|value| value & 0xFFFF_FFFF).collect();
-        let bits = coupling(&Movement::of(&lower, 2, false), reason);
+        let bits = coupling_bits(&Movement::of(&lower, 2, false), reason);
         let carries = (1..upper.len()).filter(|&at| upper[at] == upper[at - 1] + 1 && lower[at] < lower[at - 1]).count();
         let is_plausible_counter = !signed && upper[0] > 0 && upper[0] >> 16 < MAX_TOP_REGISTER;
         return match (bits > 0.0, carries == changes) {
-            (true, true) => bits + CARRY * changes as f64 + if is_plausible_counter { 2.0 } else { -3.0 },
+            (true, true) => bits + CARRY_BITS * changes as f64 + if is_plausible_counter { 2.0 } else { -3.0 },
             _ => 0.0,
         };
     }
     // If the upper half changes often, the lower registers must jump over their whole range.
-    if whole.low_step < WILD || whole.next_step < WILD {
+    if movement.low_step < WILD_STEP || movement.next_step < WILD_STEP {
         return 0.0;
     }
-    let bits = coupling(whole, reason) + coupling(&Movement::of(&upper, 2, false), &mut String::new());
+    let bits = coupling_bits(movement, reason) + coupling_bits(&Movement::of(&upper, 2, false), &mut String::new());
     if signed && upper.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
         reason.push_str("the highest register is nothing but the sign; ");
         return bits + 8.0;
