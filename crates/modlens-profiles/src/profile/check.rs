@@ -1,10 +1,10 @@
 //! Checks a tree and converts it to a profile. Every key is checked, whatever is wrong with the others.
 
 use crate::profile::keys::{similar_word, ProfileKey, DEVICE, FILE, POINT};
-use crate::profile::kinds::{Access, Decimal, Order, Type};
-use crate::profile::node::{SourceEntry, SourceNode, SourceValue};
-use crate::profile::place::{self, PointAddress};
-use crate::profile::{AddressBase, Device, KeyLines, Mistake, Point, Profile, Sentinel};
+use crate::profile::model::{AddressBase, Device, KeyLines, Mistake, Point, Profile, Sentinel};
+use crate::profile::point_address::{self, PointAddress};
+use crate::profile::source_tree::{SourceEntry, SourceNode, SourceValue};
+use crate::profile::types::{Access, Decimal, Order, Type};
 
 /// The profile of a tree, as far as it can be understood. Mistakes are added to `mistakes`.
 pub fn profile(tree: &SourceNode, mistakes: &mut Vec<Mistake>) -> Profile {
@@ -163,7 +163,7 @@ impl Checker<'_> {
             }
         }
         let at = self.read(&table, "at", |node| match &node.value {
-            SourceValue::Text(text) => place::parse(text, device.address_base),
+            SourceValue::Text(text) => point_address::parse(text, device.address_base),
             _ => Err(format!("takes a text such as \"hr:0x00CD\", not {}", node.shown())),
         });
         let name = self.text(&table, "name").filter(|name| {

@@ -9,8 +9,8 @@
 //! ```
 
 use crate::profile::keys::{ValueKind, DEVICE, POINT};
-use crate::profile::node::{SourceEntry, SourceNode, SourceValue};
-use crate::profile::Mistake;
+use crate::profile::model::Mistake;
+use crate::profile::source_tree::{SourceEntry, SourceNode, SourceValue};
 
 /// Parses CSV into a tree. Mistakes in the CSV itself are added to `mistakes`.
 pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> SourceNode {

@@ -2,8 +2,8 @@
 
 use serde_json::{json, Map, Value as Json};
 
-use crate::profile::kinds::{Access, Order};
-use crate::profile::{Device, Point, Profile, Sentinel};
+use crate::profile::model::{Device, Point, Profile, Sentinel};
+use crate::profile::types::{Access, Order};
 
 /// The profile as plain JSON with the keys of the file format and with addresses as on the wire. It can be parsed
 /// again.

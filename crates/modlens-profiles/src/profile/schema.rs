@@ -3,7 +3,7 @@
 use serde_json::{json, Map, Value as Json};
 
 use crate::profile::keys::{ProfileKey, ValueKind, DEVICE, POINT};
-use crate::profile::kinds::{Access, Order, Type};
+use crate::profile::types::{Access, Order, Type};
 
 /// The schema (draft 2020-12). It does not express rules that involve several keys, such as widths and overlaps: only
 /// the validator checks those.

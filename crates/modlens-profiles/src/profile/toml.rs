@@ -4,8 +4,8 @@
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
 
-use crate::profile::node::{SourceEntry, SourceNode, SourceValue};
-use crate::profile::Mistake;
+use crate::profile::model::Mistake;
+use crate::profile::source_tree::{SourceEntry, SourceNode, SourceValue};
 
 /// Parses TOML into a tree. Syntax errors are added to `mistakes`.
 pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> SourceNode {

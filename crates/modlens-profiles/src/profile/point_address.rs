@@ -1,7 +1,7 @@
 //! Parses the key `at`, the address of a point: `hr:0x00CD`, `hr:40108` with base modicon, `hr:10.3`, `hr:10.4-7`,
 //! `co:5`.
 
-use crate::profile::AddressBase;
+use crate::profile::model::AddressBase;
 use modlens_protocol::register_type::Space;
 
 /// The address of a point: table, wire address, and the bits of a register.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::profile::{Mistake, Point, Profile};
+use crate::profile::model::{Mistake, Point, Profile};
 use modlens_protocol::register_type::Space;
 
 /// Checks all points against each other.
