@@ -3,27 +3,7 @@
 use crate::functions::{FunctionRow, Functions, Layout, EXCEPTION_BIT};
 use crate::pdu::u16_at;
 
-/// Who sent a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Direction {
-    /// The master (client).
-    Request,
-    /// A unit (server).
-    Response,
-    /// Not decidable.
-    Unknown,
-}
-
-impl Direction {
-    /// As the `direction` column spells it.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::Request => "request",
-            Self::Response => "response",
-            Self::Unknown => "unknown",
-        }
-    }
-}
+pub use crate::framing::Direction;
 
 /// The request that waits for its answer, as far as direction needs it.
 #[derive(Clone, Copy, Debug)]

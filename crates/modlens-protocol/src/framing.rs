@@ -1,4 +1,4 @@
-//! How frames are put on a line, what one turned out to be, and what ended it.
+//! The properties of a frame: its transmission mode, direction, verdict, and what delimited it.
 
 /// How frames are put on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,6 +18,28 @@ impl Mode {
             Self::Rtu => "rtu",
             Self::Ascii => "ascii",
             Self::Tcp => "tcp",
+        }
+    }
+}
+
+/// Who sent a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// The master (client).
+    Request,
+    /// A unit (server).
+    Response,
+    /// It cannot be decided.
+    Unknown,
+}
+
+impl Direction {
+    /// The value of the `direction` column.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Request => "request",
+            Self::Response => "response",
+            Self::Unknown => "unknown",
         }
     }
 }

@@ -66,7 +66,7 @@ impl Exchange {
         let [unit, code, high, low, ..] = *request;
         let asks = functions.asks(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
         let (address, number) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
-        if !asks.permits(functions, code, number, &request[2..]) {
+        if !functions.permits(asks, code, number, &request[2..]) {
             return None;
         }
         let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));

@@ -131,6 +131,17 @@ impl Functions {
         self.plain[usize::from(code)]
     }
 
+    /// Whether the table permits a request with this number (quantity or value) after its address. `limits` are those of
+    /// its function code, `body` is the PDU without the function code.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // For nearly all functions this is only a comparison, on the fast path of every request.
+    pub fn permits(&self, limits: RequestLimits, code: u8, number: u16, body: &[u8]) -> bool {
+        let (least, most) = limits.permitted;
+        let row_permits =
+            || self.row(code, body).is_some_and(|row| row.permits[0].iter().all(|limit| limit.violated_by(body).is_none()));
+        (least..=most).contains(&number) && (limits.is_complete || row_permits())
+    }
+
     /// The number of body bytes that `row` needs to choose between the variants of a function; 0 if it has none.
     #[inline]
     pub fn leading_bytes(&self, code: u8) -> usize {

@@ -3,9 +3,8 @@
 
 use serde_json::Value as Json;
 
-use crate::direction::Direction;
+use crate::framing::Direction;
 use crate::functions::shape::{number, Layout};
-use crate::functions::Functions;
 use crate::register_type::Space;
 
 /// Whether a function reads or writes registers or bits.
@@ -92,10 +91,10 @@ pub struct RequestLimits {
     /// Whether request and response have the same layout.
     pub mirrored: bool,
     /// The lowest and the highest permitted value of the 16-bit number after the address (quantity or value).
-    permitted: (u16, u16),
-    /// Whether `permitted` is the complete rule. If not (a list of ranges, or limits on other fields), `permits`
-    /// consults the row.
-    is_complete: bool,
+    pub(super) permitted: (u16, u16),
+    /// Whether `permitted` is the complete rule. If not (a list of ranges, or limits on other fields),
+    /// `Functions::permits` consults the row.
+    pub(super) is_complete: bool,
 }
 
 impl RequestLimits {
@@ -114,17 +113,6 @@ impl RequestLimits {
             _ => ((0, u16::MAX), false),
         };
         Some(Self { kind: row.plain?, mirrored: row.mirrored, permitted, is_complete: complete })
-    }
-
-    /// Whether the table permits a request with this number (quantity or value) after its address. `body` is the PDU
-    /// without its function code.
-    #[inline(always)]
-    #[allow(clippy::inline_always)] // For nearly all functions this is only a comparison, on the fast path of every request.
-    pub fn permits(&self, functions: &Functions, code: u8, number: u16, body: &[u8]) -> bool {
-        let (least, most) = self.permitted;
-        let row_permits =
-            || functions.row(code, body).is_some_and(|row| row.permits[0].iter().all(|limit| limit.violated_by(body).is_none()));
-        (least..=most).contains(&number) && (self.is_complete || row_permits())
     }
 }
 
