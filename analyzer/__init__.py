@@ -50,7 +50,7 @@ _API = ("Decoding", "Rows", "Tap", "decode", "tap")
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for: the command line starts without them."""
+    """Import a public name when it is first used, so that the command line starts without them."""
     if name not in __all__:
         raise AttributeError(f"module 'analyzer' has no attribute {name!r}")
     home = "analyzer.api" if name in _API else "dissectors.errors"

@@ -38,10 +38,10 @@ SHORT = {
     "input_register": "ir",
     "holding_register": "hr",
 }
-"""Short names, as filters and narrow tables say them."""
+"""Register type -> its short name in filters and narrow tables."""
 
 BASES = ("wire", "5digit", "6digit", "hex")
-"""How `--address` can show an address."""
+"""The notations in which `--address` shows addresses."""
 
 LAST_ADDRESS = 0xFFFF
 """The highest wire address."""
@@ -60,7 +60,7 @@ class Address:
 
 
 def parse(text: str) -> Address | None:
-    """What `40108`, `400108` or `4x006B` means; None where it is no address literal."""
+    """Parse `40108`, `400108` or `4x006B`; None if the text is not an address literal."""
     match = _HEX.fullmatch(text)
     if match:
         return Address(_TYPE[match[1]], int(match[2], 16))
@@ -72,16 +72,20 @@ def parse(text: str) -> Address | None:
 
 
 def register_type(name: str) -> str | None:
-    """The register type that a short or full name means, else None."""
+    """The register type of a short or full name (`hr`, `holding_register`).
+
+    None for other words.
+    """
     if name in REGISTER_TYPES:
         return name
     return next((full for full, short in SHORT.items() if short == name), None)
 
 
 def render(wire: int, kind: str | None, base: str) -> str:
-    """A wire address in one of `BASES`; where the type is unknown, as on the wire.
+    """Write a wire address in one of the notations of `BASES`.
 
-    Five digits reach to 9999: what lies above takes six.
+    Where the register type is unknown, the wire address is written as it is. Five digits reach up
+    to number 9999; above that, six digits are used.
     """
     if base == "hex":
         return f"0x{wire:04X}"

@@ -50,7 +50,7 @@ class Rows:
         return tuple(column.key for column in columns(self.name))
 
     def where(self, text: str) -> Rows:
-        """The rows for which a filter holds (see `analyzer.filters`).
+        """The rows that match a filter (see `analyzer.filters`).
 
         `FilterError` if it cannot be understood.
         """
@@ -74,13 +74,13 @@ class Rows:
             yield from table
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        """An Arrow C stream over a fresh pass (the Arrow PyCapsule interface)."""
+        """An Arrow C stream over a new pass of the recording (the Arrow PyCapsule interface)."""
         stream = _modlens.ArrowStream(self.name, self.tables())
         return stream.__arrow_c_stream__(requested_schema)
 
 
 class Decoding:
-    """One or more recordings, decoded whenever somebody looks; made by `decode`.
+    """One or more recordings, decoded anew each time they are iterated; made by `decode`.
 
     Iterating it gives the transactions.
     """
@@ -107,18 +107,18 @@ class Decoding:
 
     @property
     def findings(self) -> Rows:
-        """What is odd, and what to check."""
+        """The findings: what is wrong or unusual, and what to check."""
         return Rows(self, "findings")
 
     def __iter__(self) -> Iterator[_modlens.Row]:
         return iter(self.transactions)
 
     def batches(self, *tables: str) -> Iterator[_modlens.Batch]:
-        """A pass over the recordings; of the tables not named, batches may be empty."""
+        """One pass over the recordings; tables that are not named may be empty in the batches."""
         yield from self._run(tables).batches()
 
     def stats(self) -> dict[str, Any]:
-        """Counters and response times of a whole pass; for the keys see `analyzer.views.stats`."""
+        """Statistics of a whole pass; `analyzer.views.stats` documents the keys."""
         run = self._run(())
         for _ in run.batches():
             pass
@@ -194,9 +194,9 @@ def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | No
 
 
 class Tap:
-    """A line that is listened to; made by `tap`.
+    """A live tap; made by `tap`.
 
-    Use it in `with`, iterate it for transactions as they complete.
+    Use it in `with`, and iterate it for transactions as they complete.
     """
 
     def __init__(self, run: LiveRun) -> None:
@@ -207,14 +207,14 @@ class Tap:
             yield from batch.transactions
 
     def batches(self) -> Iterator[_modlens.Batch]:
-        """Everything as it is decided, for ever.
+        """All decoded rows as batches, without end.
 
-        A batch whenever something came or 50 ms have passed.
+        A batch is given whenever rows are complete, and at least every 50 ms; it may be empty.
         """
         return self._run.batches()
 
     def stats(self) -> dict[str, Any]:
-        """Statistics so far; for the keys see `analyzer.views.stats`."""
+        """Statistics so far; `analyzer.views.stats` documents the keys."""
         return self._run.stats()
 
     def close(self) -> None:

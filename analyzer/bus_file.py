@@ -1,4 +1,4 @@
-"""Bus files: what is on a line, said once. Port, line settings, and the profile of each unit.
+"""Bus files: port, line settings and the profiles of the units of each bus, in a TOML file.
 
 ```toml
 plant = 1
@@ -38,7 +38,7 @@ _MODES = ("auto", "rtu", "ascii", "tcp")
 
 @dataclass(frozen=True, slots=True)
 class Bus:
-    """One bus of a file; what the file does not say is None."""
+    """One bus of a bus file; port and line are None where the file does not give them."""
 
     name: str
     port: str | None
@@ -48,9 +48,10 @@ class Bus:
 
 
 def choose_bus(text: str) -> Bus:
-    """The bus that `--bus FILE` or `FILE:NAME` means; a file of one bus needs no name.
+    """The bus of `--bus FILE` or `FILE:NAME`; the name may be left out for a file with one bus.
 
-    `SourceError`, `ProfileError` or `UsageError` if that cannot be.
+    `SourceError` if the file cannot be read, `ProfileError` for mistakes in it, `UsageError` if the
+    bus is not in it or not the only one.
     """
     buses = choose_buses(text)
     if len(buses) == 1:
@@ -60,7 +61,7 @@ def choose_bus(text: str) -> Bus:
 
 
 def choose_buses(text: str) -> list[Bus]:
-    """All buses of `--bus FILE`, or the one of `FILE:NAME`; errors as of `choose_bus`."""
+    """All buses of `--bus FILE`, or the one of `FILE:NAME`; raises as `choose_bus` does."""
     path, colon, name = text.rpartition(":")
     if not colon or Path(text).exists():
         path, name = text, ""
@@ -77,7 +78,7 @@ def choose_buses(text: str) -> list[Bus]:
 
 
 def load_bus_file(path: str) -> list[Bus]:
-    """The buses of a file; `ProfileError` with every mistake that can be told at once."""
+    """Read a bus file; `ProfileError` lists all mistakes in it at once."""
     try:
         data = tomllib.loads(read(path))
     except tomllib.TOMLDecodeError as error:

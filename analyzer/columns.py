@@ -1,4 +1,4 @@
-"""The columns of the four tables, read back from the core (their one home is columns.toml).
+"""The columns of the four tables, as the core has read them from columns.toml.
 
 >>> [column.key for column in columns("findings")][:4]
 ['frame', 'txn', 'time', 'elapsed_us']
@@ -18,14 +18,15 @@ from dissectors.vocabulary import vocabulary
 __all__ = ["TABLES", "Column", "columns", "pick"]
 
 TABLES = ("transactions", "frames", "readings", "findings")
-"""The tables, the one that people want first in front."""
+"""The tables; the first one is the default."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column.
+    """One column of a table.
 
-    Its `key` in every output and filter, its `type` (a word of columns.toml), title and help.
+    `key` names it in every output and filter, `type` is a word of columns.toml; `title` and `help`
+    are for people.
     """
 
     key: str
@@ -55,7 +56,7 @@ def columns(table: str) -> tuple[Column, ...]:
 
 
 def pick(table: str, text: str | None) -> tuple[str, ...]:
-    """The keys that `a,b,c` names, in that order; all of the table's keys where `text` is None.
+    """Parse `a,b,c` into column keys, in that order; all keys of the table where `text` is None.
 
     `UsageError` names an unknown column and the nearest known one.
     """

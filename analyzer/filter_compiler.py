@@ -1,7 +1,7 @@
-"""From Python's syntax tree to the filter tree of filters.py: what may be said, and what it means.
+"""Compiles Python's syntax tree of a filter into the filter tree of filters.py.
 
-Not a general compiler: a node that no method below knows is refused, and a comparison that can
-never hold (a number with a text) is a mistake that is told, not a filter that selects nothing.
+Only the nodes that a method below handles are allowed; everything else is refused. A comparison
+that can never be true (a number with a text) is an error, not a filter that selects nothing.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ __all__ = ["Compiler", "Tree"]
 Tree = list[Any]
 """A node of the filter tree: nested JSON lists."""
 
-ARGUMENTS = 2  # arguments of touches(), writes() and range()
-MAX_DEPTH = 60  # levels that a filter may have
+# The number of arguments of touches(), writes() and range().
+ARGUMENTS = 2
+# The deepest nesting of a filter.
+MAX_DEPTH = 60
 
 _KIND_OF_TYPE = {
     "int": "number",
@@ -72,7 +74,7 @@ _ADDRESS_COLUMNS: list[Tree] = [["col", "address"], ["col", "write_address"]]
 
 @dataclass(frozen=True, slots=True)
 class _Term:
-    """A value: its kind (a key of `_KIND_NAMES`), its tree, and the node it stands at."""
+    """A value in a filter: its kind (a key of `_KIND_NAMES`), its filter tree, its syntax node."""
 
     kind: str
     tree: Tree
@@ -80,9 +82,10 @@ class _Term:
 
 
 class Compiler:
-    """Compiles the conditions of one filter text.
+    """Compiles one filter text for the rows of `table`.
 
-    `column_types` maps the table's columns to their types.
+    `column_types` maps the table's columns to their types. All methods raise `FilterError`, which
+    names the column of the text.
     """
 
     def __init__(self, text: str, table: str, column_types: Mapping[str, str]) -> None:
@@ -92,7 +95,7 @@ class Compiler:
         self._depth = 0
 
     def condition(self, node: ast.expr) -> Tree:
-        """The tree of a node that is true or false."""
+        """The filter tree of a condition."""
         self._descend(node)
         tree = self._condition(node)
         self._depth -= 1
@@ -134,7 +137,8 @@ class Compiler:
             found = self._membership(a, b)
             if isinstance(operator, ast.In):
                 return found
-            null = b if b.tree[0] == "col" else a  # a comparison with null is false, this one too
+            # Comparisons with null are false, `not in` too: it needs an explicit test for null.
+            null = b if b.tree[0] == "col" else a
             return ["and", ["not", ["is_none", null.tree]], ["not", found]]
         return self._compare(_COMPARISON_OPERATORS[type(operator)], a, b)
 
@@ -323,9 +327,9 @@ class Compiler:
 
 
 def _join(word: str, parts: list[Tree]) -> Tree:
-    """The parts joined pairwise.
+    """Join conditions pairwise by `and` or `or`, into a balanced tree.
 
-    A balanced tree, so that a long `or` does not become a deep one.
+    A chain of a thousand conditions would otherwise be a thousand levels deep.
     """
     if len(parts) == 1:
         return parts[0]
@@ -338,9 +342,9 @@ def _constant(node: ast.expr) -> object:
 
 
 def _at_address(operator: str, column: Tree, address: addresses.Address, *, turned: bool) -> Tree:
-    """`address == '40108'` means wire address 107 of a holding register.
+    """The condition for `address == '40108'`: wire address 107, and register type holding register.
 
-    The literal says the type, too.
+    `turned` is True where the literal is on the left side.
     """
     value, kind = ["num", address.wire], ["text", address.register_type]
     pair = [value, column] if turned else [column, value]
@@ -352,7 +356,7 @@ def _at_address(operator: str, column: Tree, address: addresses.Address, *, turn
 
 
 def _hex_text(term: _Term, other: _Term, column_types: Mapping[str, str]) -> Tree:
-    """A text beside a hex column, in the column's spelling."""
+    """A text compared with a hex column, in that column's spelling: lower case, no spaces."""
     beside_hex = other.tree[0] == "col" and column_types[other.tree[1]] == "hex"
     if term.tree[0] == "text" and beside_hex:
         return ["text", "".join(term.tree[1].split()).lower()]

@@ -62,12 +62,12 @@ from dissectors.errors import FilterError
 __all__ = ["MAX_CHARACTERS", "Filter", "parse"]
 
 MAX_CHARACTERS = 4096
-"""Characters that a filter may have."""
+"""The longest filter, in characters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """A filter for the rows of one table; `str()` says it back in its plainest spelling."""
+    """A filter for the rows of one table; `str()` gives it in normalized spelling."""
 
     table: str
     text: str
@@ -77,14 +77,14 @@ class Filter:
         return self.text
 
     def predicate(self) -> _modlens.Predicate:
-        """The filter as the core takes it: `Table.where(predicate)`."""
+        """The compiled filter for `Table.where(predicate)`."""
         return _modlens.Predicate(self.table, json.dumps(self.tree))
 
 
 def parse(text: str, table: str = "transactions") -> Filter:
-    """The filter that `text` says, for the rows of `table`.
+    """Parse a filter for the rows of `table`.
 
-    `FilterError` says what cannot be understood, at which column, and the nearest known name.
+    `FilterError` says what is not valid, at which column of the text, and the most similar name.
     `UsageError` if there is no such table.
     """
     known = {column.key: column.type for column in columns(table)}

@@ -1,4 +1,7 @@
-"""Settings of a serial line as people write them: `19200-8E1`.
+"""Settings of a serial line, written as `19200-8E1`.
+
+There are no default settings for a line: with a wrong parity bytes are still received, but marked
+as damaged or altered, so the user has to give the settings or have them detected.
 
 Nothing is assumed of a line: a wrong parity still reads bytes, only damaged ones, so that whoever
 listens must say it.
@@ -23,7 +26,7 @@ __all__ = ["EXAMPLE", "PARITIES", "Line", "parse_line"]
 EXAMPLE = "19200-8E1"
 
 PARITIES = ("N", "E", "O", "M", "S")
-"""None, even, odd, mark, space."""
+"""No parity, even, odd, mark (always 1), space (always 0)."""
 
 _SLOWEST = 50
 _FASTEST = 12_000_000
@@ -36,9 +39,9 @@ _TEXT = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Baud, data bits (5 to 8), parity (one of `PARITIES`), stop bits (1, 1.5 or 2).
+    """The settings of a line: baud, data bits (5 to 8), parity (`PARITIES`), stop bits (1, 1.5, 2).
 
-    `UsageError` for others.
+    `UsageError` for other values.
     """
 
     baud: int
@@ -63,12 +66,12 @@ class Line:
 
     @property
     def settings(self) -> tuple[int, int, str, float]:
-        """As `_modlens.Session.add_bus` takes them."""
+        """The settings as a tuple for `_modlens.Session.add_bus`."""
         return (self.baud, self.data_bits, self.parity, float(self.stop_bits))
 
     @property
     def char_bits(self) -> float:
-        """Bits of a character on the line: start, data, parity, stop."""
+        """Bits of one character on the line: start, data, parity and stop bits."""
         return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
 
     @property
@@ -78,9 +81,9 @@ class Line:
 
 
 def parse_line(text: str) -> Line:
-    """The settings that a text such as `19200-8E1`, `9600,8,N,1` or `9600/7O2` says.
+    """Parse line settings such as `19200-8E1`, `9600,8,N,1` or `9600/7O2`.
 
-    `UsageError` if it does not.
+    `UsageError` if the text is not of this form.
     """
     match = _TEXT.fullmatch(text.strip())
     if not match:

@@ -1,7 +1,7 @@
-"""Ports that are listened to: from reads to batches, until somebody stops.
+"""Live runs: from the reads of ports to batches of rows, until the caller stops.
 
-A name on the command line is `[BUS=]PORT[@SETTINGS]`, or `A+B` for one bus that is tapped at both
-directions. A bus is told to the core when its line settings are known.
+A tap is named on the command line as `[BUS=]PORT[@SETTINGS]`, or `A+B` for one bus that is tapped
+in both directions. A bus is added to the core when its line settings are known.
 
 >>> parse_tap("boiler=/dev/ttyUSB0@9600-8N1")
 Tap(bus='boiler', ports=('/dev/ttyUSB0',), line=Line(baud=9600, data_bits=8, parity='N', ...), ...)
@@ -26,18 +26,18 @@ from dissectors.errors import UsageError
 __all__ = ["LINES", "LiveRun", "Tap", "parse_tap"]
 
 WAIT_S = 0.05
-"""Seconds without bytes, or without rows, after which everybody is told that time goes on."""
+"""Seconds without rows after which an empty batch is given, so that sinks can look at the clock."""
 
 WAIT_NS = 50_000_000
 
 BUSY_POLL_S = 0.006
-"""Seconds between two looks at a busy line: each costs the waking of a thread."""
+"""Seconds between two reads from the queue of a busy line; each one costs waking up a thread."""
 
 READ_LAG_NS = 30_000_000
-"""So far behind the clock the core is told the time, because reads may still be on their way."""
+"""The core is told a time this far in the past: reads may not have reached the queue yet."""
 
 LINES = ("A", "B")
-"""What the `line` column calls the two directions of a bus that is tapped at both."""
+"""Values of the `line` column for the two directions of a bus with two taps."""
 
 _NAME = re.compile(r"([\w.-]+)=(.+)")
 _SETTINGS = re.compile(r"(.+)@(\d+-\d[A-Za-z][\d.]+)")
@@ -45,9 +45,9 @@ _SETTINGS = re.compile(r"(.+)@(\d+-\d[A-Za-z][\d.]+)")
 
 @dataclass(frozen=True, slots=True)
 class Tap:
-    """A bus as the command line or a bus file names it: name, one or two ports, settings if given.
+    """A bus from the command line or a bus file: its name, one or two ports, settings if given.
 
-    `mode` is None where that of all holds.
+    `mode` is None where the mode of the whole run applies.
     """
 
     bus: str
@@ -57,7 +57,7 @@ class Tap:
 
 
 def parse_tap(text: str) -> Tap:
-    """Take `[BUS=]PORT[+PORT][@SETTINGS]` apart; `UsageError` for more than two ports."""
+    """Parse `[BUS=]PORT[+PORT][@SETTINGS]`; `UsageError` for more than two ports."""
     named, place, line = _NAME.fullmatch(text), text, None
     if named:
         place = named[2]
@@ -72,7 +72,10 @@ def parse_tap(text: str) -> Tap:
 
 @dataclass(slots=True)
 class _Bus:
-    """A bus and its ports' numbers; `number` is the core's, None while `search` listens."""
+    """A bus of the run: the numbers of its ports, and its number in the core.
+
+    `number` is None while `search` is still looking for the line settings.
+    """
 
     tap: Tap
     ports: tuple[int, ...]
@@ -81,15 +84,15 @@ class _Bus:
 
 
 class LiveRun:
-    """Ports that are listened to until somebody stops.
+    """Listens to ports until the caller stops; the ports are opened at once. Use it in `closing`.
 
-    The ports are open from the beginning; use it in `closing`. `notify` hears in words what happens
-    to them, `on_read` gets every read before anything else is done with it: bus, line of a two-line
-    tap, chunk; while settings are searched nothing but what was read with the right ones.
-    `on_settings` hears of each bus before its first read, with its settings. Settings that are not
-    given are found by listening, or with `detect` in any case. A port that goes away is waited for,
-    unless `reconnect` is False. `PortError` if one cannot be opened, `UsageError` for names that
-    mean nothing.
+    `notify` gets messages about the ports. `on_read` gets every read before it is decoded: bus,
+    line of a two-line tap, chunk; while settings are searched, only the reads made with the
+    settings found in the end. `on_settings` gets each bus and its settings before its first read.
+    Settings that are not given are found by listening; with `detect` those that are given, too. A
+    lost port is waited for, unless `reconnect` is False.
+
+    `PortError` if a port cannot be opened, `UsageError` for invalid names.
     """
 
     def __init__(  # noqa: PLR0913 - most by keyword
@@ -141,7 +144,7 @@ class LiveRun:
         return tuple(bus.tap.bus for bus in self._buses)
 
     def batches(self) -> Iterator[_modlens.Batch]:
-        """What each read decided, or the passing of time; without end."""
+        """The rows as they are decided, by reads or by time that has passed; without end."""
         self._is_searching = bool(self._awaiting_search)
         while self._awaiting_search:
             self._begin_search(self._awaiting_search.pop(0))
@@ -159,7 +162,11 @@ class LiveRun:
             yield self._core.take()
 
     def finish(self) -> _modlens.Batch:
-        """What was still open; recordings hear of the end, or their replay would know less."""
+        """Decide what is still open, and give those rows.
+
+        `on_read` gets an empty read with a hole at the end of each port, so that a replay of the
+        recording decides the last rows at the same moment.
+        """
         now = self._listener.clock.now_ns()
         for number, (bus, _) in enumerate(self._lines):
             if bus.number is not None:
@@ -168,7 +175,10 @@ class LiveRun:
         return self._core.take()
 
     def stats(self) -> dict[str, Any]:
-        """Statistics so far; for the keys see analyzer/views/stats.py."""
+        """Statistics so far, with the drivers' error counts.
+
+        Analyzer/views/stats.py documents the keys.
+        """
         found: dict[str, Any] = json.loads(self._core.stats())
         for bus in self._buses:
             if bus.number is not None:
@@ -184,7 +194,7 @@ class LiveRun:
         self._listener.close()
 
     def _advance(self, now: int) -> None:
-        """Time goes on for those who wait for it."""
+        """Tell the core and the running searches what time it is."""
         for bus in self._buses:
             if bus.search is not None:
                 bus.search.advance(now)
@@ -193,7 +203,7 @@ class LiveRun:
         self._core.poll(now)
 
     def _begin_search(self, bus: _Bus) -> None:
-        """Begin to look for the settings of a bus."""
+        """Begin the search for the line settings of a bus."""
         labels = {} if len(bus.ports) == 1 else dict(zip(bus.ports, LINES, strict=True))
         marks_errors = all(self._listener.marks_errors(port) for port in bus.ports)
         bus.search = SettingsSearch(
@@ -212,7 +222,8 @@ class LiveRun:
         bus, _ = self._lines[number]
         if bus.search is None:
             if chunk.hole and chunk.data:
-                # The core has been told the time up to now; a replay has to know that, too.
+                # The core has already been told the time up to this read. An empty read with a hole
+                # records that, so that a replay gives the same rows.
                 self._feed(number, Chunk(b"", chunk.time_ns, hole=True))
             self._feed(number, chunk)
         else:
@@ -220,7 +231,11 @@ class LiveRun:
             self._follow_search(bus, bus.search)
 
     def _follow_search(self, bus: _Bus, search: SettingsSearch) -> None:
-        """Set the ports to what is to be tried; or, when it is found, go on with it."""
+        """Set the ports to the settings that the search tries next, or finish the search.
+
+        When settings are found, the bus is added to the core and the reads made with them are
+        decoded.
+        """
         found = search.found
         line = search.line if found is None else found.line
         if line != self._listener.line(bus.ports[0]):
@@ -239,7 +254,8 @@ class LiveRun:
         settings = replace(self._settings, line=line, mode=mode)
         bus.number = settings.add_bus(self._core, bus.tap.bus, clock="utc")
         self._on_settings(bus.tap, line)
-        if self._on_read is None:  # nobody here looks at its reads any more
+        # Without a recording the reads need not come to Python: the inbox feeds them to the core.
+        if self._on_read is None:
             char_ns = 0 if line is None else line.character_ns
             for side, port in enumerate(bus.ports, start=len(bus.ports) - 1):
                 self._listener.route(port, bus.number, side, char_ns)

@@ -1,9 +1,9 @@
-"""Where device profiles come from, and which units they are for.
+"""Finds and loads device profiles, and binds them to units.
 
-A word is a file if it has a suffix or a folder in it. Else it is a name, looked up in the folders
-of `MODLENS_PROFILES`, in the user's folder (`~/.config/modlens/profiles`), among the shipped ones,
-and in the entry points `modlens.profiles` of installed packages (each a text, or a function without
-arguments that gives one: the TOML).
+A word with a suffix or a folder is a file. Any other word is a name, which is looked up in the
+folders of `MODLENS_PROFILES`, in the user's folder (`~/.config/modlens/profiles`), among the
+shipped profiles, and in the entry points `modlens.profiles` of installed packages (each a text of
+TOML, or a function without arguments that returns one).
 
 >>> bound = parse_binding("1,4-6=mightyzap")
 >>> bound.units, bound.profile.title
@@ -46,7 +46,7 @@ _UNITS = re.compile(r"[\d\s,\-*]+")
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """A profile for some units, of one bus (by its name) or of all."""
+    """A profile for some units: of the bus of this name, or of all buses for None."""
 
     profile: Profile
     units: tuple[int, ...]
@@ -55,16 +55,16 @@ class Binding:
 
 @dataclass(frozen=True, slots=True)
 class AvailableProfile:
-    """A profile that can be named: its name, and where it comes from."""
+    """A profile that can be loaded by name, and where it comes from."""
 
     name: str
     origin: str
 
 
 def parse_binding(text: str) -> Binding:
-    """What `--profile` says: `UNITS=WORD`, or a bare word for all units.
+    """Parse `--profile`: `UNITS=WORD`, or a word alone for all units.
 
-    `UsageError` or `ProfileError` if that cannot be.
+    `UsageError` or `ProfileError` if that is not possible.
     """
     head, equals, word = text.partition("=")
     if not equals or not _UNITS.fullmatch(head):
@@ -75,7 +75,7 @@ def parse_binding(text: str) -> Binding:
 
 
 def parse_units(text: str) -> tuple[int, ...]:
-    """The units that `1`, `2-7`, `1,4-6` or `*` means; `UsageError` otherwise.
+    """Parse units such as `1`, `2-7`, `1,4-6` or `*`; `UsageError` otherwise.
 
     >>> parse_units("2-4, 9")
     (2, 3, 4, 9)
@@ -94,7 +94,7 @@ def parse_units(text: str) -> tuple[int, ...]:
 
 
 def load(word: str) -> Profile:
-    """The profile of a file or a name.
+    """Load the profile of a file or a name.
 
     `SourceError` if a file cannot be read, `ProfileError` with all mistakes in it, `UsageError` for
     a name that nobody knows.
@@ -118,7 +118,7 @@ def load(word: str) -> Profile:
 
 
 def available_profiles() -> tuple[AvailableProfile, ...]:
-    """All profiles that have a name, the ones that are found first in front."""
+    """All profiles that can be loaded by name, in the order in which names are looked up."""
     found: dict[str, AvailableProfile] = {}
     for folder in _folders():
         if folder.is_dir():
@@ -133,7 +133,7 @@ def available_profiles() -> tuple[AvailableProfile, ...]:
 
 
 def read(path: str) -> str:
-    """The text of a file; `SourceError` if it cannot be read."""
+    """Read a text file in UTF-8; `SourceError` if it cannot be read."""
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeError as error:
@@ -146,7 +146,10 @@ def read(path: str) -> str:
 def with_vendor_functions(
     functions: _modlens.Functions, bindings: Iterable[Binding]
 ) -> _modlens.Functions:
-    """The table of functions with the rows of the vendors that the profiles name."""
+    """Load into a table of functions the vendors' rows that the profiles ask for.
+
+    Gives the table.
+    """
     for one in bindings:
         for vendor in one.profile.device.get("vendor_functions", ()):
             try:

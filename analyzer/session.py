@@ -1,8 +1,8 @@
-r"""From sources to sinks: pulls chunks, feeds the core, hands on what it decided.
+r"""From sources to sinks: feeds recordings to the core and passes its batches on.
 
 A `FileRun` goes through recordings; `analyzer.live_run` has the run that listens to ports. Both
-give batches one after the other, as they come, so that memory does not grow with the input; `pump`
-passes them to sinks. Nothing here looks at a frame.
+give batches one after the other, as they are decoded, so that memory does not grow with the input;
+`pump` passes them to sinks. Nothing here looks at a frame.
 
 >>> import tempfile, pathlib
 >>> path = pathlib.Path(tempfile.mkdtemp()) / "bus.hex"
@@ -34,14 +34,14 @@ __all__ = ["MODES", "FileRun", "RecordingStatus", "Run", "Settings", "Sink", "pu
 MODES = ("auto", "rtu", "ascii", "tcp")
 
 _IDLE_READS_TO_SETTLE = 5
-"""Looks in vain at a file that grows, half a second, after which what came last is decided."""
+"""Reads of a growing file without new data (half a second) after which its rows are decided."""
 
 DEFAULT_TABLES = ("frames", "transactions", "findings")
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a decoder must know beforehand.
+    """What the decoder is told in advance.
 
     - `line`: the line settings, None where they are not known
     - `mode`: one of `MODES`
@@ -77,7 +77,7 @@ class Settings:
             raise UsageError("the time-out must be longer than nothing")
 
     def core(self, *, live: bool) -> _modlens.Session:
-        """A session of the core with these settings."""
+        """A new session of the core with these settings."""
         tables = self.tables
         if "readings" in tables and "transactions" not in tables:
             tables = (*tables, "transactions")
@@ -89,7 +89,7 @@ class Settings:
         return core
 
     def add_bus(self, core: _modlens.Session, name: str, *, clock: str) -> int:
-        """A bus of that name in the core; gives its number."""
+        """Add a bus of this name to the core; gives its number."""
         line = None if self.line is None else self.line.settings
         return core.add_bus(
             name,
@@ -101,14 +101,14 @@ class Settings:
         )
 
     def add_capture(self, core: _modlens.Session, name: str) -> int:
-        """A capture of that name in the core; gives its number."""
+        """Add a capture of this name to the core; gives its number."""
         line = None if self.line is None else self.line.settings
         return core.add_capture(
             name, ports=self.ports, mode=self.mode, line=line, silence_ns=self.silence_ns
         )
 
     def add_logic(self, core: _modlens.Session, samples: Samples | Levels) -> int:
-        """The samples of a logic analyser in the core; gives their number."""
+        """Add the samples of a logic analyser to the core; gives their number."""
         names = [name.removeprefix("!") for name in self.channels or ()]
         low = any(name.startswith("!") for name in self.channels or ())
         return core.add_logic(
@@ -124,12 +124,11 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class RecordingStatus:
-    """What is known of a recording that is being read.
+    """The status of a recording: how its format was detected, and what its reader has seen so far.
 
-    Its file, format, and what its reader has seen so far.
-
-    `details` has the keys of `_modlens.Session.reading`; `ended` is True when the file has been
-    read to its end.
+    `details` has the keys of `_modlens.Session.reading`; `forced` is True where `--from` names the
+    format; `ended` is True when the recording has been read to its end. A recording that was
+    skipped has an empty `format`, and the `reason`.
     """
 
     name: str
@@ -142,16 +141,16 @@ class RecordingStatus:
 
 
 class Run(Protocol):
-    """One pass over an input."""
+    """One pass over an input, a recording or a live tap."""
 
     def batches(self) -> Iterator[_modlens.Batch]:
-        """What was decided, as it is decided, to the end of the input; some may be empty."""
+        """Batches of decoded rows to the end of the input; some may be empty."""
 
     def finish(self) -> _modlens.Batch:
-        """What is left to decide when nobody goes on asking for batches."""
+        """Decide what is still open when the caller takes no more batches, and give those rows."""
 
     def stats(self) -> dict[str, Any]:
-        """Statistics so far; for the keys see analyzer/views/stats.py."""
+        """Statistics so far; analyzer/views/stats.py documents the keys."""
 
 
 class Sink(Protocol):
@@ -167,16 +166,16 @@ class Sink(Protocol):
 
 
 class FileRun:
-    """Recordings one after the other, each a bus of its own; numbers go on.
+    """Decodes recordings one after the other, each as a bus of its own; frame numbers run on.
 
-    `replay` decodes with no more knowledge of what follows than a live tap has, and gives its rows.
+    A directory, a pattern, an archive or a mail stands for the recordings in it; what is not a
+    recording is skipped and reported. `read_as` forces a format. With `replay` recordings are
+    decoded without looking ahead, as by a live tap, and give its rows. With `follow` the last file
+    may grow for ever.
 
-    A directory, a pattern, an archive or a mail stands for the recordings in it; what is none is
-    passed over, and told. With `follow` the last one may grow for ever.
-
-    `on_status`, if given, hears of every recording after its first block and at its end.
-    `SourceError` for the first name that cannot be read, before anything is decoded; later while
-    the files are read.
+    `on_status` gets the status of every recording after its first block and at its end.
+    `SourceError` for the first name that cannot be read, before anything is decoded; later, while
+    files are read.
     """
 
     def __init__(  # noqa: PLR0913 - how recordings are read
@@ -201,7 +200,7 @@ class FileRun:
         self._decoded = 0
 
     def batches(self) -> Iterator[_modlens.Batch]:
-        """What each block decided; the last one of a file also what was open at its end."""
+        """The rows that each block decides; after the last block of a file, those still open."""
         troubles = []
         for i, name in enumerate(self._names):
             follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
@@ -219,7 +218,7 @@ class FileRun:
         yield self.finish()
 
     def finish(self) -> _modlens.Batch:
-        """What was still open."""
+        """Decide what is still open, and give those rows."""
         self._core.flush()
         return self._core.take()
 
@@ -356,7 +355,7 @@ def _samples_of(recording: Recording) -> Samples | Levels:
 
 
 def _describe_channel(names: dict[int, str], line: dict[str, Any]) -> str:
-    """A line of a logic analyser in words."""
+    """A serial line that was found in samples of a logic analyser, in words."""
     idle = ", idle low" if line["inverted"] else ""
     return f"channel {names[line['channel']]}: {line['line']}{idle}"
 
@@ -368,10 +367,10 @@ def pump(
     stop: Callable[[], bool],
     on_failure: Callable[[Sink, SourceError | BrokenPipeError], None],
 ) -> None:
-    """Passes the run's batches to the sinks until it ends, `stop()` says so, or no sink is left.
+    """Pass the run's batches to the sinks until it ends, `stop()` is True, or no sink is left.
 
-    A sink that cannot write is told to `on_failure` and gets nothing more; the others go on. Errors
-    of the input are raised, after the sinks have got what was decided before.
+    A sink that cannot write is reported to `on_failure` and gets no more batches; the others go on.
+    Errors of the input are raised after the sinks have got all rows decided before.
     """
     active = list(sinks)
 

@@ -1,4 +1,6 @@
-"""The textbook's silences: how long a pause ends a frame, and how long it may be inside one.
+"""The silences t3.5 and t1.5: how long a pause ends a frame, and how long one may be inside.
+
+Modbus over Serial Line V1.02, section 2.5.1.1. Used where frames are cut by silences only.
 
 >>> parse_silence("t35", "3.5chars", 572916), parse_silence("t35", "1750us", None)
 (2005206, 1750000)
@@ -24,9 +26,11 @@ def silence_limits(
     *,
     prefix: str = "",
 ) -> tuple[int, int] | None:
-    """t3.5 and t1.5 in nanoseconds, the specification's where they are not given; None for joint.
+    """t3.5 and t1.5 in nanoseconds; None where frames are found by all evidence (`joint`).
 
-    `prefix` stand before the names of settings in messages. `UsageError` where they are not known.
+    Where they are not given, they are those of the specification for the line's settings. `prefix`
+    stands before the names of options in messages. `UsageError` where t3.5 is not known, or is
+    shorter than t1.5.
     """
     if segmentation not in SEGMENTATIONS:
         raise UsageError(f"segmentation {segmentation!r}; it is one of {', '.join(SEGMENTATIONS)}")
@@ -53,7 +57,7 @@ def silence_limits(
 
 
 def parse_silence(option: str, text: str, char_ns: int | None) -> int:
-    """Nanoseconds of `1750us` or `3.5chars`; `UsageError` for anything else."""
+    """Parse `1750us` or `3.5chars`; gives nanoseconds, `UsageError` for anything else."""
     word = text.strip().lower()
     unit = next((unit for unit in ("us", "chars", "char") if word.endswith(unit)), "")
     try:

@@ -1,4 +1,4 @@
-"""Moments as integer nanoseconds since 1970 UTC: read from ISO text, written for tables.
+"""Moments as integer nanoseconds since 1970 UTC, and the UTC offsets of time zones.
 
 >>> parse_ns("2023-10-11T14:00:00.000000001Z")
 1697032800000000001
@@ -30,9 +30,9 @@ _ISO = re.compile(
 
 
 def parse_ns(text: str) -> int | None:
-    """Nanoseconds since 1970 of an ISO-8601 date, or date and time.
+    """Parse an ISO-8601 date, or date and time; gives nanoseconds since 1970 UTC.
 
-    Without a zone it is UTC. None if it is neither.
+    Without a zone the text is taken for UTC. None if it is neither a date nor a time.
     """
     match = _ISO.fullmatch(text.strip())
     if not match:
@@ -47,15 +47,17 @@ def parse_ns(text: str) -> int | None:
 
 
 def format_seconds(elapsed_us: float, digits: int) -> str:
-    """Microseconds as seconds with a fixed number of digits."""
+    """Write microseconds as seconds with a fixed number of decimal digits."""
     return f"{elapsed_us / 1e6:.{digits}f}"
 
 
 def utc_offset_changes(zone: str | None) -> list[tuple[int, int]]:
-    """From which moment on (ns since 1970) which offset from UTC (ns) holds in a zone, in order.
+    """The UTC offsets of a zone as pairs: the moment from which one holds, and the offset.
 
-    `zone` is `utc`, `local`, a name such as `Europe/Berlin` or an offset such as `+01:00`; None
-    gives nothing. `UsageError` if it is none of these.
+    Both are nanoseconds, moments since 1970 UTC. `zone` is `utc`, `local`, a name such as
+    `Europe/Berlin`, or an offset such as `+01:00`; None gives an empty list. `UsageError` if it is
+    none of these. Changes are searched for in steps of a week, then by bisection, since neither
+    `zoneinfo` nor `datetime` lists them.
 
     >>> utc_offset_changes("+01:00")
     [(-4611686018427387904, 3600000000000)]
@@ -80,7 +82,7 @@ def utc_offset_changes(zone: str | None) -> list[tuple[int, int]]:
 
 
 def _utc_offset_function(zone: str) -> Callable[[int], int]:
-    """Seconds that a zone is ahead of UTC, by seconds since 1970."""
+    """A function from seconds since 1970 to the zone's offset from UTC in seconds."""
     if zone.lower() in ("utc", "z"):
         return lambda moment: 0
     if zone == "local":
@@ -101,7 +103,7 @@ def _offset_seconds(moment: datetime) -> int:
 
 
 def _find_change(offset_at: Callable[[int], int], low: int, high: int) -> int:
-    """The first second at which the offset is another one than at `low`."""
+    """The first second between `low` and `high` at which the offset differs from that at `low`."""
     before = offset_at(low)
     while high - low > 1:
         middle = (low + high) // 2

@@ -1,9 +1,7 @@
 """Where bytes come from: ports, files, standard input.
 
-Nothing here knows Modbus, and nothing here writes.
-
-`FORMATS` is the registry of what files can hold, `SCHEMES` that of what can be tapped. A further
-form of text is a row of dialects.toml.
+Nothing here knows Modbus, and nothing here writes. `FORMATS` is the registry of file formats,
+`SCHEMES` the registry of port types. Another text format is a row in dialects.toml.
 """
 
 from __future__ import annotations
@@ -18,12 +16,11 @@ __all__ = ["FORMATS", "SCHEMES", "Format", "Scheme", "all_formats", "is_binary"]
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A form of recording.
+    """A file format of recordings.
 
-    `binary` files are bytes of the line as they are, or a capture that holds `packets` or
-    `samples`; others are text that the core reads.
-
-    `sample` is what the first lines look like, as `modlens formats` shows them.
+    `binary` formats hold the bytes of the line as they are, or a capture of `packets` or of a logic
+    analyser's `samples`; the others are text, which the core parses. `clock` says what kind of
+    times the format has. `sample` is what its first lines look like, as shown by `modlens formats`.
     """
 
     name: str
@@ -37,7 +34,7 @@ class Format:
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A kind of port: how its name is written, what it is, whether it takes line settings."""
+    """A type of port: an example of its name, what it is, whether it takes line settings."""
 
     name: str
     example: str
@@ -46,7 +43,7 @@ class Scheme:
 
 
 def all_formats(dialects: _modlens.Dialects | None = None) -> dict[str, Format]:
-    """Every format by its name: bytes, then the rows of the table of dialects."""
+    """All formats by name: the binary ones, then those of the table of text dialects."""
     table = dialects or _modlens.Dialects()
     rows = (
         Format(
@@ -107,11 +104,11 @@ _BYTES = {
 }
 
 FORMATS = all_formats()
-"""Name -> what files can hold: bytes, and text in the dialects of dialects.toml."""
+"""Name -> format: the binary formats, and the text dialects of dialects.toml."""
 
 
 def is_binary(name: str) -> bool:
-    """Whether files of this format hold bytes; users' dialects are text.
+    """Whether a format is binary; dialects that users have added are text.
 
     >>> is_binary("raw"), is_binary("pymodbus+hex")
     (True, False)
@@ -129,4 +126,4 @@ SCHEMES = {
         ),
     )
 }
-"""What stands before `://` -> what can be tapped."""
+"""The part of a port's name before `://` -> its type."""

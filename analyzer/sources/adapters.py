@@ -1,7 +1,7 @@
-"""The serial adapters of this machine, and what is known of each.
+"""The serial adapters of this machine and their properties.
 
-pyserial finds them; the kernel tells the latency timer; what chips do with bytes is common
-knowledge, a row each.
+pyserial lists them and the kernel tells their latency timers; what each chip does with bytes is in
+the table below.
 
 >>> chip_of(0x0403).name
 'FTDI'
@@ -26,7 +26,7 @@ _SLOW_MS = 2
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """A family of adapters: its name, and what it does with bytes and their times."""
+    """A family of USB adapters, and how it delivers bytes."""
 
     name: str
     behaviour: str
@@ -44,15 +44,16 @@ _CHIPS: Mapping[int, Chip] = MappingProxyType(
         0x2E8A: Chip("RP2040", "a USB serial port of its firmware"),
     }
 )
-"""USB vendor -> chip."""
+"""USB vendor id -> chip."""
 
 
 @dataclass(frozen=True, slots=True)
 class Adapter:
-    """A port, its chip (None where it has none that is known), and what limits its times.
+    """A serial port of this machine.
 
-    `stable_name` is a name that stays when adapters are plugged in another order; `is_accessible`
-    whether it may be opened.
+    `chip` is None where it is not known. `stable_name` is a path that stays the same when adapters
+    are plugged in in another order, None where there is none. `timer_ms` is the latency timer.
+    `is_accessible` says whether this user may open the port.
     """
 
     port: str
@@ -64,7 +65,7 @@ class Adapter:
 
     @property
     def limit(self) -> str:
-        """What limits the resolution of times, and how to mend it, in words."""
+        """What limits the resolution of times at this port, and what can be done, in words."""
         if self.timer_ms is not None and self.timer_ms >= _SLOW_MS:
             return f"latency timer {self.timer_ms} ms: the tap sets it to 1 ms where it may"
         if self.timer_ms is not None:
@@ -75,12 +76,12 @@ class Adapter:
 
 
 def chip_of(vendor: int | None) -> Chip | None:
-    """The chip of a USB vendor's number."""
+    """The chip of a USB vendor id; None where it is not known."""
     return None if vendor is None else _CHIPS.get(vendor)
 
 
 def adapters() -> list[Adapter]:
-    """All serial ports, by name; ports of the mainboard that lack hardware are not there."""
+    """All serial ports by name, without ports of the mainboard that have no hardware."""
     from serial.tools import list_ports  # noqa: PLC0415
 
     found = []

@@ -1,9 +1,10 @@
-"""What the characters of a line look like, once its rate is known: data bits, parity, stop bits.
+"""Finds data bits, parity and stop bits of a line whose baud rate is known.
 
-Three shapes are listened with while the rate is searched. Eleven bits (8E1): 8O1 and 8N2 come
-through it whole, with marks where the driver checks parity. Ten bits (8N1): 7E1, 7O1 and 7N2 come
-with their parity in bit 7. Nine bits: 7N1. When frames come through, `CharacterFormatSearch` tries
-the shapes that could also give these bytes, until one comes without line errors.
+While the rate is searched, three character formats are tried. 8E1 has eleven bits: 8O1 and 8N2 can
+be received with it, too, with line errors where the driver checks parity. 8N1 has ten bits: 7E1,
+7O1 and 7N2 can be received with it, with their parity or stop bit in bit 7. 7N1 has nine bits. Once
+frames are received, `CharacterFormatSearch` tries the formats that could also have given these
+bytes, until one is received without line errors.
 
 >>> trial = Trial(Line(9600, 8, "N", 1))
 >>> CharacterFormatSearch(trial, "rtu", marks_errors=False).line
@@ -24,13 +25,19 @@ CHARACTER_FORMATS = (ELEVEN_BITS, TEN_BITS, NINE_BITS)
 
 EVEN, MARK, NONE, ODD = (8, "E", 1.0), (8, "M", 1.0), (8, "N", 1.0), (8, "O", 1.0)
 CANDIDATES = (EVEN, MARK, NONE, ODD)
-"""In this order: two stop bits pass as a parity bit that is always 1, and as one stop bit."""
+"""The formats of eleven bits and of ten, in the order in which they are tried.
+
+8M1 is the same on the line as 8N2: the first of two stop bits is a parity bit that is always 1.
+"""
 
 CONFIRM_BYTES, FIRST_BURST_BYTES = 20, 40
-"""Bytes without an error that are believed; bytes after which a start in the middle is over."""
+"""Bytes needed to confirm a format; bytes after which the first burst is over in any case.
+
+The first burst may have begun in the middle of a frame, so its line errors prove nothing.
+"""
 
 MAX_BYTES_WITHOUT_FRAME = 72
-"""Bytes without a frame after which a shape is left, where the driver marks nothing."""
+"""Bytes without a frame after which a format is given up, where the driver marks no errors."""
 
 _MAX_ERROR_SHARE, _ALWAYS_0_SHARE, _ALWAYS_1_SHARE, _TEXT_SHARE = 0.03, 0.1, 0.9, 0.9
 _NEWEST_BYTES = 24
@@ -42,10 +49,10 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(slots=True)
 class Trial:
-    """What was heard with one setting.
+    """What was received with one line setting.
 
-    The first burst may have begun in the middle: `settled_bytes` and `settled_errors` count what
-    came behind it.
+    `settled_bytes` and `settled_errors` count bytes and line errors after the first burst, which
+    may have begun in the middle of a character. `bursts_ending_in_zero` hints at swapped wires.
     """
 
     line: Line
@@ -59,7 +66,7 @@ class Trial:
     bursts_ending_in_zero: int = 0
 
     def add(self, port: int, chunk: Chunk) -> None:
-        """A read of that port."""
+        """Add a read of the port with this number."""
         gap = round(_GAP_CHARS * _NS_PER_S * self.line.char_bits / self.line.baud) + _GAP_NS
         if self.last_ns and chunk.time_ns - self.last_ns > gap:
             self.bursts += 1
@@ -73,9 +80,10 @@ class Trial:
         self.marked_bytes += len(chunk.errors)
 
     def looks_like_text(self) -> bool:
-        """Whether these are characters of ASCII frames, whatever bit 7 is.
+        """Whether the newest bytes are characters of Modbus ASCII frames, ignoring bit 7.
 
-        The newest count only: who begins to listen within a burst hears nonsense to its end.
+        Only the newest bytes count, because a receiver that starts inside a burst reads garbage up
+        to its end.
         """
         newest = self.data[-_NEWEST_BYTES:]
         return sum(byte & 0x7F in _ASCII_FRAME_BYTES for byte in newest) >= _TEXT_SHARE * len(
@@ -84,10 +92,10 @@ class Trial:
 
 
 class CharacterFormatSearch:
-    """From a trial in which frames came through to the line's settings.
+    """Finds the character format, from a trial at the right rate in which frames were received.
 
-    `line` are the settings once they are known; until then, `candidate` says what to listen with
-    and `evaluate` takes what came. `error_shares` says what spoke for them, in words.
+    `line` are the settings once they are known. Until then `candidate` are the settings to listen
+    with next, and `evaluate` takes what was received. `error_shares` is the evidence in words.
     """
 
     def __init__(self, trial: Trial, mode: str, *, marks_errors: bool) -> None:
@@ -115,7 +123,10 @@ class CharacterFormatSearch:
             )
 
     def evaluate(self, trial: Trial, *, fits: bool) -> bool:
-        """Whether something new follows from what came: settings, or others to try."""
+        """Evaluate a trial; True if `line` is known now or `candidate` has changed.
+
+        `fits` says whether frames with valid checksums were received in the trial.
+        """
         if not self._marks_errors:
             if not fits and len(trial.data) < MAX_BYTES_WITHOUT_FRAME:
                 return False
@@ -132,7 +143,7 @@ class CharacterFormatSearch:
         return True
 
     def _settle(self, clean: Line) -> None:
-        """The settings whose characters come without errors through `clean`."""
+        """Set `line`: the settings whose characters are received without errors as `clean`."""
         format_ = _format_of(clean)
         if self._bit_7 and format_[0] == ELEVEN_BITS[0]:
             stop = 1 if format_ == TEN_BITS and self._bit_7 != "N" else 2
@@ -148,7 +159,7 @@ def _format_of(line: Line) -> tuple[int, str, float]:
 
 
 def _bit_7_of(trial: Trial) -> str:
-    """What bit 7 of characters of seven bits was: parity, a stop bit; "" for a data bit."""
+    """What bit 7 is in a trial of Modbus ASCII: parity `E` or `O`, a stop bit `N`, data ""."""
     sound = trial.data[-trial.settled_bytes :] if trial.settled_bytes else trial.data
     text = [byte for byte in sound if byte & 0x7F in _ASCII_FRAME_BYTES]
     high = sum(byte >> 7 for byte in text) / max(len(text), 1)

@@ -1,6 +1,6 @@
-"""Wall time for what the monotonic clock has timed.
+"""UTC for moments of the monotonic clock.
 
-Reads are timed by the monotonic clock, which no correction bends. Here it is mapped to UTC.
+Reads are timed by the monotonic clock, which is never set. Here its times are mapped to UTC.
 
 >>> clock = Clock()
 >>> clock.now_ns() <= clock.now_ns()
@@ -18,7 +18,7 @@ __all__ = ["Clock", "ClockChange", "monotonic_ns", "suspended_ns"]
 
 _MIN_STEP_NS = 1_000_000_000
 _MIN_SUSPENSION_NS = 100_000_000
-"""A machine that slept for less was busy with something else."""
+"""A shorter difference between the clocks is not a suspension: the process had to wait."""
 
 
 def _monotonic_ns() -> int:
@@ -26,14 +26,14 @@ def _monotonic_ns() -> int:
 
 
 monotonic_ns: Callable[[], int] = _monotonic_ns if sys.platform == "darwin" else time.monotonic_ns
-"""CLOCK_MONOTONIC, the clock that the core's readers look at; Python's own is another on macOS."""
+"""CLOCK_MONOTONIC, which the core's readers use; `time.monotonic_ns` is another clock on macOS."""
 
 
 def suspended_ns() -> int:
-    """How long the machine has slept since it was started; 0 where it does not tell.
+    """Nanoseconds that the machine has been suspended since boot; 0 where it cannot tell.
 
-    Linux' CLOCK_MONOTONIC stands still meanwhile and CLOCK_BOOTTIME does not (clock_gettime(2)); on
-    macOS the former runs on, and CLOCK_UPTIME_RAW stands still.
+    On Linux, CLOCK_MONOTONIC stands still in suspension and CLOCK_BOOTTIME does not
+    (clock_gettime(2)); on macOS CLOCK_MONOTONIC runs on, and CLOCK_UPTIME_RAW stands still.
     """
     if hasattr(time, "CLOCK_BOOTTIME"):
         return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - monotonic_ns()
@@ -44,20 +44,20 @@ def suspended_ns() -> int:
 
 @dataclass(frozen=True, slots=True)
 class ClockChange:
-    """What became of the clocks: by how much somebody set the wall clock, how long all slept."""
+    """Changes of the clocks: how far the wall clock was set, how long the machine was suspended."""
 
     step_ns: int = 0
     suspended_ns: int = 0
 
 
 class Clock:
-    """UTC that never runs back.
+    """UTC that never runs back: the monotonic clock plus `shift_ns`.
 
-    The monotonic clock, set by the wall clock again only when that is ahead by a second: so a
-    correction of the wall clock does not bend response times. After a sleep it is followed at once.
-    Where somebody has set it forward, the line went on all the while: then it is followed when
-    `catch_up` says that nothing is under way on the line. A wall clock that is set back is not
-    followed. `shift_ns` is what is to be added to the monotonic clock.
+    The shift stays constant, so that small corrections of the wall clock (NTP) do not change
+    measured response times. It follows the wall clock only when that is ahead by more than a
+    second: at once after a suspension; otherwise, where someone has set the clock forward while the
+    line was active, when `catch_up` is called, at a pause of the line. A wall clock that is set
+    back is not followed.
     """
 
     def __init__(
@@ -73,19 +73,19 @@ class Clock:
 
     @property
     def is_behind_wall_clock(self) -> bool:
-        """Whether the wall clock is ahead, and to be followed."""
+        """Whether the wall clock is ahead by so much that it should be followed."""
         return self._ahead_ns() > _MIN_STEP_NS
 
     def at(self, monotonic: int) -> int:
-        """Nanoseconds since 1970 of a moment of the monotonic clock."""
+        """Convert a moment of the monotonic clock to nanoseconds since 1970."""
         return monotonic + self.shift_ns
 
     def now_ns(self) -> int:
-        """Nanoseconds since 1970."""
+        """The current time in nanoseconds since 1970."""
         return self._monotonic() + self.shift_ns
 
     def check(self) -> ClockChange:
-        """What happened to the clocks since the last look; each step is told once."""
+        """What has happened to the clocks since the last call; each step is reported once."""
         suspended_ns = self._suspended() - self._suspended_ns
         if suspended_ns >= _MIN_SUSPENSION_NS:
             self._suspended_ns += suspended_ns
@@ -102,7 +102,7 @@ class Clock:
         return ClockChange(step_ns, suspended_ns)
 
     def catch_up(self) -> None:
-        """Go by the wall clock again, unless it is behind."""
+        """Set the time to that of the wall clock, unless that is behind."""
         ahead_ns = self._ahead_ns()
         if ahead_ns > 0:
             self.shift_ns += ahead_ns

@@ -1,8 +1,8 @@
-r"""Which format a recording has, from its first bytes.
+r"""Detects the format of a recording from its first bytes.
 
-The core scores the formats; what is decided here is when a guess is good enough, and when an order
-(`--from`) cannot be meant: binary data is not text, and text of a known form is not the bytes of a
-line.
+The core scores the formats. Here it is decided when a score is good enough, and when a format
+forced by `--from` must be wrong: binary data is not text, and text of a known format is not a
+recording of raw bytes.
 
 >>> detection = detect_format(b"01 03 00 6B 00 03 74 17\n", "bus.hex")
 >>> detection.format, detection.forced
@@ -23,13 +23,13 @@ from dissectors.errors import SourceError, UsageError
 __all__ = ["SAMPLE_BYTES", "Detection", "detect_format"]
 
 SAMPLE_BYTES = 64 * 1024
-"""Bytes that are looked at."""
+"""Bytes at the beginning of a recording by which its format is detected."""
 
 MIN_CERTAIN = 0.9
-"""From this confidence on the core's opinion refuses an order that contradicts it."""
+"""Confidence (0 to 1) from which on a detected format refuses a contradicting `--from`."""
 
 MIN_CONFIDENCE = 0.2
-"""Below this confidence a format is no finding, only the best of bad ones."""
+"""Below this confidence (0 to 1) no format is taken as detected."""
 
 _ASCII = bytes(range(0x80))
 _TEXT_BYTES = bytes([*range(0x20, 0x7F), *b"\t\n\v\f\r\x1b"])
@@ -37,7 +37,7 @@ _TEXT_BYTES = bytes([*range(0x20, 0x7F), *b"\t\n\v\f\r\x1b"])
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The format of a recording, how sure that is (0 to 1), why, and whether it was ordered."""
+    """The format of a recording, the confidence (0 to 1), the reason, whether it was forced."""
 
     format: str
     confidence: float
@@ -51,10 +51,11 @@ def detect_format(
     forced_format: str | None = None,
     dialects: _modlens.Dialects | None = None,
 ) -> Detection:
-    """The format of a file that begins with `sample`; `dialects` is the table of text formats.
+    """Detect the format of a file that begins with `sample`; `dialects` are the text formats.
 
-    `UsageError` for an unknown format, `SourceError` where the order cannot be meant, no format
-    fits, or nothing in a text proves to be Modbus.
+    `forced_format` is the value of `--from`. `UsageError` for an unknown format, `SourceError`
+    where the forced format cannot be right, no format fits, or nothing in a text proves to be
+    Modbus.
     """
     table = dialects or _modlens.Dialects()
     scores = table.detect(sample, name)
@@ -67,7 +68,7 @@ def detect_format(
 
 
 def _refusal(sample: bytes, best: str, reason: str) -> str:
-    """Why a file that nothing speaks for is not decoded, and what to do."""
+    """The error text for a file of which no format was detected: why, and what to do."""
     if best != "raw":
         return (
             f"no Modbus found: text with bytes ({best}), but {reason};"
@@ -78,7 +79,7 @@ def _refusal(sample: bytes, best: str, reason: str) -> str:
 
 
 def is_text(sample: bytes) -> bool:
-    """Whether these bytes can be text at all: no control characters, and UTF-8 or mostly ASCII.
+    """Whether these bytes can be text: no control characters, and UTF-8 or mostly ASCII.
 
     >>> is_text(b"12:00 Rx: 01 03"), is_text(bytes.fromhex("0103006b00037417"))
     (True, False)

@@ -1,9 +1,9 @@
-"""What the system's driver can tell of a port beyond its bytes, and how soon it hands them over.
+"""The operating system's serial driver: error marks, error counters, latency.
 
-Linux only, in part other POSIX systems: everything here is asked for politely, and what is refused
-is said in words (`Driver.advice`) instead of raised. Nothing in here sends, and nothing touches DTR
-or RTS. The facts: FTDI chips hold bytes back until their latency timer ends, 16 ms as they come;
-`ASYNC_LOW_LATENCY` makes the kernel set it to 1 ms, and makes other drivers hand on at once.
+Linux only, in part other POSIX systems. What the system refuses is described in words
+(`Driver.advice`) instead of raised. Nothing here sends, and nothing touches DTR or RTS. FTDI chips
+hold bytes back until their latency timer expires, 16 ms by default; `ASYNC_LOW_LATENCY` makes the
+kernel set it to 1 ms, and makes other drivers deliver bytes at once.
 
 >>> Driver().advice
 ''
@@ -23,7 +23,7 @@ from types import MappingProxyType
 __all__ = ["COUNTERS", "Driver", "counters", "latency_timer", "mark_errors", "reduce_latency"]
 
 COUNTERS = ("frame", "overrun", "parity", "brk", "buf_overrun")
-"""Of the kernel's `serial_icounter_struct`, what tells of damage."""
+"""The counters of the kernel's `serial_icounter_struct` that count damaged or lost bytes."""
 
 _TIOCGICOUNT = 0x545D
 _TIOCGSERIAL, _TIOCSSERIAL = 0x541E, 0x541F
@@ -39,10 +39,11 @@ _MAX_TIMER_MS = 2
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """What could be set: whether errors are marked, the latency timer (ms), the low-latency flag.
+    """The state of a port's driver after it has been configured.
 
-    None where the driver has no such thing or does not tell. `advice` says what limits the times
-    and how to mend it, nothing where nothing does.
+    `marks_errors` says whether line errors are marked among the bytes, `timer_ms` is the latency
+    timer, `low_latency` the kernel's flag; None where the driver has no such thing. `advice` says
+    what limits the resolution of times and what to do about it, and is empty where nothing does.
     """
 
     marks_errors: bool = False
@@ -52,7 +53,7 @@ class Driver:
 
 
 def reduce_latency(fd: int, name: str) -> Driver:
-    """Ask the driver to hand bytes on at once; says what came of it."""
+    """Ask the driver to deliver bytes at once; gives its state afterwards."""
     if not sys.platform.startswith("linux") or os.path.realpath(name).startswith("/dev/pts/"):
         return Driver()
     low = _low_latency(fd)
@@ -65,7 +66,7 @@ def reduce_latency(fd: int, name: str) -> Driver:
 
 
 def mark_errors(fd: int) -> bool:
-    """Have damaged bytes marked among the others (INPCK, PARMRK); whether that was possible."""
+    """Have the driver mark bytes with line errors (INPCK, PARMRK); whether it does."""
     try:
         import termios  # noqa: PLC0415
     except ImportError:
@@ -81,7 +82,7 @@ def mark_errors(fd: int) -> bool:
 
 
 def counters(fd: int) -> Mapping[str, int]:
-    """The driver's counts of damage since the system started; empty where it has none."""
+    """The driver's error counters since the system started; empty where it has none."""
     if not sys.platform.startswith("linux"):
         return {}
     import fcntl  # noqa: PLC0415
@@ -95,7 +96,7 @@ def counters(fd: int) -> Mapping[str, int]:
 
 
 def latency_timer(name: str) -> int | None:
-    """Milliseconds that the adapter may hold bytes back; None where it has no such timer."""
+    """Milliseconds for which the adapter may hold bytes back; None where it has no such timer."""
     try:
         return int(_timer_file(name).read_text(encoding="ascii"))
     except (OSError, ValueError):
@@ -108,7 +109,7 @@ def _timer_file(name: str) -> Path:
 
 
 def _low_latency(fd: int) -> bool | None:
-    """Set the kernel's flag (which FTDI's driver turns into a timer of 1 ms)."""
+    """Set `ASYNC_LOW_LATENCY`; whether it is set now, None where the driver does not know it."""
     import fcntl  # noqa: PLC0415
 
     try:

@@ -1,4 +1,4 @@
-r"""Characters of text files, made UTF-8 as the core reads it.
+r"""Detects the encoding of text files and converts it to UTF-8, which the core reads.
 
 >>> detect_encoding("\u53d1\u2192 05 03".encode("gbk")), detect_encoding(b"05 03")
 ('gbk', None)
@@ -24,7 +24,7 @@ _NO_CONTROLS = bytes([*b"\t\n\v\f\r\x1b", *range(0x20, 0x100)])
 
 
 def is_utf8(sample: bytes) -> bool:
-    """Whether these are UTF-8, perhaps cut in its last character."""
+    """Whether these bytes are UTF-8; the last character may be cut off."""
     try:
         codecs.getincrementaldecoder("utf-8")().decode(sample)
     except UnicodeDecodeError:
@@ -33,7 +33,7 @@ def is_utf8(sample: bytes) -> bool:
 
 
 def detect_encoding(sample: bytes) -> str | None:
-    """The encoding of a text that begins so; None for UTF-8, ASCII, and what is no text."""
+    """The encoding of a text that begins with `sample`; None for UTF-8, ASCII and binary data."""
     for bom, name in _BOMS.items():
         if sample.startswith(bom):
             return name
@@ -64,11 +64,11 @@ def _is_plain(sample: bytes, encoding: str) -> bool:
 
 
 class Transcoder:
-    """Blocks of an encoding in, UTF-8 out; what cannot be decoded becomes U+FFFD."""
+    """Converts blocks of an encoding to UTF-8; undecodable bytes become U+FFFD."""
 
     def __init__(self, encoding: str) -> None:
         self._decoder = codecs.getincrementaldecoder(encoding)("replace")
 
     def __call__(self, block: bytes, *, final: bool = False) -> bytes:
-        """The block in UTF-8, without a mark of the byte order."""
+        """Convert one block; `final` is True for the last one."""
         return self._decoder.decode(block, final).encode("utf-8", "replace")

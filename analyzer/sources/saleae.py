@@ -1,7 +1,6 @@
-r"""Levels of channels as Saleae's Logic exports them: CSV with a line for each change.
+r"""Exports of Saleae's Logic: CSV with the levels of all channels, one line for each change.
 
-The names of the channels are read here; that there are serial lines among them is found by the
-core, which reads the rows.
+Here only the names of the channels are read. The core reads the rows and finds the serial lines.
 
 >>> Levels("bus.csv", iter([b"Time [s],RX,TX\n0.000000000,1,1\n"])).names
 {0: 'RX', 1: 'TX'}
@@ -20,9 +19,10 @@ __all__ = ["Levels"]
 
 
 class Levels:
-    """The rows of an export, in blocks; used as `analyzer.sources.sigrok.Samples` is.
+    """An export in blocks of text, with the interface of `analyzer.sources.sigrok.Samples`.
 
-    `unit` says that these are no samples, and `rate` how many places the core counts in a second.
+    `unit` 0 tells the core that these are level changes and not samples; `rate` is the resolution
+    in which it counts their times, a nanosecond.
     """
 
     unit = 0
@@ -37,11 +37,11 @@ class Levels:
         self.names = dict(enumerate(cells[1:]))
 
     def channels(self, names: Sequence[str]) -> list[int]:
-        """The numbers of these channels; `UsageError` where there is no such."""
+        """The numbers of the channels of these names; `UsageError` for an unknown name."""
         return channel_numbers(self.names, names, self.name)
 
     def blocks(self) -> Iterator[bytes]:
-        """The text."""
+        """The text of the export, in blocks."""
         yield self._first
         yield from self._blocks
 
@@ -54,4 +54,4 @@ class Levels:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """The recording that gives the blocks is closed by its owner."""
+        """Nothing to close: the recording that gives the blocks is closed by its owner."""
