@@ -1,4 +1,7 @@
-"""Files that other programs read. One registry: name -> the module of its format.
+"""Export formats for other programs, and their registry: name -> module.
+
+A format is a module with a class `Format`, which turns tables into bytes and knows nothing of
+files; output.py decides where the bytes go. To add a format, write its module and name it here.
 
 A format is a file of its own with a class `Format`, which turns tables into bytes and knows nothing
 of files; where the bytes go is the business of output.py. To add a format: write its module, name
@@ -41,7 +44,7 @@ FORMATS = {
     "influx": "analyzer.exports.influx",
     "simulator": "analyzer.exports.simulator",
 }
-"""Name, and suffix without its dot -> module."""
+"""Name, which is also the suffix without its dot -> module."""
 
 ENDINGS = {
     "modbus_detailed.log": "icsnpp",
@@ -51,12 +54,12 @@ ENDINGS = {
     ".db": "sqlite",
     ".feather": "arrow",
 }
-"""Other ends of file names that say a format."""
+"""Further endings of file names -> format."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions:
-    """What is asked of one export.
+    """The options of one export.
 
     - `table`: of which table the rows are
     - `columns`: the keys of its columns, in order
@@ -78,47 +81,50 @@ class ExportOptions:
 
 
 class Format:
-    """Turns tables of one kind into the bytes of one file, in order."""
+    """Encodes the rows of one table as the bytes of one file.
+
+    `encode` is called for each batch of rows in order, then `footer` once.
+    """
 
     tables: ClassVar[Sequence[str]] = TABLES
-    """The tables whose rows it can hold."""
+    """The tables whose rows the format can hold."""
 
     styles: ClassVar[Sequence[str]] = ()
-    """Words that `--style` may say, the usual one first."""
+    """The values of `--style`, the default first."""
 
     has_column_choice: ClassVar[bool] = True
-    """Whether columns can be chosen."""
+    """Whether the user can choose the columns."""
 
     readable_while_written: ClassVar[bool] = True
-    """Whether what has been written so far can be read."""
+    """Whether an incomplete file can be read, so that a live tap may let it grow in place."""
 
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """The bytes of some more rows.
+        """Encode further rows.
 
-        The first call, which may bring none, also gives what stands in front.
+        The first call, which may have no rows, also gives what stands before them.
         """
         raise NotImplementedError
 
     def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
-        """The same piece by piece, for formats whose text can be written before all of it is made.
+        """Encode further rows in several blocks, each of which can be written before the next.
 
-        Small pieces stay in the processor's cache, and their memory is used again.
+        Small blocks stay in the processor's cache, and their memory is reused.
         """
         return (self.encode(table),)
 
     def footer(self) -> bytes:
-        """What stands behind the last row."""
+        """The bytes behind the last row."""
         return b""
 
     def output(self, path: str | None, *, growing: bool) -> Output:
-        """Where the bytes go; None is standard output. `SourceError` if it cannot be written."""
+        """Open the output; None is standard output. `SourceError` if it cannot be written."""
         return open_output(path, growing=growing)
 
     def closing_remark(self) -> str:
-        """What a person should know of the file when it is complete; mostly nothing."""
+        """A remark for the user about the complete file; mostly empty."""
         return ""
 
 
@@ -126,18 +132,18 @@ class MultiTableFormat(Format):
     """A format made of several tables at once; a filter applies to `options.table` only."""
 
     required_tables: ClassVar[Sequence[str]] = TABLES
-    """The tables that it is made of."""
+    """The tables that the format needs."""
 
     def encode_batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
-        """The bytes of some more rows, in small pieces; `kept` are those that a filter kept.
+        """Encode the rows of a batch, in small blocks.
 
-        It is None without a filter.
+        `kept` are the rows of `options.table` that match the filter; None without a filter.
         """
         raise NotImplementedError
 
 
 def load(name: str) -> type[Format]:
-    """The format of that name; `UsageError` with the known ones otherwise."""
+    """Load a format by its name; `UsageError` lists the known ones."""
     if name not in FORMATS:
         hint = similar_name(name, FORMATS)
         question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(FORMATS)}"
@@ -146,7 +152,7 @@ def load(name: str) -> type[Format]:
 
 
 def format_of(path: str) -> str:
-    """The format that a file's name says by its end; `UsageError` if it says none."""
+    """The format that the ending of a file name stands for; `UsageError` for an unknown ending."""
     name = PurePath(path).name.lower()
     for ending, found in ENDINGS.items():
         if name.endswith(ending) and name != ending.removeprefix("."):

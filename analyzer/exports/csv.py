@@ -1,8 +1,7 @@
-"""CSV (RFC 4180): a line of column names, then a line a row.
+"""CSV (RFC 4180): a line of column names, then a line for each row.
 
-Lists joined by single spaces, null empty. No cell from outside starts a spreadsheet's formula.
-
-The text is the core's, so that it costs nothing per row here.
+Lists are joined by single spaces, null is empty. A cell that a spreadsheet would take for a formula
+is neutralized. The text is made in the core.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ class Format(exports.Format):
         self._header_written = False
 
     def encode_blocks(self, table: _modlens.Table) -> Iterable[bytes]:
-        """The rows, behind the line of names the first time."""
+        """Encode rows; the first time the line of column names comes before them."""
         header, self._header_written = not self._header_written, True
         return table.lines(self.name, self.options.columns, header=header)
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """All pieces at once."""
+        """Encode rows in one block."""
         return b"".join(self.encode_blocks(table))

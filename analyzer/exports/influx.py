@@ -22,11 +22,11 @@ class Format(exports.Format):
         self._left_out = 0
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """The lines of the rows that have a time."""
+        """Encode the rows that have a date and time."""
         data, left_out = table.influx()
         self._left_out += left_out
         return data
 
     def closing_remark(self) -> str:
-        """How many rows had no time."""
+        """How many rows had no date and time and were left out."""
         return f"{self._left_out:,} rows without date and time left out" if self._left_out else ""

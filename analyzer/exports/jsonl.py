@@ -1,6 +1,6 @@
-"""JSON lines: one object a row, null omitted, hex in lower case, times as ISO-8601 text.
+"""JSON lines: one object per row, null omitted, hex in lower case, times as ISO-8601 text.
 
-The text is the core's, so that it costs nothing per row here.
+The text is made in the core.
 """
 
 from __future__ import annotations
@@ -11,6 +11,6 @@ __all__ = ["Format"]
 
 
 class Format(csv.Format):
-    """JSON lines of some columns of one table; nothing stands in front of them."""
+    """JSON lines of some columns of one table, without a header."""
 
     name = "jsonl"

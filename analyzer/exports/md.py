@@ -1,4 +1,4 @@
-"""The table as people see it, in a Markdown block: to paste into a reply or an issue."""
+"""The table as shown on the screen, in a Markdown code block, to be pasted into an issue."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Format"]
 
 
 class Format(txt.Format):
-    """The annotated table between fences."""
+    """The table of `modlens decode` between Markdown fences."""
 
     before = "```text\n"
     after = "```\n"

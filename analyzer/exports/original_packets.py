@@ -1,8 +1,8 @@
-"""Evidence: packets cut out of a capture, byte for byte, as they were captured.
+"""Extracts packets from a capture, byte for byte, for use as evidence.
 
-The section header says of which file they are and what its SHA-256 is, so that everybody who has
-the whole capture can check the part. A pcapng keeps its blocks (interfaces, names, options of the
-packets); the packets of a classic pcap are put into pcapng blocks, their bytes unchanged.
+The section header names the file and its SHA-256, so that everybody who has the whole capture can
+verify the extract. A pcapng keeps its blocks (interfaces, names, options of the packets); the
+packets of a classic pcap are put into pcapng blocks, their bytes unchanged.
 """
 
 from __future__ import annotations
@@ -22,29 +22,28 @@ __all__ = ["extract_packets"]
 
 SECTION, INTERFACE = 0x0A0D0D0A, 1
 PACKET_BLOCKS = (2, 3, 6)
-"""Blocks that hold a packet: the obsolete one, the simple one, the enhanced one."""
+"""Types of blocks with a packet: obsolete, simple, and enhanced packet blocks."""
 
 COMMENT, END_OF_OPTIONS = 1, 0
 BYTE_ORDER = b"\x1a\x2b\x3c\x4d"
 HEADER_BYTES = 24
-"""Bytes of a section header before its options, and of a classic file's header."""
+"""Bytes of a section header before its options; a classic file's header has as many."""
 
 CLASSIC_MAGIC = {
     b"\xa1\xb2\xc3\xd4": (">", 6), b"\xd4\xc3\xb2\xa1": ("<", 6),
     b"\xa1\xb2\x3c\x4d": (">", 9), b"\x4d\x3c\xb2\xa1": ("<", 9),
 }  # fmt: skip
-"""Magic number -> byte order, decimal digits of a second."""
+"""Magic number of a classic pcap -> byte order, decimal digits of a second."""
 
 MAX_BLOCK_BYTES = 1 << 26
-"""No block is longer; what says so is damaged."""
+"""A block that claims to be longer is damaged."""
 
 
 def extract_packets(name: str, wanted: Container[int]) -> Iterator[bytes]:
-    """The packets of these numbers (from 1) of a capture, as blocks of a pcapng section.
+    """Extract the packets with these numbers (from 1) as blocks of a pcapng section.
 
-    A compressed file is read as what is in it; the sum is that of the file as it lies there, or in
-    its archive.
-    `SourceError` if the file cannot be read, or is no capture.
+    A compressed file is decompressed; the SHA-256 is that of the file as it is stored, or in its
+    archive. `SourceError` if the file cannot be read, or is not a capture.
     """
     try:
         with ExitStack() as opened:
@@ -71,7 +70,7 @@ def extract_packets(name: str, wanted: Container[int]) -> Iterator[bytes]:
 
 
 def _sha256(file: IO[bytes]) -> str:
-    """The SHA-256 of a whole file, which is read again afterwards."""
+    """The SHA-256 of a whole file; the file is rewound afterwards."""
     digest = hashlib.sha256()
     while block := file.read(1 << 20):
         digest.update(block)
@@ -80,7 +79,7 @@ def _sha256(file: IO[bytes]) -> str:
 
 
 def _blocks(file: IO[bytes], wanted: Container[int], comment: str) -> Iterator[bytes]:
-    """Of a pcapng: section headers with our words, wanted packets, all other blocks."""
+    """The blocks of a pcapng: section headers with our comment, wanted packets, the rest."""
     order, number = "<", 0
     while len(head := file.read(8)) == 8:  # noqa: PLR2004 - type and length
         kind = int.from_bytes(head[:4], "little")
@@ -104,7 +103,7 @@ def _blocks(file: IO[bytes], wanted: Container[int], comment: str) -> Iterator[b
 
 
 def _with_comment(block: bytes, order: str, comment: str) -> bytes:
-    """A section header with one more comment; its length is no longer known."""
+    """A section header with a comment added; the section's length is set to unknown (-1)."""
     text = comment.encode()
     option = struct.pack(order + "HH", COMMENT, len(text)) + text + bytes(-len(text) % 4)
     options = block[HEADER_BYTES:-4] or bytes(4)
@@ -114,7 +113,7 @@ def _with_comment(block: bytes, order: str, comment: str) -> bytes:
 
 
 def _classic(file: IO[bytes], wanted: Container[int], comment: str) -> Iterator[bytes]:
-    """Of a classic pcap: its packets in blocks of their own."""
+    """The wanted packets of a classic pcap, each in an enhanced packet block."""
     head = file.read(HEADER_BYTES)
     order, digits = CLASSIC_MAGIC[head[:4]]
     snap, link = struct.unpack(order + "II", head[16:24])

@@ -1,10 +1,8 @@
-"""Where exported bytes go.
+"""Where exported bytes go: a file that appears when complete, a growing file, standard output.
 
-A file that appears when it is whole, a file that grows, standard output.
-
-No file export is ever left half written: a whole file is written beside its place under another
-name and moved there at the end. A live tap can end at any moment, so its file grows in place, block
-by block; in return it never replaces a file that is there.
+No export is left incomplete: a file is written under a temporary name beside its place and renamed
+at the end. A live tap can end at any moment, so its file grows in place, block by block, and never
+replaces an existing file.
 """
 
 from __future__ import annotations
@@ -38,17 +36,17 @@ class Output(Protocol):
     name: str
 
     def append(self, data: bytes) -> None:
-        """Write these bytes behind the others."""
+        """Append these bytes."""
 
     def close(self) -> None:
-        """All bytes are there: the output takes its final name."""
+        """Complete the output, which then takes its final name."""
 
     def rollback(self) -> None:
-        """Something failed: leave nothing half written."""
+        """Discard the output: nothing incomplete is left."""
 
 
 class _File:
-    """An open descriptor, closed once."""
+    """A file descriptor that is open for writing."""
 
     def __init__(self, name: str, path: str, flags: int) -> None:
         self.name = name
@@ -60,7 +58,7 @@ class _File:
             raise _source_error(name, error) from error
 
     def append(self, data: bytes) -> None:
-        """Write these bytes; after a failure nothing more is taken."""
+        """Append these bytes; after a failure further bytes are ignored."""
         if self._fd is None:
             return
         view = memoryview(data)
@@ -74,7 +72,7 @@ class _File:
             raise _source_error(self.name, error) from error
 
     def close(self) -> None:
-        """The bytes are complete; a file that was abandoned stays so."""
+        """Complete the file; does nothing after `rollback`."""
         if self._fd is None:
             return
         try:
@@ -85,7 +83,7 @@ class _File:
             raise _source_error(self.name, error) from error
 
     def rollback(self) -> None:
-        """Close without finishing, if it is still open."""
+        """Close and delete the incomplete file, if it is still open."""
         fd, self._fd = self._fd, None
         if fd is not None:
             with contextlib.suppress(OSError):
@@ -97,13 +95,13 @@ class _File:
         self._fd = None
 
     def _delete_partial(self) -> None:
-        """Take away what is not whole."""
+        """Delete the incomplete file."""
 
 
 class AtomicFile(_File):
-    """A file that takes its name when it is complete, in place of one that may be there.
+    """A file that appears under its name when it is complete, replacing an existing one.
 
-    What is no plain file (a device, a named pipe) is written directly.
+    Special files (a device, a named pipe) are written directly.
     """
 
     def __init__(self, path: str) -> None:
@@ -128,7 +126,7 @@ class AtomicFile(_File):
 
 
 class NewAtomicFile(AtomicFile):
-    """A whole file of a live tap: it appears at the end, and never in place of another."""
+    """A file of a live tap that appears when it is complete, and never replaces an existing one."""
 
     def __init__(self, path: str) -> None:
         if not is_special(path) and os.path.lexists(path):
@@ -138,9 +136,9 @@ class NewAtomicFile(AtomicFile):
 
 
 class GrowingFile(_File):
-    """A new file that grows in place, by whole rows; what is in it stays, whatever happens.
+    """A new file that grows in place by whole rows, which stay whatever happens later.
 
-    `SourceError` if there is a file of that name.
+    `SourceError` if a file of that name exists.
     """
 
     def __init__(self, path: str) -> None:
@@ -154,7 +152,7 @@ class StandardOutput:
     name = "standard output"
 
     def append(self, data: bytes) -> None:
-        """Write and flush."""
+        """Write these bytes and flush."""
         try:
             sys.stdout.buffer.write(data)
             sys.stdout.buffer.flush()
@@ -167,18 +165,18 @@ class StandardOutput:
         """Nothing to do: every `append` has been flushed."""
 
     def rollback(self) -> None:
-        """Nothing to do: what is out is out."""
+        """Nothing to do: bytes that were written cannot be taken back."""
 
 
 def open_output(path: str | None, *, growing: bool) -> Output:
-    """The output of that path; None is standard output. `SourceError` if it cannot be written."""
+    """Open the output of a path; None is standard output. `SourceError` if that fails."""
     if path is None:
         return StandardOutput()
     return GrowingFile(path) if growing else AtomicFile(path)
 
 
 def is_special(path: str) -> bool:
-    """Whether it is a device, a pipe or another thing that must not be replaced by a file."""
+    """Whether a path is a device, a pipe or the like, which must not be replaced by a file."""
     try:
         return not stat.S_ISREG(os.stat(path).st_mode)
     except OSError:

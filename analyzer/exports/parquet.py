@@ -22,7 +22,7 @@ __all__ = ["Format"]
 
 PARTITIONS = "partitions"
 NO_DATE = "__HIVE_DEFAULT_PARTITION__"
-"""What Hive and its heirs call a partition without a value."""
+"""The name that Hive and compatible programs give to a partition without a value."""
 
 
 class Format(exports.Format):
@@ -44,7 +44,7 @@ class Format(exports.Format):
         self._folder: _PartitionedOutput | None = None
 
     def output(self, path: str | None, *, growing: bool) -> Output:
-        """A file, or for the style `partitions` a folder, which must be new."""
+        """Open a file, or for the style `partitions` a folder, which must not exist yet."""
         if self.options.style != PARTITIONS:
             return super().output(path, growing=growing)
         if path is None:
@@ -53,19 +53,19 @@ class Format(exports.Format):
         return self._folder
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """What is complete of the file; row groups are complete after 65,536 rows."""
+        """Encode rows; gives the completed row groups, which have 65,536 rows."""
         if self._folder is not None:
             self._folder.write(table)
             return b""
         return self._file.rows(table)
 
     def footer(self) -> bytes:
-        """The last row group and the footer."""
+        """The last row group and the footer of the file."""
         return b"" if self._folder is not None else self._file.end()
 
 
 class _PartitionedOutput:
-    """One file a day and bus, each in a folder that says so."""
+    """A folder with a file for each day and bus, in subfolders `date=.../bus=...`."""
 
     def __init__(self, path: str, new_file: Callable[[], _modlens.RowFile]) -> None:
         self.name = path
@@ -79,7 +79,7 @@ class _PartitionedOutput:
             ) from error
 
     def write(self, table: _modlens.Table) -> None:
-        """Each row to its file."""
+        """Write each row to the file of its day and bus."""
         for date, bus, rows in table.partitions():
             folder = os.path.join(f"date={date or NO_DATE}", f"bus={quote(bus, safe='')}")
             if folder not in self._files:
@@ -90,15 +90,15 @@ class _PartitionedOutput:
             output.append(row_file.rows(rows))
 
     def append(self, data: bytes) -> None:
-        """Nothing comes this way."""
+        """Nothing to do: the rows are written by `write`."""
 
     def close(self) -> None:
-        """All files are complete."""
+        """Complete all files."""
         for row_file, output in self._files.values():
             output.append(row_file.end())
             output.close()
 
     def rollback(self) -> None:
-        """No file is complete; folders without files stay."""
+        """Delete all incomplete files; their folders stay."""
         for _, output in self._files.values():
             output.rollback()

@@ -49,14 +49,17 @@ class Format(exports.MultiTableFormat):
         )
 
     def output(self, path: str | None, *, growing: bool) -> Output:
-        """The file, which gets the packets of the style `original` one by one."""
+        """Open the file; it is kept because `footer` writes to it in the style `original`."""
         if self._selection is not None and growing:
             raise UsageError("--style original cuts out of captures; a tap makes none: --record")
         self._output = super().output(path, growing=growing)
         return self._output
 
     def encode_batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
-        """The packets that are decided."""
+        """Encode the packets that are complete.
+
+        Findings on a transaction may come later than it.
+        """
         if self._selection is not None:
             self._selection.add(batch, kept)
             return ()
@@ -64,7 +67,7 @@ class Format(exports.MultiTableFormat):
         return iter(self._capture.more, b"")
 
     def footer(self) -> bytes:
-        """The rest."""
+        """The remaining packets."""
         if self._selection is None:
             return self._capture.end()
         if self._output is not None:
@@ -75,7 +78,10 @@ class Format(exports.MultiTableFormat):
 
 
 class _PacketSelection:
-    """Where every frame stands, in arrays, because which are wanted is known at the end only."""
+    """The packets of all frames, and which frames are wanted, for the style `original`.
+
+    They are kept in arrays of numbers, because which packets are wanted is known at the end only.
+    """
 
     def __init__(self, options: exports.ExportOptions) -> None:
         self._wish = options
@@ -86,7 +92,7 @@ class _PacketSelection:
         self._further_packets: dict[int, list[int]] = {}
 
     def add(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> None:
-        """Remember the frames, and what the filter keeps."""
+        """Add the frames of a batch, and the rows that match the filter."""
         for name, frame, txn, packets in batch.frames.origins():
             if not self._files or self._files[-1] != name:
                 self._files.append(name)
@@ -101,7 +107,7 @@ class _PacketSelection:
             self._kept.update(int(number or 0) for (number,) in kept.tuples([key]))
 
     def packets(self) -> dict[str, set[int]]:
-        """File -> numbers of the packets of its frames that are wanted."""
+        """File -> numbers of its wanted packets, with those of the frames around (`context`)."""
         keys = self._places["txn" if self._wish.table == "transactions" else "frame"]
         context = self._wish.context
         found: dict[str, set[int]] = {name: set() for name in self._files}

@@ -1,9 +1,9 @@
 """Raw recording: every read of a tap with its time, in pcapng, flushed block by block.
 
-The form is documented in the core (write/recording.rs). A file can be read up to its last whole
-block whatever ended it. With rotation, or where the file exists already, segments are named as
-dumpcap names them, `bus_00001_20261121101500.pcapng`: nothing is ever written over, and nothing is
-taken away but the oldest segments of the same name when `keep` says so.
+The format is documented in the core (write/recording.rs). A file can be read up to its last
+complete block, however the tap ended. With rotation, or where the file exists already, segments are
+named as by dumpcap, `bus_00001_20261121101500.pcapng`. Nothing is ever overwritten, and nothing is
+deleted but the oldest segments of the same name where `--keep` asks for it.
 
 >>> parse_rotation("10min"), parse_rotation("64MB"), parse_retention("8"), parse_retention("2GB")
 (Rotation(seconds=600, bytes=None), Rotation(seconds=None, bytes=64000000), ...)
@@ -33,7 +33,7 @@ _AMOUNT = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)")
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """When a segment ends: after so many seconds, or bytes."""
+    """When a segment ends: after this many seconds, or bytes; both None means never."""
 
     seconds: int | None = None
     bytes: int | None = None
@@ -41,7 +41,7 @@ class Rotation:
 
 @dataclass(frozen=True, slots=True)
 class Retention:
-    """How many segments are kept, or how many bytes of them."""
+    """How many segments are kept, or how many bytes of them; both None means all."""
 
     segments: int | None = None
     bytes: int | None = None
@@ -49,7 +49,7 @@ class Retention:
 
 @dataclass(frozen=True, slots=True)
 class RecordedPort:
-    """A port that is recorded: of which bus, which line of it (None: the only one), as what."""
+    """A recorded port: its bus, its line (None for the only one), its name and settings."""
 
     bus: str
     line: str | None
@@ -58,7 +58,7 @@ class RecordedPort:
 
 
 class Read(Protocol):
-    """What a port gave; `analyzer.sources.serial.Chunk` is one."""
+    """A read of a port, such as `analyzer.sources.serial.Chunk`."""
 
     @property
     def data(self) -> bytes:
@@ -66,11 +66,11 @@ class Read(Protocol):
 
     @property
     def time_ns(self) -> int:
-        """When the read returned."""
+        """When the read returned, in ns since 1970."""
 
 
 def parse_rotation(text: str) -> Rotation:
-    """What `--rotate` says: a time such as 10min, 1h, 1d, or a size such as 64MB."""
+    """Parse `--rotate`: a time such as 10min, 1h, 1d, or a size such as 64MB."""
     value, unit = _amount("--rotate", text)
     if unit in SECONDS_PER_UNIT:
         return Rotation(seconds=round(value * SECONDS_PER_UNIT[unit]))
@@ -80,7 +80,7 @@ def parse_rotation(text: str) -> Rotation:
 
 
 def parse_retention(text: str) -> Retention:
-    """What `--keep` says: a number of segments, or a size such as 2GB."""
+    """Parse `--keep`: a number of segments, or a size such as 2GB."""
     value, unit = _amount("--keep", text)
     if unit in BYTES_PER_UNIT:
         return Retention(bytes=round(value * BYTES_PER_UNIT[unit]))
@@ -97,10 +97,10 @@ def _amount(option: str, text: str) -> tuple[float, str]:
 
 
 class Recorder:
-    """Writes what ports give.
+    """Writes the reads of ports to a file, or to a sequence of segments.
 
-    `notify` hears in words of segments that begin. `SourceError` if the first one cannot be
-    written; later trouble is told once and ends the recording, not the tap.
+    `notify` gets a message when a segment begins. `SourceError` if the first segment cannot be
+    created; a later error is passed to `on_failure` once and ends the recording, not the tap.
     """
 
     def __init__(  # noqa: PLR0913 - what can be said of a recording
@@ -128,14 +128,14 @@ class Recorder:
         self._begin_segment()
 
     def add_port(self, port: RecordedPort) -> None:
-        """One more port: its line settings have been found."""
+        """Add a port, when its line settings have been found."""
         self._port_numbers[port.bus, port.line] = len(self._ports)
         self._ports.append(port)
         if self._file is not None:
             self._write(_modlens.recording_port(*self._description(port)), may_rotate=False)
 
     def write_read(self, bus: str, line: str | None, read: Read) -> None:
-        """Write a read of a port."""
+        """Record a read of a port."""
         if self._file is None:
             return
         errors = list(getattr(read, "errors", ())) or None
@@ -162,13 +162,13 @@ class Recorder:
             self._on_failure(error)
 
     def close(self) -> None:
-        """End the file; it was complete all the time."""
+        """Close the file, which has been readable all the time."""
         if self._file is not None:
             self._file.close()
             self._file = None
 
     def _segment_is_full(self, size: int) -> bool:
-        """Whether the next block begins a segment; each has one read at least."""
+        """Whether the next block begins a new segment; each segment has at least one read."""
         if self._rotation.bytes is not None:
             return self._has_reads() and self._segment_bytes + size > self._rotation.bytes
         if self._rotation.seconds is not None:
@@ -197,14 +197,14 @@ class Recorder:
         return port.port, buses.index(port.bus), port.bus, port.line, port.settings
 
     def _next_name(self) -> str:
-        """The name behind those that are there, as dumpcap makes it: number and time (UTC)."""
+        """The name of the next segment as dumpcap makes it: number and time in UTC."""
         base = self._path.removesuffix(".pcapng")
         last = max((number for number, _ in self._segments()), default=0)
         moment = time.strftime("%Y%m%d%H%M%S", time.gmtime(self._segment_began_s))
         return f"{base}_{last + 1:05}_{moment}.pcapng"
 
     def _segments(self) -> list[tuple[int, str]]:
-        """Number and path of every segment of this name, the oldest first."""
+        """Number and path of every existing segment of this name, the oldest first."""
         folder, base = os.path.split(self._path.removesuffix(".pcapng"))
         pattern = re.compile(re.escape(base) + r"_(\d{5,})_\d{14}\.pcapng")
         try:
@@ -217,7 +217,7 @@ class Recorder:
         )
 
     def _delete_old_segments(self) -> None:
-        """Take the oldest segments away that are not to be kept; never the one being written."""
+        """Delete the oldest segments beyond the retention; never the one being written."""
         segments = [path for _, path in self._segments() if path != self.name]
         if self._retention.segments is not None:
             excess = len(segments) + 1 - self._retention.segments

@@ -1,8 +1,8 @@
-"""The configuration of pymodbus' simulator: answers reads as the recorded units did last.
+"""Configuration of pymodbus' simulator, which answers reads with the last recorded values.
 
 `pymodbus.simulator --json_file bus.simulator.json --modbus_device unit_17` serves one unit. Each
-unit that was seen is a device; addresses that were never seen are invalid, so that they are refused
-as the real unit would refuse most of them.
+unit that was seen is a device. Addresses that were never seen are invalid, so that they are
+refused, as the real unit would refuse most of them.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ SIZE_KEYS = {
     "input_register": "ir size",
     "holding_register": "hr size",
 }
-"""Register type -> its size in the set-up, in the order in which pymodbus lays the blocks out."""
+"""Register type -> key of its block size, in the order in which pymodbus lays out the blocks."""
 
 BIT_TYPES = ("coil", "discrete_input")
 BITS_PER_CELL = 16
 
 STATUSES_WITH_VALUES = ("ok", "broadcast", "unrequested")
-"""Status of transactions whose values are those of the unit."""
+"""Status values of transactions whose values are certainly those of the unit."""
 
 
 class Format(exports.Format):
-    """Collects the newest value of every register and bit; all is written at the end."""
+    """Collects the newest value of every register and bit; the file is written at the end."""
 
     tables = ("readings",)
     has_column_choice = False
@@ -42,7 +42,7 @@ class Format(exports.Format):
         self._values: dict[Any, dict[str, dict[Any, int]]] = {}
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """Nothing yet: a later row may have a newer value."""
+        """Collect values; gives no bytes, because a later row may have a newer value."""
         keys = ("unit", "register_type", "address", "status", "raw")
         for unit, kind, address, status, raw in table.tuples(keys):
             if (
@@ -69,7 +69,7 @@ class Format(exports.Format):
 
 
 def _device_configuration(spaces: dict[str, dict[int, int]]) -> dict[str, Any]:
-    """One unit: the four spaces one behind the other, bits packed sixteen to a cell."""
+    """The device of one unit: its four blocks in sequence, bits packed sixteen to a cell."""
     setup: dict[str, Any] = {"shared blocks": False, "type exception": False}
     setup["defaults"] = {
         "value": {
@@ -119,7 +119,7 @@ def _pack_bits(bits: dict[int, int]) -> dict[int, int]:
 
 
 def _ranges(numbers: list[int]) -> list[list[int]]:
-    """Numbers in order as first and last of each run.
+    """Sorted numbers as the first and last number of each run.
 
     >>> _ranges([1, 2, 3, 7])
     [[1, 3], [7, 7]]

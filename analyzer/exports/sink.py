@@ -1,4 +1,4 @@
-"""One export under way: which rows of which table go to which output in which format."""
+"""Exports while a run goes on: which rows of which table go to which output and format."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What `-o` asks for.
+    """The target of one export.
 
-    A table, a format (a key of `analyzer.exports.FORMATS`), a path (None: standard output).
+    A table, a format (a key of `analyzer.exports.FORMATS`), and a path (None for standard output).
     """
 
     table: str
@@ -35,10 +35,10 @@ class Target:
 
 
 def parse_target(text: str, table: str) -> Target:
-    """The target that `log.csv` or `frames:log.csv` says.
+    """Parse a value of `-o` such as `log.csv` or `frames:log.csv`.
 
-    `table` is the one meant where none is named. `UsageError` if the format cannot hold the table;
-    where it holds one only and none was named, that one is meant.
+    `table` is used where the text names none. If the format can hold only one table and the text
+    names none, that one is used. `UsageError` if the format cannot hold the table.
 
     >>> parse_target("frames:f.csv", "transactions")
     Target(table='frames', format='csv', path='f.csv')
@@ -52,7 +52,11 @@ def parse_target(text: str, table: str) -> Target:
 
 
 def with_suitable_table(target: Target, *, named: bool) -> Target:
-    """The target with a table that its format can hold; `named` is one that the user has named."""
+    """The target with a table that its format can hold.
+
+    `named` is True where the user has named the table. `UsageError` if that does not fit, or there
+    are several others.
+    """
     holds = load(target.format).tables
     if target.table in holds:
         return target
@@ -64,7 +68,7 @@ def with_suitable_table(target: Target, *, named: bool) -> Target:
 
 
 def required_tables(targets: Iterable[Target]) -> set[str]:
-    """The tables that have to be built for these targets."""
+    """The tables that have to be decoded for these targets."""
     found = set()
     for one in targets:
         format_class = load(one.format)
@@ -77,7 +81,7 @@ def required_tables(targets: Iterable[Target]) -> set[str]:
 
 
 def check_style(style: str | None, targets: Iterable[Target]) -> None:
-    """`UsageError` if there is a style that no target knows."""
+    """Raise `UsageError` for a style that no target has."""
     known = {word for one in targets for word in load(one.format).styles}
     if style is not None and style not in known:
         there = f"there are {', '.join(sorted(known))}" if known else "no output here has styles"
@@ -85,11 +89,11 @@ def check_style(style: str | None, targets: Iterable[Target]) -> None:
 
 
 class ExportSink:
-    """Writes the rows of one table; see `analyzer.session.Sink`.
+    """A sink that writes the rows of one table to one output (see `analyzer.session.Sink`).
 
     `columns` is the text of `--columns`, `where` that of `--where`; both must fit the table
     (`UsageError`, `FilterError`). With `growing` the file grows in place and must be new. `options`
-    says what else is wanted; its table, columns and `live` come from the other arguments.
+    are further options; table, columns and `live` are overridden by the other arguments.
     """
 
     def __init__(
@@ -122,7 +126,7 @@ class ExportSink:
         self.name = self._output.name
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Write the batch's rows."""
+        """Write the rows of a batch."""
         table: _modlens.Table = getattr(batch, self.table)
         kept = None if self._predicate is None else table.where(self._predicate)
         rows = table if kept is None else kept
@@ -136,16 +140,16 @@ class ExportSink:
                 self._output.append(data)
 
     def close(self) -> None:
-        """All rows are there."""
+        """Complete the output."""
         data = self._format.footer()
         if data:
             self._output.append(data)
         self._output.close()
 
     def closing_remark(self) -> str:
-        """What a person should know of the output; mostly nothing."""
+        """A remark for the user about the complete output; mostly empty."""
         return self._format.closing_remark()
 
     def rollback(self) -> None:
-        """The input failed: leave nothing half written."""
+        """Discard the output because the input failed."""
         self._output.rollback()

@@ -29,10 +29,10 @@ PRIMARY_KEYS = {"frames": "frame", "transactions": "txn"}
 SQL_TYPES = {"int": "INTEGER", "bool": "INTEGER", "us": "REAL", "float": "REAL"}
 
 ROWS_PER_INSERT = 4096
-"""Rows that are tuples at the same time."""
+"""Rows that are converted to tuples at a time."""
 
 COMMIT_S = 1.0
-"""Seconds after which a live file keeps what it has, whatever happens."""
+"""Seconds between two commits of a live file: the most that can be lost."""
 
 VIEWS = """
 CREATE VIEW v_latest AS
@@ -57,7 +57,7 @@ DELETE_OF_OTHER_TRANSACTIONS = (
 
 
 class Format(exports.MultiTableFormat):
-    """A database; it is its own output."""
+    """A database; it is its own output, because SQLite writes the file itself."""
 
     has_column_choice = False
 
@@ -71,7 +71,7 @@ class Format(exports.MultiTableFormat):
         self._keys = {table: [column.key for column in columns(table)] for table in TABLES}
 
     def output(self, path: str | None, *, growing: bool) -> Self:
-        """Open the database; `SourceError` if that cannot be."""
+        """Open the database; `SourceError` if that fails."""
         if path is None:
             raise UsageError("a database cannot go to standard output; name a file: -o log.sqlite")
         self.name = path
@@ -96,7 +96,7 @@ class Format(exports.MultiTableFormat):
         return self
 
     def encode_batch(self, batch: _modlens.Batch, kept: _modlens.Table | None) -> Iterable[bytes]:
-        """Write the rows; nothing is left for anybody else to write."""
+        """Insert the rows; gives no bytes, because SQLite writes the file itself."""
         if self._database is None:
             return ()
         try:
@@ -114,10 +114,10 @@ class Format(exports.MultiTableFormat):
         return ()
 
     def append(self, data: bytes) -> None:
-        """Nothing comes this way."""
+        """Nothing to do: the rows are written by `encode_batch`."""
 
     def close(self) -> None:
-        """Everything into the one file, under its name."""
+        """Commit, merge the write-ahead log into the file, and give the file its name."""
         if self._database is None:
             return
         try:
@@ -136,7 +136,7 @@ class Format(exports.MultiTableFormat):
             raise self._source_error(error) from error
 
     def rollback(self) -> None:
-        """A whole file is taken away; a live one keeps what has been committed."""
+        """Delete the incomplete file; a live file keeps what has been committed."""
         database, self._database = self._database, None
         if database is None:
             return
@@ -148,7 +148,7 @@ class Format(exports.MultiTableFormat):
                     os.unlink(self._partial_path + tail)
 
     def _open(self, *, growing: bool) -> None:
-        # Sinks are opened and used by one thread each, not always the same.
+        # A sink is used by one thread at a time, but may be opened in another one.
         database = self._database = sqlite3.connect(self._partial_path, check_same_thread=False)
         database.execute(f"PRAGMA journal_mode = {'WAL' if growing else 'OFF'}")
         database.execute(f"PRAGMA synchronous = {'NORMAL' if growing else 'OFF'}")

@@ -1,4 +1,4 @@
-"""The table as people see it on the screen, as a text file, 100 columns wide."""
+"""The table as shown on the screen, as a text file of 100 columns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WIDTH = 100
 
 
 class Format(exports.Format):
-    """The annotated table."""
+    """The table of `modlens decode`."""
 
     has_column_choice = False
     before = after = ""
@@ -29,7 +29,7 @@ class Format(exports.Format):
         self._table = TableSink(options.table, Screen(self._text, width=WIDTH), table_options)
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """The rows, behind the head the first time."""
+        """Encode rows; the first time the column titles come before them."""
         self._table.show(table)
         text = self._text.getvalue()
         self._text.seek(0)
@@ -37,5 +37,5 @@ class Format(exports.Format):
         return text.encode()
 
     def footer(self) -> bytes:
-        """What ends the table."""
+        """The end of the table."""
         return (self._text.getvalue() + self.after).encode()

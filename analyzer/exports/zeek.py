@@ -1,4 +1,4 @@
-"""Zeek's `modbus.log`: a line a PDU, tab-separated or JSON; the lines are the core's."""
+"""Zeek's `modbus.log`: a line for each PDU, tab-separated or JSON, made in the core."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["Format"]
 
 
 class Format(exports.Format):
-    """A log in Zeek's form."""
+    """A log in Zeek's format."""
 
     log = "modbus"
     tables = ("transactions",)
@@ -21,6 +21,6 @@ class Format(exports.Format):
         self._header_written = False
 
     def encode(self, table: _modlens.Table) -> bytes:
-        """The lines, behind the header the first time."""
+        """Encode rows; the first time the header comes before them."""
         header, self._header_written = not self._header_written, True
         return table.zeek(self.log, json=self.options.style == "json", header=header)

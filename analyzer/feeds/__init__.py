@@ -1,4 +1,4 @@
-"""Where a live tap sends what it decides: brokers and scrapers, not files.
+"""Feeds of a live tap to other programs: an MQTT broker, Prometheus.
 
-Each is a sink and needs an extra package, which is imported when it is asked for.
+Each feed is a sink, and needs an extra package that is imported only when it is used.
 """

@@ -1,7 +1,7 @@
-"""Prometheus: counters of the bus under `/metrics`, for whoever scrapes.
+"""Prometheus metrics of the bus over HTTP, under `/metrics`.
 
-On loopback unless another address is named. Registers are not exported by number (each would be a
-series of its own); values with a name from a profile are.
+The server listens on loopback unless another address is given. Registers are not exported by
+number, because each would be a time series of its own; values named by a profile are.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
 
 
 def parse_address(text: str) -> tuple[str, int]:
-    """Host and port of `[HOST:]PORT`; `UsageError` if it is none.
+    """Parse `[HOST:]PORT`; gives host and port, `UsageError` if it is neither.
 
     >>> parse_address("9502")
     ('127.0.0.1', 9502)
@@ -34,7 +34,7 @@ def parse_address(text: str) -> tuple[str, int]:
 
 
 class Metrics:
-    """A sink that counts, and a server that tells; `port` is the one it listens on.
+    """A sink that counts, and a server that publishes the counters; `port` is the server's.
 
     `UsageError` where the package prometheus-client is not installed, `SourceError` where the port
     cannot be had.
@@ -87,7 +87,7 @@ class Metrics:
         self.name = f"http://{where[0]}:{self.port}/metrics"
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Count what the batch holds."""
+        """Count the transactions of a batch."""
         table = batch.transactions
         self.row_count += len(table)
         for row in table:
@@ -103,7 +103,7 @@ class Metrics:
         self._thread.join()
 
     def rollback(self) -> None:
-        """Closed already, or never begun."""
+        """Nothing to do: there is no incomplete output."""
 
     def _count(self, row: _modlens.Row) -> None:
         self._transactions.labels(row.bus, row.unit, row.function, row.status).inc()
@@ -116,7 +116,10 @@ class Metrics:
                 self._values.labels(row.bus, row.unit, name).set(value)
 
     def _update_gauges(self) -> None:
-        """What only the statistics know; taken here, because the server's thread must not ask."""
+        """Update the gauges that come from the statistics.
+
+        This is done in the sink's thread, because the server's thread must not call the core.
+        """
         for bus in self._stats()["buses"]:
             self._damaged.labels(bus["bus"]).set(bus["frames"].get("bad_checksum", 0))
             if bus["load"] is not None:

@@ -30,7 +30,7 @@ from dissectors.errors import UsageError
 __all__ = ["Broker", "Mqtt", "parse_broker"]
 
 IN_FLIGHT = 200
-"""Messages that are given to the client before earlier ones are confirmed."""
+"""Messages that may be given to the client before the first of them is acknowledged."""
 
 DISCOVERY = "homeassistant"
 _PORT = 1883
@@ -42,7 +42,7 @@ _NOT_IN_TOPIC = re.compile(r"[^\w.-]+")
 
 @dataclass(frozen=True, slots=True)
 class Broker:
-    """Where to: host, port, who one is (None: nobody), and what topics begin with."""
+    """The broker: host, port, credentials (None without), and the prefix of all topics."""
 
     host: str
     port: int
@@ -52,7 +52,7 @@ class Broker:
 
 
 def parse_broker(url: str) -> Broker:
-    """What `mqtt://[user:password@]host[:port][/prefix]` says; `UsageError` if it does not.
+    """Parse `mqtt://[user:password@]host[:port][/prefix]`; `UsageError` for another text.
 
     >>> parse_broker("mqtt://192.168.1.9/plant").prefix
     'plant'
@@ -71,7 +71,11 @@ def parse_broker(url: str) -> Broker:
 
 
 class Mqtt:
-    """A sink that publishes; `UsageError` where the package paho-mqtt is not installed."""
+    """A sink that publishes; `UsageError` where the package paho-mqtt is not installed.
+
+    With `spool` unacknowledged messages are kept in this file; with `discovery` Home Assistant is
+    told of each value.
+    """
 
     table = "transactions"
 
@@ -92,7 +96,7 @@ class Mqtt:
         self._client.loop_start()
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Publish what the batch holds, and go on with what waits."""
+        """Queue the messages of a batch, and publish those that are waiting."""
         table = batch.transactions
         if len(table):
             self._spool.add(*self._messages(table))
@@ -100,7 +104,7 @@ class Mqtt:
         self._publish_waiting()
 
     def close(self) -> None:
-        """Say goodbye; what was not confirmed stays in the spool's file."""
+        """Publish `offline` and disconnect; unacknowledged messages stay in the spool's file."""
         self._publish_waiting()
         if self._client.is_connected():
             goodbye = self._client.publish(self._status, b"offline", qos=1, retain=True)
@@ -111,11 +115,11 @@ class Mqtt:
         self._spool.close()
 
     def rollback(self) -> None:
-        """Closed already, or never begun."""
+        """Nothing to do: there is no incomplete output."""
 
     @property
     def waiting(self) -> int:
-        """Messages that the broker has not confirmed."""
+        """The number of messages that the broker has not acknowledged."""
         return len(self._spool)
 
     @property
@@ -140,7 +144,7 @@ class Mqtt:
         return client
 
     def _on_connect(self, client: Any, *_: object) -> None:
-        """In the client's thread: only notes are taken here."""
+        """Runs in the client's thread, so it only publishes the status and subscribes."""
         client.publish(self._status, b"online", qos=1, retain=True)
         if self._discovery:
             client.subscribe(f"{DISCOVERY}/status")
@@ -163,7 +167,7 @@ class Mqtt:
             self._in_flight[sent.mid] = number
 
     def _take_confirmed(self) -> list[int]:
-        """The spool's numbers of what was confirmed since one last looked."""
+        """The spool's numbers of the messages acknowledged since the last call."""
         numbers = []
         for _ in range(len(self._confirmed)):
             number = self._in_flight.pop(self._confirmed.popleft(), None)
@@ -190,7 +194,7 @@ class Mqtt:
         yield Message(topic, str(value).encode(), retain=True)
 
     def _sensor(self, topic: str, row: _modlens.Row, name: str) -> Message:
-        """Home Assistant's description of one value (MQTT discovery, a sensor)."""
+        """The MQTT discovery message by which Home Assistant makes a sensor of one value."""
         node = _topic_level(f"{self._prefix}_{row.bus}_{row.unit}")
         about = {
             "name": name,
@@ -208,12 +212,12 @@ class Mqtt:
 
 
 def _topic_level(name: str) -> str:
-    """A name as a level of a topic: no wildcards, no separators."""
+    """A name as one level of a topic, without wildcards and separators."""
     return _NOT_IN_TOPIC.sub("_", name).strip("_") or "_"
 
 
 def _values(row: _modlens.Row) -> Iterator[tuple[str, Any]]:
-    """Names and values of a transaction: of a profile's points, else of registers and coils."""
+    """Names and values of a transaction: those of a profile's points, else registers and coils."""
     if row.readings:
         for name, value in row.readings.items():
             yield _topic_level(name), value

@@ -1,7 +1,7 @@
-"""Messages that wait for a broker, in the order in which they are to be sent.
+"""A queue of messages for a broker, in memory or in a file.
 
-SQLite, in memory or in a file: what was not sent before the end of the program is sent by the next.
-The number of messages is bounded; the oldest go first, and are counted.
+It is an SQLite database: what was not sent before the end of the program is sent by the next run.
+The number of messages is bounded; the oldest are dropped first, and counted.
 
 >>> spool = Spool(None)
 >>> spool.add(Message("plant/status", b"online", retain=True))
@@ -24,14 +24,14 @@ from dissectors.errors import SourceError
 __all__ = ["Message", "Spool"]
 
 MAX_MESSAGES = 1_000_000
-"""Messages that may wait: an hour of a busy line."""
+"""The most messages in the queue: an hour of a busy line."""
 
 _CHECK = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What goes to a topic; `retain` keeps it there for those who come later."""
+    """A message to a topic; `retain` makes the broker keep it for later subscribers."""
 
     topic: str
     payload: bytes
@@ -39,7 +39,10 @@ class Message:
 
 
 class Spool:
-    """A queue in a file, or in memory; `SourceError` if the file cannot be used."""
+    """A queue in a file, or in memory for None; `SourceError` if the file cannot be used.
+
+    `dropped` counts the messages that were dropped because the queue was full.
+    """
 
     def __init__(self, path: str | None, limit: int = MAX_MESSAGES) -> None:
         self.dropped = 0
@@ -63,7 +66,7 @@ class Spool:
         return self._count
 
     def add(self, *messages: Message) -> None:
-        """Behind all others; the oldest make room where there are too many."""
+        """Append messages; the oldest are dropped where there are more than the limit."""
         rows = [(one.topic, one.payload, one.retain) for one in messages]
         self._run("INSERT INTO waiting (topic, payload, keep) VALUES (?, ?, ?)", rows)
         self._count += len(rows)
@@ -78,7 +81,7 @@ class Spool:
             self.dropped += excess
 
     def waiting(self, limit: int) -> list[tuple[int, Message]]:
-        """The next ones that were not given out yet, with their numbers."""
+        """The next messages that were not given out yet, with their numbers."""
         rows = self._database.execute(
             "SELECT number, topic, payload, keep FROM waiting WHERE number > ?"
             " ORDER BY number LIMIT ?",
@@ -89,14 +92,14 @@ class Spool:
         return [(int(row[0]), Message(row[1], row[2], bool(row[3]))) for row in rows]
 
     def acknowledge(self, numbers: Iterable[int]) -> None:
-        """These have arrived."""
+        """Remove messages that the broker has acknowledged."""
         rows = [(number,) for number in numbers]
         before = self._database.total_changes
         self._run("DELETE FROM waiting WHERE number = ?", rows)
         self._count -= self._database.total_changes - before
 
     def close(self) -> None:
-        """What waits stays in the file."""
+        """Close the queue; waiting messages stay in the file."""
         self._database.close()
 
     def _run(self, text: str, rows: Sequence[tuple[Any, ...]]) -> None:

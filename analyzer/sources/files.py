@@ -1,4 +1,7 @@
-r"""Recordings: files, and standard input as `-`, passed on in blocks so that memory stays flat.
+r"""Recordings: files, and standard input as `-`, read in blocks so that memory stays flat.
+
+The first bytes are used to detect the format (see detect.py) and are then delivered like all
+others.
 
 The first bytes are looked at to find the format (see detect.py) and are then delivered like all
 others.
@@ -35,26 +38,26 @@ from dissectors.errors import SourceError
 __all__ = ["STDIN", "Recording", "check_readable"]
 
 STDIN = "-"
-"""The name that means standard input."""
+"""The file name that means standard input."""
 
 BLOCK_BYTES = 64 * 1024
-"""Bytes of one block; a pipe gives less."""
+"""Bytes of one block; a pipe may give fewer."""
 
 _MAX_COMPRESSION_LAYERS = 3
-"""A compressed file may be compressed again."""
+"""How often a file may be compressed: a compressed file may have been compressed again."""
 
 WAIT_S = 0.1
-"""Seconds to wait for a pipe before an empty block says that nothing has come."""
+"""Seconds to wait for data from a pipe before an empty block is given."""
 
 
 class Recording:
-    """An open recording: `name` as given, `detection` of what it holds.
+    """An open recording; use it in `with`.
 
-    `SourceError` if it cannot be read.
-
-    `read_as` overrides the detection, `dialects` is the table with users' rows. With `follow` the
-    file may grow: its end is not the end. Compressed files and text in other encodings are made
-    plain on the way; `damage` says what was wrong with them. Use it in `with`.
+    `name` is its name in messages, `detection` its format. `read_as` forces a format, `dialects` is
+    the table of text formats with those of the user. With `follow` the file may grow: its end is
+    waited at. Compressed files and other encodings than UTF-8 are converted; `damage` says what was
+    wrong with a compressed file, None if nothing was. `SourceError` if the recording cannot be
+    read.
     """
 
     def __init__(
@@ -70,9 +73,11 @@ class Recording:
         self._path = name
         self._follow = follow
         self._transcode: Transcoder | None = None
-        # Whether the file of this name holds the bytes as they are: it can be opened again.
+        # Whether the file of this name holds exactly these bytes, so that it can be opened again by
+        # name.
         self._is_plain_file = name != STDIN and os.path.isfile(name)
-        # What `_file` is read from: archives, and the files under decompressors.
+        # The files that `_file` is read from: archives, and compressed files below their
+        # decompressors.
         self._enclosing_files = ExitStack()
         try:
             self._file = self._open(name)
@@ -87,11 +92,14 @@ class Recording:
 
     @property
     def sample(self) -> bytes:
-        """The first bytes, as they were looked at; empty once they were delivered."""
+        """The first bytes, by which the format was detected.
+
+        Empty once they have been delivered.
+        """
         return self._sample
 
     def blocks(self) -> Iterator[bytes]:
-        """All bytes, from the first on, once; an empty block means that nothing has come yet."""
+        """All bytes of the recording, once; an empty block means that no data have arrived yet."""
         sample, self._sample = self._sample, b""
         if sample:
             yield sample
@@ -99,11 +107,11 @@ class Recording:
             yield block
 
     def seekable(self) -> str | BinaryIO:
-        """What a reader that must go back and forth can open: the file's name, or all bytes."""
+        """A file that can be read at any position: the file's name, or all bytes in memory."""
         return self._path if self._is_plain_file else io.BytesIO(b"".join(self.blocks()))
 
     def close(self) -> None:
-        """Close the file, and what it is read from; standard input stays open."""
+        """Close the file and the files that it is read from; standard input stays open."""
         with self._enclosing_files:
             if hasattr(self, "_file"):
                 self._file.close()
@@ -124,7 +132,8 @@ class Recording:
             if (member := open_member(name, self._enclosing_files)) is not None:
                 return member
             check_readable(name)
-            # unbuffered: the blocks are large, and a pipe must not wait for a full one
+            # Unbuffered, because the blocks are large and a read of a pipe must not wait until one
+            # is full.
             return open(0 if name == STDIN else name, "rb", buffering=0, closefd=name != STDIN)
         except OSError as error:
             raise _source_error(self.name, error) from error
@@ -136,7 +145,7 @@ class Recording:
             return True
 
     def _read_plain_sample(self) -> bytes:
-        """The first bytes, decompressed, and as UTF-8 where they are text."""
+        """Read the first bytes, decompressed, and converted to UTF-8 where they are text."""
         sample = self._read_sample()
         for _ in range(_MAX_COMPRESSION_LAYERS):
             plain = decompressed(_PrependedReader(sample, self._file), sample, self.name)
@@ -156,10 +165,7 @@ class Recording:
         return sample
 
     def _read_sample(self) -> bytes:
-        """The first `SAMPLE_BYTES` bytes.
-
-        Of a pipe what comes first, as far as that can be told apart.
-        """
+        """Read the first `SAMPLE_BYTES` bytes; of a pipe what has arrived by now."""
         sample = b""
         while len(sample) < SAMPLE_BYTES:
             block = self._read(SAMPLE_BYTES - len(sample))
@@ -179,11 +185,12 @@ class Recording:
         return block
 
     def _reopen_if_replaced(self) -> None:
-        """A rotated log goes on in a new file of its name, a shortened one at its start."""
+        """Open the new file of this name if a log was rotated; go to its start if truncated."""
         try:
             there, here = os.stat(self._path), os.fstat(self._file.fileno())
         except OSError:
-            return  # between the old file and the new one
+            # There is no file of this name in the moment between the old log and the new one.
+            return
         if (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino):
             file = self._open(self._path)
             self._file.close()
@@ -192,11 +199,12 @@ class Recording:
             self._file.seek(0)
 
     def _read(self, size: int) -> bytes | None:
-        """The next bytes, b"" if a pipe has none yet, None at the end."""
+        """Read the next bytes: b"" if a pipe has none yet, None at the end."""
         try:
             if self._may_block and not select.select([self._file], [], [], WAIT_S)[0]:
                 return b""
-            # read1 of a decompressor gives what comes before a damaged place; read would lose it.
+            # `read1` of a decompressor returns the bytes before a damaged place; `read` would lose
+            # them.
             read = getattr(self._file, "read1", self._file.read)
             return bytes(read(size)) or None
         except OSError as error:
@@ -211,19 +219,19 @@ class Recording:
             return None
 
     def _record_damage(self, error: Exception) -> None:
-        """What came before the damage of a compressed file is decoded; the rest is lost."""
+        """Remember that a compressed file is damaged; the bytes before that place are decoded."""
         self.damage = f"damaged or cut off behind what was decoded ({error})"
 
 
 class _PrependedReader:
-    """Bytes that were read already, and the file that they came from."""
+    """Bytes that have been read already, followed by the rest of the file that they come from."""
 
     def __init__(self, head: bytes, file: Any) -> None:
         self._head = head
         self._file = file
 
     def read(self, size: int = -1) -> bytes:
-        """The next bytes; fewer than `size` only at the end."""
+        """Read `size` bytes, fewer only at the end; all for -1."""
         if size < 0:
             head, self._head = self._head, b""
             return head + bytes(self._file.read())
@@ -233,22 +241,29 @@ class _PrependedReader:
         return head
 
     def readable(self) -> bool:
-        """Whether it can be read; lzma asks."""
+        """True; `lzma` requires the method."""
         return True
 
     def seekable(self) -> bool:
-        """Whether one can go back; nobody has to."""
+        """False: the bytes that were read already cannot be read again."""
         return False
 
 
 def _gzip_error() -> type[Exception]:
-    """What gzip raises for damaged data; it is an OSError, but none of the system."""
+    """The exception that gzip raises for damaged data.
+
+    It is an `OSError`, although nothing is wrong with the file system. If gzip is not loaded, any
+    exception type that `_read` handles in the same way will do.
+    """
     module = sys.modules.get("gzip")
     return getattr(module, "BadGzipFile", EOFError)
 
 
 def _decompression_errors() -> tuple[type[Exception], ...]:
-    """What the decompressors that are loaded raise for damaged data."""
+    """The exceptions that the loaded decompressors raise for damaged data.
+
+    Decompressors that were not imported are not in use, and need not be imported for this.
+    """
     kinds = {
         "zlib": "error",
         "lzma": "LZMAError",
@@ -260,7 +275,7 @@ def _decompression_errors() -> tuple[type[Exception], ...]:
 
 
 def check_readable(name: str) -> None:
-    """`SourceError` if a file of this name can certainly not be read; standard input always can."""
+    """Raise `SourceError` if a file of this name cannot be read; standard input always can."""
     if name == STDIN:
         return
     try:

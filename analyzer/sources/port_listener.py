@@ -1,8 +1,8 @@
-"""Several ports at once, in order of arrival, for days.
+"""Listens to several ports at once, in order of arrival, for days.
 
-The readers (`_modlens.Inbox`) only read and queue; everything else happens on the caller's thread,
-which may stall without loss. A port that goes away is waited for: what came before stays, the first
-bytes after it say that something is missing (`Chunk.hole`).
+The readers (`_modlens.Inbox`) only read and queue; everything else happens in the caller's thread,
+which may stall without loss. A lost port is waited for: reads before the loss are kept, and the
+first read after it says that bytes are missing (`Chunk.hole`).
 """
 
 from __future__ import annotations
@@ -19,21 +19,24 @@ from dissectors.errors import PortError
 __all__ = ["IDLE_NS", "PortListener", "TappedPort"]
 
 Arrival = tuple[int, Chunk]
-"""The number of the port, and what came in; no bytes and a hole where the port has ended."""
+"""The number of a port and a read from it; no bytes and a hole where the port was lost."""
 
 _QueuedRead = tuple[int, int, bytes | None, list[int], bool]
 
 FIRST_RETRY_NS, RETRY_INTERVAL_NS = 200_000_000, 1_000_000_000
 IDLE_NS = 1_500_000_000
 CHECK_INTERVAL_NS = 1_000_000_000
-"""How often clocks and counters are looked at."""
+"""Interval between two checks of the clocks and of the drivers' error counters."""
 
 NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class TappedPort:
-    """A port to listen to, and its line settings; None where it has none or they are unknown."""
+    """A port to listen to, and its line settings.
+
+    None where it has none or they are not known yet.
+    """
 
     port: str
     line: Line | None
@@ -41,7 +44,11 @@ class TappedPort:
 
 @dataclass(slots=True)
 class _PortSlot:
-    """A port, or the place of one that has gone: then `port` is None."""
+    """A port of the listener; `port` is None while it is lost.
+
+    `last_message` is the last message about it, so that none is repeated; `last_counts` are the
+    driver's counters at the last check, `error_counts` what they have gained since the beginning.
+    """
 
     name: str
     line: Line | None
@@ -54,10 +61,12 @@ class _PortSlot:
 
 
 class PortListener:
-    """Open ports; use it in `closing`. `notify` hears in words what happens to them.
+    """Open ports; use it in `closing`.
 
-    After `idle_ns` without bytes nothing is under way on the line. `PortError` if a port cannot be
-    opened in the beginning; later only with `reconnect` False.
+    `notify` gets messages about the ports. Reads are waited for in steps of `poll_s` seconds, to
+    save wake-ups; 0 wakes at every read. After `idle_ns` without bytes no transaction is in
+    progress, so that the clock may be corrected. `PortError` if a port cannot be opened in the
+    beginning; later only with `reconnect` False.
     """
 
     def __init__(  # noqa: PLR0913 - most by keyword
@@ -90,18 +99,19 @@ class PortListener:
             raise
 
     def take(self, timeout: float) -> list[Arrival]:
-        """Wait at most `timeout` seconds for reads.
+        """Wait at most `timeout` seconds for reads, and give them.
 
-        `PortError` if a port was lost and is not to be waited for.
+        `PortError` if a port is lost and `reconnect` is False.
         """
         taken = self._inbox.take(timeout, self._poll_s)
         return self._arrivals(taken, monotonic_ns())
 
     def feed(self, core: Session, timeout: float, lag_ns: int) -> list[Arrival]:
-        """As `take`, but the reads of ports with a route go to the core, which is told the time.
+        """Wait for reads like `take`, but feed those of routed ports to the core directly.
 
-        Ends when the core has rows. What it is told is `lag_ns` late, because reads may still be on
-        their way. The others' reads come back, and all that needs more than to be fed.
+        Returns as soon as the core has rows. The core is told a time `lag_ns` in the past, because
+        reads may not have reached the queue yet. The reads of other ports are returned, and those
+        that need more than to be fed: holes and ends.
         """
         now, shift = monotonic_ns(), self.clock.shift_ns
         taken = self._inbox.feed(core, shift, now + shift - lag_ns, timeout, self._poll_s)
@@ -110,7 +120,7 @@ class PortListener:
         return []
 
     def route(self, number: int, bus: int, line: int, char_ns: int) -> None:
-        """Where `feed` brings the reads of a port: see `_modlens.Inbox.route`."""
+        """Let `feed` pass the reads of a port to this bus and side (see `_modlens.Inbox.route`)."""
         self._inbox.route(number, bus, line, char_ns)
 
     def _arrivals(self, taken: Sequence[_QueuedRead], now: int) -> list[Arrival]:
@@ -126,19 +136,19 @@ class PortListener:
         return arrivals
 
     def set_line(self, number: int, line: Line) -> None:
-        """Other settings for a port; they hold when it comes back, too."""
+        """Change the line settings of a port; they are also used when it is opened again."""
         slot = self._slots[number]
         slot.line = line
         if slot.port is not None:
             slot.port.set_line(line)
 
     def takes_line_settings(self, number: int) -> bool:
-        """Whether a port takes line settings."""
+        """Whether a port takes line settings: raw TCP does not."""
         port = self._slots[number].port
         return port is not None and port.takes_line_settings
 
     def line(self, number: int) -> Line | None:
-        """The settings that a port has now."""
+        """The present line settings of a port."""
         return self._slots[number].line
 
     def marks_errors(self, number: int) -> bool:
@@ -147,11 +157,14 @@ class PortListener:
         return port is not None and port.driver.marks_errors
 
     def error_counts(self, number: int) -> dict[str, int]:
-        """What the driver has counted since the beginning; empty where it counts nothing."""
+        """Line errors that the driver has counted since the beginning.
+
+        Empty where it does not count.
+        """
         return dict(self._slots[number].error_counts)
 
     def reset_error_counts(self, number: int) -> None:
-        """What was counted until now came of wrong settings."""
+        """Forget the errors counted so far, which were caused by wrong line settings."""
         slot = self._slots[number]
         if slot.port is not None:
             slot.last_counts = dict(slot.port.counters())
@@ -248,7 +261,7 @@ class PortListener:
             self.clock.catch_up()
 
     def _count_errors(self, number: int, slot: _PortSlot, last_counts: dict[str, int]) -> None:
-        """Driver's counters run on; what they gained since the last look belongs to this tap."""
+        """Add what the driver's counters have gained since the last check; an overrun is a hole."""
         for name, count in last_counts.items():
             more = count - slot.last_counts.get(name, count)
             if more <= 0:

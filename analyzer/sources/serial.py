@@ -1,12 +1,12 @@
 """A serial port that only listens.
 
-There is no way to write here, on purpose: a tap that can transmit will one day do so into a running
+There is deliberately no way to write: a tap that can transmit will one day do so into a running
 plant. DTR and RTS are set inactive before the port is opened, because many adapters enable their
-driver by one of them. (What stays outside of our hands: Linux itself raises both for some
+RS-485 driver by one of them. (Two things are beyond our control: Linux itself raises both for some
 microseconds while it opens a port, and RFC 2217 talks to its device server, not to the bus.)
 
-Each read keeps the time at which it returned: on POSIX the core reads the descriptor itself, in a
-thread outside of Python's lock, because a buffer in between would join what the line had apart.
+Each read keeps the time at which it returned. On POSIX the core reads the file descriptor itself,
+in a thread outside of Python's lock, because a buffer in between would join separate reads.
 
 >>> import tempfile
 >>> Port(tempfile.mktemp(prefix="tty"), Line(19200))
@@ -37,10 +37,10 @@ from dissectors.errors import PortError, UsageError
 __all__ = ["Chunk", "Port", "devices", "lost_port_error"]
 
 READ_TIMEOUT_S = 0.05
-"""Seconds after which a reader without a descriptor looks whether it is to stop."""
+"""Seconds after which a reader thread checks whether it has been stopped."""
 
 _PLACEHOLDER = Line(9600, 8, "N", 1)
-"""For a port that has no settings, or none yet."""
+"""Settings to open a port with that has none, or whose settings are not known yet."""
 
 _ADVICE = {
     errno.ENOENT: "no such port; check the name and the cable",
@@ -60,10 +60,10 @@ _ERRNO_IN_TEXT = re.compile(r"(?:\[Errno |\()(\d+)[\],]")
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes of one read, and when it returned (ns since 1970), never before the stop bit.
+    """The bytes of one read, and the time at which it returned (ns since 1970).
 
-    `errors` are the places of bytes that the receiver marked (parity, framing, break); `hole` says
-    that bytes were lost before these.
+    That is never before the stop bit of the last byte. `errors` are the positions of bytes that the
+    receiver has marked (parity, framing, break); `hole` says that bytes were lost before these.
     """
 
     data: bytes
@@ -73,13 +73,11 @@ class Chunk:
 
 
 class Port:
-    """An open port, read only and exclusively.
+    """An open port, for reading only and used exclusively; use it in `with`.
 
-    A device, `socket://host:port` or `rfc2217://host:port`.
-
-    `name` is the port as given, `line` its settings, None where it has none or they are not known
-    yet; `driver` is what the system says of it. `PortError` says what is wrong with the port,
-    `UsageError` that its name is of no known kind. Use it in `with`.
+    `name` is a device, `socket://host:port` or `rfc2217://host:port`; `line` are its settings, None
+    where it has none or they are not known yet; `driver` is the state of the system's driver.
+    `PortError` if the port cannot be opened, `UsageError` for a name of no known type.
     """
 
     def __init__(self, name: str, line: Line | None) -> None:
@@ -100,25 +98,25 @@ class Port:
         self._mark_errors()
 
     def listen(self, inbox: Inbox, number: int) -> None:
-        """Begin to read: what comes in goes to `inbox` under this number."""
+        """Start to read the port into `inbox`, under this number."""
         if self._fd is not None:
             inbox.listen(number, self._fd, marked=self.driver.marks_errors)
         else:
             self._reader = _ReaderThread(self._port, inbox, number)
 
     def set_line(self, line: Line) -> None:
-        """Other line settings, while it is read; `PortError` if the port does not take them."""
+        """Change the line settings while the port is read; `PortError` if it does not take them."""
         self.line = line
         with self._as_port_error():
             _apply_settings(self._port, line, self.name)
         self._mark_errors()
 
     def counters(self) -> Mapping[str, int]:
-        """The driver's counts of damage (`COUNTERS`); empty where it has none."""
+        """The driver's error counters (see `driver.COUNTERS`); empty where it has none."""
         return counters(self._fd) if self._fd is not None and self._is_local else {}
 
     def close(self) -> None:
-        """Close the port; a port that is already gone is closed, too."""
+        """Stop reading and close the port; no error if it has been unplugged."""
         if self._reader is not None:
             self._reader.stop()
         with contextlib.suppress(OSError):
@@ -136,13 +134,16 @@ class Port:
         self.close()
 
     def _mark_errors(self) -> None:
-        """Pyserial clears the flag whenever it sets anything."""
+        """Switch the marking of line errors on.
+
+        Pyserial switches it off with every other setting.
+        """
         if self._is_local and self._fd is not None:
             self.driver = replace(self.driver, marks_errors=mark_errors(self._fd))
 
     @contextlib.contextmanager
     def _as_port_error(self) -> Iterator[None]:
-        """Errors of the system and of pyserial as `PortError`."""
+        """Raise errors of the system and of pyserial as `PortError`."""
         try:
             yield
         except (OSError, ValueError, _settings_error()) as error:
@@ -150,7 +151,7 @@ class Port:
 
 
 class _ReaderThread:
-    """Reads where there is no descriptor to wait for: RFC 2217, and ports of Windows."""
+    """A thread that reads ports without a file descriptor: RFC 2217, and ports on Windows."""
 
     def __init__(self, port: Any, inbox: Inbox, number: int) -> None:
         self._stopped = threading.Event()
@@ -171,17 +172,18 @@ class _ReaderThread:
                 data += self._port.read(self._port.in_waiting) if data else b""
                 if data:
                     self._inbox.put(self._number, monotonic_ns(), data)
-        except (OSError, ValueError, TypeError):  # TypeError: closed while it was read
+        # pyserial raises `TypeError` if the port is closed while it is read.
+        except (OSError, ValueError, TypeError):
             self._inbox.put(self._number, monotonic_ns(), None)
 
 
 def lost_port_error(name: str, number: int) -> PortError:
-    """The error for a port that has ended with this number of the system (0: nothing said)."""
+    """The error for a port that was lost with this `errno` (0 where it is not known)."""
     return PortError(_advice(OSError(number or errno.EIO, ""), None), port=name)
 
 
 def _open(name: str, line: Line, *, local: bool) -> Any:
-    """The port, open; pyserial is imported here, because most uses of the package have no port."""
+    """Open a port; pyserial is imported here because most uses of the package have no port."""
     import serial  # noqa: PLC0415
 
     port = serial.serial_for_url(name, do_not_open=True)
@@ -197,7 +199,8 @@ def _open(name: str, line: Line, *, local: bool) -> Any:
 
 def _apply_settings(port: Any, line: Line, name: str) -> None:
     port.baudrate = line.baud
-    if not _is_pseudo_terminal(name):  # those have no characters, and Linux refuses parity on them
+    # Pseudo terminals have no character format, and Linux refuses parity on them.
+    if not _is_pseudo_terminal(name):
         port.bytesize = line.data_bits
         port.parity = line.parity
         port.stopbits = line.stop_bits
@@ -208,9 +211,9 @@ def _is_pseudo_terminal(name: str) -> bool:
 
 
 def _descriptor(port: Any) -> int | None:
-    """The descriptor to select on.
+    """The file descriptor to wait for.
 
-    None where there is none (RFC 2217) or select takes only sockets (Windows).
+    None where there is none (RFC 2217), or where only sockets can be waited for (Windows).
     """
     if os.name != "posix":
         return None
@@ -221,7 +224,10 @@ def _descriptor(port: Any) -> int | None:
 
 
 def _settings_error() -> type[Exception]:
-    """What POSIX raises for settings that a port does not take; it is no OSError."""
+    """The exception that POSIX raises for settings that a port does not take.
+
+    It is not an `OSError`.
+    """
     try:
         import termios  # noqa: PLC0415
     except ImportError:
@@ -238,7 +244,8 @@ def _advice(error: Exception, line: Line | None) -> str:
     if number in _ADVICE:
         return _ADVICE[number]
     text = str(error)
-    found = _ERRNO_IN_TEXT.search(text)  # pyserial puts the system's number into the text only
+    # pyserial has the system's error number in the message only.
+    found = _ERRNO_IN_TEXT.search(text)
     if found and int(found[1]) in _ADVICE:
         return _ADVICE[int(found[1])]
     if "disconnected" in text:

@@ -1,10 +1,11 @@
-"""What a recording of bytes says of the line's settings, when nobody can listen again.
+"""Infers the line's settings from a recording of bytes, without the line.
 
-The recording was made with some settings, right or wrong. Frames whose checksums fit prove the rate
-and the number of bits. Parity then shows in the receiver's marks of line errors: at 8E1 all of 8O1
-is marked, and of 8N2, whose second stop bit stands where the parity bit is read, what has an even
-number of ones. Without frames, how long the line was low at the start of each character says which
-rate the line had, and the recording has to be made again: what was read at a wrong rate is lost.
+The recording was made with some settings, right or wrong. Frames with valid checksums prove the
+rate and the number of bits. The parity follows from the receiver's marks of line errors: to a
+receiver at 8E1 all characters of 8O1 have errors, and of 8N2, whose first stop bit is read as the
+parity bit, those with an even number of ones. Without valid frames, the length of the low pulse at
+the start of each character tells the rate of the line; the recording has to be made again, because
+bytes received at a wrong rate are lost.
 
 >>> parity_mismatches(bytes(range(8)), range(8), "E")
 {'E': 8, 'O': 0, 'N2': 4}
@@ -30,10 +31,10 @@ from analyzer.sources.settings_search import (
 __all__ = ["RecordedRead", "infer_settings", "parity_mismatches", "reads", "recorded_settings"]
 
 MAX_BYTES = 1 << 18
-"""Bytes that are looked at."""
+"""Bytes at the beginning of a recording that are evaluated."""
 
 MIN_BYTES = 24
-"""Bytes that fewer of say nothing."""
+"""A recording of fewer bytes is not evaluated."""
 
 _MIN_EXPLAINED, _MIN_LOG_ODDS, _MAX_RATES = 0.9, -3.0, 3
 
@@ -45,7 +46,7 @@ _MIN_BLOCK_BYTES, _PACKET_HEADER_BYTES, _SERIAL_HEADER_BYTES, _LINK_SERIAL = 12,
 
 @dataclass(frozen=True, slots=True)
 class RecordedRead:
-    """Bytes of one read, its time (None without a clock), the places of marked bytes."""
+    """The bytes of one read, its time in ns (None without a clock), the offsets of marked bytes."""
 
     data: bytes
     time_ns: int | None
@@ -53,9 +54,9 @@ class RecordedRead:
 
 
 def reads(recording: bytes) -> Iterator[RecordedRead]:
-    """The reads of a raw recording (`tap --record`); any other file is one read without a clock.
+    """The reads of a raw recording (`tap --record`); other files are one read without a clock.
 
-    The form stands in the core, write/recording.rs. A block that is cut off ends it.
+    The format is documented in the core, write/recording.rs. A truncated block ends the recording.
     """
     if not recording.startswith(_SECTION):
         yield RecordedRead(recording[:MAX_BYTES], None)
@@ -83,28 +84,31 @@ def _error_offsets(options: bytes) -> Iterator[int]:
 
 
 def recorded_settings(recording: bytes) -> Line | None:
-    """The line settings that a raw recording names; None where it names none."""
+    """The line settings stored in a raw recording; None where there are none."""
     found = _SETTINGS.search(recording[:MAX_BYTES]) if recording.startswith(_SECTION) else None
     return None if found is None else parse_line(found[1].decode())
 
 
-def infer_settings(reads_: Sequence[RecordedRead], recorded: Line | None) -> Iterator[str]:
-    """What speaks for which settings, a line each; `recorded` are those of the recording."""
-    data = b"".join(one.data for one in reads_)
+def infer_settings(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> Iterator[str]:
+    """The conclusions about the line's settings, one line of text each.
+
+    `recorded` are the settings with which the recording was made, None if not known.
+    """
+    data = b"".join(one.data for one in recorded_reads)
     if len(data) < MIN_BYTES:
         yield f"settings: {len(data)} bytes are too few to say anything"
         return
     known = recorded or Line(19200, 8, "E", 1)
     for mode, mask in CHARACTER_MASKS.items():
         core = listener(mode, known)
-        for one in reads_:
+        for one in recorded_reads:
             core.feed(0, bytes(byte & mask for byte in one.data), one.time_ns)
         core.flush()
         evidence_text = evidence(mode, core)
         if evidence_text:
             rate = f"{recorded.baud} baud is" if recorded else "rate and bits are"
             yield f"settings: {rate} right, {mode}: {evidence_text} in {len(data):,} bytes"
-            yield from _parity(reads_, recorded)
+            yield from _parity(recorded_reads, recorded)
             return
     yield "settings: no checksum fits"
     yield from _rates(data, recorded)
@@ -113,9 +117,11 @@ def infer_settings(reads_: Sequence[RecordedRead], recorded: Line | None) -> Ite
 def parity_mismatches(
     data: bytes, marked_offsets: Collection[int], receiver_parity: str
 ) -> dict[str, int]:
-    """How many marks (or their absence) each kind of character explains otherwise than seen.
+    """For each character format the number of bytes whose error mark it contradicts.
 
-    `receiver_parity` is the parity of the receiver, `E` or `O`; the fewer, the likelier.
+    A format contradicts a mark, or a missing mark, if the receiver should have decided otherwise;
+    the format with the fewest contradictions is the most likely. `receiver_parity` is `E` or `O`;
+    `marked_offsets` are the offsets of the bytes with an error mark.
     """
     odd_read = receiver_parity == "O"
     wrong = dict.fromkeys(("E", "O", "N2"), 0)
@@ -128,16 +134,16 @@ def parity_mismatches(
     return wrong
 
 
-def _parity(reads_: Sequence[RecordedRead], recorded: Line | None) -> Iterator[str]:
-    total = sum(len(one.data) for one in reads_)
-    marks = sum(len(one.errors) for one in reads_)
+def _parity(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> Iterator[str]:
+    total = sum(len(one.data) for one in recorded_reads)
+    marks = sum(len(one.errors) for one in recorded_reads)
     if recorded is None or recorded.parity not in "EO":
         yield "settings: read without a check of parity, so that it stays open"
         return
     if recorded.data_bits != 8:  # noqa: PLR2004
         return
     sums = dict.fromkeys(("E", "O", "N2"), 0)
-    for one in reads_:
+    for one in recorded_reads:
         for name, count in parity_mismatches(one.data, one.errors, recorded.parity).items():
             sums[name] += count
     best = min(sums, key=lambda name: sums[name])

@@ -1,12 +1,12 @@
-"""Finds the settings of a line by listening at it.
+"""Finds the settings of a line by listening.
 
-The evidence is frames whose checksums fit: nothing else is believed. Which settings are tried next
-comes from the bytes that the wrong ones gave. A receiver begins a character with a falling edge, so
-the zeros at a byte's low end tell how long the line was low, in bits of the receiver's rate; that
-length is a multiple of the line's bit (`log_likelihood`). At a rate nine times too high every
-byte is 00. So a guess or two lead to the rate.
+The only evidence that counts is frames with valid checksums. Which settings are tried next follows
+from the bytes that wrong settings gave. A receiver starts a character at a falling edge, so the
+zeros at the low end of a byte tell how long the line was low, in bits of the receiver's rate. That
+length is a multiple of the line's bit time (`log_likelihood`). At a rate nine times too high every
+byte is 00. So one or two steps lead to the right rate.
 
-At the right rate the shapes of characters are tried; `analyzer.sources.character_format` has them.
+At the right rate the character formats are tried; see `analyzer.sources.character_format`.
 
 >>> tuner = SettingsSearch()
 >>> str(tuner.line)
@@ -64,19 +64,19 @@ BAUDS: Mapping[int, float] = MappingProxyType(
         921600: 0.01,
     }
 )
-"""The rates that are tried, and how usual each is."""
+"""The baud rates that are tried -> their prior probability."""
 
 FIRST_BAUD = 115200
-"""The first guess is a high rate: what is slower shows itself there."""
+"""The first rate is a high one: a slower line shows its bit time in the bytes received at it."""
 
 MIN_BYTES, MAX_BYTES = 24, 48
-"""Bytes after which a wrong rate is left, and a rate's shape is given up."""
+"""Bytes after which a wrong rate may be left; bytes after which a character format is given up."""
 
 MIN_ODDS = 30.0
-"""By so much another rate must be more likely before this one is left."""
+"""Another rate must be more likely by this factor before the present one is left."""
 
 MAX_PULSE_BITS = 9
-"""Zeros of a start bit and eight data bits: a longer pulse looks the same."""
+"""Longest low pulse that can be told apart: a start bit and eight data bits of zero."""
 
 _OUTLIER_SHARE, _MIN_RATIO = 0.1, 0.9
 _ZERO_SHARE = 0.25
@@ -90,7 +90,7 @@ _IDLE_NS = 30_000_000
 
 @dataclass(frozen=True, slots=True)
 class FoundSettings:
-    """Settings that fit: the line, `rtu` or `ascii`, what speaks for them, and the bytes so far."""
+    """The settings found, `rtu` or `ascii`, the evidence, and the reads made with them."""
 
     line: Line
     mode: str
@@ -99,12 +99,12 @@ class FoundSettings:
 
 
 class SettingsSearch:
-    """Says what `line` to listen with, takes what comes in, until `found`.
+    """Searches the settings of a line; `found` is set when they are known.
 
-    Whoever owns the port sets it to `line` whenever that has changed, and calls `feed` for every
-    read and `advance` when time has passed. `notify` hears what was tried, and why it was left.
-    `marks_errors` says whether the driver marks line errors; `labels` names the lines of a two-line
-    tap by port number.
+    The owner of the port sets it to `line` whenever that has changed, and calls `feed` for every
+    read and `advance` when time has passed. `notify` gets messages on what was tried and why it was
+    given up. `marks_errors` says whether the driver marks line errors; `labels` names the lines of
+    a two-line tap by port number.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class SettingsSearch:
         return self._trial.line
 
     def feed(self, port: int, chunk: Chunk) -> None:
-        """What came in with these settings."""
+        """Evaluate a read made with the present settings."""
         if self.found is not None or not chunk.data:
             return
         self._trial.add(port, chunk)
@@ -144,7 +144,7 @@ class SettingsSearch:
         self._decide()
 
     def advance(self, now_ns: int) -> None:
-        """Nothing came until now: what the silence ends is judged."""
+        """Tell the search that nothing was received until now: a silence may complete a frame."""
         if self.found is None and self._trial.data and now_ns - self._trial.last_ns > _IDLE_NS:
             for core, _ in self._listeners.values():
                 core.poll(now_ns)
@@ -172,7 +172,10 @@ class SettingsSearch:
             self._change_baud(trial)
 
     def _evidence_by_mode(self) -> tuple[str, str]:
-        """The framing that something speaks for, and what."""
+        """The framing with enough evidence, and the evidence in words.
+
+        Empty where there is none.
+        """
         for mode, (core, _) in self._listeners.items():
             proof = evidence(mode, core)
             if proof:
@@ -180,7 +183,7 @@ class SettingsSearch:
         return "", ""
 
     def _change_baud(self, trial: Trial) -> None:
-        """Leave for a rate that is likelier, or when enough was heard in vain."""
+        """Begin a trial at a rate that is more likely, or after enough bytes without a frame."""
         baud = trial.line.baud
         self._pulse_lengths[baud] = pulse_lengths(bytes(trial.data))
         log_odds = self._log_odds()
@@ -199,7 +202,7 @@ class SettingsSearch:
             self._begin_next_trial("no checksum fits")
 
     def _log_odds(self) -> dict[int, float]:
-        """The logarithm of each rate's odds: how usual, what pulses say, what was in vain."""
+        """The log odds of each rate: its prior, the pulse lengths seen, and failed trials."""
         log_odds = {}
         for baud, prior in BAUDS.items():
             failed_trials = sum(
@@ -220,7 +223,10 @@ class SettingsSearch:
         self._begin(self._next_line())
 
     def _next_line(self) -> Line:
-        """The likeliest rate that has a shape left to try; from the start again after all."""
+        """The next settings to try: the most likely rate with a character format that is left.
+
+        After all have been tried the search starts again and listens four times as long to each.
+        """
         log_odds = self._log_odds()
         for baud in sorted(log_odds, key=lambda rate: -log_odds[rate]):
             for format_ in CHARACTER_FORMATS:
@@ -233,7 +239,7 @@ class SettingsSearch:
         return _line(FIRST_BAUD, ELEVEN_BITS)
 
     def _check_swapped_wires(self) -> None:
-        """A line whose wires are swapped rests at the level of a start bit: bursts end in 00."""
+        """Report that A and B may be swapped: such a line idles at 0, so that bursts end in 00."""
         trial = self._trial
         before, zero_before = self._burst_ends.get(trial.line.baud, (0, 0))
         bursts, to_zero = before + trial.bursts, zero_before + trial.bursts_ending_in_zero
@@ -248,7 +254,7 @@ class SettingsSearch:
             )
 
     def _evaluate_format(self, format_search: CharacterFormatSearch, evidence: str) -> None:
-        """The rate is sure; which characters it has is being tried."""
+        """Evaluate the trial of a character format; the rate is known."""
         self._chunks += self._trial.chunks[-1:]
         if format_search.evaluate(self._trial, fits=bool(evidence)):
             self._follow_format_search(format_search)
@@ -266,15 +272,17 @@ class SettingsSearch:
 
 
 CHARACTER_MASKS: Mapping[str, int] = MappingProxyType({"rtu": 0xFF, "ascii": 0x7F})
-"""Framing -> the bits of a character that count."""
+"""Framing -> mask of the bits of a character that are evaluated."""
 
 
 _PULSE_BITS = bytes((byte & -byte).bit_length() if byte else MAX_PULSE_BITS for byte in range(256))
-"""How long the line is low at the start of a character, by what was received, in bits."""
+"""Received byte -> length of the low pulse at the start of the character, in bits."""
 
 
 def pulse_lengths(data: bytes) -> list[int]:
-    """How often the line was low for how many bits at the start of a character.
+    """The number of characters that begin with a low pulse of 0, 1, 2 ... bits.
+
+    The last count is that of `MAX_PULSE_BITS` bits and more.
 
     The last count is of `MAX_PULSE_BITS` bits and any longer.
 
@@ -286,7 +294,7 @@ def pulse_lengths(data: bytes) -> list[int]:
 
 
 def log_likelihood(counts: Sequence[int], ratio: float) -> float:
-    """The logarithm of how well pulses fit a line whose bits are `ratio` bits of the receiver."""
+    """The log-likelihood of pulse lengths if a bit of the line takes `ratio` receiver bits."""
     if ratio < _MIN_RATIO:
         return sum(counts) * math.log(1 / MAX_PULSE_BITS)
     chances = [_OUTLIER_SHARE / MAX_PULSE_BITS] * (MAX_PULSE_BITS + 1)
@@ -301,14 +309,14 @@ def _line(baud: int, format_: tuple[int, str, float]) -> Line:
 
 
 def listener(mode: str, line: Line) -> _modlens.Session:
-    """A core with one bus, that looks for frames of this framing."""
+    """A session of the core with one bus, number 0, of this framing and settings."""
     core = _modlens.Session(_modlens.Functions(), live=True, tables=())
     core.add_bus("tuning", source="tuning", mode=mode, line=line.settings, clock="utc")
     return core
 
 
 def evidence(mode: str, core: _modlens.Session) -> str:
-    """What speaks for these settings, in words; nothing if not enough."""
+    """The evidence for the settings of a session in words; empty if there is not enough."""
     stats = json.loads(core.stats())
     frames = stats["buses"][0]["frames"]["ok"]
     answered = sum(stats["transactions"].get(status, 0) for status in ("ok", "exception"))

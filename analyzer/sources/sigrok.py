@@ -1,4 +1,6 @@
-r"""Sessions of sigrok (`.sr`): a zip of samples, and what the analyser says of itself.
+r"""Sessions of sigrok (`.sr`): a zip archive of samples and metadata.
+
+Here only the samples and their metadata are read; the core finds the serial lines.
 
 Only the samples are read here; that there are serial lines in them is found by the core.
 
@@ -31,7 +33,9 @@ _LOGIC = re.compile(r"(?P<stem>.+?)(?:-(?P<number>\d+))?")
 class Samples:
     """The samples in a session file; use it in `with`.
 
-    `name` is what errors call it. `SourceError` if it is no such file or says no sample rate.
+    `name` is the file's name in errors; `rate` is in samples per second, `unit` the bytes of a
+    sample, `names` the channels by number. `SourceError` if it is not a session or lacks a sample
+    rate.
     """
 
     def __init__(self, name: str, file: str | BinaryIO) -> None:
@@ -47,7 +51,7 @@ class Samples:
             raise
 
     def channels(self, names: Sequence[str]) -> list[int]:
-        """The numbers of these channels; `UsageError` where there is no such."""
+        """The numbers of the channels of these names; `UsageError` for an unknown name."""
         return channel_numbers(self.names, names, self.name)
 
     def blocks(self) -> Iterator[bytes]:
@@ -98,7 +102,7 @@ class Samples:
 
 
 def channel_numbers(channels: Mapping[int, str], names: Sequence[str], recording: str) -> list[int]:
-    """The numbers of the channels of these names; `UsageError` where a recording has no such."""
+    """The numbers of the channels of these names; `UsageError` names those the recording has."""
     known = {name: number for number, name in channels.items()}
     for name in names:
         if name not in known:
@@ -108,7 +112,7 @@ def channel_numbers(channels: Mapping[int, str], names: Sequence[str], recording
 
 
 def parse_sample_rate(text: str) -> float:
-    """Samples a second, of `1 MHz` and the like; `ValueError` where it is none."""
+    """Parse a sample rate such as `1 MHz`; gives samples per second, `ValueError` if it is none."""
     match = _RATE.fullmatch(text.strip())
     if match is None or not float(match[1]):
         raise ValueError(f"sample rate {text!r}")

@@ -1,6 +1,6 @@
-"""Recordings inside of other files: compressed ones, archives, mail, directories, patterns.
+"""Recordings inside other files: compressed files, archives, mail, directories, patterns.
 
-A file inside of an archive is called `archive!member`. Nothing is written to disk.
+A file inside an archive is called `archive!member`. Nothing is written to disk.
 """
 
 from __future__ import annotations
@@ -22,32 +22,36 @@ if TYPE_CHECKING:
 __all__ = ["MEMBER_SEPARATOR", "RecordingName", "decompressed", "expand", "open_member"]
 
 MEMBER_SEPARATOR = "!"
-"""Stands between an archive and what is in it."""
+"""Separates the name of an archive from that of a file in it."""
 
 MAX_NESTING = 3
-"""Archives in archives; deeper ones are left alone."""
+"""How deep archives may be nested; deeper ones are not opened."""
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _ZIP = b"PK\x03\x04"
 _ZIP_NAME_OFFSET = 30
-"""Where the name of the first file stands in a zip."""
+"""Offset of the first file's name in a zip."""
 _SIGROK_MEMBERS = (b"version", b"metadata")
-"""With these a session of sigrok begins, which is one recording, even a damaged one."""
+"""The first files of a sigrok session, which is a zip, too, but one recording."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingName:
-    """A recording; `found` says that nobody named it: it may be something else."""
+    """The name of a recording.
+
+    `found` is True where the user has not named it: it was found in a directory, archive or mail,
+    and may be no recording at all.
+    """
 
     text: str
     found: bool = False
 
 
 def expand(names: list[str]) -> list[RecordingName]:
-    """The recordings that these names mean.
+    """The recordings that names on the command line stand for.
 
-    A directory stands for the files in it, a pattern for those that fit, an archive or mail for
-    what is in it. `SourceError` if that is nothing.
+    A directory stands for the files in it, a pattern for the matching files, an archive or mail for
+    its contents. `SourceError` where that is nothing.
     """
     found: list[RecordingName] = []
     for name in names:
@@ -84,7 +88,8 @@ def _members_of(path: str) -> list[str] | None:
         with ExitStack() as opened:
             return _members(opened.enter_context(open(path, "rb")), path, MAX_NESTING, opened)
     except OSError:
-        return None  # the one who opens it says why it cannot be read
+        # The caller will open the file and report why it cannot be read.
+        return None
 
 
 def _members(file: IO[bytes], name: str, depth: int, opened: ExitStack) -> list[str] | None:
@@ -102,9 +107,9 @@ def _members(file: IO[bytes], name: str, depth: int, opened: ExitStack) -> list[
 
 
 def open_member(name: str, opened: ExitStack) -> IO[bytes] | None:
-    """The bytes of `archive!member`; None if the name is not of that form.
+    """Open `archive!member`; None if the name is not of that form.
 
-    What they are read from has to stay open as long as they are read: closing `opened` closes it.
+    The files it is read from are put into `opened`, and must stay open while it is read.
     """
     path, *members = name.split(MEMBER_SEPARATOR)
     while members and not os.path.isfile(path):
@@ -126,7 +131,7 @@ def open_member(name: str, opened: ExitStack) -> IO[bytes] | None:
 
 
 def _contents(file: IO[bytes], name: str, opened: ExitStack) -> list[tuple[str, Any]] | None:
-    """Names and openers of what is in an archive or a mail; None for any other file."""
+    """Name and opener of each file in an archive or mail; None for any other file."""
     head = file.read(4096)
     file.seek(0)
     if head.startswith(_ZIP) and not head[_ZIP_NAME_OFFSET:].startswith(_SIGROK_MEMBERS):
@@ -141,7 +146,7 @@ def _zip(file: IO[bytes], name: str, opened: ExitStack) -> list[tuple[str, Any]]
 
     try:
         archive = opened.enter_context(zipfile.ZipFile(file))
-        # A capture of sigrok is a zip, too, and one recording.
+        # A session of sigrok is a zip, too, but it is one recording.
         if "metadata" in archive.namelist() and "version" in archive.namelist():
             return None
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
@@ -176,7 +181,8 @@ def _mail(file: IO[bytes]) -> list[tuple[str, Any]]:
             continue
         name = part.get_filename()
         if name is None and part.get_content_type() == "text/html" and plain:
-            continue  # the same in colours
+            # The HTML part repeats the text part.
+            continue
         if name is None and part.get_content_maintype() != "text":
             continue
         data = _text(part) if name is None else bytes(part.get_payload(decode=True) or b"")
@@ -214,9 +220,9 @@ def _without_tags(text: str) -> str:
 
 
 def decompressed(file: Any, head: bytes, name: str) -> Any | None:
-    """What a compressed file that begins with `head` holds; None if it is not compressed.
+    """Open the contents of a compressed file that begins with `head`; None if not compressed.
 
-    Closing it leaves `file` open.
+    Closing it leaves `file` open. `SourceError` where it needs a package that is not installed.
     """
     kind = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
     if kind is None:

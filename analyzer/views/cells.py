@@ -1,6 +1,6 @@
-"""What the cells of small tables say: buses, functions, times in milliseconds.
+"""Texts of cells in small tables: buses, functions, times in milliseconds.
 
-The cells of rows are the core's (`crates/modlens-writers/src/view/cells.rs`).
+The cells of the tables of rows are made in the core (view/cells.rs).
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ BASE_TITLES = {
     "5digit": "40001-based",
     "6digit": "400001-based",
 }
-"""How the head of an address column names its base."""
+"""Address notation -> title of an address column."""
 
 MAX_LABEL_COLUMNS = 16
-"""Columns of a bus's short name."""
+"""Terminal columns of a bus's short name."""
 
 _WHOLE_MS_FROM_US = 100_000
-"""From here on tenths of a millisecond are noise."""
+"""From this time on, in microseconds, milliseconds are shown without decimals."""
 
 
 def labels(names: Sequence[str]) -> dict[str, str]:
-    """Short names for buses: the end of each path, as long as it takes to tell them apart.
+    """Short names for buses: as much of the end of each path as is needed to tell them apart.
 
     >>> labels(["a/bus.hex", "a/other.hex"])
     {'a/bus.hex': 'bus.hex', 'a/other.hex': 'other.hex'}
@@ -55,7 +55,7 @@ def labels(names: Sequence[str]) -> dict[str, str]:
 
 
 def bus_field(names: Sequence[str], name_of: Callable[[Any], str]) -> GridColumn:
-    """The column that says the bus; `name_of` gives a row's."""
+    """The grid column with the bus of a row; `name_of` gives its full name."""
     short = labels(names)
     width = max(map(width_of, short.values()), default=0)
     return GridColumn(
@@ -65,7 +65,7 @@ def bus_field(names: Sequence[str], name_of: Callable[[Any], str]) -> GridColumn
 
 
 def number(value: int | None) -> str:
-    """A number, nothing for None."""
+    """A number as text; empty for None."""
     return "" if value is None else str(value)
 
 
@@ -82,7 +82,7 @@ def milliseconds(microseconds: float | None) -> str:
 
 
 def function_name(row: Mapping[str, Any]) -> str:
-    """Code and name of a function in a row of the statistics.
+    """Code and name of the function in a row of the statistics.
 
     >>> function_name({"function": 3})
     ' 3 Read Holding Registers'

@@ -1,7 +1,7 @@
-"""One frame, or a request and its response, as bytes beside meaning.
+"""Draws one frame, or a request and its response: bytes beside their meaning.
 
-The pieces come from `dissectors.describe`; here they are laid out: offset, bytes, field, value,
-what it means.
+The pieces come from `dissectors.describe`; here they are laid out in the columns offset, bytes,
+field, value and meaning.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["show_findings", "show_frame", "show_pause"]
 TITLES = ("offset", "bytes", "field", "value", "meaning")
 STYLES = ("dim", "note", "", "", "")
 MAX_WIDTHS = (6, 23, 22, 18)
-"""Columns that the first four take at most; 23 are eight bytes."""
+"""Greatest width of the first four columns; 23 characters hold eight bytes."""
 
 MIN_MEANING_WIDTH = 16
 GAP = "  "
@@ -27,15 +27,15 @@ INDENT = "  "
 
 
 def show_frame(title: str, pieces: Sequence[Piece], screen: Screen) -> None:
-    """Print a title and the pieces; what is not sound stands out.
+    """Print a title and the pieces of a frame; invalid pieces are highlighted.
 
-    Nothing is cut: long texts take several lines.
+    Nothing is cut off: long texts take several lines.
     """
     screen.lines([[(visible(title), "head")], *_table(pieces, screen.width)])
 
 
 def show_pause(text: str, screen: Screen) -> None:
-    """Print what lies between two frames."""
+    """Print the text between two frames, such as the response time."""
     screen.lines([[], [(visible(text), "note")]])
 
 
@@ -65,7 +65,7 @@ def _table(pieces: Sequence[Piece], width: int) -> Iterator[list[Part]]:
 
 
 def _cells(piece: Piece) -> list[list[str]]:
-    """The first four columns of a piece, each as its lines."""
+    """The first four cells of a piece, each as a list of lines."""
     _, bytes_wide, name_wide, value_wide = MAX_WIDTHS
     digits = textwrap.wrap(piece.data.hex(" "), bytes_wide)
     name = textwrap.wrap(visible(piece.name), name_wide)

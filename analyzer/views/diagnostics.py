@@ -1,4 +1,4 @@
-"""What is wrong on a bus, in the order in which it should be looked at; time-outs explained.
+"""Findings by importance, time-outs and driver errors in words.
 
 >>> stats = {"findings": {"retry": 4, "bad_checksum": 2}}
 >>> [code for code, *_ in rank_findings(stats)]
@@ -31,7 +31,10 @@ _MAX_BEFORE = 3
 
 
 def rank_findings(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str]]:
-    """Code, count, severity and what to check of each finding, the worst and most first."""
+    """Code, count, severity and advice of each finding, the most urgent first.
+
+    They are ordered by severity, then by count.
+    """
     known = {one.code: (one.severity, one.advice) for one in findings()}
     found = [
         (code, count, *known.get(code, ("info", ""))) for code, count in stats["findings"].items()
@@ -40,7 +43,7 @@ def rank_findings(stats: Mapping[str, Any]) -> Iterator[tuple[str, int, str, str
 
 
 def describe_driver_errors(bus: Mapping[str, Any]) -> str:
-    """What the driver of a tapped port has counted, in words; nothing where it has nothing to say.
+    """The error counts of a tapped port's driver in words; empty where it has none.
 
     >>> describe_driver_errors({"driver": {"overrun": 2, "parity": 1}})
     'the driver counted 2 overruns of the chip (bytes lost), 1 parity errors'

@@ -1,6 +1,7 @@
-"""A small table: statistics, registers. The tables of rows are the core's (`views/tables.py`).
+"""A small table for the terminal: statistics, registers, live values.
 
-A number that is wider than its column pushes its line, a text is cut.
+The tables of rows are drawn by the core (row_lines.py). A number that is wider than its column
+pushes the rest of its line to the right; a text is cut off.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from analyzer.views.screen import Part, fit, width_of
 __all__ = ["WIDE_COLUMNS", "Cell", "ColumnLayout", "Grid", "GridColumn", "RegisterValues"]
 
 WIDE_COLUMNS = 120
-"""From this width on: two spaces between columns, longer names."""
+"""From this terminal width on, columns are two spaces apart and longer names are used."""
 
 
 @dataclass(frozen=True, slots=True)
 class RegisterValues:
-    """The values of a transaction, shown as far as they fit: `555 0 100 … +12`."""
+    """The register values of a transaction, shown as far as they fit: `555 0 100 … +12`."""
 
     row: _modlens.Row
     base: str
 
     def within(self, width: int) -> str:
-        """As many values as fit, and how many more there are."""
+        """As many values as fit into `width` columns, and how many more there are."""
         return _modlens.carried(self.row, self.base, max(width, 0))
 
 
@@ -35,10 +36,10 @@ Cell = str | RegisterValues
 
 @dataclass(frozen=True, slots=True)
 class ColumnLayout:
-    """A column: its title, its least and greatest width, its side, and its share of free room.
+    """Title, widths and alignment of a column, and its share of the width that is left.
 
-    Without `max_width` and `free_share` (both 0) nothing in the column is cut: what is wider than
-    the first rows were pushes its line to the right.
+    Without `max_width` and `free_share` (both 0) nothing in the column is cut off: a cell wider
+    than those of the first rows pushes its line to the right.
     """
 
     title: str
@@ -48,7 +49,7 @@ class ColumnLayout:
     free_share: int = 0
 
     def width(self, cells: Iterable[Cell]) -> int:
-        """The columns for the title and these cells, without any share."""
+        """The width for the title and these cells, without a share of what is left."""
         min_width = max(self.min_width, width_of(self.title))
         if self.free_share:
             return min_width
@@ -58,7 +59,7 @@ class ColumnLayout:
 
 @dataclass(frozen=True, slots=True)
 class GridColumn:
-    """A column of a grid: its head, its cell for a row, and that cell's style (in `STYLES`)."""
+    """A column of a grid: its layout, and the text and style (in `STYLES`) of a row's cell."""
 
     head: ColumnLayout
     cell: Callable[[Any], Cell]
@@ -66,9 +67,9 @@ class GridColumn:
 
 
 class Grid:
-    """The widths of a table's columns, and its lines.
+    """Lays out a table: fixes the widths of its columns and makes its lines.
 
-    `rows` are the first rows, `width` the columns of the terminal.
+    `rows` are the first rows, which decide the widths; `width` is that of the terminal.
     """
 
     def __init__(self, fields: Sequence[GridColumn], rows: Sequence[Any], width: int) -> None:

@@ -1,4 +1,4 @@
-"""Registers as tables: the map as last seen, and one place read as every type there is."""
+"""Registers as tables: the register map, and registers interpreted as every type."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["show_grid", "show_map"]
 def show_map(
     rows: Sequence[Mapping[str, Any]], screen: Screen, base: str, *, as_json: bool
 ) -> None:
-    """The register map; rows are those of `_modlens.RegisterMap`."""
+    """Print the register map; `rows` are those of `_modlens.RegisterMap`."""
     if as_json:
         screen.lines([[(json.dumps(row, ensure_ascii=False), "")] for row in rows])
         return
@@ -47,7 +47,7 @@ def show_map(
 
 
 def show_grid(fields: Sequence[GridColumn], rows: Sequence[Any], screen: Screen) -> None:
-    """A whole table at once."""
+    """Print a whole table."""
     grid = Grid(fields, rows, screen.width)
     screen.lines([grid.head(), *(grid.line(row) for row in rows)])
 

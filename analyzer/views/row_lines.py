@@ -1,7 +1,7 @@
-"""How the four tables look: which addresses, which times, which buses; the core makes the lines.
+"""Options of the tables of rows: address notation, times, buses; the core makes the lines.
 
-What is in a line, and how it fits, stands in `crates/modlens-writers/src/view`: one renderer for
-the terminal, for files and for the screen of a live tap.
+Layout and cells are in the core's `view` module: one renderer for the terminal, for files and for
+the live screen.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _TIME_KINDS = {"local": "clock", "utc": "clock", "elapsed": "elapsed", "delta": 
 
 @dataclass(frozen=True, slots=True)
 class TableOptions:
-    """How a table looks.
+    """How a table of rows is shown.
 
-    `address` is one of `addresses.BASES`, `times` what `--times` takes; `buses` are the names of
-    the buses: where there are several, each row says its own.
+    `address` is one of `addresses.BASES`, `times` a value of `--times`; `buses` are the names of
+    the buses: where there are several, each row shows its own.
     """
 
     address: str = "wire"
@@ -33,8 +33,8 @@ class TableOptions:
 
 
 def lines(rows: Sequence[_modlens.Row], table_options: TableOptions, width: int) -> _modlens.Lines:
-    """The lines of a table that begins with these rows, one at least, in so many columns."""
-    # A capture's buses are the servers that show in it, however the file is called.
+    """The renderer of a table that begins with these rows (at least one), `width` columns wide."""
+    # The buses of a network capture are its servers, not the file.
     servers = dict.fromkeys(str(row.bus) for row in rows if getattr(row, "server", None))
     names = tuple(servers) or table_options.buses
     short = labels(names) if servers or len(names) > 1 else None
@@ -49,6 +49,6 @@ def lines(rows: Sequence[_modlens.Row], table_options: TableOptions, width: int)
 
 
 def _local_offset_ns(moment_ns: int) -> int:
-    """How far this machine's clocks are ahead of UTC at a moment, both in ns."""
+    """The offset of local time from UTC at a moment, both in ns."""
     there = datetime.fromtimestamp(moment_ns // _NS_PER_S, UTC).astimezone()
     return (there.utcoffset() or timedelta()) // timedelta(microseconds=1) * 1000

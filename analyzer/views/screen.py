@@ -1,7 +1,7 @@
-r"""The terminal, or what stands in its place: width, colour, and no control characters but our own.
+r"""Output to a terminal, file or pipe: width, colour, and no control characters but our own.
 
-Texts from recordings are hostile until shown otherwise: a device name may hold the escape sequence
-that clears the screen. Everything that is printed goes through `visible`.
+Texts from recordings are not trusted: a device name may hold an escape sequence that clears the
+screen. Everything that is printed goes through `visible`.
 
 >>> visible("pump\x1b[2J")
 'pump\\x1b[2J'
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 __all__ = ["Part", "Screen", "fit", "visible", "width_of"]
 
 Part = tuple[str, str]
-"""A text and the name of its style in `terminal.STYLES`; "" is none."""
+"""A text and the name of its style in `terminal.STYLES`; "" for no style."""
 
 DEFAULT_COLUMNS = 80
-"""Where nothing says how wide a screen is."""
+"""Width where the terminal's is not known."""
 
 _ESCAPES = {
     code: ascii(chr(code))[1:-1]
@@ -44,12 +44,12 @@ _ESCAPES = {
 
 
 def visible(text: str) -> str:
-    """The text with everything that could move the cursor or hide letters spelled out."""
+    """Escape everything in a text that could move the cursor or hide characters."""
     return text if text.isascii() and text.isprintable() else text.translate(_ESCAPES)
 
 
 def width_of(text: str) -> int:
-    """Columns of the terminal that a text takes."""
+    """The number of terminal columns that a text takes."""
     if text.isascii():
         return len(text)
     from rich.cells import cell_len  # noqa: PLC0415 - rich is loaded where it is needed only
@@ -58,7 +58,7 @@ def width_of(text: str) -> int:
 
 
 def fit(text: str, width: int, *, right: bool = False) -> str:
-    """The text in exactly `width` columns, cut with an ellipsis or filled with spaces.
+    """Cut a text with an ellipsis, or pad it with spaces, to exactly `width` columns.
 
     >>> fit("holding", 5), fit("ok", 4), fit("ok", 4, right=True)
     ('hold…', 'ok  ', '  ok')
@@ -84,7 +84,7 @@ def _write_error(error: OSError) -> SourceError:
 
 @contextlib.contextmanager
 def _as_source_error() -> Iterator[None]:
-    """What the system says against writing, as `SourceError`; `BrokenPipeError` as it is."""
+    """Raise errors of writing as `SourceError`; `BrokenPipeError` stays what it is."""
     try:
         yield
     except BrokenPipeError:
@@ -94,7 +94,7 @@ def _as_source_error() -> Iterator[None]:
 
 
 def _truncate(line: Iterable[Part], width: int) -> Iterator[Part]:
-    """As much of a line as there is room for."""
+    """The parts of a line that fit into `width` columns."""
     for text, style in line:
         taken = width_of(text)
         if taken > width:
@@ -105,10 +105,10 @@ def _truncate(line: Iterable[Part], width: int) -> Iterator[Part]:
 
 
 class Screen:
-    """One stream to print to.
+    """A stream to print to.
 
-    Colour only on a terminal, and not under `NO_COLOR` (rich sees to both); `is_plain` where there
-    is none. `width` is for what is no terminal.
+    Colour is used only on a terminal and not under `NO_COLOR` (rich decides that); `is_plain` is
+    True where there is none. `width` is the width where the stream is not a terminal.
     """
 
     def __init__(self, stream: TextIO, *, width: int | None = None) -> None:
@@ -120,7 +120,8 @@ class Screen:
 
     def _rich(self) -> Terminal:
         if self._terminal is None:
-            # A third of the time to start a command; most output goes to files and pipes.
+            # Importing rich takes a third of a command's start-up, and most output goes to files
+            # and pipes.
             from analyzer.views.terminal import Terminal  # noqa: PLC0415
 
             self._terminal = Terminal(self._stream, self._width)
@@ -128,7 +129,7 @@ class Screen:
 
     @property
     def is_terminal(self) -> bool:
-        """Whether somebody looks at it."""
+        """Whether the stream is a terminal."""
         return self._terminal is not None and self._terminal.is_terminal
 
     @property
@@ -153,8 +154,9 @@ class Screen:
             self._stream.flush()
 
     def text(self, lines: str) -> None:
-        """Print whole lines without styles, made visible before; errors as those of `lines`."""
-        try:  # a live tap comes here for each transaction: a context manager costs as much as this
+        """Print whole lines without styles, already escaped; raises as `lines` does."""
+        # A live tap calls this for each transaction, and a context manager would double its cost.
+        try:
             self._stream.write(lines)
             self._stream.flush()
         except BrokenPipeError:
@@ -169,15 +171,15 @@ class Screen:
         return size.width, size.height
 
     def begin_pages(self) -> None:
-        """Leave what is on the terminal alone: pages are drawn on a screen of their own."""
+        """Switch to the terminal's alternate screen, on which pages are drawn."""
         self._rich().begin_pages()
 
     def end_pages(self) -> None:
-        """Show again what was there before."""
+        """Switch back to the terminal's normal screen."""
         self._rich().end_pages()
 
     def page(self, lines: Sequence[Iterable[Part]]) -> None:
-        """Draw lines over the ones before, each to the edge of the terminal and not beyond."""
+        """Draw a page over the one before; lines are cut off at the edge of the terminal."""
         width = self.size[0]
         self._rich().page([list(_truncate(line, width)) for line in lines])
 
@@ -187,7 +189,7 @@ class Screen:
 
 
 def _columns() -> int:
-    """Those of the terminal that any of the three streams is, as rich has it."""
+    """The width of the terminal that any of the three standard streams is connected to."""
     for descriptor in range(3):
         with contextlib.suppress(OSError):
             return os.get_terminal_size(descriptor).columns or DEFAULT_COLUMNS
@@ -195,5 +197,5 @@ def _columns() -> int:
 
 
 def stdout() -> Screen:
-    """Standard output as it is now."""
+    """A screen on the present standard output."""
     return Screen(sys.stdout)

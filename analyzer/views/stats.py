@@ -1,4 +1,4 @@
-"""`modlens stats`: who talks on the bus, how much, how well, how fast.
+"""Draws the statistics of `modlens stats`.
 
 The counters are the core's; this file only draws them. `_modlens.Session.stats()` gives one JSON
 object:
@@ -54,7 +54,7 @@ _FAILED = ("no_response", "bad_request", "bad_response")
 
 
 def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
-    """Print the buses, a line for each unit and function, then the findings, the worst first."""
+    """Print the buses, a line for each unit and function, then the findings, most urgent first."""
     lines = list(_lines(stats, screen.width))
     screen.lines(lines)
 
@@ -88,7 +88,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
 
 
 def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
-    """The poll cycle, and the time-outs in words."""
+    """The lines about the poll cycle and the time-outs of a bus."""
     cycle = bus.get("cycle")
     if cycle:
         yield []
@@ -111,7 +111,7 @@ def _wrapped(text: str, width: int) -> Iterator[list[Part]]:
 
 
 def _silence(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
-    """What the rule of the textbook would have made of it."""
+    """How many frames would have been cut otherwise by silences of t3.5 alone."""
     counts = bus["silence"]
     if counts and counts["frames"]:
         share = counts["otherwise"] / counts["frames"]
@@ -184,7 +184,7 @@ def _row_fields(*, is_wide: bool) -> list[GridColumn]:
 
 
 def _some(count: int) -> str:
-    """A count; nothing for none, so that trouble stands out."""
+    """A count as text; empty for 0, so that errors stand out."""
     return f"{count:,}" if count else ""
 
 

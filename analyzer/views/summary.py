@@ -1,4 +1,4 @@
-"""The last lines of a run: frames and bytes by verdict, transactions by status, findings by code.
+"""The summary of a run: frames and bytes by verdict, transactions by status, findings.
 
 >>> bus = {"frames": {"ok": 2, "noise": 1}, "bytes": {"ok": 15, "noise": 3}}
 >>> for line in summary({"buses": [bus], "transactions": {"ok": 1}, "findings": {}}):
@@ -18,7 +18,7 @@ DAMAGED = ("bad_checksum", "incomplete", "noise")
 
 
 def summary(stats: Mapping[str, Any]) -> list[str]:
-    """The lines; `stats` as in views/stats.py."""
+    """The lines of the summary; views/stats.py documents the keys of `stats`."""
     frames, sizes = _total(stats, "frames"), _total(stats, "bytes")
     parts = [f"{name} {count:,} ({sizes[name]:,})" for name, count in frames.items()]
     head = f"{_count(sum(frames.values()), 'frame')} ({_count(sum(sizes.values()), 'byte')})"
@@ -32,12 +32,12 @@ def summary(stats: Mapping[str, Any]) -> list[str]:
 
 
 def damaged(stats: Mapping[str, Any]) -> int:
-    """Frames that did not arrive whole, and noise."""
+    """The number of damaged frames, noise included."""
     return sum(count for name, count in _total(stats, "frames").items() if name in DAMAGED)
 
 
 def _total(stats: Mapping[str, Any], what: str) -> dict[str, int]:
-    """Frames or bytes by verdict, all buses together; only verdicts that occurred."""
+    """Frames or bytes by verdict over all buses; only verdicts that occurred."""
     total: dict[str, int] = {}
     for bus in stats["buses"]:
         for name, count in bus[what].items():

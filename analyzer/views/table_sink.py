@@ -1,4 +1,4 @@
-"""The annotated table of one kind of rows, printed while it grows; see `analyzer.session.Sink`."""
+"""The sink that prints the rows of one table as they are decoded."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from analyzer.views.screen import Screen
 __all__ = ["TableSink"]
 
 SAMPLE_ROWS = 500
-"""Rows that decide the widths."""
+"""Rows by which the widths of the columns are decided."""
 
 ROWS_PER_WRITE = 1000
-"""Rows that are printed with one write."""
+"""Rows that are printed with one call."""
 
 
 class TableSink:
-    """Prints the rows of one table on a screen; `where` is the text of a filter (`FilterError`)."""
+    """Prints the rows of one table on a screen; see `analyzer.session.Sink`.
+
+    `where` is the text of a filter; `FilterError` if it is not valid.
+    """
 
     name = "standard output"
 
@@ -34,7 +37,7 @@ class TableSink:
         self._lines: _modlens.Lines | None = None
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Print the batch's rows."""
+        """Print the rows of a batch."""
         table: _modlens.Table = getattr(batch, self.table)
         if self._predicate is not None:
             table = table.where(self._predicate)
@@ -60,4 +63,4 @@ class TableSink:
         """Nothing to do: every line has been printed."""
 
     def rollback(self) -> None:
-        """Nothing to do: what is printed is printed."""
+        """Nothing to do: printed lines cannot be taken back."""

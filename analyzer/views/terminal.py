@@ -1,4 +1,4 @@
-"""What rich does for us on a terminal: styles, its size, and pages drawn over each other."""
+"""A terminal by means of rich: styles, size, and pages drawn over each other."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CLEAR_REST = Control((ControlType.ERASE_IN_LINE, 0)).segment
 
 
 class Terminal(Console):
-    """A stream that is a terminal, or is treated as one."""
+    """A stream that is a terminal, or is treated as one (`FORCE_COLOR`)."""
 
     def __init__(self, stream: TextIO, width: int | None) -> None:
         super().__init__(file=stream, width=width, highlight=False, markup=False, emoji=False)
@@ -36,7 +36,7 @@ class Terminal(Console):
         return not self.is_terminal or self.color_system is None
 
     def on_broken_pipe(self) -> NoReturn:
-        """Rich ends the process when the reader of a pipe goes away; here the caller decides."""
+        """Raise `BrokenPipeError`; rich would end the process, here the caller decides."""
         raise BrokenPipeError
 
     def lines(self, lines: Iterable[Iterable[tuple[str, str]]]) -> None:
@@ -48,17 +48,17 @@ class Terminal(Console):
         self.print(Segments(segments), end="", soft_wrap=True)
 
     def begin_pages(self) -> None:
-        """Pages are drawn on a screen of their own."""
+        """Switch to the alternate screen and hide the cursor."""
         self.set_alt_screen(True)
         self.show_cursor(False)
 
     def end_pages(self) -> None:
-        """Show again what was there before."""
+        """Switch back to the normal screen and show the cursor."""
         self.show_cursor(True)
         self.set_alt_screen(False)
 
     def page(self, lines: Sequence[Iterable[tuple[str, str]]]) -> None:
-        """Draw lines over the ones before."""
+        """Draw a page over the one before."""
         segments = [Control.home().segment]
         for number, line in enumerate(lines):
             segments += [Segment(text, STYLES.get(style)) for text, style in line]

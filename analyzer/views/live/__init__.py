@@ -1,7 +1,7 @@
-"""The screens of a live tap: one file a view, each a function from the board to lines.
+"""The views of the live screen: one file each, with a function from `LiveState` to lines.
 
-A view draws what `LiveState` has gathered, in exactly the room it gets; it reads no ports and no
-keys. `VIEWS` is the registry: `modlens tap --view NAME`, and the key that shows it.
+A view draws what `LiveState` has gathered into the room it gets; it reads no ports and no keys.
+`VIEWS` is the registry: name for `modlens tap --view NAME`, and the key that shows it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ VIEWS = {
 
 
 def draw(name: str, state: LiveState, width: int, height: int) -> list[Line]:
-    """The lines of a view; more than `height` where there is more to see."""
+    """The lines of a view; more than `height` where it can be scrolled."""
     lines: Callable[[LiveState, int, int], list[Line]] = importlib.import_module(
         VIEWS[name].module
     ).lines

@@ -1,4 +1,4 @@
-"""The bus's health: load, poll cycle, retries, time-outs by unit, damage, findings by weight."""
+"""The view of a bus's health: load, poll cycle, retries, time-outs, damage, findings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BAR_COLUMNS = 20
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
-    """Each bus, then the findings, those to check first on top."""
+    """The lines of each bus, then the findings, most urgent first."""
     stats = state.statistics
     if not stats.get("buses"):
         return [[("nothing heard yet", "dim")]]

@@ -1,4 +1,4 @@
-"""The log: the last transactions, a line each, the newest at the bottom."""
+"""The log view: the last transactions, a line each, the newest at the bottom."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["lines"]
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
-    """The head and as many rows as there is room for."""
+    """The column titles and as many rows as there is room for."""
     shown = list(state.rows)[-max(height - 1, 1) :]
     rows = [row for row in shown if not isinstance(row, Mark)]
     if not rows:

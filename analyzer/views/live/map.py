@@ -1,4 +1,4 @@
-"""Registers and coils in a grid of addresses; what changed a moment ago is lit."""
+"""The map view: registers and coils in a grid of addresses; changed values are highlighted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LABEL = 10
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
-    """Blocks by unit and type; a line holds ten addresses, or as many as there is room for."""
+    """A block of lines for each unit and register type; the width decides addresses per line."""
     found = state.values()
     if not found:
         return [[("no values seen yet", "dim")]]
@@ -51,5 +51,5 @@ def _block(
 
 
 def _addresses_per_line(room: int) -> int:
-    """Round numbers of addresses on a line."""
+    """The greatest round number of addresses that fits on a line; 4 at least."""
     return next((number for number in (50, 20, 16, 10, 8, 5) if number <= room), 4)

@@ -1,7 +1,7 @@
-"""What the live screens know: the last rows, the values of registers, the statistics.
+"""The data of the live screen: the last rows, the values of registers, the statistics.
 
-Memory is bounded: so many rows, so many different requests. Values are taken apart only when they
-are looked at.
+Memory is bounded: only so many rows and different requests are kept. Values are taken from a
+transaction only when the screen is refreshed.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ __all__ = ["LiveState", "Mark", "RegisterValue"]
 MAX_ROWS = 1000
 MAX_REQUESTS = 4096
 HIGHLIGHT_S = 2.0
-"""A value that changed stays lit for so long."""
+"""How long a changed value is highlighted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A line that somebody at the keyboard put into the log."""
+    """A mark that the user has put into the log."""
 
     number: int
     text: str
@@ -34,13 +34,13 @@ class Mark:
 
 @dataclass(slots=True)
 class RegisterValue:
-    """A register or coil: its value, and when it last changed (`time.monotonic`)."""
+    """The value of a register or coil, and when it last changed (`time.monotonic`)."""
 
     value: int
     changed: float = float("-inf")
 
     def is_highlighted(self, now: float) -> bool:
-        """Whether it changed a moment ago."""
+        """Whether it changed so recently that it is highlighted."""
         return now - self.changed < HIGHLIGHT_S
 
 
@@ -50,9 +50,10 @@ RegisterKey = tuple[str, int, str, int]
 
 @dataclass
 class LiveState:
-    """Rows and statistics of a tap; `stats` gives the statistics so far.
+    """Rows and statistics of a tap.
 
-    `paused` keeps what is shown as it is, `filter` is what the log shows only.
+    `stats` returns the statistics so far. While `paused`, what is shown stays as it is; `filter`
+    limits the log. `seen` counts the transactions.
     """
 
     table_options: TableOptions
@@ -72,7 +73,7 @@ class LiveState:
         self.started = self.clock()
 
     def put(self, batch: _modlens.Batch) -> None:
-        """Take what was decided; see `analyzer.session.Sink`."""
+        """Add a batch; see `analyzer.session.Sink`."""
         table = batch.transactions
         self.seen += len(table)
         if self.paused or not len(table):
@@ -84,14 +85,14 @@ class LiveState:
         self.rows.extend(table)
 
     def mark(self, text: str) -> Mark:
-        """A line of its own in the log."""
+        """Add a mark to the log."""
         self.marks += 1
         mark = Mark(self.marks, text)
         self.rows.append(mark)
         return mark
 
     def refresh(self) -> None:
-        """Look at the statistics and at new values, unless paused."""
+        """Update statistics and values, unless paused."""
         if self.paused:
             return
         self._stats = self.stats()
@@ -103,20 +104,20 @@ class LiveState:
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """As they were at the last refresh."""
+        """The statistics of the last refresh."""
         return self._stats
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the board was made."""
+        """Seconds since the tap began."""
         return self.clock() - self.started
 
     def values(self) -> dict[RegisterKey, RegisterValue]:
-        """Every register and coil that was seen, in order."""
+        """Every register and coil that was seen, sorted."""
         return dict(sorted(self._values.items()))
 
     def last(self, bus: str, unit: int, function: int) -> _modlens.Row | None:
-        """The last transaction of a unit's function that carried values."""
+        """The last transaction with values of a unit and function; None if there is none."""
         found = None
         for (name, number, code, *_), (row, _) in self._requests.items():
             if (name, number, code) == (bus, unit, function):

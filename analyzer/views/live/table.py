@@ -1,4 +1,4 @@
-"""Units and functions: how many, how fast, how well, and the last value."""
+"""The table view: for each unit and function counts, errors, times and the last values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TROUBLE = ("no_response", "bad_request", "bad_response")
 
 
 def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
-    """The head and a line for each unit and function."""
+    """The column titles and a line for each unit and function."""
     stats = state.statistics
     rows = [
         {**row, "bus": bus["bus"], "last": state.last(bus["bus"], row["unit"], row["function"])}
