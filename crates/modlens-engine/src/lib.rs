@@ -8,3 +8,4 @@ pub mod pairing;
 pub mod records;
 pub mod session;
 pub mod stats;
+pub mod weights;

@@ -1,146 +1,352 @@
-//! What evidence is worth, in bits: the table of costs and priors, with their reasons.
+//! The table of weights: every weight, threshold and margin by which the engine decides, with its unit and its reason.
 //!
-//! A reading of the bytes is scored by the bits that it saves over reading them as line noise. One model of a byte for
-//! noise and payload alike, so that a field that agrees is worth exactly the bits of the bytes it predicts, and runs of
-//! zeros cannot fake evidence. What a line teaches is in `model`.
+//! A hypothesis about the bytes is scored by the bits that it saves over reading the same bytes as line noise: a
+//! log2-likelihood ratio. Noise bytes and payload bytes have the same probability model, so payload neither gains nor loses
+//! score. A field with a predicted value gains the information content of its bytes (-log2 p). Frequent values such as 00
+//! have little of it, so a run of zeros cannot score high. What a line teaches on top of these values is in `model`.
+//!
+//! A row is a doc comment (the reason) and a constant whose name ends in its unit; [`UNITS`] lists the units. `TABLE` is made
+//! of the same rows, and `docs/segmentation.md` shows it: to add a weight, write a row here, and run the documentation test
+//! with `MODLENS_UPDATE=1`. A value that only bounds memory or a cache is no weight and stays where it is used.
 
 use modlens_protocol::functions::Functions;
+use modlens_protocol::Ns;
 
-pub use crate::framer::rtu::shapes::OPEN_LENGTH;
+/// The units that the name of a weight may end in, and what each counts.
+pub const UNITS: [(&str, &str); 9] = [
+    ("_BITS", "bits of evidence: log2 of a likelihood ratio"),
+    ("_BYTES", "bytes on the line"),
+    ("_NS", "nanoseconds"),
+    ("_FRAMES", "committed frames"),
+    ("_SHARE", "probability"),
+    ("_FACTOR", "ratio of two counts or times"),
+    ("_REQUESTS", "distinct requests"),
+    ("_HYPOTHESES", "hypotheses held at one time"),
+    ("_FLIPS", "inverted bits"),
+];
 
-/// Learned counts are halved here: units and functions may change after hours.
-pub const FORGET: f32 = 4000.0;
+/// A weight as the documentation shows it.
+#[derive(Clone, Copy, Debug)]
+pub struct Weight {
+    /// The constant's name; its end is the unit.
+    pub name: &'static str,
+    /// The constant's value as the code spells it.
+    pub value: &'static str,
+    /// Why it is what it is.
+    pub reason: &'static str,
+}
 
-/// Whose turn it is, is forgotten sooner: time-outs come in bursts.
-pub const FORGET_TURNS: f32 = 500.0;
+/// Weights of one kind of decision.
+#[derive(Clone, Copy, Debug)]
+pub struct WeightGroup {
+    /// What they decide.
+    pub title: &'static str,
+    /// The rows, in the order of the code.
+    pub weights: &'static [Weight],
+}
 
-/// Observations that a prior is worth.
-pub const PRIOR_WEIGHT: f32 = 6.0;
+/// Makes the constants, and `TABLE` of the same rows.
+macro_rules! weights {
+    ($($title:literal { $($(#[doc = $reason:literal])+ $name:ident: $type:ty = $value:expr;)+ })+) => {
+        $($($(#[doc = $reason])+ pub const $name: $type = $value;)+)+
 
-/// A quarter of all bytes on real lines are 00, a twelfth FF.
-pub const ZERO_BITS: f32 = 2.0;
-/// See `ZERO_BITS`.
-pub const ONES_BITS: f32 = 3.6;
-/// The bits of any other byte.
-pub const OTHER_BITS: f32 = 8.56;
+        /// All weights, in groups.
+        pub const TABLE: &[WeightGroup] = &[$(WeightGroup {
+            title: $title,
+            weights: &[$(Weight { name: stringify!($name), value: stringify!($value), reason: concat!($($reason),+) }),+],
+        }),+];
+    };
+}
 
-/// Rules of the specification that a frame may break, but seldom does.
-pub const BROKEN_RULE: f32 = 7.0;
+weights! {
+    "Information content of a byte" {
+        /// A quarter of all bytes on real lines are 00.
+        ZERO_BYTE_BITS: f32 = 2.0;
+        /// A twelfth of all bytes on real lines are FF.
+        FF_BYTE_BITS: f32 = 3.6;
+        /// All other values share what is left evenly.
+        OTHER_BYTE_BITS: f32 = 8.56;
+        /// On a wrong baud rate or a floating line few values make all of the noise. After this many bytes of noise what was
+        /// counted weighs as much as the three values above.
+        NOISE_PRIOR_BYTES: f32 = 256.0;
+        /// The bits of all byte values are computed anew after this many bytes of noise; once per byte would cost too much.
+        NOISE_UPDATE_BYTES: f32 = 128.0;
+        /// The counts of noise bytes are halved here, so that old noise is forgotten.
+        NOISE_HALVE_BYTES: f32 = 8192.0;
+    }
 
-/// A frame that lacks the last byte of its layout, although the checksum is right.
-pub const CUT_SHORT: f32 = 40.0;
+    "What a line teaches" {
+        /// Frames that the prior is worth: after as many, what was counted weighs as much as the prior.
+        PRIOR_WEIGHT_FRAMES: f32 = 6.0;
+        /// Counts of units and functions are halved here: they may change after hours.
+        HALVE_COUNTS_FRAMES: f32 = 4000.0;
+        /// Counts of unanswered requests and unsolicited responses are halved earlier: timeouts come in bursts.
+        HALVE_TURNS_FRAMES: f32 = 500.0;
+        /// A unit and a function seen this often, each, are familiar: such a header needs no further proof.
+        FAMILIAR_FRAMES: f32 = 3.0;
+        /// A request found in the dictionary saves its body at most, less the bits that choose it among those polled.
+        POLL_CHOICE_BITS: f32 = 3.0;
+        /// The most that a request from the dictionary is worth: two of the bytes that it is looked up by.
+        MAX_POLLED_REQUEST_BITS: f32 = 12.0;
+        /// At first one frame in forty stands behind bytes that belong to no frame.
+        PRIOR_UNFRAMED_SHARE: f32 = 1.0 / 40.0;
+        /// A learned share of frames behind unframed bytes is not believed to be smaller: the next line noise will come.
+        MIN_UNFRAMED_SHARE: f32 = 0.002;
+        /// A learned share of frames behind unframed bytes is not believed to be larger.
+        MAX_UNFRAMED_SHARE: f32 = 0.9;
+        /// At first one frame in sixty is an unsolicited response where no request is outstanding.
+        PRIOR_UNSOLICITED_SHARE: f32 = 1.0 / 60.0;
+        /// As above, behind unframed bytes, among which a damaged request may be.
+        PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE: f32 = 1.0 / 20.0;
+        /// At first one frame in thirty is another request where one is outstanding.
+        PRIOR_UNANSWERED_SHARE: f32 = 1.0 / 30.0;
+        /// As above, behind unframed bytes, among which a damaged response may be.
+        PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE: f32 = 1.0 / 12.0;
+        /// At first the late response follows the response to a retry in one case of ten.
+        PRIOR_LATE_RESPONSE_SHARE: f32 = 1.0 / 10.0;
+        /// A learned share of unsolicited, unanswered or late frames is not believed to be smaller.
+        MIN_TURN_SHARE: f32 = 0.004;
+        /// A learned share of unsolicited, unanswered or late frames is not believed to be larger.
+        MAX_TURN_SHARE: f32 = 0.9;
+        /// On one line in two hundred the tap's own adapter echoes what it sends, so that each request is heard twice.
+        PRIOR_ECHO_SHARE: f32 = 1.0 / 200.0;
+        /// A learned share of requests heard twice is not believed to be smaller.
+        MIN_ECHO_SHARE: f32 = 0.001;
+        /// A learned share of requests heard twice is not believed to be larger.
+        MAX_ECHO_SHARE: f32 = 0.99;
+        /// Frames that the prior of any length is worth for a function without public layout.
+        LENGTH_PRIOR_FRAMES: f32 = 2.0;
+        /// A length seen once may be chance: half a frame is taken off its count.
+        LENGTH_DISCOUNT_FRAMES: f32 = 0.5;
+        /// Counts of lengths are halved here: devices may be replaced.
+        HALVE_LENGTHS_FRAMES: f32 = 64.0;
+        /// A request that is not seen again is dropped from the dictionary after at most this many others for its slot.
+        MAX_REQUEST_COUNT_FRAMES: u32 = 15;
+    }
 
-/// A response that nobody asked for: one in sixty at first.
-pub const ORPHAN: f32 = 5.9;
+    "Prior of a unit or function" {
+        /// Function 3, read holding registers: the most common one.
+        READ_HOLDING_REGISTERS_SHARE: f32 = 0.30;
+        /// Function 4, read input registers.
+        READ_INPUT_REGISTERS_SHARE: f32 = 0.15;
+        /// Each of functions 1, 2, 6 and 16.
+        COMMON_FUNCTION_SHARE: f32 = 0.08;
+        /// Each of functions 5 and 15.
+        WRITE_COILS_SHARE: f32 = 0.04;
+        /// Function 23, read and write in one.
+        READ_WRITE_REGISTERS_SHARE: f32 = 0.02;
+        /// Each of the other functions that the table names.
+        NAMED_FUNCTION_SHARE: f32 = 0.006;
+        /// Each user-defined code (application protocol, 5).
+        USER_DEFINED_FUNCTION_SHARE: f32 = 0.003;
+        /// Each of the codes that are left.
+        UNKNOWN_FUNCTION_SHARE: f32 = 0.0005;
+        /// Unit 0, a broadcast.
+        BROADCAST_UNIT_SHARE: f32 = 0.01;
+        /// Each unit from 1 to 30: masters are seldom set up for more than the first addresses.
+        LOW_UNIT_SHARE: f32 = 0.7 / 30.0;
+        /// Each unit from 31 to 247.
+        HIGH_UNIT_SHARE: f32 = 0.28 / 217.0;
+        /// Each of the reserved units 248 to 255 (serial line specification, 2.2): they are seen in the field all the same.
+        RESERVED_UNIT_SHARE: f32 = 0.01 / 8.0;
+    }
 
-/// The old answer behind the answer to a retry: behind one retry in ten at first.
-pub const FIRST_LATES: f32 = 1.0 / 10.0;
+    "Score of a frame by itself" {
+        /// A rule of the specification that a frame breaks: this happens, but seldom.
+        BROKEN_RULE_BITS: f32 = 7.0;
+        /// A frame that lacks the last byte of its layout. If that byte is 00, its CRC is valid with and without it.
+        CUT_SHORT_BITS: f32 = 40.0;
+        /// Choice of a length where the layout fixes none and nothing was learned of it.
+        OPEN_LENGTH_BITS: f32 = 7.5;
+        /// An exception response among responses.
+        EXCEPTION_BITS: f32 = 4.0;
+        /// Exception codes 1 to 6, 8, 10 and 11 of the specification (application protocol, 7).
+        SPECIFIED_EXCEPTION_CODE_BITS: f32 = 3.5;
+        /// Any other exception code: vendors have their own.
+        VENDOR_EXCEPTION_CODE_BITS: f32 = 9.0;
+        /// Exception code 0: nobody uses it, and runs of zeros are full of it.
+        ZERO_EXCEPTION_CODE_BITS: f32 = 16.0;
+        /// A broadcast that reads, or a response of unit 0: nobody may respond to either.
+        BROADCAST_READ_BITS: f32 = 9.0;
+        /// A pause or a record's start in front of a frame: most frames have one there.
+        PAUSE_BEFORE_BITS: f32 = 2.0;
+        /// A pause or a record's start inside a frame, where none should be.
+        PAUSE_INSIDE_BITS: f32 = 2.0;
+        /// A frame of the other side on a line that carries one direction only.
+        WRONG_LINE_BITS: f32 = 25.0;
+        /// A frame with an invalid CRC where everything else fits: one frame in two hundred, and no CRC to prove it.
+        DAMAGED_BITS: f32 = 9.0;
+        /// A frame that contains whole frames of this line: one file transfer or loopback in a thousand.
+        NESTING_BITS: f32 = 10.0;
+    }
 
-/// A unit that did not answer a request and its retry may well be silent once more: one in four.
-pub const STILL_SILENT: f32 = 2.0;
+    "Score of a frame among others" {
+        /// The response to the outstanding request: nine in ten requests get one.
+        ANSWERED_BITS: f32 = 0.1;
+        /// A response while a request to somebody else is outstanding: one frame in sixty.
+        UNSOLICITED_BITS: f32 = 5.9;
+        /// A damaged request while another one is outstanding: one frame in thirty.
+        UNANSWERED_BITS: f32 = 4.9;
+        /// A unit that was silent for a request and its retry may well be silent once more: one in four.
+        STILL_SILENT_BITS: f32 = 2.0;
+        /// The most that a request costs for coming as early as responses do: a second master's, or a look-alike response.
+        TOO_SOON_BITS: f32 = 6.0;
+        /// Says that a request is the outstanding one or the one before it, repeated.
+        RETRY_CHOICE_BITS: f32 = 1.0;
+        /// The same response once more: one in a hundred.
+        REPEATED_RESPONSE_BITS: f32 = 6.6;
+        /// Unit and function of an unsolicited response are among the unframed bytes before it: its request was damaged.
+        DAMAGED_REQUEST_BITS: f32 = 4.0;
+        /// This many unframed bytes between two frames may be a damaged frame; fewer are stray bytes.
+        MAY_HIDE_FRAME_BYTES: u64 = 4;
+    }
 
-/// A request as soon behind another one as answers come is a second master's, or an answer that looks like one.
-pub const TOO_SOON: f32 = 6.0;
+    "Cost of bytes between frames" {
+        /// Enters a short run of stray bytes.
+        ENTER_STRAY_RUN_BITS: f32 = 0.5;
+        /// Each further byte of a short run.
+        STRAY_BYTE_BITS: f32 = 1.2;
+        /// Leaves a short run into a frame.
+        LEAVE_STRAY_RUN_BITS: f32 = 0.8;
+        /// Enters a long run of noise. Its bytes cost nothing: otherwise a long chance match would pay.
+        ENTER_NOISE_BITS: f32 = 1.8;
+        /// Leaves a long run of noise into a frame.
+        LEAVE_NOISE_BITS: f32 = 5.0;
+        /// Behind a frame with a pause inside in a hundred, pauses inside frames prove nothing on this line.
+        FRAMES_PER_INNER_PAUSE_FACTOR: f32 = 100.0;
+        /// With stray bytes in front of more than one frame in fifty a line counts as noisy.
+        FRAMES_PER_STRAY_RUN_FACTOR: f32 = 50.0;
+        /// Stray bytes that usually stand in one place of a noisy line, at most: four random ones are common there.
+        MAX_STRAY_NOISY_BYTES: usize = 7;
+        /// Stray bytes that usually stand in one place of a quiet line, at most.
+        MAX_STRAY_QUIET_BYTES: usize = 2;
+        /// Frames with lost bytes that have to be seen before a line is said to lose bytes.
+        MIN_LOSSES_FRAMES: f32 = 3.0;
+        /// Frames with lost bytes for each collision before a line is said to lose bytes.
+        LOSSES_PER_COLLISION_FACTOR: f32 = 4.0;
+        /// Truncated responses after which the master went on, before truncation is put down to the tap.
+        MIN_TAP_TRUNCATIONS_FRAMES: f32 = 2.0;
+        /// Truncated responses after which the master went on, for each that it asked for again.
+        TAP_TRUNCATIONS_PER_RETRY_FACTOR: f32 = 4.0;
+    }
 
-/// The same answer again: one in a hundred.
-pub const AGAIN: f32 = 6.6;
+    "Lattice" {
+        /// Hypotheses further behind the best path are dropped.
+        BEAM_BITS: f32 = 60.0;
+        /// Hypotheses further behind are dropped where the best path has no frame: noise makes such hypotheses all the time.
+        BEAM_IN_NOISE_BITS: f32 = 30.0;
+        /// Hypotheses that are kept when noise or crafted bytes have made too many.
+        BEAM_HYPOTHESES: usize = 16;
+        /// More hypotheses at one time than this are no traffic: the best path is committed.
+        MAX_HYPOTHESES: usize = 96;
+        /// The shortest frame with a length of its own is a request of eight bytes, or its response of five.
+        MIN_DAMAGED_FRAME_BYTES: u64 = 5;
+        /// Sums of the same numbers in another order differ by less.
+        ROUNDING_BITS: f32 = 0.01;
+    }
 
-/// Responses among frames while no request waits, without and with bytes before them that are no frame: a damaged request
-/// may be among those.
-pub const FIRST_ORPHANS: [f32; 2] = [1.0 / 60.0, 1.0 / 20.0];
-/// Requests among frames while another one waits, without and with such bytes.
-pub const FIRST_UNANSWERED: [f32; 2] = [1.0 / 30.0, 1.0 / 12.0];
+    "Commit" {
+        /// Lead over all rivals that commits a frame live; the chance of committing too early is about 2 to the minus this.
+        COMMIT_MARGIN_BITS: f32 = 14.0;
+        /// Lead over all rivals that commits a frame of a recording, where nobody waits.
+        OFFLINE_COMMIT_MARGIN_BITS: f32 = 30.0;
+        /// Lead over unfinished frames whose completion is looked up in a recording: those that come have a valid CRC, too.
+        LOOKAHEAD_MARGIN_BITS: f32 = 35.0;
+        /// Lead of a fast-path frame over a frame that begins in the stray bytes before it.
+        STRAY_RIVAL_MARGIN_BITS: f32 = 18.0;
+        /// A valid frame with this score is not outscored by a header inside it.
+        CERTAIN_FRAME_BITS: f32 = 34.0;
+        /// No header is worth more.
+        MAX_HEADER_BITS: f32 = 60.0;
+        /// Advantage of an unfinished frame that begins right behind another one: a frame is due there.
+        FRAME_DUE_BITS: f32 = 14.0;
+        /// Without a clock, the same bytes in the other direction this close wait for the next frame, which tells a response
+        /// that equals its request from a retry.
+        OPPOSITE_DIRECTION_MARGIN_BITS: f32 = 40.0;
+        /// A lead below this leaves the direction of a frame undecided between its two hypotheses.
+        UNDECIDED_DIRECTION_BITS: f32 = 1.0;
+        /// Hypotheses that stay equally good for this long will not be told apart: the better one is committed.
+        TIE_PATIENCE_BYTES: u64 = 640;
+        /// Patience with equally good hypotheses in a recording.
+        OFFLINE_TIE_PATIENCE_BYTES: u64 = 1280;
+        /// The cost of bytes behind a frame no longer grows from here on: only a new hypothesis changes the order.
+        SETTLED_BEHIND_BYTES: u64 = 3;
+        /// Unit, function code and two more bytes: a frame that contains others has a longer header than stray bytes are.
+        MIN_OUTER_HEADER_BYTES: u64 = 4;
+        /// Bytes without a frame are committed in pieces of this length.
+        UNFRAMED_PIECE_BYTES: u64 = 4096;
+        /// In a recording, unframed bytes up to this many are held back until the frame behind them is known.
+        OFFLINE_HOLD_BACK_BYTES: u64 = 4096;
+        /// This many valid frames without a byte between them do not come by chance.
+        CHAIN_FRAMES: u8 = 4;
+        /// Confidence is not reported higher.
+        MAX_CONFIDENCE_BITS: u8 = 60;
+    }
 
-/// So many bytes between two frames may hold a damaged one.
-pub const MAY_HOLD_A_FRAME: u64 = 4;
+    "Silence" {
+        /// Without line settings, or with reads of several bytes, shorter pauses prove nothing.
+        COARSE_MIN_GAP_NS: Ns = 5_000_000;
+        /// The longest pause that may stand inside a frame: USB adapters and schedulers hold bytes back that long.
+        FRAME_BREAK_NS: Ns = 90_000_000;
+        /// On a very slow line a frame ends after this many character times instead.
+        FRAME_BREAK_CHARACTERS_FACTOR: Ns = 10;
+    }
 
-/// Unit and function of a response that nobody asked for stand among the bytes before it: its request was damaged.
-pub const BEGUN: f32 = 4.0;
+    "Search for damaged requests" {
+        /// A long request of the poll cycle is aligned only where its first bytes agree in this many bits.
+        LONG_REQUEST_PREFIX_BITS: f32 = 11.0;
+    }
+}
 
-/// A frame whose checksum is wrong, where everything else fits: one in two hundred, and no checksum to vouch for it.
-pub const DAMAGED: f32 = 9.0;
-
-/// A frame of the other side on a line that one side has for itself.
-pub const WRONG_LINE: f32 = 25.0;
-
-/// A request while another one waits: one in thirty at first.
-pub const UNANSWERED: f32 = 4.9;
-
-/// A frame that holds whole frames of this line: one write of a file or loopback in a thousand.
-pub const HOLDS_FRAMES: f32 = 10.0;
-
-/// The answer to the request that waits.
-pub const ANSWERED: f32 = 0.1;
-
-/// Exceptions among answers.
-pub const EXCEPTION: f32 = 4.0;
-
-/// A request for everybody is seldom a read, and nobody answers as unit 0.
-pub const BROADCAST_READ: f32 = 9.0;
-
-/// A request seen before in this poll cycle is worth so much at most.
-pub const REPEATED_AT_MOST: f32 = 12.0;
-
-/// Frames follow each other without strays but for one in forty at first.
-pub const FIRST_JUNK: f32 = 1.0 / 40.0;
-
-/// The next stray byte of a short run; the way from it into a frame.
-pub const STRAY: f32 = 1.2;
-/// The way from it into a frame.
-pub const AFTER_STRAYS: f32 = 0.8;
-/// The way into it.
-pub const BEFORE_STRAYS: f32 = 0.5;
-
-/// The ways into and out of a long run of noise. Its bytes cost nothing: else a long accident would pay.
-pub const INTO_NOISE: f32 = 1.8;
-/// The way out.
-pub const OUT_OF_NOISE: f32 = 5.0;
-
-/// A pause that only ends of frames should have, at the start of a frame or inside one.
-pub const PAUSE_BEFORE: f32 = 2.0;
-/// The same inside a frame.
-pub const PAUSE_INSIDE: f32 = 2.0;
-
-/// Bytes of noise that weigh as much as the usual bits, after which the bits are worked out again, and half forgotten.
-pub const NOISE_WEIGHT: f32 = 256.0;
-/// Bytes after which the bits are worked out again.
-pub const NOISE_STEP: f32 = 128.0;
-/// Bytes after which half is forgotten.
-pub const NOISE_FORGET: f32 = 8192.0;
-
-/// Adapters that hear themselves: one in two hundred lines.
-pub const FIRST_COPIES: f32 = 1.0 / 200.0;
-
-/// The bits of a byte before any noise was seen.
+/// The information content of a byte before any noise was seen.
 pub fn usual_bits(byte: u8) -> f32 {
     match byte {
-        0 => ZERO_BITS,
-        0xFF => ONES_BITS,
-        _ => OTHER_BITS,
+        0 => ZERO_BYTE_BITS,
+        0xFF => FF_BYTE_BITS,
+        _ => OTHER_BYTE_BITS,
     }
 }
 
 /// How common a function is before anything was learned.
 pub fn function_prior(functions: &Functions, code: u8) -> f32 {
     match code {
-        3 => 0.30,
-        4 => 0.15,
-        1 | 2 | 6 | 16 => 0.08,
-        5 | 15 => 0.04,
-        23 => 0.02,
-        _ if functions.name(code).is_some() => 0.006,
-        // User-defined codes (application protocol, 5).
-        65..=72 | 100..=110 => 0.003,
-        _ => 0.0005,
+        3 => READ_HOLDING_REGISTERS_SHARE,
+        4 => READ_INPUT_REGISTERS_SHARE,
+        1 | 2 | 6 | 16 => COMMON_FUNCTION_SHARE,
+        5 | 15 => WRITE_COILS_SHARE,
+        23 => READ_WRITE_REGISTERS_SHARE,
+        _ if functions.name(code).is_some() => NAMED_FUNCTION_SHARE,
+        65..=72 | 100..=110 => USER_DEFINED_FUNCTION_SHARE,
+        _ => UNKNOWN_FUNCTION_SHARE,
     }
 }
 
+/// How common a unit is before anything was learned.
 pub fn unit_prior(unit: u8) -> f32 {
     match unit {
-        0 => 0.01,
-        // Masters are seldom set up for more than the first addresses, but they are.
-        1..=30 => 0.7 / 30.0,
-        31..=247 => 0.28 / 217.0,
-        _ => 0.01 / 8.0,
+        0 => BROADCAST_UNIT_SHARE,
+        1..=30 => LOW_UNIT_SHARE,
+        31..=247 => HIGH_UNIT_SHARE,
+        248..=255 => RESERVED_UNIT_SHARE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_weight_names_its_unit_and_has_a_reason() {
+        for weight in TABLE.iter().flat_map(|group| group.weights) {
+            assert!(UNITS.iter().any(|(unit, _)| weight.name.ends_with(unit)), "{} ends in no unit", weight.name);
+            assert!(weight.reason.trim().ends_with('.'), "{} has no sentence as its reason", weight.name);
+        }
+    }
+
+    #[test]
+    fn no_name_stands_twice() {
+        let mut names: Vec<&str> = TABLE.iter().flat_map(|group| group.weights).map(|weight| weight.name).collect();
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{names:?}");
     }
 }

@@ -12,9 +12,9 @@ use crate::damage::thresholds::{
     MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS, THREE_FLIPS_BITS,
     TWO_FLIPS_BITS,
 };
-use crate::framer::rtu::index::MOST_LOST;
-use crate::framer::rtu::model::Model;
-use crate::framer::rtu::sift::Costs;
+use crate::framer::rtu::prefilter::DamageCosts;
+use crate::framer::rtu::prefix_index::MAX_LOST_BYTES;
+use crate::framer::rtu::traffic_model::TrafficModel;
 use modlens_protocol::checksum::{crc16, mending_bit, update};
 
 /// Cost of a byte by the number of its flipped bits.
@@ -42,19 +42,26 @@ pub struct Alignment {
 }
 
 /// What each kind of damage costs, for the prefilter that selects the requests worth an alignment.
-pub const DAMAGE_COSTS: Costs = Costs { head: MISSING_HEAD_BITS, inside: MISSING_INSIDE_BITS, collided: COLLISION_BITS };
+pub const DAMAGE_COSTS: DamageCosts =
+    DamageCosts { lost_head: MISSING_HEAD_BITS, inside: MISSING_INSIDE_BITS, collision: COLLISION_BITS };
 
 /// The best alignment of an expected frame with bytes that begin where it may begin, if it is worth `need` bits.
-pub fn align(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8], need: f32) -> Option<Alignment> {
+pub fn align(model: &TrafficModel, expected: &ExpectedFrame<'_>, bytes: &[u8], need: f32) -> Option<Alignment> {
     // If all known bytes are missing, only the CRC is left to recognise the frame by, and that takes a known length.
     let known = expected.bytes.len() - usize::from(expected.length.is_none());
-    let max_missing = MOST_LOST.min(known);
+    let max_missing = MAX_LOST_BYTES.min(known);
     let alignments = (0..=max_missing).filter_map(|missing| align_without_head(model, expected, bytes, missing, need));
     alignments.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// The best alignment if `missing` bytes of the expected frame are missing in front.
-fn align_without_head(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8], missing: usize, need: f32) -> Option<Alignment> {
+fn align_without_head(
+    model: &TrafficModel,
+    expected: &ExpectedFrame<'_>,
+    bytes: &[u8],
+    missing: usize,
+    need: f32,
+) -> Option<Alignment> {
     let known = &expected.bytes[missing..];
     let agreeing = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
     // At nearly all places nothing fits, which has to be noticed with as little work as possible.
@@ -73,7 +80,8 @@ fn align_without_head(model: &Model, expected: &ExpectedFrame<'_>, bytes: &[u8],
     let may_break = agreeing > 0 && agreeing < known.len() && missing == 0 && max_score - COLLISION_BITS >= need;
     let agreeing_score = if may_break { score_with_flips(model, &known[..agreeing], bytes, 0).0 } else { 0.0 };
     let prefix = Prefix { length: agreeing, score: agreeing_score };
-    let losses = (1..=MOST_LOST).filter(|_| may_break).filter_map(|count| missing_inside(model, known, bytes, prefix, count));
+    let losses =
+        (1..=MAX_LOST_BYTES).filter(|_| may_break).filter_map(|count| missing_inside(model, known, bytes, prefix, count));
     let breaks = [doubled_byte, collision].into_iter().filter(|_| may_break);
     let others = breaks.filter_map(|explain| explain(model, known, bytes, prefix));
     let unbroken = std::iter::once(without_break(model, known, bytes, missing));
@@ -123,7 +131,7 @@ struct Explanation {
 }
 
 /// Explains the bytes by flipped bits only, with or without bytes missing in front.
-fn without_break(model: &Model, known: &[u8], bytes: &[u8], missing: usize) -> Explanation {
+fn without_break(model: &TrafficModel, known: &[u8], bytes: &[u8], missing: usize) -> Explanation {
     let (score, core_bytes) = score_with_flips(model, known, bytes, 0);
     let damage = (missing > 0).then_some(DamageKind::LostBytes { at: 0, count: missing });
     Explanation { score: if missing > 0 { score - MISSING_HEAD_BITS } else { score }, core_bytes, damage }
@@ -131,7 +139,7 @@ fn without_break(model: &Model, known: &[u8], bytes: &[u8], missing: usize) -> E
 
 /// Compares bytes one by one and allows for flipped bits. Returns the highest score that any number of leading bytes
 /// reaches, and the index behind those bytes, where the first byte has the index `from`.
-fn score_with_flips(model: &Model, known: &[u8], bytes: &[u8], from: usize) -> (f32, usize) {
+fn score_with_flips(model: &TrafficModel, known: &[u8], bytes: &[u8], from: usize) -> (f32, usize) {
     let (mut score, mut best) = (0.0, (0.0, 0));
     for (at, (&wanted, &byte)) in known.iter().zip(bytes).enumerate() {
         let flips = (wanted ^ byte).count_ones() as usize;
@@ -150,7 +158,7 @@ fn score_with_flips(model: &Model, known: &[u8], bytes: &[u8], from: usize) -> (
 }
 
 /// Explains the bytes by `count` bytes that are missing behind the prefix.
-fn missing_inside(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix, count: usize) -> Option<Explanation> {
+fn missing_inside(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix, count: usize) -> Option<Explanation> {
     let rest = known.get(prefix.length + count..)?;
     let (score, core_bytes) = score_with_flips(model, rest, &bytes[prefix.length..], prefix.length);
     let score = prefix.score + score - MISSING_INSIDE_BITS;
@@ -160,7 +168,7 @@ fn missing_inside(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix, cou
 }
 
 /// Explains the bytes by a repetition of the last byte of the prefix.
-fn doubled_byte(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
+fn doubled_byte(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
     let at = prefix.length;
     if bytes.get(at) != bytes.get(at - 1) {
         return None;
@@ -172,7 +180,7 @@ fn doubled_byte(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Op
 
 /// Explains the bytes by a second transmitter behind the prefix. On RS-485 the driver that pulls to 0 wins: bits that
 /// were sent as 1 may arrive as 0, but no bit that was sent as 0 arrives as 1.
-fn collision(model: &Model, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
+fn collision(model: &TrafficModel, known: &[u8], bytes: &[u8], prefix: Prefix) -> Option<Explanation> {
     let mut score = prefix.score - COLLISION_BITS;
     let mut core_bytes = prefix.length;
     let mut wrong_bytes = 0;
@@ -216,7 +224,7 @@ mod tests {
     use super::*;
     use crate::damage::expected_frame::poll_request;
     use crate::damage::thresholds::POLL_REQUEST_BITS;
-    use crate::framer::rtu::sift::Sift;
+    use crate::framer::rtu::prefilter::RequestPrefilter;
     use proptest::prelude::*;
 
     /// A frame damaged in one of five ways: bytes removed, one doubled, bits flipped, bits pulled to 0, or not at all.
@@ -244,9 +252,9 @@ mod tests {
         ) {
             let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
             let bytes = [damaged(&frame, how, at, bits), behind].concat();
-            let model = Model::default();
+            let model = TrafficModel::default();
             let Some(alignment) = align(&model, &poll_request(&frame), &bytes, 0.0) else { return Ok(()) };
-            let mut sift = Sift::default();
+            let mut sift = RequestPrefilter::default();
             sift.add(5, &frame);
             let need = alignment.score + POLL_REQUEST_BITS;
             let kept = sift.likely(1 << 5, &bytes, |byte| model.bits(byte), need, &DAMAGE_COSTS);
@@ -257,7 +265,7 @@ mod tests {
     #[test]
     fn a_frame_with_wrong_unit_and_wrong_function_is_not_recognised() {
         // One bit is lost in each of the two; the prefilter needs one of them to be right.
-        let alignment = align(&Model::default(), &poll_request(&[3, 3, 2, 0, 0xF1]), &[2, 2, 2, 0, 0x70], 0.0);
+        let alignment = align(&TrafficModel::default(), &poll_request(&[3, 3, 2, 0, 0xF1]), &[2, 2, 2, 0, 0x70], 0.0);
         assert!(alignment.is_none(), "{alignment:?}");
     }
 }

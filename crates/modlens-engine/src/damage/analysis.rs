@@ -6,8 +6,8 @@ use crate::damage::glitch::is_glitch;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::damage::thresholds::{MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
-use crate::framer::rtu::costs;
-use crate::framer::rtu::index::Values;
+use crate::framer::rtu::prefix_index::PrefixFilter;
+use crate::weights;
 
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order; all other bytes of it are noise.
@@ -45,7 +45,7 @@ impl UnframedRegion<'_, '_> {
     /// smaller than the cost of the missing bytes, and the bonus for a preceding pause is smaller than the cost of
     /// choosing one of the expected frames. Glitch bytes of a line driver are never a unit and a function code.
     fn is_too_short(&self) -> bool {
-        let max_bits = || self.model.bits_of(self.bytes()) + costs::PAUSE_BEFORE - costs::STRAY;
+        let max_bits = || self.model.bits_of(self.bytes()) + weights::PAUSE_BEFORE_BITS - weights::STRAY_BYTE_BITS;
         self.length <= MAX_GLITCH_BYTES && (is_glitch(self.bytes()) || max_bits() < MIN_DAMAGED_FRAME_BITS)
     }
 
@@ -53,7 +53,7 @@ impl UnframedRegion<'_, '_> {
     fn all_candidates(&self) -> Vec<Candidate> {
         let expected = expected_frames(self);
         // Which values the first two bytes of any expected frame can have: a cheap test that fails nearly everywhere.
-        let mut values = Values::default();
+        let mut values = PrefixFilter::default();
         for frame in &expected {
             values.add(&frame.bytes);
         }
@@ -61,7 +61,7 @@ impl UnframedRegion<'_, '_> {
         let searched_again_from = SEARCHED_BYTES.max(self.length.saturating_sub(SEARCHED_BYTES));
         for start in (0..SEARCHED_BYTES.min(self.length)).chain(searched_again_from..self.length) {
             let bytes = &self.bytes()[start..];
-            if !expected.is_empty() && values.admit(bytes) {
+            if !expected.is_empty() && values.admits(bytes) {
                 self.add_expected(&expected, start, &mut candidates);
             }
             self.add_familiar(start, &mut candidates);

@@ -5,10 +5,11 @@ use crate::damage::expected_frame::{poll_request, ExpectedFrame};
 use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
 use crate::damage::thresholds::{FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
-use crate::framer::rtu::announced_length::AROUND;
-use crate::framer::rtu::costs;
-use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::index::{may_be, possible, Set};
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet};
+use crate::framer::rtu::score;
+use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
+use crate::weights;
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
@@ -50,9 +51,9 @@ impl UnframedRegion<'_, '_> {
         // As a set, one bit per expected frame: those that may have this byte at this place.
         let with_byte = |place: usize, byte: u8| {
             let frames = expected.iter().enumerate();
-            frames.fold(0, |set: Set, (at, frame)| set | Set::from(may_be(&frame.bytes, place, byte)) << at)
+            frames.fold(0, |set: FrameSet, (at, frame)| set | FrameSet::from(may_have_byte(&frame.bytes, place, byte)) << at)
         };
-        for at in members(possible(bytes, with_byte)) {
+        for at in members(possible_frames(bytes, with_byte)) {
             candidates.extend(self.aligned_candidate(&expected[at], start));
         }
     }
@@ -60,8 +61,8 @@ impl UnframedRegion<'_, '_> {
     /// Adds what the poll cycle and the units and functions seen on this line suggest at `start`.
     pub(crate) fn add_familiar(&self, start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
-        let polls = &self.model.polls;
-        let mut likely = if polls.is_empty() { 0 } else { polls.possible(bytes) };
+        let polls = &self.model.poll_cycle;
+        let mut likely = if polls.is_empty() { 0 } else { polls.possible_frames(bytes) };
         if likely != 0 {
             let need = MIN_DAMAGED_FRAME_BITS + self.start_cost(start) - FRAME_END_BITS + POLL_REQUEST_BITS;
             likely = polls.likely(likely, bytes, |byte| self.model.bits(byte), need, &DAMAGE_COSTS);
@@ -93,28 +94,28 @@ impl UnframedRegion<'_, '_> {
     pub(crate) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        let is_other_side = self.context.speaker.is_some_and(|speaker| speaker != gain::direction(direction));
+        let is_other_side = self.context.speaker.is_some_and(|speaker| speaker != side::direction_of(direction));
         if function == 0 || is_other_side || (code != function && direction == REQUEST) {
             return None;
         }
         let header_cost = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
         let mut score = self.model.bits(unit) + self.model.bits(code) - header_cost - self.start_cost(start);
         if direction == RESPONSE && !self.is_framed_independently() {
-            score -= costs::ORPHAN;
+            score -= weights::UNSOLICITED_BITS;
         }
         let row = self.context.functions.row(function, body);
         let length = if code == function {
             let extent = row.map(|row| if direction == REQUEST { row.request.extent(body) } else { row.response.extent(body) });
             match extent {
-                Some(Extent::Exactly(length)) => Some(length + AROUND),
+                Some(Extent::Exactly(length)) => Some(length + ENVELOPE_BYTES),
                 _ => None,
             }
         } else {
-            score -= costs::EXCEPTION;
+            score -= weights::EXCEPTION_BITS;
             Some(EXCEPTION_BYTES)
         };
         if let Some(row) = row.filter(|_| code == function) {
-            score += row.permits[direction].iter().map(|permit| gain::permitted(self.model, permit, body)).sum::<f32>();
+            score += row.permits[direction].iter().map(|permit| score::field_score(self.model, permit, body)).sum::<f32>();
         }
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
         score += self.end_bonus(end);
@@ -140,12 +141,12 @@ impl UnframedRegion<'_, '_> {
         if start == 0 {
             // On a line that one side has to itself, the pause at the beginning of the region separates two of its frames.
             let follows_pause = self.context.speaker.is_some() && self.has_frame_gap(0);
-            return if follows_pause { -costs::PAUSE_BEFORE } else { 0.0 };
+            return if follows_pause { -weights::PAUSE_BEFORE_BITS } else { 0.0 };
         }
-        let strays = (costs::STRAY * start as f32).min(MAX_STRAY_BITS);
+        let strays = (weights::STRAY_BYTE_BITS * start as f32).min(MAX_STRAY_BITS);
         let follows_pause = self.input.pause_before(start).is_some_and(|pause| pause >= self.frame_gap_ns);
         if follows_pause {
-            strays - costs::PAUSE_BEFORE
+            strays - weights::PAUSE_BEFORE_BITS
         } else {
             strays
         }
@@ -171,14 +172,14 @@ impl UnframedRegion<'_, '_> {
 /// damaged request in front of it; so less is enough for it here.
 fn min_score(direction: usize, header_cost: f32) -> f32 {
     if direction == RESPONSE {
-        MIN_DAMAGED_FRAME_BITS - header_cost - costs::ORPHAN - ROUNDING_BITS
+        MIN_DAMAGED_FRAME_BITS - header_cost - weights::UNSOLICITED_BITS - ROUNDING_BITS
     } else {
         MIN_DAMAGED_FRAME_BITS
     }
 }
 
 /// The numbers in a set, in ascending order.
-fn members(mut set: Set) -> impl Iterator<Item = usize> {
+fn members(mut set: FrameSet) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let at = (set != 0).then(|| set.trailing_zeros() as usize);
         set &= set.wrapping_sub(1);

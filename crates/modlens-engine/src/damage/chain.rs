@@ -8,9 +8,9 @@ use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::damage::thresholds::{
     FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
 };
-use crate::framer::rtu::announced_length::AROUND;
-use crate::framer::rtu::costs;
-use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
+use crate::weights;
 use modlens_protocol::checksum::mending_bit;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::RTU_LIMIT;
@@ -102,7 +102,7 @@ impl UnframedRegion<'_, '_> {
             };
         }
         let is_short = length < should || matches!(damage, Some(DamageKind::LostBytes { .. }));
-        let direction = gain::direction(candidate.direction);
+        let direction = side::direction_of(candidate.direction);
         let (start, end) = (candidate.start, candidate.start + length);
         let head = candidate.head.clone();
         DamagedFrame { start, end, direction, head, is_short, damage, is_unidentified: false, wrong_head_bytes: 0 }
@@ -133,7 +133,7 @@ impl UnframedRegion<'_, '_> {
         let row = self.context.functions.row(bytes[1], &bytes[2..])?;
         let layout = if candidate.direction == REQUEST { &row.request } else { &row.response };
         match layout.extent(&bytes[2..]) {
-            Extent::Exactly(length) if length + AROUND <= RTU_LIMIT => Some(length + AROUND),
+            Extent::Exactly(length) if length + ENVELOPE_BYTES <= RTU_LIMIT => Some(length + ENVELOPE_BYTES),
             _ => None,
         }
     }
@@ -168,7 +168,7 @@ fn score_behind(candidate: &Candidate, before: &Candidate) -> f32 {
         && before.header[0] == candidate.header[0]
         && before.header[1] == candidate.header[1] & !EXCEPTION_BIT;
     candidate.score - if overlaps { OVERLAP_BITS } else { 0.0 }
-        + if is_response_to_it { candidate.header_cost + costs::ORPHAN } else { 0.0 }
+        + if is_response_to_it { candidate.header_cost + weights::UNSOLICITED_BITS } else { 0.0 }
 }
 
 /// Whether a frame of the right length, whose CRC no single flipped bit explains, is a shorter one with stray bytes behind

@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use crate::damage::region::UnframedRegion;
 use crate::damage::thresholds::{CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
-use crate::framer::rtu::announced_length::AROUND;
-use crate::framer::rtu::costs;
-use crate::framer::rtu::gain::{REQUEST, RESPONSE};
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::weights;
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::{expected_block, Asked, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
@@ -84,7 +84,7 @@ fn request_of<'a>(region: &UnframedRegion<'a, '_>, response: &[u8]) -> ExpectedF
             bytes.extend_from_slice(&body[..echoed]);
         }
         if let Extent::Exactly(body) = row.request.extent(&bytes[2..]) {
-            length = Some(body + AROUND);
+            length = Some(body + ENVELOPE_BYTES);
         }
         append_crc_if_complete(&mut bytes, length);
     }
@@ -124,13 +124,18 @@ fn responses<'a>(region: &UnframedRegion<'a, '_>, asked: Asked<'_>) -> Option<[E
             bytes.extend_from_slice(&body[..ECHOED_BYTES]);
         }
         if let Extent::Exactly(body) = row.response.extent(&bytes[2..]) {
-            length = Some(body + AROUND);
+            length = Some(body + ENVELOPE_BYTES);
         }
         append_crc_if_complete(&mut bytes, length);
     }
     let exception = vec![asked.unit, code | EXCEPTION_BIT];
     Some([
         ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS },
-        ExpectedFrame { bytes: Cow::Owned(exception), length: Some(5), direction: RESPONSE, selection_cost: costs::EXCEPTION },
+        ExpectedFrame {
+            bytes: Cow::Owned(exception),
+            length: Some(5),
+            direction: RESPONSE,
+            selection_cost: weights::EXCEPTION_BITS,
+        },
     ])
 }

@@ -5,7 +5,7 @@ use crate::damage::glitch::is_glitch_byte;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::damage::thresholds::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
-use crate::framer::rtu::announced_length::AROUND;
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use modlens_protocol::checksum::mending_bit;
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::framing::RTU_LIMIT;
@@ -135,7 +135,9 @@ impl UnframedRegion<'_, '_> {
         let row = self.context.functions.row(code & !EXCEPTION_BIT, body);
         let extents = row.map(|row| [&row.request, &row.response].map(|layout| layout.extent(body)));
         let is_announced = extents.into_iter().flatten().any(|extent| match extent {
-            Extent::Exactly(length) => (length + AROUND..=length + AROUND + MAX_GLITCH_BYTES).contains(&bytes.len()),
+            Extent::Exactly(length) => {
+                (length + ENVELOPE_BYTES..=length + ENVELOPE_BYTES + MAX_GLITCH_BYTES).contains(&bytes.len())
+            }
             _ => false,
         });
         // If both directions have a fixed length and it is not that of these bytes, they are no header.

@@ -5,8 +5,9 @@ use std::collections::VecDeque;
 use crate::damage::glitch::is_glitch;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::framer::rtu::announced_length::{announced, AROUND, LONGEST};
-use crate::framer::rtu::model::Model;
+use crate::framer::rtu::announced_length::{announced_lengths, ENVELOPE_BYTES};
+use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::{Context, Cut, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::direction::Direction;
@@ -41,7 +42,7 @@ pub struct Surroundings<'a, 'c> {
 
 impl<'a, 'c> Surroundings<'a, 'c> {
     /// The first `length` bytes of the input as a region.
-    fn region(&self, model: &'a Model, length: usize, ends_as_announced: bool) -> UnframedRegion<'a, 'c> {
+    fn region(&self, model: &'a TrafficModel, length: usize, ends_as_announced: bool) -> UnframedRegion<'a, 'c> {
         let &Self { context, input, next_frame, follows_damaged_frame, frame_gap_ns } = self;
         UnframedRegion { model, context, input, length, next_frame, follows_damaged_frame, frame_gap_ns, ends_as_announced }
     }
@@ -51,7 +52,7 @@ impl DamageRecovery {
     /// The first frame of the unframed bytes up to stream offset `to`: a damaged frame, or noise. `adu` gets unit and PDU.
     ///
     /// A region is analysed once; further calls emit what was found. The line's model learns from the damage.
-    pub fn next_frame(&mut self, model: &mut Model, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+    pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> Cut {
         let offset = at.input.offset();
         let region_bytes = (to - offset) as usize;
         if self.analysed_to < to {
@@ -83,7 +84,7 @@ impl DamageRecovery {
 ///
 /// If the result has fewer bytes than `length`, the others are stray bytes in the place of what the frame has lost.
 pub fn damaged_hypothesis(
-    model: &mut Model,
+    model: &mut TrafficModel,
     at: &Surroundings<'_, '_>,
     length: usize,
     direction: Direction,
@@ -106,7 +107,7 @@ pub fn damaged_hypothesis(
 /// The line's history decides. A master that did not get its response asks again, one that did goes on with its poll
 /// cycle; in a recording, the next frame shows which before the response is emitted. Returns whether `last`, the last
 /// frame in front of the silence, is such a response, so that the master's reaction is still to be learned.
-fn attribute_truncation(model: &Model, last: &mut DamagedFrame) -> bool {
+fn attribute_truncation(model: &TrafficModel, last: &mut DamagedFrame) -> bool {
     let Some(DamageKind::LostBytes { at, count: count @ 1.. }) = last.damage else { return false };
     if last.direction != Direction::Response || at != last.end - last.start {
         return false;
@@ -119,7 +120,7 @@ fn attribute_truncation(model: &Model, last: &mut DamagedFrame) -> bool {
 
 /// Emits a damaged frame, with its first bytes restored in `adu` where it is known which ones are missing or wrong.
 fn emit(frame: &DamagedFrame, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> Cut {
-    let is_short = frame.is_short || wire.len() < AROUND;
+    let is_short = frame.is_short || wire.len() < ENVELOPE_BYTES;
     adu.clear();
     if !frame.is_unidentified {
         adu.extend_from_slice(&frame.head);
@@ -160,7 +161,7 @@ fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by:
     let bytes = &input.bytes()[..burst_bytes];
     let is_entire_input = input.offset() == 0 && cut_by == CutBy::End;
     let is_record = cut_by == CutBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
-    if burst_bytes < AROUND || !(is_entire_input || is_record) {
+    if burst_bytes < ENVELOPE_BYTES || !(is_entire_input || is_record) {
         return None;
     }
     let frame = |length, verdict, cut_by, direction| Some(Cut { verdict, direction, ..Cut::noise(length, cut_by) });
@@ -170,7 +171,7 @@ fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by:
     let mut longer = None;
     // If the outstanding request has this unit and function, the burst is its response and not another request.
     let is_response = context.asked.is_some_and(|asked| asked.unit == bytes[0] && asked.pdu.first() == Some(&bytes[1]));
-    let announced = announced(context, bytes);
+    let announced = announced_lengths(context, bytes);
     for (direction, extent) in announced.iter().copied().flatten().take(if is_response { 1 } else { 2 }) {
         match extent {
             Extent::Exactly(length) if length == burst_bytes => {
@@ -183,7 +184,7 @@ fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by:
     }
     // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
     let is_bounded = is_entire_input || input.timed || matches!(cut_by, CutBy::Silence | CutBy::Record);
-    let may_be_frame = burst_bytes <= LONGEST;
+    let may_be_frame = burst_bytes <= MAX_CANDIDATE_BYTES;
     match (shorter, longer) {
         (Some((length, direction)), _) if is_familiar && !is_bounded => {
             frame(length, Verdict::BadChecksum, CutBy::Length, direction)

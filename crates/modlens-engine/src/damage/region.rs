@@ -2,8 +2,8 @@
 
 use crate::damage::kind::DamageKind;
 use crate::damage::thresholds::COARSE_FRAME_GAP_NS;
-use crate::framer::rtu::announced_length::AROUND;
-use crate::framer::rtu::model::Model;
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::Context;
 use crate::input::Input;
 use modlens_protocol::direction::{Asked, Direction};
@@ -12,7 +12,7 @@ use modlens_protocol::Ns;
 /// Bytes between two frames that no valid frame claims, and what is known about them.
 pub struct UnframedRegion<'a, 'c> {
     /// Statistics of the line.
-    pub model: &'a Model,
+    pub model: &'a TrafficModel,
     /// What the session knows, the outstanding request in front of the region among it.
     pub context: &'a Context<'c>,
     /// The input, whose first byte is the first one of the region.
@@ -70,7 +70,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether stray bytes are so rare on this line that more than a few unframed bytes must belong to a frame.
     pub(crate) fn has_few_strays(&self) -> bool {
-        self.model.strays_at_most() < AROUND
+        self.model.strays_at_most() < ENVELOPE_BYTES
     }
 
     /// Whether there is a pause before this byte that ends a frame, as far as the clock can tell.

@@ -1,34 +1,35 @@
 //! The frame lengths that a header announces, by the table of functions.
 
-use crate::framer::rtu::join;
 use crate::framer::Context;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, Layout, EXCEPTION_BIT};
 
-/// Some masters announce more than the 256 bytes of the specification; a byte count cannot say more than this.
-pub const LONGEST: usize = join::REACH as usize;
+/// Unit, function code and CRC: the bytes of a frame around its body.
+pub const ENVELOPE_BYTES: usize = 4;
 
-/// Unit, function code and checksum: bytes of a frame beside its body.
-pub const AROUND: usize = 4;
+/// Unit, function code, exception code and CRC.
+pub const EXCEPTION_RESPONSE_BYTES: usize = 5;
 
-/// The whole-frame lengths that a header announces, the likelier direction first.
-pub fn announced(context: &Context<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
+/// The whole-frame lengths that a header announces, with CRC, the likelier direction first: the response where the header
+/// answers the outstanding request, else the request.
+pub fn announced_lengths(context: &Context<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
     let (code, body) = (frame[1], &frame[2..]);
     if code & EXCEPTION_BIT != 0 {
         let function = code & !EXCEPTION_BIT;
-        return if function == 0 { [None, None] } else { [Some((Direction::Response, Extent::Exactly(5))), None] };
+        let exception_response = Some((Direction::Response, Extent::Exactly(EXCEPTION_RESPONSE_BYTES)));
+        return if function == 0 { [None, None] } else { [exception_response, None] };
     }
-    let around = |layout: &Layout| match layout.extent(body) {
-        Extent::Exactly(length) => Extent::Exactly(length + AROUND),
-        Extent::AtLeast(length) => Extent::AtLeast(length + AROUND),
-        Extent::Open(length) => Extent::Open(length + AROUND),
+    let whole_frame = |layout: &Layout| match layout.extent(body) {
+        Extent::Exactly(length) => Extent::Exactly(length + ENVELOPE_BYTES),
+        Extent::AtLeast(length) => Extent::AtLeast(length + ENVELOPE_BYTES),
+        Extent::Open(length) => Extent::Open(length + ENVELOPE_BYTES),
     };
     let Some(row) = context.functions.row(code, body) else {
-        // No code 0 in the specification: a run of zeros is no frame.
-        return if code == 0 { [None, None] } else { [Some((Direction::Unknown, Extent::Open(AROUND))), None] };
+        // The specification has no function code 0: a run of zeros is no frame.
+        return if code == 0 { [None, None] } else { [Some((Direction::Unknown, Extent::Open(ENVELOPE_BYTES))), None] };
     };
-    let request = Some((Direction::Request, around(&row.request)));
-    let response = (row.response != Layout::Silent).then(|| (Direction::Response, around(&row.response)));
+    let request = Some((Direction::Request, whole_frame(&row.request)));
+    let response = (row.response != Layout::Silent).then(|| (Direction::Response, whole_frame(&row.response)));
     if context.asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
         [response, request]
     } else {

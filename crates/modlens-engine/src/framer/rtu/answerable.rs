@@ -1,88 +1,92 @@
 //! The requests that a frame may answer.
 //!
-//! Every path of the search has its own, and most are the same: so requests are kept once, by number, and the room of
-//! those that no path holds any more is used again. Nothing is allocated while a line talks.
+//! Every path of the search has its own outstanding request, and most paths have the same one. So requests are kept once,
+//! in a pool, and paths refer to them by number. Room of requests that no path refers to any more is used again: nothing is
+//! allocated while a line talks.
 
-use crate::framer::rtu::gain::RESPONSE;
+use crate::framer::rtu::side::RESPONSE;
 use modlens_protocol::direction::Asked;
 use modlens_protocol::framing::BROADCAST;
 
 /// A request that may be answered.
 #[derive(Clone, Debug, Default)]
-pub struct Request {
-    /// Unit asked.
+pub struct HeldRequest {
+    /// The unit that it is addressed to.
     pub unit: u8,
     /// Its PDU.
     pub pdu: Vec<u8>,
-    /// Its checksum was wrong: what the answer repeats may differ.
-    pub damaged: bool,
-    /// It was already heard twice.
-    pub copied: bool,
-    /// It is isolated in noise.
-    pub tentative: bool,
-    /// The count that its answer begins with, and the answer's whole length, where that was worked out.
-    pub answer: Option<(u8, usize)>,
+    /// Its CRC was invalid, so fields that the response repeats may differ.
+    pub is_damaged: bool,
+    /// It repeats the request before it: heard twice already.
+    pub is_repeated: bool,
+    /// It stands alone in noise and may be none.
+    pub is_tentative: bool,
+    /// The byte count that its response begins with, and the response's whole length, where both are known.
+    pub expected_response: Option<(u8, usize)>,
 }
 
-impl Request {
-    /// The same as the rest of the core knows it.
-    pub fn asked(&self) -> Asked<'_> {
+impl HeldRequest {
+    /// The request as other parts of the engine refer to it.
+    pub fn as_asked(&self) -> Asked<'_> {
         Asked { unit: self.unit, pdu: &self.pdu }
     }
 
-    /// Whether it is of this unit and function.
-    pub fn is_of(&self, unit: u8, function: u8) -> bool {
+    /// Whether it is addressed to this unit and has this function code.
+    pub fn matches(&self, unit: u8, function: u8) -> bool {
         self.unit == unit && self.pdu.first() == Some(&function)
     }
 }
 
-/// The number of a request that is kept.
-pub type Slot = u16;
+/// The number of a request in the pool.
+pub type RequestId = u16;
 
-/// The numbers of the requests that a frame may answer.
+/// A frame's length and CRC, which tell it from others.
+pub type Fingerprint = [u8; 4];
+
+/// The requests that the next frame of a path may answer, by number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Pending {
-    /// The one that waits.
-    pub asked: Option<Slot>,
-    /// The one before it, if it was not answered: its answer may come late.
-    pub late: Option<Slot>,
-    /// The one that was answered last, and what tells its answer from others (length and checksum): it may come again.
-    pub last: Option<(Slot, [u8; 4])>,
+pub struct Answerable {
+    /// The outstanding request.
+    pub outstanding: Option<RequestId>,
+    /// The request before the outstanding one, if it got no response: that response may still come, late.
+    pub superseded: Option<RequestId>,
+    /// The request that was answered last, and its response: the same response may come once more.
+    pub last_answered: Option<(RequestId, Fingerprint)>,
 }
 
-impl Pending {
-    /// The request that waits was answered by this frame, without doubt.
+impl Answerable {
+    /// This frame is the response to the outstanding request, without doubt.
     #[inline]
     pub fn answer(&mut self, frame: &[u8]) {
-        self.last = self.asked.take().map(|asked| (asked, print(frame)));
+        self.last_answered = self.outstanding.take().map(|request| (request, fingerprint(frame)));
     }
 
-    fn slots(&self) -> impl Iterator<Item = Slot> {
-        [self.asked, self.late, self.last.map(|(slot, _)| slot)].into_iter().flatten()
+    fn ids(&self) -> impl Iterator<Item = RequestId> {
+        [self.outstanding, self.superseded, self.last_answered.map(|(request, _)| request)].into_iter().flatten()
     }
 }
 
-/// The same, looked up.
+/// The requests that the next frame of a path may answer, looked up in the pool: see `Answerable`.
 #[derive(Clone, Copy, Debug)]
-pub struct Open<'a> {
-    /// See `Pending`.
-    pub asked: Option<&'a Request>,
-    /// See `Pending`.
-    pub late: Option<&'a Request>,
-    /// See `Pending`.
-    pub last: Option<(&'a Request, [u8; 4])>,
+pub struct AnswerableRequests<'a> {
+    /// The outstanding request.
+    pub outstanding: Option<&'a HeldRequest>,
+    /// The request before the outstanding one, if it got no response.
+    pub superseded: Option<&'a HeldRequest>,
+    /// The request that was answered last, and its response.
+    pub last_answered: Option<(&'a HeldRequest, Fingerprint)>,
 }
 
-/// What tells a frame from others: length and checksum.
+/// Length and CRC of a frame.
 #[inline]
-pub fn print(frame: &[u8]) -> [u8; 4] {
+pub fn fingerprint(frame: &[u8]) -> Fingerprint {
     let [length, more] = (frame.len() as u16).to_le_bytes();
     [length, more, frame[frame.len() - 2], frame[frame.len() - 1]]
 }
 
-/// Makes `to` the first `length` of these bytes. Most frames are short, and sixteen bytes are copied at once.
+/// Makes `to` the first `length` of these bytes. Most frames are short, and a copy of sixteen bytes is one instruction.
 #[inline]
-pub fn set_first(to: &mut Vec<u8>, bytes: &[u8], length: usize) {
+pub fn copy_prefix(to: &mut Vec<u8>, bytes: &[u8], length: usize) {
     to.clear();
     match bytes.first_chunk::<16>() {
         Some(head) if length <= 16 => {
@@ -93,159 +97,184 @@ pub fn set_first(to: &mut Vec<u8>, bytes: &[u8], length: usize) {
     }
 }
 
-/// The requests that are kept.
+/// All requests that any path refers to.
 #[derive(Default)]
-pub struct Requests {
-    all: Vec<Request>,
-    free: Vec<Slot>,
+pub struct RequestPool {
+    requests: Vec<HeldRequest>,
+    free: Vec<RequestId>,
 }
 
-impl Requests {
+impl RequestPool {
     /// The request of this number.
     #[inline]
-    pub fn get(&self, slot: Slot) -> &Request {
-        &self.all[usize::from(slot)]
+    pub fn get(&self, id: RequestId) -> &HeldRequest {
+        &self.requests[usize::from(id)]
     }
 
-    /// The same, to be changed for all that hold it.
+    /// The request of this number, to be changed for all paths that refer to it.
     #[inline]
-    pub fn get_mut(&mut self, slot: Slot) -> &mut Request {
-        &mut self.all[usize::from(slot)]
+    pub fn get_mut(&mut self, id: RequestId) -> &mut HeldRequest {
+        &mut self.requests[usize::from(id)]
     }
 
-    /// Those behind some numbers.
-    pub fn open(&self, pending: Pending) -> Open<'_> {
-        Open {
-            asked: pending.asked.map(|slot| self.get(slot)),
-            late: pending.late.map(|slot| self.get(slot)),
-            last: pending.last.map(|(slot, print)| (self.get(slot), print)),
+    /// Looks requests up.
+    pub fn look_up(&self, answerable: Answerable) -> AnswerableRequests<'_> {
+        AnswerableRequests {
+            outstanding: answerable.outstanding.map(|id| self.get(id)),
+            superseded: answerable.superseded.map(|id| self.get(id)),
+            last_answered: answerable.last_answered.map(|(id, response)| (self.get(id), response)),
         }
     }
 
-    /// Room for another request; `held` are all that are in use.
+    /// Makes room for one more request; `in_use` are the references of all paths.
     #[inline]
-    pub fn make_room<'a>(&mut self, held: impl Iterator<Item = &'a Pending>) {
+    pub fn make_room<'a>(&mut self, in_use: impl Iterator<Item = &'a Answerable>) {
         if self.free.is_empty() {
-            self.sweep(held);
+            self.collect_free(in_use);
         }
     }
 
+    /// Finds the requests that no path refers to; grows the pool if these are few.
     #[cold]
-    fn sweep<'a>(&mut self, held: impl Iterator<Item = &'a Pending>) {
-        let mut used = vec![false; self.all.len()];
-        held.flat_map(Pending::slots).for_each(|slot| used[usize::from(slot)] = true);
-        self.free.extend((0..used.len()).filter(|&slot| !used[slot]).map(|slot| slot as Slot));
-        // Where most of them are in use, looking for the others would soon be necessary again.
-        if self.free.len() <= self.all.len() / 2 {
-            let more = self.all.len()..2 * self.all.len() + 8;
-            self.free.extend(more.clone().map(|slot| slot as Slot));
-            self.all.resize_with(more.end, Request::default);
+    fn collect_free<'a>(&mut self, in_use: impl Iterator<Item = &'a Answerable>) {
+        let mut used = vec![false; self.requests.len()];
+        in_use.flat_map(Answerable::ids).for_each(|id| used[usize::from(id)] = true);
+        self.free.extend((0..used.len()).filter(|&id| !used[id]).map(|id| id as RequestId));
+        // Where most are in use, the few others would soon be used up, and all would be looked through again.
+        if self.free.len() <= self.requests.len() / 2 {
+            let more = self.requests.len()..2 * self.requests.len() + 8;
+            self.free.extend(more.clone().map(|id| id as RequestId));
+            self.requests.resize_with(more.end, HeldRequest::default);
         }
     }
 
-    /// Keeps a request. There must be room.
-    pub fn keep(&mut self, unit: u8, pdu: &[u8]) -> Slot {
-        self.keep_first(unit, pdu, pdu.len())
+    /// Adds a request. `make_room` has to be called before.
+    pub fn add(&mut self, unit: u8, pdu: &[u8]) -> RequestId {
+        self.add_prefix(unit, pdu, pdu.len())
     }
 
-    /// The same with a PDU that is the first so many of these bytes.
+    /// Adds a request whose PDU is the first `length` of these bytes. `make_room` has to be called before.
     #[inline]
-    fn keep_first(&mut self, unit: u8, bytes: &[u8], length: usize) -> Slot {
-        let slot = self.free.pop().expect("room was made");
-        let request = &mut self.all[usize::from(slot)];
-        set_first(&mut request.pdu, bytes, length);
+    fn add_prefix(&mut self, unit: u8, bytes: &[u8], length: usize) -> RequestId {
+        let id = self.free.pop().expect("room was made");
+        let request = &mut self.requests[usize::from(id)];
+        copy_prefix(&mut request.pdu, bytes, length);
         request.unit = unit;
-        (request.damaged, request.copied, request.tentative, request.answer) = (false, false, false, None);
-        slot
+        (request.is_damaged, request.is_repeated, request.is_tentative) = (false, false, false);
+        request.expected_response = None;
+        id
     }
 
-    /// The first `length` of these bytes are a request without doubt, another one than waits. There must be room.
+    /// Makes the first `length` of these bytes, an unambiguous request with its unit and CRC, the outstanding one.
     ///
-    /// `answer`: see `Request`.
+    /// It is another request than the one outstanding before. `make_room` has to be called before.
     #[inline]
-    pub fn ask(&mut self, pending: &mut Pending, bytes: &[u8], length: usize, answer: Option<(u8, usize)>) {
-        pending.late = pending.asked.take();
-        pending.last = self.still(pending.last, bytes[0], &bytes[1..length - 2]);
+    pub fn set_outstanding(
+        &mut self,
+        answerable: &mut Answerable,
+        bytes: &[u8],
+        length: usize,
+        expected_response: Option<(u8, usize)>,
+    ) {
+        answerable.superseded = answerable.outstanding.take();
+        answerable.last_answered = self.if_asked_again(answerable.last_answered, bytes[0], &bytes[1..length - 2]);
         if bytes[0] != BROADCAST {
-            let slot = self.keep_first(bytes[0], &bytes[1..], length - 3);
-            self.get_mut(slot).answer = answer;
-            pending.asked = Some(slot);
+            let id = self.add_prefix(bytes[0], &bytes[1..], length - 3);
+            self.get_mut(id).expected_response = expected_response;
+            answerable.outstanding = Some(id);
         }
     }
 
-    /// What was answered last, if it is asked for again: then the same answer may come again.
+    /// Keeps the request that was answered last only if it is asked again: then the same response may come again.
     #[inline]
-    fn still(&self, last: Option<(Slot, [u8; 4])>, unit: u8, pdu: &[u8]) -> Option<(Slot, [u8; 4])> {
-        last.filter(|&(slot, _)| self.get(slot).unit == unit && self.get(slot).pdu == pdu)
+    fn if_asked_again(
+        &self,
+        last_answered: Option<(RequestId, Fingerprint)>,
+        unit: u8,
+        pdu: &[u8],
+    ) -> Option<(RequestId, Fingerprint)> {
+        last_answered.filter(|&(id, _)| self.get(id).unit == unit && self.get(id).pdu == pdu)
     }
 
-    /// Keeps a copy of a request that is perhaps none: it stays one for those that hold it. There must be room.
-    pub fn keep_doubted(&mut self, slot: Slot) -> Slot {
-        let doubted = Request { tentative: true, ..self.get(slot).clone() };
-        let copy = self.keep(doubted.unit, &[]);
-        *self.get_mut(copy) = doubted;
+    /// Adds a tentative copy of a request. The original stays as it is for the paths that refer to it. `make_room` has to be
+    /// called before.
+    pub fn add_tentative_copy(&mut self, id: RequestId) -> RequestId {
+        let tentative = HeldRequest { is_tentative: true, ..self.get(id).clone() };
+        let copy = self.add(tentative.unit, &[]);
+        *self.get_mut(copy) = tentative;
         copy
     }
 
-    /// The requests that may be answered behind this frame. There must be room for one more.
-    pub fn after(&mut self, before: Pending, frame: &[u8], direction: usize, answered: bool, whole: bool) -> Pending {
+    /// What may be answered behind this frame, given what might have been answered before it. `make_room` has to be called
+    /// before.
+    pub fn after(
+        &mut self,
+        before: Answerable,
+        frame: &[u8],
+        direction: usize,
+        answers_outstanding: bool,
+        is_crc_valid: bool,
+    ) -> Answerable {
         if direction == RESPONSE {
-            return match before.asked {
-                Some(asked) if answered => Pending { asked: None, late: before.late, last: Some((asked, print(frame))) },
+            return match before.outstanding {
+                Some(request) if answers_outstanding => {
+                    let last_answered = Some((request, fingerprint(frame)));
+                    Answerable { outstanding: None, superseded: before.superseded, last_answered }
+                }
                 _ => before,
             };
         }
         let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-        let asked = before.asked.map(|slot| self.get(slot));
-        let last = self.still(before.last, unit, pdu);
-        let copied = asked.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.copied);
+        let last_answered = self.if_asked_again(before.last_answered, unit, pdu);
+        let outstanding = before.outstanding.map(|id| self.get(id));
+        let is_repeated = outstanding.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.is_repeated);
         // A broadcast is never answered.
-        let asked = (unit != BROADCAST).then(|| {
-            let slot = self.keep(unit, pdu);
-            let request = self.get_mut(slot);
-            (request.damaged, request.copied) = (!whole, copied);
-            slot
+        let outstanding = (unit != BROADCAST).then(|| {
+            let id = self.add(unit, pdu);
+            let request = self.get_mut(id);
+            (request.is_damaged, request.is_repeated) = (!is_crc_valid, is_repeated);
+            id
         });
-        Pending { asked, late: before.asked, last }
+        Answerable { outstanding, superseded: before.outstanding, last_answered }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::framer::rtu::gain::REQUEST;
+    use crate::framer::rtu::side::REQUEST;
 
     #[test]
-    fn room_is_used_again_and_what_is_held_stays() {
-        let mut requests = Requests::default();
-        let held = [Pending::default()];
-        requests.make_room(held.iter());
-        let first = requests.after(Pending::default(), &[1, 3, 0, 9, 0, 1, 0, 0], REQUEST, false, true);
-        let mut pending = first;
+    fn room_is_used_again_and_requests_referred_to_stay() {
+        let mut pool = RequestPool::default();
+        let in_use = [Answerable::default()];
+        pool.make_room(in_use.iter());
+        let first = pool.after(Answerable::default(), &[1, 3, 0, 9, 0, 1, 0, 0], REQUEST, false, true);
+        let mut answerable = first;
         for round in 0..1000u16 {
             let [high, low] = round.to_be_bytes();
-            requests.make_room([&first, &pending].into_iter());
-            pending = requests.after(pending, &[2, 3, high, low, 0, 1, 0, 0], REQUEST, false, true);
-            requests.make_room([&first, &pending].into_iter());
-            pending = requests.after(pending, &[2, 3, 2, 0, 0, 0, 0], RESPONSE, true, true);
-            let open = requests.open(pending);
-            assert_eq!(open.last.unwrap().0.pdu, [3, high, low, 0, 1]);
-            assert_eq!(requests.open(first).asked.unwrap().pdu, [3, 0, 9, 0, 1]);
+            pool.make_room([&first, &answerable].into_iter());
+            answerable = pool.after(answerable, &[2, 3, high, low, 0, 1, 0, 0], REQUEST, false, true);
+            pool.make_room([&first, &answerable].into_iter());
+            answerable = pool.after(answerable, &[2, 3, 2, 0, 0, 0, 0], RESPONSE, true, true);
+            let requests = pool.look_up(answerable);
+            assert_eq!(requests.last_answered.unwrap().0.pdu, [3, high, low, 0, 1]);
+            assert_eq!(pool.look_up(first).outstanding.unwrap().pdu, [3, 0, 9, 0, 1]);
         }
-        assert!(requests.all.len() <= 32);
+        assert!(pool.requests.len() <= 32);
     }
 
     #[test]
-    fn a_broadcast_waits_for_nothing_and_a_repetition_is_one() {
-        let mut requests = Requests::default();
-        let mut pending = Pending::default();
-        for copied in [false, true, false] {
-            requests.make_room([&pending].into_iter());
-            pending = requests.after(pending, &[2, 6, 0, 1, 0, 1, 0, 0], REQUEST, false, true);
-            assert_eq!(requests.open(pending).asked.unwrap().copied, copied);
+    fn a_broadcast_is_not_outstanding_and_a_repeated_request_is_marked() {
+        let mut pool = RequestPool::default();
+        let mut answerable = Answerable::default();
+        for is_repeated in [false, true, false] {
+            pool.make_room([&answerable].into_iter());
+            answerable = pool.after(answerable, &[2, 6, 0, 1, 0, 1, 0, 0], REQUEST, false, true);
+            assert_eq!(pool.look_up(answerable).outstanding.unwrap().is_repeated, is_repeated);
         }
-        requests.make_room([&pending].into_iter());
-        pending = requests.after(pending, &[0, 6, 0, 1, 0, 1, 0, 0], REQUEST, false, true);
-        assert!(pending.asked.is_none() && pending.late.is_some());
+        pool.make_room([&answerable].into_iter());
+        answerable = pool.after(answerable, &[0, 6, 0, 1, 0, 1, 0, 0], REQUEST, false, true);
+        assert!(answerable.outstanding.is_none() && answerable.superseded.is_some());
     }
 }

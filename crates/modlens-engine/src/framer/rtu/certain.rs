@@ -2,10 +2,11 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
-use crate::framer::rtu::announced_length::{AROUND, LONGEST};
-use crate::framer::rtu::gain::REQUEST;
-use crate::framer::rtu::pending::Request;
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::answerable::HeldRequest;
+use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::Search;
+use crate::framer::rtu::side::REQUEST;
 use crate::framer::Context;
 use crate::input::Input;
 use modlens_protocol::checksum::crc_valid_at;
@@ -67,8 +68,8 @@ impl Length {
     /// The length of a frame whose body has this extent, if the extent bounds it.
     fn of(extent: Extent) -> Option<Self> {
         match extent {
-            Extent::Exactly(length) => Some(Self::exactly(length + AROUND)),
-            Extent::AtLeast(length) => Some(Self::at_least(length + AROUND)),
+            Extent::Exactly(length) => Some(Self::exactly(length + ENVELOPE_BYTES)),
+            Extent::AtLeast(length) => Some(Self::at_least(length + ENVELOPE_BYTES)),
             Extent::Open(_) => None,
         }
     }
@@ -109,7 +110,7 @@ pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (
                 if length.request() && !is_permitted_request(frame, context) {
                     break;
                 }
-                return match search.begins_before(input, context, strays, length.bytes()) {
+                return match search.rival_in_stray_bytes(input, context, strays, length.bytes()) {
                     Certain::No => (strays, Certain::Frame(length)),
                     Certain::Wait => (strays, Certain::Wait),
                     Certain::Frame(_) => break,
@@ -159,8 +160,8 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
     let bytes = input.bytes().get(at..)?;
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
     let may_be_request = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
-    match search.asked() {
-        Some(asked) if asked.is_of(unit, code & !EXCEPTION_BIT) => match asked.answer {
+    match search.outstanding_request() {
+        Some(asked) if asked.matches(unit, code & !EXCEPTION_BIT) => match asked.expected_response {
             // Nearly always: the byte count is the one that the request determines.
             Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(Length::exactly(length)),
             _ => response_length(asked, input, context, at),
@@ -168,7 +169,7 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
         // The outstanding request was not answered, and the master goes on with the poll cycle.
         Some(asked) if may_be_request && at == 0 && asked.unit != unit => {
             let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_BYTES)?;
-            let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.polls.knows(frame);
+            let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.poll_cycle.contains(frame);
             // While its last bytes are missing, it counts as one.
             Some(length).filter(|length| bytes.get(..length.bytes()).is_none_or(is_known_poll))
         }
@@ -178,7 +179,7 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
 }
 
 /// The length of the frame at this index as the response to the outstanding request; `None` if it is no certain response.
-fn response_length(asked: &Request, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
@@ -192,7 +193,7 @@ fn response_length(asked: &Request, input: &Input, context: &Context<'_>, at: us
     let repeats_request = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
     let is_copy = repeats_request && (row.mirrored || length.bytes() == asked.pdu.len() + 3);
     let pause = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
-    if is_copy && asked.tentative {
+    if is_copy && asked.is_tentative {
         return None;
     }
     if is_copy && (context.pause)(pause()) > SURELY_AN_ANSWER {
@@ -211,7 +212,7 @@ fn response_length(asked: &Request, input: &Input, context: &Context<'_>, at: us
         Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
         None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == asked.pdu.get(1..5)),
     };
-    Some(length).filter(|length| agrees && length.bytes() <= LONGEST)
+    Some(length).filter(|length| agrees && length.bytes() <= MAX_CANDIDATE_BYTES)
 }
 
 /// The length of these bytes as a request; `None` if they may as well be a response to an earlier request.
@@ -222,9 +223,9 @@ fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Optio
     let length = Length::of(row.request.extent(body)).filter(|length| length.bytes() <= RTU_LIMIT)?;
     // If a response would have the same length, this may be the last response once more, or a late one.
     if Length::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
-        let open = search.pending();
-        let may_be_response = open.late.is_some_and(|late| late.is_of(unit, code))
-            || (!row.mirrored && open.last.is_some_and(|(last, _)| last.is_of(unit, code)));
+        let open = search.answerable();
+        let may_be_response = open.superseded.is_some_and(|late| late.matches(unit, code))
+            || (!row.mirrored && open.last_answered.is_some_and(|(last, _)| last.matches(unit, code)));
         if may_be_response {
             return None;
         }
@@ -241,7 +242,7 @@ pub fn answer(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
     match row.response.extent(&[count]) {
         // For instance 24 inputs from an address 0x03xx on: the request has the length and the first bytes of its response.
         Extent::Exactly(length) if length == pdu.len() - 1 && pdu.get(1) == Some(&count) => None,
-        Extent::Exactly(length) if length + AROUND <= LONGEST => Some((count, length + AROUND)),
+        Extent::Exactly(length) if length + ENVELOPE_BYTES <= MAX_CANDIDATE_BYTES => Some((count, length + ENVELOPE_BYTES)),
         _ => None,
     }
 }

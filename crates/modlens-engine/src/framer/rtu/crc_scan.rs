@@ -1,43 +1,48 @@
-//! Every substring with a right CRC, in constant time a byte.
+//! Finds every substring with a valid CRC, in constant time per byte.
 //!
-//! With P the CRC register over all bytes so far (start value 0) and T its step on a zero byte, `[i, j)` is valid if
-//! and only if T^-i(FFFF xor P[i]) = T^-j(P[j]). So each position has a key as a start and a key as an end, and starts
-//! wait in a table until an end with their key comes. T^-k P[k] grows by T^-k(byte).
+//! Let P[i] be the CRC register over the first `i` bytes (start value 0) and T its step on a zero byte, a linear and
+//! invertible map. The substring from `i` to `j` is valid if and only if T^-i(FFFF xor P[i]) = T^-j(P[j]). So each position has
+//! a key as a start and a key as an end. Starts are kept in a hash table until an end with the same key comes: a hash join of
+//! starts and ends. The running value T^-k P[k] grows by T^-k(byte).
 //!
-//! The step is linear. One bit of it, backwards, on 0001 gives 0002, 0004 and so on; so the effects T^-k of the eight
-//! bits of a byte are neighbours in the sequence that these single steps run through, and the sequence comes round
-//! after 32,767 of them (the order of x modulo the polynomial). It stands in a table, and a byte takes eight
-//! neighbours from it, masks and sums them.
+//! The step is linear, and one bit of it, backwards, turns 0001 into 0002, then 0004 and so on. The effects T^-k of the
+//! eight bits of a byte are therefore neighbours in the sequence that these single steps run through, which repeats after
+//! 32,767 of them (the order of x modulo the polynomial). The sequence stands in a table; for each byte its eight
+//! neighbours are masked and summed.
 
 use std::sync::OnceLock;
 
 use modlens_protocol::checksum::ORDER;
 
-/// The longest frame that is looked for.
-pub const REACH: u64 = 272;
+/// The longest substring that is looked for. Some masters announce more than the 256 bytes of the specification; a byte
+/// count cannot announce more than this.
+pub const MAX_CANDIDATE_BYTES: usize = 272;
 
-/// Starts with one key that are followed; zeros and crafted bytes make endless chains of equal keys.
-const CHAIN: usize = 32;
+/// `MAX_CANDIDATE_BYTES` as a distance between stream offsets.
+pub const MAX_CANDIDATE_SPAN: u64 = MAX_CANDIDATE_BYTES as u64;
 
-/// The ring of waiting starts; more than `REACH`, a power of two.
-const RING: usize = 512;
+/// Starts with one key that are followed at most: zeros and crafted bytes make endless chains of equal keys.
+const MAX_EQUAL_KEYS: usize = 32;
 
-/// Lists of waiting starts. Few enough for the nearest cache, many enough to be nearly always empty.
-const LISTS: usize = 4096;
+/// Starts kept in the ring; more than `MAX_CANDIDATE_BYTES`, and a power of two.
+const RING_STARTS: usize = 512;
 
-/// Effects of single bits and of the start value FFFF, so many positions on.
-struct Powers {
-    /// Single steps backwards from 0001 on; the first eight come again at the end.
+/// Buckets of the hash table. Few enough for the nearest cache, many enough to be nearly always empty.
+const BUCKETS: usize = 4096;
+
+/// Effects T^-k of single bits and of the start value FFFF.
+struct InversePowers {
+    /// The states that single bit steps backwards run through from 0001 on; the first eight come again at the end.
     bits: Vec<u16>,
-    /// T^-k(FFFF).
-    ones: Vec<u16>,
-    /// For every byte, FFFF where its bits are set, the lowest first.
+    /// T^-k(FFFF) for each k.
+    start_values: Vec<u16>,
+    /// For each byte value, FFFF for each bit that is one and 0 for the others, the lowest bit first.
     masks: Box<[[u16; 8]; 256]>,
 }
 
-/// One bit of the register's step, backwards.
-pub fn back(state: u16) -> u16 {
-    // The polynomial's highest bit is set by a step if and only if a one was shifted out.
+/// Takes back one bit of the register's step.
+pub fn step_back_bit(state: u16) -> u16 {
+    // The step sets the highest bit if and only if it shifted a one out.
     if state & 0x8000 == 0 {
         state << 1
     } else {
@@ -45,97 +50,106 @@ pub fn back(state: u16) -> u16 {
     }
 }
 
-fn powers() -> &'static Powers {
-    static POWERS: OnceLock<Powers> = OnceLock::new();
+fn inverse_powers() -> &'static InversePowers {
+    static POWERS: OnceLock<InversePowers> = OnceLock::new();
     POWERS.get_or_init(|| {
-        let steps = |from: u16| std::iter::successors(Some(from), |&state| Some(back(state)));
+        let steps = |from: u16| std::iter::successors(Some(from), |&state| Some(step_back_bit(state)));
         let mask = |byte: usize| std::array::from_fn(|i| 0u16.wrapping_sub((byte >> i & 1) as u16));
-        Powers {
+        InversePowers {
             bits: steps(1).take(ORDER + 8).collect(),
-            ones: steps(0xFFFF).step_by(8).take(ORDER).collect(),
+            start_values: steps(0xFFFF).step_by(8).take(ORDER).collect(),
             masks: Box::new(std::array::from_fn(mask)),
         }
     })
 }
 
-/// The state of the join over one stretch of bytes.
-pub struct Join {
-    powers: &'static Powers,
-    /// Latest start in each list, as position + 1, with its low 32 bits.
-    heads: Box<[u32; LISTS]>,
-    /// By position: its key, and the start before in the same list.
-    ring: Box<[(u16, u32); RING]>,
-    /// The stretch began here.
-    floor: u64,
+/// The state of the scan over one stretch of bytes.
+pub struct CrcScanner {
+    powers: &'static InversePowers,
+    /// The latest start in each bucket: the low 32 bits of its position + 1.
+    heads: Box<[u32; BUCKETS]>,
+    /// By position: its key, and the start before it in the same bucket.
+    ring: Box<[(u16, u32); RING_STARTS]>,
+    /// Where the stretch began.
+    first: u64,
     /// T^-k P[k].
     prefix: u16,
-    /// Positions since the beginning, modulo the order.
-    turn: usize,
+    /// Bytes since the beginning of the stretch, modulo the order.
+    power: usize,
 }
 
-impl Default for Join {
+impl Default for CrcScanner {
     fn default() -> Self {
-        Self { powers: powers(), heads: Box::new([0; LISTS]), ring: Box::new([(0, 0); RING]), floor: 0, prefix: 0, turn: 0 }
+        Self {
+            powers: inverse_powers(),
+            heads: Box::new([0; BUCKETS]),
+            ring: Box::new([(0, 0); RING_STARTS]),
+            first: 0,
+            prefix: 0,
+            power: 0,
+        }
     }
 }
 
-impl Join {
-    /// Begins anew at this position: no frame reaches across.
+impl CrcScanner {
+    /// Begins a new stretch at this position: no substring reaches across.
     pub fn restart(&mut self, position: u64) {
-        self.floor = position;
+        self.first = position;
         self.prefix = 0;
-        self.turn = 0;
+        self.power = 0;
     }
 
-    /// Takes bytes, the first of them at `position`, until valid substrings end behind one; says how many it took.
+    /// Scans bytes, the first of them at `position`, until valid substrings end behind one; returns how many it scanned.
     ///
-    /// `found` gets their starts, the latest first; nothing, if all bytes were taken and no substring ends with the last.
+    /// `found` gets the starts of these substrings, the latest first; it stays empty if all bytes were scanned and no valid
+    /// substring ends with the last of them.
     pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
         found.clear();
-        let Powers { bits, ones, masks } = self.powers;
+        let InversePowers { bits, start_values, masks } = self.powers;
         let (heads, ring) = (&mut *self.heads, &mut *self.ring);
-        let (mut prefix, mut turn, mut effect, mut start) = (self.prefix, self.turn, 8 * self.turn % ORDER, position as u32);
-        let mut taken = bytes.len();
+        let (mut prefix, mut power, mut effect, mut start) = (self.prefix, self.power, 8 * self.power % ORDER, position as u32);
+        let mut scanned = bytes.len();
         for (i, &byte) in bytes.iter().enumerate() {
-            let key = prefix ^ ones[turn];
-            let head = &mut heads[usize::from(key) % LISTS];
-            ring[start as usize % RING] = (key, *head);
+            let key = prefix ^ start_values[power];
+            let head = &mut heads[usize::from(key) % BUCKETS];
+            ring[start as usize % RING_STARTS] = (key, *head);
             start = start.wrapping_add(1);
             *head = start;
             let effects: &[u16; 8] = bits[effect..effect + 8].try_into().expect("eight of them");
             let mask = &masks[usize::from(byte)];
             prefix ^= (0..8).fold(0, |sum, bit| sum ^ (effects[bit] & mask[bit]));
-            turn = if turn + 1 == ORDER { 0 } else { turn + 1 };
+            power = if power + 1 == ORDER { 0 } else { power + 1 };
             effect = if effect + 8 >= ORDER { effect + 8 - ORDER } else { effect + 8 };
-            let first = heads[usize::from(prefix) % LISTS];
-            if u64::from(start.wrapping_add(1).wrapping_sub(first)) <= REACH {
-                follow(ring, first, prefix, position + i as u64 + 1, self.floor, found);
+            let latest = heads[usize::from(prefix) % BUCKETS];
+            if u64::from(start.wrapping_add(1).wrapping_sub(latest)) <= MAX_CANDIDATE_SPAN {
+                follow_bucket(ring, latest, prefix, position + i as u64 + 1, self.first, found);
                 if !found.is_empty() {
-                    taken = i + 1;
+                    scanned = i + 1;
                     break;
                 }
             }
         }
-        (self.prefix, self.turn) = (prefix, turn);
-        taken
+        (self.prefix, self.power) = (prefix, power);
+        scanned
     }
 }
 
-/// Goes through a list of starts, from its latest one on: those with this key are the starts of valid substrings.
-fn follow(ring: &[(u16, u32); RING], mut start: u32, key: u16, end: u64, floor: u64, found: &mut Vec<u64>) {
+/// Goes through a bucket of starts, from the latest one on: those with this key are the starts of valid substrings that end
+/// at `end`. None begins before `first`.
+fn follow_bucket(ring: &[(u16, u32); RING_STARTS], mut start: u32, key: u16, end: u64, first: u64, found: &mut Vec<u64>) {
     let mut length = 0;
-    let mut equal = 0;
-    while equal < CHAIN {
-        // Older entries of the table belong to positions that are over; their numbers may have come round.
+    let mut equal_keys = 0;
+    while equal_keys < MAX_EQUAL_KEYS {
+        // Old entries of the table belong to positions that are over, and positions of 32 bits may have wrapped around.
         let behind = u64::from((end as u32).wrapping_add(1).wrapping_sub(start));
-        if behind <= length || behind > REACH || end - floor < behind {
+        if behind <= length || behind > MAX_CANDIDATE_SPAN || end - first < behind {
             break;
         }
         length = behind;
         let at = end - behind;
-        let (other, before) = ring[at as usize % RING];
+        let (other, before) = ring[at as usize % RING_STARTS];
         if other == key {
-            equal += 1;
+            equal_keys += 1;
             if behind >= 4 {
                 found.push(at);
             }
@@ -151,25 +165,25 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn eight_times_back_undoes_a_step() {
+    fn eight_bit_steps_back_undo_a_byte() {
         for state in 0..=u16::MAX {
-            assert_eq!((0..8).fold(step(state, 0), |state, _| back(state)), state);
+            assert_eq!((0..8).fold(step(state, 0), |state, _| step_back_bit(state)), state);
         }
     }
 
     #[test]
-    fn the_tables_come_round() {
-        let powers = powers();
+    fn the_tables_repeat_after_the_order() {
+        let powers = inverse_powers();
         assert_eq!(powers.bits[ORDER..], powers.bits[..8]);
-        assert_eq!(powers.ones.len(), ORDER);
+        assert_eq!(powers.start_values.len(), ORDER);
         // T^-1 of the last of them is the first one again.
-        assert_eq!((0..8).fold(powers.ones[ORDER - 1], |state, _| back(state)), 0xFFFF);
+        assert_eq!((0..8).fold(powers.start_values[ORDER - 1], |state, _| step_back_bit(state)), 0xFFFF);
     }
 
     fn naive(data: &[u8]) -> Vec<(u64, u64)> {
         let mut all = Vec::new();
         for end in 0..=data.len() {
-            for start in (end.saturating_sub(REACH as usize)..end.saturating_sub(3)).rev() {
+            for start in (end.saturating_sub(MAX_CANDIDATE_BYTES)..end.saturating_sub(3)).rev() {
                 if crc16(&data[start..end]) == 0 {
                     all.push((start as u64, end as u64));
                 }
@@ -178,13 +192,13 @@ mod tests {
         all
     }
 
-    fn joined(data: &[u8]) -> Vec<(u64, u64)> {
-        let mut join = Join::default();
-        join.restart(0);
+    fn scanned(data: &[u8]) -> Vec<(u64, u64)> {
+        let mut scanner = CrcScanner::default();
+        scanner.restart(0);
         let (mut all, mut found) = (Vec::new(), Vec::new());
         let mut at = 0;
         while at < data.len() {
-            at += join.scan(at as u64, &data[at..], &mut found);
+            at += scanner.scan(at as u64, &data[at..], &mut found);
             all.extend(found.iter().map(|&start| (start, at as u64)));
         }
         all
@@ -195,27 +209,27 @@ mod tests {
         let body = [1u8, 3, 0, 10, 0, 2];
         let frame = [&body[..], &crc16(&body).to_le_bytes()].concat();
         let from = (1u64 << 32) - 100_000;
-        let (mut join, mut found) = (Join::default(), Vec::new());
-        join.restart(from);
+        let (mut scanner, mut found) = (CrcScanner::default(), Vec::new());
+        scanner.restart(from);
         let bytes: Vec<u8> = frame.iter().copied().cycle().take(200_000).collect();
-        let (mut at, mut whole) = (0, 0);
+        let (mut at, mut frames) = (0, 0);
         while at < bytes.len() {
-            at += join.scan(from + at as u64, &bytes[at..], &mut found);
-            whole += usize::from(at % 8 == 0 && found.contains(&(from + at as u64 - 8)));
+            at += scanner.scan(from + at as u64, &bytes[at..], &mut found);
+            frames += usize::from(at % 8 == 0 && found.contains(&(from + at as u64 - 8)));
         }
-        assert_eq!(whole, 25_000);
+        assert_eq!(frames, 25_000);
     }
 
     proptest! {
         #[test]
-        fn finds_what_the_naive_search_finds(parts in proptest::collection::vec((proptest::collection::vec(any::<u8>(), 2..40), 0usize..4), 0..12)) {
+        fn finds_what_the_naive_scan_finds(parts in proptest::collection::vec((proptest::collection::vec(any::<u8>(), 2..40), 0usize..4), 0..12)) {
             let mut data = Vec::new();
             for (body, zeros) in parts {
                 data.extend(&body);
                 data.extend(crc16(&body).to_le_bytes());
                 data.extend(std::iter::repeat_n(0, zeros));
             }
-            prop_assert_eq!(joined(&data), naive(&data));
+            prop_assert_eq!(scanned(&data), naive(&data));
         }
     }
 }

@@ -1,83 +1,79 @@
 //! Lengths of functions without public layout, as this line has shown them.
 //!
-//! Vendors' frames mostly have one length per direction, or begin with a count of the bytes that follow. Once that has
-//! been seen, a length is evidence as good as a layout's, and it tells requests from responses.
+//! Vendors' frames mostly have one length per direction, or begin with a count of the bytes that follow. Once that has been
+//! seen, a length is evidence as good as a layout's, and it tells requests from responses.
 
-use crate::framer::rtu::bits::log2;
+use crate::framer::rtu::log2::log2;
+use crate::weights::{HALVE_LENGTHS_FRAMES, LENGTH_DISCOUNT_FRAMES, LENGTH_PRIOR_FRAMES, OPEN_LENGTH_BITS};
 
 /// Different lengths that are remembered of one function in one direction.
-const LENGTHS: usize = 4;
-
-/// Frames that the prior is worth: any length at all.
-const PRIOR: f32 = 2.0;
-
-/// Bits that choose a length where nothing is known of it.
-pub const OPEN_LENGTH: f32 = 7.5;
-
-/// Counts are halved here: devices may be replaced.
-const FORGET: f32 = 64.0;
+const REMEMBERED_LENGTHS: usize = 4;
 
 /// What was seen of one function in one direction.
 #[derive(Clone, Copy, Default)]
-struct Kind {
+struct LengthCounts {
     frames: f32,
-    /// Those that begin with a count of the bytes that follow.
+    /// Frames whose body begins with a count of the bytes that follow.
     counted: f32,
-    /// The others by length, the latest newcomer last.
-    lengths: [(u16, f32); LENGTHS],
+    /// The other frames by length of the body, the most frequent length first and the latest newcomer last.
+    lengths: [(u16, f32); REMEMBERED_LENGTHS],
 }
 
 /// What was seen of all functions.
-pub struct Shapes {
-    kinds: Box<[[Kind; 128]; 2]>,
+pub struct LearnedLengths {
+    /// By direction and function code, without the exception bit.
+    counts: Box<[[LengthCounts; 128]; 2]>,
 }
 
-impl Default for Shapes {
+impl Default for LearnedLengths {
     fn default() -> Self {
-        Self { kinds: Box::new([[Kind::default(); 128]; 2]) }
+        Self { counts: Box::new([[LengthCounts::default(); 128]; 2]) }
     }
 }
 
-fn counted(body: &[u8]) -> bool {
+/// Whether the first byte of a body is the number of bytes behind it.
+fn begins_with_count(body: &[u8]) -> bool {
     body.first().is_some_and(|&count| usize::from(count) + 1 == body.len())
 }
 
-impl Shapes {
-    /// Learns from a frame that is certain.
+impl LearnedLengths {
+    /// Learns from the body of a committed frame.
     pub fn learn(&mut self, function: u8, direction: usize, body: &[u8]) {
-        let kind = &mut self.kinds[direction][usize::from(function & 0x7F)];
-        kind.frames += 1.0;
-        if counted(body) {
-            kind.counted += 1.0;
+        let counts = &mut self.counts[direction][usize::from(function & 0x7F)];
+        counts.frames += 1.0;
+        if begins_with_count(body) {
+            counts.counted += 1.0;
         } else {
             let length = body.len() as u16;
-            let known = kind.lengths.iter().position(|&(known, seen)| known == length && seen > 0.0);
-            let at = known.unwrap_or(LENGTHS - 1);
+            let known = counts.lengths.iter().position(|&(known, seen)| known == length && seen > 0.0);
+            // A new length takes the place of the least frequent one.
+            let place = known.unwrap_or(REMEMBERED_LENGTHS - 1);
             if known.is_none() {
-                kind.lengths[at] = (length, 0.0);
+                counts.lengths[place] = (length, 0.0);
             }
-            kind.lengths[at].1 += 1.0;
-            kind.lengths.sort_by(|a, b| b.1.total_cmp(&a.1));
+            counts.lengths[place].1 += 1.0;
+            counts.lengths.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
-        if kind.frames > FORGET {
-            kind.frames /= 2.0;
-            kind.counted /= 2.0;
-            kind.lengths.iter_mut().for_each(|(_, seen)| *seen /= 2.0);
+        if counts.frames > HALVE_LENGTHS_FRAMES {
+            counts.frames /= 2.0;
+            counts.counted /= 2.0;
+            counts.lengths.iter_mut().for_each(|(_, seen)| *seen /= 2.0);
         }
     }
 
-    /// Cost of this body's length; less than nothing where it is announced by a count, worth `count_bits` as a byte.
+    /// Cost of this body's length, in bits; negative where a count announces it, because the count is then a predicted
+    /// byte. `count_bits` is the information content of that byte.
     pub fn cost(&self, function: u8, direction: usize, body: &[u8], count_bits: f32) -> f32 {
-        let kind = &self.kinds[direction][usize::from(function & 0x7F)];
-        let any = (-OPEN_LENGTH).exp2();
-        let known: f32 = kind.lengths.iter().map(|&(_, seen)| seen).sum();
-        let same: f32 =
-            kind.lengths.iter().filter(|&&(length, _)| usize::from(length) == body.len()).map(|&(_, seen)| seen).sum();
-        // Lengths that vary are known by none of those seen; a length seen once may be chance.
-        let fixed = (same - 0.5).max(0.0);
-        let open = PRIOR + known - fixed;
-        let announced = if counted(body) { kind.counted * (count_bits - OPEN_LENGTH).exp2() } else { 0.0 };
-        -log2((fixed + open * any + announced) / (kind.frames + PRIOR))
+        let counts = &self.counts[direction][usize::from(function & 0x7F)];
+        let any_length = (-OPEN_LENGTH_BITS).exp2();
+        let known: f32 = counts.lengths.iter().map(|&(_, seen)| seen).sum();
+        let of_this_length = counts.lengths.iter().filter(|&&(length, _)| usize::from(length) == body.len());
+        let same: f32 = of_this_length.map(|&(_, seen)| seen).sum();
+        // Lengths that vary are predicted by none of those seen, and a length seen once may be chance.
+        let fixed = (same - LENGTH_DISCOUNT_FRAMES).max(0.0);
+        let open = LENGTH_PRIOR_FRAMES + known - fixed;
+        let announced = if begins_with_count(body) { counts.counted * (count_bits - OPEN_LENGTH_BITS).exp2() } else { 0.0 };
+        -log2((fixed + open * any_length + announced) / (counts.frames + LENGTH_PRIOR_FRAMES))
     }
 }
 
@@ -86,21 +82,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_never_seen_costs_an_open_length() {
-        assert!((Shapes::default().cost(66, 0, &[1, 2, 3], 8.0) - OPEN_LENGTH).abs() < 0.01);
+    fn a_length_never_seen_costs_an_open_length() {
+        assert!((LearnedLengths::default().cost(66, 0, &[1, 2, 3], 8.0) - OPEN_LENGTH_BITS).abs() < 0.01);
     }
 
     #[test]
     fn fixed_lengths_and_counts_are_learned_by_direction() {
-        let mut shapes = Shapes::default();
+        let mut lengths = LearnedLengths::default();
         for byte in 0..10 {
-            shapes.learn(66, 0, &[byte; 5]);
-            shapes.learn(66, 1, &[2, byte, byte]);
-            shapes.learn(66, 1, &[3, byte, byte, byte]);
+            lengths.learn(66, 0, &[byte; 5]);
+            lengths.learn(66, 1, &[2, byte, byte]);
+            lengths.learn(66, 1, &[3, byte, byte, byte]);
         }
-        assert!(shapes.cost(66, 0, &[7; 5], 8.0) < 1.0);
-        assert!(shapes.cost(66, 1, &[7; 5], 8.0) > 9.0);
-        assert!(shapes.cost(66, 1, &[4, 1, 1, 1, 1], 8.56) < 0.0);
-        assert!(shapes.cost(66, 0, &[4, 1, 1, 1, 1, 9], 8.56) > 7.0);
+        assert!(lengths.cost(66, 0, &[7; 5], 8.0) < 1.0);
+        assert!(lengths.cost(66, 1, &[7; 5], 8.0) > 9.0);
+        assert!(lengths.cost(66, 1, &[4, 1, 1, 1, 1], 8.56) < 0.0);
+        assert!(lengths.cost(66, 0, &[4, 1, 1, 1, 1, 9], 8.56) > 7.0);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::f32::consts::LN_2;
 
-/// The logarithm to base 2 of a positive, normal number, right to 2e-5.
+/// The logarithm to base 2 of a positive, normal number, with an error below 2e-5.
 ///
 /// The standard library's depends on the machine's mathematics library and costs several times as much.
 ///

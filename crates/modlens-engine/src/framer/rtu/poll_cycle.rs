@@ -1,78 +1,77 @@
-//! Requests that come again and again: a master's poll cycle.
+//! A dictionary of the requests seen, and the poll cycle: those of them that come again and again.
 
-use crate::framer::rtu::index::{Index, Set, MOST};
-use crate::framer::rtu::sift::{Costs, Sift};
+use crate::framer::rtu::prefilter::{DamageCosts, RequestPrefilter};
+use crate::framer::rtu::prefix_index::{FrameSet, PrefixIndex, MAX_FRAMES};
+use crate::weights::MAX_REQUEST_COUNT_FRAMES;
 
-/// Places in the dictionary of requests seen.
-const SEEN: usize = 1024;
+/// Slots of the dictionary.
+const SLOTS: usize = 1024;
 
-/// A request is remembered with its bytes, if it is shorter than this: those of a poll cycle are.
-const SHORT: usize = 24;
+/// A request is kept with its bytes if it is shorter than this: those of a poll cycle are.
+const TEXT_BYTES: usize = 24;
 
-/// Times that are counted at most: after so many newcomers a request that has not come back is forgotten.
-const OFTEN: u32 = 15;
+/// The length of a request and its bytes; length 0 for one that is too long to be kept.
+type Text = [u8; TEXT_BYTES];
 
-/// Its length, and its bytes.
-type Text = [u8; SHORT];
-
-/// The requests seen.
-pub struct Polls {
-    seen: Box<[Seen]>,
-    /// The bytes of those requests, if they are short.
+/// The requests seen, one per slot, and those that came again.
+pub struct PollCycle {
+    seen: Box<[SeenRequest]>,
+    /// The bytes of the requests in `seen`, if they are short.
     texts: Box<[Text]>,
-    /// The places of those that came again, the latest last.
-    places: Vec<u16>,
-    index: Index,
-    sift: Sift,
+    /// The slots of up to 64 requests that came again, the latest last. A place in this list is the request's number in
+    /// `index` and `prefilter`.
+    polled: Vec<u16>,
+    index: PrefixIndex,
+    prefilter: RequestPrefilter,
 }
 
-/// A request that was seen.
+/// What a slot of the dictionary holds.
 #[derive(Clone, Copy, Default)]
-struct Seen {
-    /// What tells it from others.
+struct SeenRequest {
+    /// A hash that tells the request from others.
     key: u64,
-    /// How often it came.
+    /// How often it came, less the other requests that wanted the slot.
     count: u32,
-    /// Its place is one of `Polls::places`.
-    listed: bool,
+    /// The slot is in `PollCycle::polled`.
+    is_polled: bool,
 }
 
-impl Default for Polls {
+impl Default for PollCycle {
     fn default() -> Self {
         Self {
-            seen: vec![Seen::default(); SEEN].into_boxed_slice(),
-            texts: vec![[0; SHORT]; SEEN].into_boxed_slice(),
-            places: Vec::new(),
-            index: Index::default(),
-            sift: Sift::default(),
+            seen: vec![SeenRequest::default(); SLOTS].into_boxed_slice(),
+            texts: vec![[0; TEXT_BYTES]; SLOTS].into_boxed_slice(),
+            polled: Vec::new(),
+            index: PrefixIndex::default(),
+            prefilter: RequestPrefilter::default(),
         }
     }
 }
 
-impl Polls {
+impl PollCycle {
     /// Whether this request was seen before.
-    pub fn knows(&self, frame: &[u8]) -> bool {
-        let (key, slot) = key(frame);
+    pub fn contains(&self, frame: &[u8]) -> bool {
+        let (key, slot) = key_and_slot(frame);
         let seen = self.seen[slot];
         seen.key == key && seen.count > 0
     }
 
-    /// Takes note of a request.
+    /// Counts a request.
     #[inline]
-    pub fn remember(&mut self, frame: &[u8]) {
-        let (key, slot) = key(frame);
+    pub fn record(&mut self, frame: &[u8]) {
+        let (key, slot) = key_and_slot(frame);
         let seen = &mut self.seen[slot];
         if seen.key == key && seen.count >= 2 {
-            seen.count = (seen.count + 1).min(OFTEN);
+            seen.count = (seen.count + 1).min(MAX_REQUEST_COUNT_FRAMES);
         } else {
-            self.newcomer(frame, key, slot);
+            self.record_rare(frame, key, slot);
         }
     }
 
-    /// The same of one that was not seen twice yet.
-    fn newcomer(&mut self, frame: &[u8], key: u64, slot: usize) {
+    /// Counts a request that was not seen twice yet; the second time it joins the poll cycle.
+    fn record_rare(&mut self, frame: &[u8], key: u64, slot: usize) {
         let seen = &mut self.seen[slot];
-        // It takes the place of a request that has not come back for long.
+        // Another request in the slot loses one count each time. When it has none left, this request takes the slot.
         if seen.key != key {
             if seen.count > 0 {
                 seen.count -= 1;
@@ -83,77 +82,78 @@ impl Polls {
             return;
         }
         seen.count += 1;
-        if seen.count == 2 && self.texts[slot][0] > 0 && !seen.listed {
-            seen.listed = true;
-            if self.places.len() == MOST {
-                let first = self.places.remove(0);
-                self.seen[usize::from(first)].listed = false;
+        if seen.count == 2 && self.texts[slot][0] > 0 && !seen.is_polled {
+            seen.is_polled = true;
+            if self.polled.len() == MAX_FRAMES {
+                let oldest = self.polled.remove(0);
+                self.seen[usize::from(oldest)].is_polled = false;
                 self.index.shift();
-                self.sift.shift();
+                self.prefilter.shift();
             }
-            let (at, frame) = (self.places.len(), text(&self.texts[slot]));
-            self.index.add(at, frame);
-            self.sift.add(at, frame);
-            self.places.push(slot as u16);
+            let (number, frame) = (self.polled.len(), bytes_of(&self.texts[slot]));
+            self.index.add(number, frame);
+            self.prefilter.add(number, frame);
+            self.polled.push(slot as u16);
         }
     }
 
-    /// Puts another request in a place.
+    /// Puts another request in a slot, and in its place in the poll cycle if the slot has one.
     fn replace(&mut self, frame: &[u8], slot: usize) {
-        let place = || self.places.iter().position(|&place| usize::from(place) == slot);
-        let listed = self.seen[slot].listed.then(place).flatten();
-        let bytes = &mut self.texts[slot];
-        if let Some(at) = listed {
-            self.index.remove(at, text(bytes));
-            self.sift.remove(at, text(bytes));
+        let place = || self.polled.iter().position(|&polled| usize::from(polled) == slot);
+        let number = self.seen[slot].is_polled.then(place).flatten();
+        let text = &mut self.texts[slot];
+        if let Some(number) = number {
+            self.index.remove(number, bytes_of(text));
+            self.prefilter.remove(number, bytes_of(text));
         }
-        bytes[0] = 0;
-        if frame.len() < SHORT {
-            bytes[0] = frame.len() as u8;
-            bytes[1..=frame.len()].copy_from_slice(frame);
+        text[0] = 0;
+        if frame.len() < TEXT_BYTES {
+            text[0] = frame.len() as u8;
+            text[1..=frame.len()].copy_from_slice(frame);
         }
-        if let Some(at) = listed {
-            self.index.add(at, text(bytes));
-            self.sift.add(at, text(bytes));
+        if let Some(number) = number {
+            self.index.add(number, bytes_of(text));
+            self.prefilter.add(number, bytes_of(text));
         }
     }
 
-    /// One of those that came again; empty, if its place was taken by a long one.
-    pub fn get(&self, at: usize) -> &[u8] {
-        text(&self.texts[usize::from(self.places[at])])
+    /// The request of this number in the poll cycle; empty if its slot was taken by a long request.
+    pub fn get(&self, number: usize) -> &[u8] {
+        bytes_of(&self.texts[usize::from(self.polled[number])])
     }
 
-    /// Whether none came again yet.
+    /// Whether no request came again yet.
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.polled.is_empty()
     }
 
-    /// Those that may begin here.
-    pub fn possible(&self, bytes: &[u8]) -> Set {
-        self.index.possible(bytes)
+    /// The requests of the poll cycle that may begin with these bytes.
+    pub fn possible_frames(&self, bytes: &[u8]) -> FrameSet {
+        self.index.possible_frames(bytes)
     }
 
-    /// Those of them that are worth `need` bits once `costs` are paid; `bits` says what a byte is worth.
-    pub fn likely(&self, possible: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
-        self.sift.likely(possible, bytes, bits, need, costs)
+    /// Those of `possible` that may reach `need` bits once `costs` are paid; `bits` is the information content of a byte.
+    pub fn likely(&self, possible: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
+        self.prefilter.likely(possible, bytes, bits, need, costs)
     }
 }
 
-/// A request as it is remembered.
-fn text(text: &Text) -> &[u8] {
+/// The bytes of a request that is kept.
+fn bytes_of(text: &Text) -> &[u8] {
     &text[1..=usize::from(text[0])]
 }
 
-/// What tells a request from others, and its place in the dictionary: its first and last bytes, the checksum among
-/// them, and its length. That is quicker than to go through all of its bytes.
-fn key(frame: &[u8]) -> (u64, usize) {
+/// A hash that tells a request from others, and its slot in the dictionary. It covers the first eight bytes, the last four,
+/// the CRC among them, and the length: that is quicker than going through all bytes.
+fn key_and_slot(frame: &[u8]) -> (u64, usize) {
     let head = frame.first_chunk().map_or_else(
         || frame.iter().fold(0, |head, &byte| head << 8 | u64::from(byte)),
         |head: &[u8; 8]| u64::from_le_bytes(*head),
     );
     let tail = frame.last_chunk().map_or(0, |tail: &[u8; 4]| u64::from(u32::from_le_bytes(*tail)));
     let tail = tail << 16 ^ frame.len() as u64;
-    // Odd numbers without pattern (the golden ratio's and the square root of two's bits) spread what differs in few bits.
+    // Multiplication by odd numbers without pattern (bits of the golden ratio and of the square root of two) spreads
+    // requests that differ in few bits.
     let hash = head.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ tail.wrapping_mul(0xB504_F333_F9DE_6485);
-    (hash, (hash >> 48) as usize % SEEN)
+    (hash, (hash >> 48) as usize % SLOTS)
 }

@@ -1,88 +1,84 @@
-//! Which of many requests may be found in bytes with enough evidence: all of them looked at at once.
+//! A bit-parallel prefilter: which of 64 polled requests may be found in some bytes with enough evidence.
 //!
-//! Whatever happened to a frame, only bytes that agree with it speak for it, or those that a collision has taken bits
-//! from. So the bits of all bytes that may agree bound what `align` can find. They are counted for 64 requests at a time:
-//! bit number n of every sum stands in one word.
+//! Whatever happened to a frame, only bytes that agree with it count as evidence, or bytes that a collision has taken one
+//! bits from. So the information content of all bytes that may agree is an upper bound of the score that `align` can find.
+//! It is summed for 64 requests at a time: bit `n` of all 64 sums stands in one machine word.
 
-use crate::framer::rtu::index::{Set, MOST_LOST};
+use crate::framer::rtu::prefix_index::{FrameSet, MAX_LOST_BYTES};
+use crate::weights::{LONG_REQUEST_PREFIX_BITS, ROUNDING_BITS};
 
-/// The length of nearly all requests that are polled. Longer ones are judged by so many of their bytes.
-const LENGTH: usize = 8;
+/// The length of nearly all requests that are polled. Longer ones are judged by this many of their bytes.
+const JUDGED_BYTES: usize = 8;
 
-/// Shorter ones are not sifted: one byte is enough to find what is left of them.
-const SHORTEST: usize = 5;
+/// Shorter requests always pass: one byte is enough to find what is left of them.
+const MIN_JUDGED_BYTES: usize = 5;
 
-/// A long request is followed on if its first bytes are worth so many bits.
-const BEGUN: f32 = 11.0;
+/// Sums count fractions of a bit: this many make a bit. It decides how sharp the filter is, never what `align` finds.
+const STEPS_PER_BIT: f32 = 1.5;
 
-/// Parts of a bit that are counted.
-const PARTS: f32 = 1.5;
+/// Binary digits of a sum: nine bytes of at most fourteen steps each.
+const SUM_PLANES: usize = 7;
 
-/// Bits of a sum: nine bytes of fourteen parts each.
-const PLANES: usize = 7;
+/// Bytes with less information content are common, and agree with many requests: they are counted last.
+const COMMON_BYTE_BITS: f32 = 5.0;
 
-/// Sums of the same numbers in another order differ by less.
-const ROUNDING: f32 = 0.01;
-
-/// Bytes that are worth less agree with much.
-const CHEAP: f32 = 5.0;
-
-/// What happened to a frame, and the bits that saying so takes.
-pub struct Costs {
-    /// Bytes missing in front.
-    pub head: f32,
-    /// Bytes missing or doubled inside.
+/// What it costs, in bits, to say what happened to a frame.
+pub struct DamageCosts {
+    /// Bytes are missing in front.
+    pub lost_head: f32,
+    /// Bytes are missing inside, or one is there twice.
     pub inside: f32,
-    /// Another sender's bits.
-    pub collided: f32,
+    /// Another sender talked into it.
+    pub collision: f32,
 }
 
-/// For the bytes of many requests and every value: those that have it there.
-pub struct Sift {
-    equal: Box<[[Set; 256]; LENGTH]>,
-    /// Those that have its bits there, and perhaps more.
-    cover: Box<[[Set; 256]; LENGTH]>,
-    /// Those that are too short.
-    short: Set,
-    /// Those that have more bytes.
-    long: Set,
+/// For each place of 64 requests and every byte value, the requests that have it there.
+pub struct RequestPrefilter {
+    equal: Box<[[FrameSet; 256]; JUDGED_BYTES]>,
+    /// The requests whose byte there has all one bits of this value, and perhaps more.
+    covering: Box<[[FrameSet; 256]; JUDGED_BYTES]>,
+    /// Requests of fewer than `MIN_JUDGED_BYTES`.
+    short: FrameSet,
+    /// Requests of more than `JUDGED_BYTES`.
+    long: FrameSet,
 }
 
-impl Default for Sift {
+impl Default for RequestPrefilter {
     fn default() -> Self {
-        Self { equal: Box::new([[0; 256]; LENGTH]), cover: Box::new([[0; 256]; LENGTH]), short: 0, long: 0 }
+        Self { equal: Box::new([[0; 256]; JUDGED_BYTES]), covering: Box::new([[0; 256]; JUDGED_BYTES]), short: 0, long: 0 }
     }
 }
 
-impl Sift {
+impl RequestPrefilter {
     /// Adds a request under a number that is free.
-    pub fn add(&mut self, at: usize, frame: &[u8]) {
-        self.change(at, frame, |set, one| set | one);
+    pub fn add(&mut self, number: usize, frame: &[u8]) {
+        self.update(number, frame, |set, one| set | one);
     }
 
-    /// Takes the request of this number away.
-    pub fn remove(&mut self, at: usize, frame: &[u8]) {
-        self.change(at, frame, |set, one| set & !one);
+    /// Removes the request of this number.
+    pub fn remove(&mut self, number: usize, frame: &[u8]) {
+        self.update(number, frame, |set, one| set & !one);
     }
 
-    fn change(&mut self, at: usize, frame: &[u8], change: impl Fn(Set, Set) -> Set) {
-        let one = 1 << at;
-        if frame.len() < SHORTEST {
+    fn update(&mut self, number: usize, frame: &[u8], change: impl Fn(FrameSet, FrameSet) -> FrameSet) {
+        let one = 1 << number;
+        if frame.len() < MIN_JUDGED_BYTES {
             self.short = change(self.short, one);
             return;
         }
-        if frame.len() > LENGTH {
+        if frame.len() > JUDGED_BYTES {
             self.long = change(self.long, one);
         }
-        for (place, &byte) in frame.iter().enumerate().take(LENGTH) {
-            let put = |sets: &mut [Set; 256], value: u8| {
+        for (place, &byte) in frame.iter().enumerate().take(JUDGED_BYTES) {
+            let put = |sets: &mut [FrameSet; 256], value: u8| {
                 let set = &mut sets[usize::from(value)];
                 *set = change(*set, one);
             };
             put(&mut self.equal[place], byte);
+            // All values whose one bits are among those of the byte, from the byte itself down to 0.
             let mut part = byte;
             loop {
-                put(&mut self.cover[place], part);
+                put(&mut self.covering[place], part);
                 if part == 0 {
                     break;
                 }
@@ -91,139 +87,146 @@ impl Sift {
         }
     }
 
-    /// Forgets the first request: each of the others takes the number before its own.
+    /// Removes request 0 and gives each other request the number before its own.
     pub fn shift(&mut self) {
-        self.equal.iter_mut().chain(self.cover.iter_mut()).flatten().for_each(|set| *set >>= 1);
+        self.equal.iter_mut().chain(self.covering.iter_mut()).flatten().for_each(|set| *set >>= 1);
         self.short >>= 1;
         self.long >>= 1;
     }
 
-    /// Those of `among` that may be found where these bytes begin with at least `need` bits.
-    pub fn likely(&self, among: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
+    /// Those of `among` that may be found at the beginning of these bytes with at least `need` bits; `bits` is the
+    /// information content of a byte.
+    pub fn likely(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
         let (short, long) = (among & self.short, among & self.long);
-        let whole = among & !short & !long;
-        let bytes = &bytes[..bytes.len().min(LENGTH + 1)];
-        short | self.sifted(whole, bytes, &bits, need, costs) | self.sifted(long, bytes, &bits, need.min(BEGUN), costs)
+        let usual = among & !short & !long;
+        let bytes = &bytes[..bytes.len().min(JUDGED_BYTES + 1)];
+        let long = self.filter(long, bytes, &bits, need.min(LONG_REQUEST_PREFIX_BITS), costs);
+        short | self.filter(usual, bytes, &bits, need, costs) | long
     }
 
-    fn sifted(&self, rest: Set, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &Costs) -> Set {
-        let Some(&first) = bytes.first().filter(|_| rest != 0) else { return 0 };
-        let seen = Seen::of(bytes, bits);
-        if seen.all() < need {
+    /// Those of `among` that may reach `need` bits in one of the ways in which `align` looks for a damaged frame.
+    fn filter(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
+        let Some(&first) = bytes.first().filter(|_| among != 0) else { return 0 };
+        let observed = ObservedBytes::of(bytes, bits);
+        if observed.total() < need {
             return 0;
         }
         let equal = |place: usize, byte: u8| self.equal.get(place).map_or(0, |sets| sets[usize::from(byte)]);
-        let later = |at: usize, byte: u8| (at + 1..=at + MOST_LOST).fold(0, |set, place| set | equal(place, byte));
+        let later = |at: usize, byte: u8| (at + 1..=at + MAX_LOST_BYTES).fold(0, |set, place| set | equal(place, byte));
         let around = |at: usize, byte: u8| later(at, byte) | equal(at, byte) | at.checked_sub(1).map_or(0, |at| equal(at, byte));
-        let cover = |at: usize, byte: u8| self.cover.get(at).map_or(0, |sets| sets[usize::from(byte)]);
-        // Nothing that happens inside is recognised without the first byte, and no lost beginning without two behind it.
-        let begins = rest & equal(0, first);
-        let headed = begins | bytes.get(1).map_or(0, |&second| rest & equal(1, second));
-        let pair = |second: u8| (1..=MOST_LOST).fold(0, |set, head| set | equal(head, first) & equal(head + 1, second));
-        let headless = bytes.get(1).map_or(0, |&second| rest & pair(second));
-        let straight = seen.worth(headed, need, equal);
-        let headless = seen.worth(headless, need + costs.head, later);
-        let inside = seen.worth(begins, need + costs.inside, around);
-        let collided = seen.worth(begins, need + costs.collided, cover);
-        straight | headless | inside | collided
+        let covering = |at: usize, byte: u8| self.covering.get(at).map_or(0, |sets| sets[usize::from(byte)]);
+        // `align` accepts damage inside a frame only if its first byte agrees, and missing leading bytes only if the two
+        // bytes behind them agree. All other requests can be left out here.
+        let begins = among & equal(0, first);
+        let headed = begins | bytes.get(1).map_or(0, |&second| among & equal(1, second));
+        let pair = |second: u8| (1..=MAX_LOST_BYTES).fold(0, |set, lost| set | equal(lost, first) & equal(lost + 1, second));
+        let headless = bytes.get(1).map_or(0, |&second| among & pair(second));
+        let intact = observed.may_reach(headed, need, equal);
+        let headless = observed.may_reach(headless, need + costs.lost_head, later);
+        let inside = observed.may_reach(begins, need + costs.inside, around);
+        let collided = observed.may_reach(begins, need + costs.collision, covering);
+        intact | headless | inside | collided
     }
 }
 
-/// Bytes in which requests are looked for, and what they are worth.
-struct Seen<'a> {
+/// Bytes in which requests are looked for, with their information content.
+struct ObservedBytes<'a> {
     bytes: &'a [u8],
-    bits: [f32; LENGTH + 1],
-    /// Where those stand that are worth much, and how many these are.
-    dear: [u8; LENGTH + 1],
-    count: usize,
-    /// What the others are worth in all, and the dearest byte.
-    cheap: f32,
-    dearest: f32,
+    bits: [f32; JUDGED_BYTES + 1],
+    /// The places of bytes that are not common, and how many these are.
+    rare: [u8; JUDGED_BYTES + 1],
+    rare_count: usize,
+    /// Information content of all common bytes together, and of the rarest byte.
+    common_bits: f32,
+    max_bits: f32,
 }
 
-impl<'a> Seen<'a> {
-    /// At most one byte more than is judged.
+impl<'a> ObservedBytes<'a> {
+    /// At most one byte more than is judged: a byte may be there twice.
     fn of(bytes: &'a [u8], bits: impl Fn(u8) -> f32) -> Self {
-        let mut this = Self { bytes, bits: [0.0; LENGTH + 1], dear: [0; LENGTH + 1], count: 0, cheap: 0.0, dearest: 0.0 };
+        let none = [0; JUDGED_BYTES + 1];
+        let mut this = Self { bytes, bits: [0.0; JUDGED_BYTES + 1], rare: none, rare_count: 0, common_bits: 0.0, max_bits: 0.0 };
         for (at, &byte) in bytes.iter().enumerate() {
-            let worth = bits(byte);
-            let dear = worth >= CHEAP;
-            // Without branches: which bytes are cheap, nobody can foresee.
-            (this.bits[at], this.dear[this.count]) = (worth, at as u8);
-            this.count += usize::from(dear);
-            this.cheap += if dear { 0.0 } else { worth };
-            this.dearest = this.dearest.max(if dear { worth } else { 0.0 });
+            let content = bits(byte);
+            let is_rare = content >= COMMON_BYTE_BITS;
+            // Without branches: the processor could not predict which bytes are common.
+            (this.bits[at], this.rare[this.rare_count]) = (content, at as u8);
+            this.rare_count += usize::from(is_rare);
+            this.common_bits += if is_rare { 0.0 } else { content };
+            this.max_bits = this.max_bits.max(if is_rare { content } else { 0.0 });
         }
         this
     }
 
-    /// All of them are worth no more.
-    fn all(&self) -> f32 {
-        self.cheap + self.count as f32 * self.dearest + ROUNDING
+    /// An upper bound of the information content of all bytes together.
+    fn total(&self) -> f32 {
+        self.common_bits + self.rare_count as f32 * self.max_bits + ROUNDING_BITS
     }
 
-    /// Those of `among` with which bytes agree that may be worth so many bits.
-    fn worth(&self, among: Set, need: f32, agree: impl Fn(usize, u8) -> Set) -> Set {
-        if among == 0 || self.all() < need {
+    /// Those of `among` with which bytes of `need` bits together may agree; `agreeing(place, byte)` is the set of requests
+    /// that agree with a byte.
+    fn may_reach(&self, among: FrameSet, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
+        if among == 0 || self.total() < need {
             return 0;
         }
-        // Nearly everywhere too few bytes agree, whatever the cheap ones do.
-        let left = need - self.cheap;
+        // Nearly everywhere too few rare bytes agree, even if all common ones do: one, two or three have to.
+        let left = need - self.common_bits;
         let (mut one, mut two, mut three) = (0, 0, 0);
-        for &at in &self.dear[..self.count] {
-            let agree = agree(usize::from(at), self.bytes[usize::from(at)]);
+        for &at in &self.rare[..self.rare_count] {
+            let agree = agreeing(usize::from(at), self.bytes[usize::from(at)]);
             three |= two & agree;
             two |= one & agree;
             one |= agree;
         }
         let enough = match left {
-            _ if left <= ROUNDING => Set::MAX,
-            _ if left <= self.dearest + ROUNDING => one,
-            _ if left <= 2.0 * self.dearest + ROUNDING => two,
+            _ if left <= ROUNDING_BITS => FrameSet::MAX,
+            _ if left <= self.max_bits + ROUNDING_BITS => one,
+            _ if left <= 2.0 * self.max_bits + ROUNDING_BITS => two,
             _ => three,
         };
         if among & enough == 0 {
             return 0;
         }
-        let mut sum = Sum::default();
+        let mut sums = ParallelSums::default();
         for (at, &byte) in self.bytes.iter().enumerate() {
-            sum.add(agree(at, byte), (PARTS * self.bits[at]) as u32 + 1);
+            // Rounded up, so that the sum stays an upper bound.
+            sums.add(agreeing(at, byte), (STEPS_PER_BIT * self.bits[at]) as u32 + 1);
         }
-        among & enough & sum.at_least(need)
+        among & enough & sums.at_least(need)
     }
 }
 
-/// A sum for each of 64 requests.
+/// A sum for each of 64 requests, bit-sliced: plane `n` holds binary digit `n` of all sums.
 #[derive(Default)]
-struct Sum([Set; PLANES]);
+struct ParallelSums([FrameSet; SUM_PLANES]);
 
-impl Sum {
-    /// Adds parts for these.
-    fn add(&mut self, to: Set, parts: u32) {
+impl ParallelSums {
+    /// Adds the same number of steps to the sums of these requests: a ripple-carry adder on whole words.
+    fn add(&mut self, to: FrameSet, steps: u32) {
         let mut carry = 0;
-        for (bit, plane) in self.0.iter_mut().enumerate() {
-            let one = if parts >> bit & 1 == 1 { to } else { 0 };
+        for (digit, plane) in self.0.iter_mut().enumerate() {
+            let one = if steps >> digit & 1 == 1 { to } else { 0 };
             let sum = *plane ^ one ^ carry;
             carry = *plane & one | carry & (*plane | one);
             *plane = sum;
         }
     }
 
-    /// Those whose sum may be so many bits.
-    fn at_least(&self, bits: f32) -> Set {
-        let parts = (PARTS * bits).max(0.0) as u32;
-        if parts >> PLANES != 0 {
+    /// The requests whose sum may be this many bits: a comparison of all sums with one number, highest digit first.
+    fn at_least(&self, bits: f32) -> FrameSet {
+        let steps = (STEPS_PER_BIT * bits).max(0.0) as u32;
+        if steps >> SUM_PLANES != 0 {
             return 0;
         }
-        let (mut more, mut same) = (0, Set::MAX);
-        for (bit, &plane) in self.0.iter().enumerate().rev() {
-            if parts >> bit & 1 == 1 {
-                same &= plane;
+        let (mut greater, mut equal) = (0, FrameSet::MAX);
+        for (digit, &plane) in self.0.iter().enumerate().rev() {
+            if steps >> digit & 1 == 1 {
+                equal &= plane;
             } else {
-                more |= same & plane;
+                greater |= equal & plane;
             }
         }
-        more | same
+        greater | equal
     }
 }
 
@@ -234,14 +237,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sums_are_those_of_numbers(adds in proptest::collection::vec((any::<u64>(), 0u32..15), 0..9), least in 0u32..130) {
-            let mut sum = Sum::default();
-            for &(to, parts) in &adds {
-                sum.add(to, parts);
+        fn parallel_sums_equal_sums_of_single_numbers(adds in proptest::collection::vec((any::<u64>(), 0u32..15), 0..9), least in 0u32..130) {
+            let mut sums = ParallelSums::default();
+            for &(to, steps) in &adds {
+                sums.add(to, steps);
             }
-            let set = sum.at_least(least as f32 / PARTS + 0.01);
+            let set = sums.at_least(least as f32 / STEPS_PER_BIT + 0.01);
             for at in 0..64 {
-                let whole: u32 = adds.iter().filter(|(to, _)| to >> at & 1 == 1).map(|(_, parts)| parts).sum();
+                let whole: u32 = adds.iter().filter(|(to, _)| to >> at & 1 == 1).map(|(_, steps)| steps).sum();
                 prop_assert_eq!(set >> at & 1 == 1, whole >= least);
             }
         }

@@ -1,47 +1,53 @@
-//! Which frames may begin at a place with a few bytes missing, told from two bytes: nearly everywhere it is none.
+//! Which of up to 64 known frames may begin at a place, with up to `MAX_LOST_BYTES` bytes missing in front.
+//!
+//! Two bytes tell it, and nearly everywhere the answer is none. A set of frames is one machine word, so all of them are
+//! looked at in a few operations.
 
-/// Bytes that are lost at one place, at most, where a frame is to be recognised behind them.
-pub const MOST_LOST: usize = 3;
+/// Bytes that are lost at one place, at most, where a frame is still recognised by what is left of it.
+pub const MAX_LOST_BYTES: usize = 3;
 
-/// Frames, one bit each.
-pub type Set = u64;
+/// A set of frames: bit `n` stands for frame number `n`.
+pub type FrameSet = u64;
 
-/// The most frames that are told apart.
-pub const MOST: usize = Set::BITS as usize;
+/// The number of frames that a set holds.
+pub const MAX_FRAMES: usize = FrameSet::BITS as usize;
 
-/// Frames whose unit or function code stands here, or two of whose next bytes do, the first ones missing.
+/// The frames that may begin with these bytes: their unit or function code stands here, or two of their next bytes do and
+/// the ones before are missing.
 ///
-/// `has` says of which frames the byte at a place is this one.
-pub fn possible(bytes: &[u8], has: impl Fn(usize, u8) -> Set) -> Set {
+/// `with_byte(place, byte)` is the set of frames that have this byte at this place.
+pub fn possible_frames(bytes: &[u8], with_byte: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
     let Some(&first) = bytes.first() else { return 0 };
-    // A single byte left of a short frame.
-    let Some(&second) = bytes.get(1) else { return has(0, first) | has(1, first) };
-    (1..=MOST_LOST).fold(has(0, first) | has(1, second), |set, head| set | has(head, first) & has(head + 1, second))
+    // A single byte is left of a short frame.
+    let Some(&second) = bytes.get(1) else { return with_byte(0, first) | with_byte(1, first) };
+    let headless = |lost: usize| with_byte(lost, first) & with_byte(lost + 1, second);
+    (1..=MAX_LOST_BYTES).fold(with_byte(0, first) | with_byte(1, second), |set, lost| set | headless(lost))
 }
 
-/// Whether this byte of a frame of which the first bytes are known may be that one: behind them any may stand.
-pub fn may_be(known: &[u8], place: usize, byte: u8) -> bool {
+/// Whether a frame of which only the first bytes are known may have this byte at this place.
+pub fn may_have_byte(known: &[u8], place: usize, byte: u8) -> bool {
     known.get(place).is_none_or(|&known| known == byte)
 }
 
-/// The values that `possible` looks for, of a few frames.
+/// A coarse test before `possible_frames`: the byte values that a few frames may begin with. It admits too much, never too
+/// little.
 #[derive(Default)]
-pub struct Values {
-    /// In a first byte.
+pub struct PrefixFilter {
+    /// Values that the first byte may have, one bit each.
     first: [u64; 4],
-    /// In a second one.
+    /// Values that the second byte may have.
     second: [u64; 4],
 }
 
-impl Values {
-    /// Of one more frame of which the first bytes are known.
+impl PrefixFilter {
+    /// Admits one more frame, of which the first bytes are known.
     pub fn add(&mut self, known: &[u8]) {
         let put = |set: &mut [u64; 4], byte: u8| set[usize::from(byte >> 6)] |= 1 << (byte & 63);
-        // Of so few nothing may be left.
-        if known.len() <= MOST_LOST {
+        // With so few bytes known, all of them may be lost, and any byte may stand first.
+        if known.len() <= MAX_LOST_BYTES {
             self.first = [u64::MAX; 4];
         }
-        for &byte in known.iter().take(MOST_LOST + 1) {
+        for &byte in known.iter().take(MAX_LOST_BYTES + 1) {
             put(&mut self.first, byte);
         }
         if let Some(&byte) = known.get(1) {
@@ -49,68 +55,69 @@ impl Values {
         }
     }
 
-    /// Whether any of the frames may begin here; `possible` says which.
-    pub fn admit(&self, bytes: &[u8]) -> bool {
+    /// Whether any of the frames may begin with these bytes; `possible_frames` says which.
+    pub fn admits(&self, bytes: &[u8]) -> bool {
         let has = |set: &[u64; 4], byte: u8| set[usize::from(byte >> 6)] >> (byte & 63) & 1 == 1;
         bytes.first().is_some_and(|&byte| has(&self.first, byte)) || bytes.get(1).is_some_and(|&byte| has(&self.second, byte))
     }
 }
 
-/// For the first bytes of many frames and every value: the frames that have it there.
-pub struct Index {
-    values: Box<[[Set; 256]; MOST_LOST + 2]>,
+/// An index over the first bytes of up to 64 frames: for each place and byte value, the frames that have it there.
+pub struct PrefixIndex {
+    with_byte: Box<[[FrameSet; 256]; MAX_LOST_BYTES + 2]>,
 }
 
-impl Default for Index {
+impl Default for PrefixIndex {
     fn default() -> Self {
-        Self { values: Box::new([[0; 256]; MOST_LOST + 2]) }
+        Self { with_byte: Box::new([[0; 256]; MAX_LOST_BYTES + 2]) }
     }
 }
 
-impl Index {
-    /// The index of these frames, `MOST` of them at most.
+impl PrefixIndex {
+    /// An index of these frames, `MAX_FRAMES` of them at most.
     #[cfg(test)]
     pub fn of<'a>(frames: impl Iterator<Item = &'a [u8]>) -> Self {
         let mut this = Self::default();
-        for (at, frame) in frames.enumerate() {
-            this.add(at, frame);
+        for (number, frame) in frames.enumerate() {
+            this.add(number, frame);
         }
         this
     }
 
-    /// Adds a frame under a number that is free; an empty one begins nowhere.
-    pub fn add(&mut self, at: usize, frame: &[u8]) {
-        self.change(at, frame, |set, one| set | one);
+    /// Adds a frame under a number that is free. An empty frame begins nowhere.
+    pub fn add(&mut self, number: usize, frame: &[u8]) {
+        self.update(number, frame, |set, one| set | one);
     }
 
-    /// Takes the frame of this number away.
-    pub fn remove(&mut self, at: usize, frame: &[u8]) {
-        self.change(at, frame, |set, one| set & !one);
+    /// Removes the frame of this number.
+    pub fn remove(&mut self, number: usize, frame: &[u8]) {
+        self.update(number, frame, |set, one| set & !one);
     }
 
-    fn change(&mut self, at: usize, frame: &[u8], change: impl Fn(Set, Set) -> Set) {
+    fn update(&mut self, number: usize, frame: &[u8], change: impl Fn(FrameSet, FrameSet) -> FrameSet) {
         if frame.is_empty() {
             return;
         }
-        for (place, values) in self.values.iter_mut().enumerate() {
+        for (place, by_value) in self.with_byte.iter_mut().enumerate() {
             match frame.get(place) {
                 Some(&byte) => {
-                    let set = &mut values[usize::from(byte)];
-                    *set = change(*set, 1 << at);
+                    let set = &mut by_value[usize::from(byte)];
+                    *set = change(*set, 1 << number);
                 }
-                None => values.iter_mut().for_each(|set| *set = change(*set, 1 << at)),
+                // Behind the known bytes any value may stand.
+                None => by_value.iter_mut().for_each(|set| *set = change(*set, 1 << number)),
             }
         }
     }
 
-    /// Forgets the first frame: each of the others takes the number before its own.
+    /// Removes frame 0 and gives each other frame the number before its own.
     pub fn shift(&mut self) {
-        self.values.iter_mut().flatten().for_each(|set| *set >>= 1);
+        self.with_byte.iter_mut().flatten().for_each(|set| *set >>= 1);
     }
 
-    /// See `possible`.
-    pub fn possible(&self, bytes: &[u8]) -> Set {
-        possible(bytes, |place, byte| self.values[place][usize::from(byte)])
+    /// The frames that may begin with these bytes.
+    pub fn possible_frames(&self, bytes: &[u8]) -> FrameSet {
+        possible_frames(bytes, |place, byte| self.with_byte[place][usize::from(byte)])
     }
 }
 
@@ -121,34 +128,36 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_index_says_what_the_frames_say(
+        fn the_index_finds_the_frames_that_each_frame_alone_would(
             frames in proptest::collection::vec(proptest::collection::vec(0u8..4, 0..8), 0..20),
             bytes in proptest::collection::vec(0u8..4, 0..4),
         ) {
-            let index = Index::of(frames.iter().map(Vec::as_slice));
-            let single = |frame: &[u8]| possible(&bytes, |place, byte| Set::from(may_be(frame, place, byte))) != 0;
-            let mut values = Values::default();
+            let index = PrefixIndex::of(frames.iter().map(Vec::as_slice));
+            let alone = |frame: &[u8]| {
+                possible_frames(&bytes, |place, byte| FrameSet::from(may_have_byte(frame, place, byte))) != 0
+            };
+            let mut filter = PrefixFilter::default();
             for frame in frames.iter().filter(|frame| frame.len() >= 2) {
-                values.add(frame);
+                filter.add(frame);
             }
-            prop_assert!(values.admit(&bytes) || frames.iter().all(|frame| frame.len() < 2 || !single(frame)));
-            let one_by_one = frames.iter().enumerate().filter(|(_, frame)| !frame.is_empty() && single(frame));
-            prop_assert_eq!(index.possible(&bytes), one_by_one.fold(0, |set, (at, _)| set | 1 << at));
+            prop_assert!(filter.admits(&bytes) || frames.iter().all(|frame| frame.len() < 2 || !alone(frame)));
+            let one_by_one = frames.iter().enumerate().filter(|(_, frame)| !frame.is_empty() && alone(frame));
+            prop_assert_eq!(index.possible_frames(&bytes), one_by_one.fold(0, |set, (number, _)| set | 1 << number));
         }
 
         #[test]
-        fn what_is_changed_one_by_one_is_the_index_of_what_is_left(
+        fn an_updated_index_equals_a_new_one_of_the_same_frames(
             mut frames in proptest::collection::vec(proptest::collection::vec(0u8..4, 0..8), 1..20),
             other in proptest::collection::vec(0u8..4, 0..8),
-            at in any::<usize>(),
+            number in any::<usize>(),
         ) {
-            let mut index = Index::of(frames.iter().map(Vec::as_slice));
-            let at = at % frames.len();
-            index.remove(at, &frames[at]);
-            index.add(at, &other);
+            let mut index = PrefixIndex::of(frames.iter().map(Vec::as_slice));
+            let number = number % frames.len();
+            index.remove(number, &frames[number]);
+            index.add(number, &other);
             index.shift();
-            frames[at] = other;
-            prop_assert_eq!(index.values, Index::of(frames[1..].iter().map(Vec::as_slice)).values);
+            frames[number] = other;
+            prop_assert_eq!(index.with_byte, PrefixIndex::of(frames[1..].iter().map(Vec::as_slice)).with_byte);
         }
     }
 }

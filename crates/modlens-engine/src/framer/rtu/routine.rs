@@ -4,8 +4,8 @@
 
 use crate::framer::exchange::Exchange;
 use crate::framer::rtu::certain::{third_copy, SURELY_AN_ANSWER};
-use crate::framer::rtu::gain::REQUEST;
-use crate::framer::rtu::model::Copy;
+use crate::framer::rtu::side::REQUEST;
+use crate::framer::rtu::traffic_model::RequestCopy;
 use crate::framer::rtu::Rtu;
 use crate::input::Input;
 use modlens_protocol::checksum::{crc_valid_at, CHECKSUM};
@@ -50,14 +50,14 @@ impl Rtu {
 
     /// Unit and function of the request that was answered last.
     pub fn before(&self) -> Option<(u8, u8)> {
-        let (request, _) = self.search.pending().last?;
+        let (request, _) = self.search.answerable().last_answered?;
         Some((request.unit, *request.pdu.first()?))
     }
 
     /// Learns from a request and its response, whose CRCs are valid. `mirrored`: the two have the same bytes.
     #[inline]
     pub fn again(&mut self, request: &[u8], response: &[u8], mirrored: bool) {
-        self.search.model.learn_exchange(request, response, if mirrored { Copy::Unclear } else { Copy::First });
+        self.search.model.learn_exchange(request, response, if mirrored { RequestCopy::Unclear } else { RequestCopy::First });
     }
 
     /// Brings the search up to date behind a run of such exchanges. `expected` is the last one, whose bytes have just been
@@ -65,8 +65,8 @@ impl Rtu {
     pub fn resume(&mut self, input: &Input, expected: &Exchange) {
         let lengths = [expected.asked, expected.answered].map(|length| length + CHECKSUM);
         let (request, response) = input.forgotten(lengths.iter().sum()).split_at(lengths[0]);
-        self.after_damage = false;
-        self.search.resume(request, response, input.offset());
+        self.last_was_damaged = false;
+        self.search.sync_after_batch(request, response, input.offset());
     }
 }
 

@@ -1,202 +1,265 @@
-//! What a substring with a right CRC is worth as a request or as a response.
+//! The score of a frame hypothesis: what a substring with a valid CRC is worth as a request or as a response, in bits.
+//!
+//! A score is the number of bits that the hypothesis saves over reading the same bytes as noise. Bytes that layout, limits
+//! or the outstanding request predict are worth their information content; what has to be chosen (unit, function, length)
+//! costs `-log2` of its learned share.
 
-use crate::framer::rtu::announced_length::announced;
-use crate::framer::rtu::bits::log2;
-use crate::framer::rtu::costs;
-use crate::framer::rtu::model::{Model, Setting};
-use crate::framer::rtu::pending::{print, Open, Request};
+use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldRequest};
+use crate::framer::rtu::log2::log2;
+use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::framer::rtu::traffic_model::{FramePosition, TrafficModel};
 use crate::framer::Context;
-use modlens_protocol::direction::{answers, consistent, expected_block, Direction, Match, Pause};
+use crate::weights;
+use modlens_protocol::direction::{answers, consistent, expected_block, Match, Pause};
 use modlens_protocol::framing::BROADCAST;
 use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Layout, Operation, EXCEPTION_BIT};
 
-/// 0 for requests, 1 for responses: the index of learned counts.
-pub const REQUEST: usize = 0;
-/// See `REQUEST`.
-pub const RESPONSE: usize = 1;
+/// Unit, function code, exception code and CRC.
+const EXCEPTION_RESPONSE_BYTES: usize = 5;
 
-/// The direction of an index.
-pub fn direction(index: usize) -> Direction {
-    if index == REQUEST {
-        Direction::Request
-    } else {
-        Direction::Response
-    }
+/// Bytes of a response's PDU that repeat its request: function code, address, and value or quantity.
+const ECHOED_PDU_BYTES: usize = 5;
+
+/// Whether no frame can look like this, whoever sent it: runs of 00 and FF are full of such substrings.
+pub fn is_impossible(frame: &[u8]) -> bool {
+    frame[1] == 0 || (frame[1] & EXCEPTION_BIT != 0 && frame.len() != EXCEPTION_RESPONSE_BYTES)
 }
 
-/// Whether no frame can look so, whoever sent it: runs of zeros and ones are full of these.
-pub fn is_none(frame: &[u8]) -> bool {
-    const REFUSAL: usize = 5;
-    frame[1] == 0 || (frame[1] & EXCEPTION_BIT != 0 && frame.len() != REFUSAL)
-}
-
-/// Bits that the frame itself saves, read in this direction; `None` where no frame can look so.
-pub fn frame(model: &Model, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
+/// Score in bits of a frame by itself in this direction; `None` where no frame can look like this.
+pub fn frame_score(model: &TrafficModel, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
-    if is_none(frame) || (code & EXCEPTION_BIT != 0 && direction == REQUEST) {
+    if is_impossible(frame) || (code & EXCEPTION_BIT != 0 && direction == REQUEST) {
         return None;
     }
     let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
-    let mut gain = model.bits_of(&frame[frame.len() - 2..]) + header;
+    let mut score = model.bits_of(&frame[frame.len() - 2..]) + header;
     if direction == RESPONSE && unit == BROADCAST {
-        gain -= costs::BROADCAST_READ;
+        score -= weights::BROADCAST_READ_BITS;
     }
     if code & EXCEPTION_BIT != 0 {
-        return Some(gain + exception(model, code, body[0]));
+        return Some(score + exception_score(model, code, body[0]));
     }
-    let Some(row) = context.functions.row(code, body) else { return Some(gain - model.open_length(code, direction, body)) };
-    if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
-        gain -= costs::BROADCAST_READ;
-    }
-    Some(gain + layout(model, row, body, direction))
-}
-
-fn exception(model: &Model, code: u8, exception: u8) -> f32 {
-    // The specification has codes 1 to 11; vendors have their own, but none of them is 0.
-    let usual = match exception {
-        1..=6 | 8 | 10 | 11 => 3.5,
-        0 => 16.0,
-        _ => 9.0,
+    let Some(row) = context.functions.row(code, body) else {
+        return Some(score - model.open_length_cost(code, direction, body));
     };
-    let function = if code & !EXCEPTION_BIT == 0 { costs::BROKEN_RULE } else { 0.0 };
-    model.bits(exception) - usual - function - costs::EXCEPTION
+    if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
+        score -= weights::BROADCAST_READ_BITS;
+    }
+    Some(score + layout_score(model, row, body, direction))
 }
 
-fn layout(model: &Model, row: &FunctionRow, body: &[u8], direction: usize) -> f32 {
-    let layout = if direction == REQUEST { &row.request } else { &row.response };
-    let other = if direction == REQUEST { &row.response } else { &row.request };
-    // A frame whose last byte was 00 keeps a right checksum without it: then it was cut short.
-    let cut_short = |layout: &Layout| matches!(layout.extent(body), Extent::Exactly(length) if length == body.len() + 1);
-    let mut gain = match layout {
-        Layout::Silent => -costs::OPEN_LENGTH - costs::BROKEN_RULE,
-        Layout::Unknown => -model.open_length(row.code, direction, body),
+/// Score in bits of an exception response for its exception code (application protocol, 7).
+fn exception_score(model: &TrafficModel, code: u8, exception: u8) -> f32 {
+    let choice = match exception {
+        1..=6 | 8 | 10 | 11 => weights::SPECIFIED_EXCEPTION_CODE_BITS,
+        0 => weights::ZERO_EXCEPTION_CODE_BITS,
+        _ => weights::VENDOR_EXCEPTION_CODE_BITS,
+    };
+    let function = if code & !EXCEPTION_BIT == 0 { weights::BROKEN_RULE_BITS } else { 0.0 };
+    model.bits(exception) - choice - function - weights::EXCEPTION_BITS
+}
+
+/// Score in bits of a body for its agreement with the layout of its function: length, limits and byte counts.
+fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction: usize) -> f32 {
+    let (layout, other) = if direction == REQUEST { (&row.request, &row.response) } else { (&row.response, &row.request) };
+    // A frame whose last byte is 00 has a valid CRC without that byte, too: then the hypothesis cuts the frame short.
+    let is_cut_short = |layout: &Layout| matches!(layout.extent(body), Extent::Exactly(length) if length == body.len() + 1);
+    let mut score = match layout {
+        Layout::Silent => -weights::OPEN_LENGTH_BITS - weights::BROKEN_RULE_BITS,
+        Layout::Unknown => -model.open_length_cost(row.code, direction, body),
         Layout::Body(shape) => match shape.extent(body) {
             Extent::Exactly(length) if length == body.len() && shape.groups_fit(body) => 0.0,
-            Extent::Exactly(length) if length == body.len() => -costs::BROKEN_RULE,
-            Extent::Open(least) if body.len() >= least => -costs::OPEN_LENGTH,
-            _ if cut_short(layout) || cut_short(other) => return -costs::CUT_SHORT,
-            _ => return -costs::OPEN_LENGTH - costs::BROKEN_RULE,
+            Extent::Exactly(length) if length == body.len() => -weights::BROKEN_RULE_BITS,
+            Extent::Open(least) if body.len() >= least => -weights::OPEN_LENGTH_BITS,
+            _ if is_cut_short(layout) || is_cut_short(other) => return -weights::CUT_SHORT_BITS,
+            _ => return -weights::OPEN_LENGTH_BITS - weights::BROKEN_RULE_BITS,
         },
     };
-    gain += row.permits[direction].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
+    score += row.permits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
     if direction == REQUEST {
         if let Some((at, _)) = row.roles.request_block {
-            gain += if consistent(row, body) { model.bits(body[at - 1]) } else { -costs::BROKEN_RULE };
+            score += if consistent(row, body) { model.bits(body[at - 1]) } else { -weights::BROKEN_RULE_BITS };
         }
     }
-    if direction == RESPONSE && row.roles.response_block.is_some_and(|(at, bit)| !bit && (body.len() - at) % 2 == 1) {
-        gain -= costs::BROKEN_RULE;
+    let half_a_register = |&(at, is_bits): &(usize, bool)| !is_bits && (body.len() - at) % 2 == 1;
+    if direction == RESPONSE && row.roles.response_block.as_ref().is_some_and(half_a_register) {
+        score -= weights::BROKEN_RULE_BITS;
     }
-    gain
+    score
 }
 
-/// A field within its limits is worth its bits less those that choose among the values permitted.
-pub fn permitted(model: &Model, permit: &FieldLimits, body: &[u8]) -> f32 {
+/// Score in bits of a field with limited values: its information content, less the bits that choose among the values
+/// permitted.
+///
+/// A field of FC 5 may be 0000 or FF00: two of 65536 values, so it is worth nearly all of its bits.
+pub fn field_score(model: &TrafficModel, permit: &FieldLimits, body: &[u8]) -> f32 {
     let Some(field) = body.get(permit.offset..permit.offset + permit.width) else { return 0.0 };
     if permit.violated_by(body).is_some() {
-        return -costs::BROKEN_RULE;
+        return -weights::BROKEN_RULE_BITS;
     }
     let choices: u64 = permit.ranges.iter().map(|(low, high)| u64::from(high - low) + 1).sum();
     (model.bits_of(field) - log2(choices as f32)).max(0.0)
 }
 
-/// What the request that waits makes of a frame: bits, and whether it is answered.
+/// What stands before a frame hypothesis on its path.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Preceding {
+    /// Bytes between the frame before and this one.
+    pub unframed_bytes: u64,
+    /// The frame's own unit and function stand among them: perhaps its request, damaged.
+    pub has_same_header: bool,
+}
+
+/// Score in bits that the frames before it add to a frame hypothesis, and whether it answers the outstanding request.
 ///
-/// Before the frame stand so many bytes that are no frame, its own unit and function perhaps among them.
-pub fn context(
-    model: &Model,
+/// `pause` is the log-odds of the silence before the frame, timeout against response.
+pub fn context_score(
+    model: &TrafficModel,
     context: &Context<'_>,
-    pending: Open<'_>,
+    answerable: AnswerableRequests<'_>,
     frame: &[u8],
     direction: usize,
     pause: Pause,
-    (junk, begun): (u64, bool),
+    preceding: Preceding,
 ) -> (f32, bool) {
-    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let asked = pending.asked;
-    let (unanswered, orphan) = model.turn(Setting { waiting: asked.is_some(), junk });
     if direction == REQUEST {
-        let repeated = model.repeated(frame);
-        let Some(asked) = asked else { return (repeated - unanswered, false) };
-        if asked.unit == unit && asked.pdu == pdu {
-            let twice = pending.late.as_ref().is_some_and(|late| late.unit == unit && late.pdu == pdu);
-            let unanswered = if twice { unanswered.min(costs::STILL_SILENT) } else { unanswered };
-            // A retry comes after a time-out; the echo of the tap's own adapter comes once, at once.
-            let retry = unanswered - pause.min(0.0);
-            let again = if asked.copied { retry } else { retry.min(model.copied().0) };
-            let known = model.unit(unit) + model.function(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]);
-            return (repeated.max(known - 1.0) - again, false);
-        }
-        // The request before the one that waits, again: another frame was taken for the one between.
-        let late = pending.late.is_some_and(|late| late.unit == unit && late.pdu == pdu);
-        let known = if late { model.bits_of(&pdu[1..]) - 1.0 } else { 0.0 };
-        // No master gives up as soon as answers come; but among the bytes between may be the answer.
-        let soon = if junk == 0 { (-pause).clamp(0.0, costs::TOO_SOON) } else { 0.0 };
-        return (repeated.max(known) - unanswered - soon, false);
+        (request_context_score(model, context, answerable, frame, pause, preceding), false)
+    } else {
+        response_context_score(model, context, answerable, frame, pause, preceding)
     }
-    let matched = asked.map_or(Match::No, |asked| answers(context.functions, asked.asked(), unit, pdu));
-    let Some(asked) = asked.filter(|_| matched != Match::No) else {
-        let orphan = orphan - if begun && asked.is_none() { costs::BEGUN } else { 0.0 };
-        return (again(model, context, pending, frame, pause).max(-orphan), false);
-    };
-    // Unit and function are known beforehand.
-    let mut gain = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - costs::ANSWERED;
-    if let Some(row) = context.functions.row(asked.pdu[0], &asked.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
-        if row.response == Layout::Silent || asked.damaged {
-            // It should not answer; if something comes, it is this all the same.
-        } else if matched == Match::Partly {
-            gain -= costs::BROKEN_RULE;
-        } else if pending.last.as_ref().is_some_and(|(_, answer)| *answer == print(frame)) {
-            gain += model.bits_of(&pdu[1..]);
-        } else if expected_block(row, &asked.pdu).is_some() {
-            gain += model.bits(pdu[1]);
-        } else if asked.pdu == pdu {
-            gain += model.bits_of(&pdu[1..]);
-        } else if !row.echo.is_empty() {
-            gain += model.bits_of(&pdu[1..pdu.len().min(5)]);
-        }
-    }
-    if asked.pdu == pdu {
-        gain -= pause.max(0.0) + if asked.copied { 0.0 } else { model.copied().1 };
-    }
-    (gain, true)
 }
 
-/// Bits of an answer that nobody waits for any more: the late one, or the last one once more.
-fn again(model: &Model, context: &Context<'_>, pending: Open<'_>, frame: &[u8], pause: Pause) -> f32 {
+/// Costs in bits of a request and of an unsolicited response at this place.
+fn turn_costs(model: &TrafficModel, answerable: AnswerableRequests<'_>, preceding: Preceding) -> (f32, f32) {
+    let request_outstanding = answerable.outstanding.is_some();
+    model.turn_costs(FramePosition { request_outstanding, unframed_bytes: preceding.unframed_bytes })
+}
+
+/// The part of `context_score` for requests: is it polled, a retry, an echo, or another master's?
+fn request_context_score(
+    model: &TrafficModel,
+    context: &Context<'_>,
+    answerable: AnswerableRequests<'_>,
+    frame: &[u8],
+    pause: Pause,
+    preceding: Preceding,
+) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let fits = |request: &&Request| answers(context.functions, request.asked(), unit, pdu) == Match::Fully;
-    let late = pending.late.filter(fits).map(|request| {
+    let (unanswered, _) = turn_costs(model, answerable, preceding);
+    let polled = model.polled_request_score(frame);
+    let is_same = |request: &HeldRequest| request.unit == unit && request.pdu == pdu;
+    let Some(outstanding) = answerable.outstanding else { return polled - unanswered };
+    if is_same(outstanding) {
+        let third_time = answerable.superseded.is_some_and(is_same);
+        let unanswered = if third_time { unanswered.min(weights::STILL_SILENT_BITS) } else { unanswered };
+        // A retry comes after a timeout; the echo of the tap's own adapter comes once, at once.
+        let retry = unanswered - pause.min(0.0);
+        let again = if outstanding.is_repeated { retry } else { retry.min(model.echo_costs().0) };
+        let known = model.unit(unit) + model.function(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]);
+        return polled.max(known - weights::RETRY_CHOICE_BITS) - again;
+    }
+    // The request before the outstanding one, repeated: then the outstanding one was rather another frame.
+    let is_superseded = answerable.superseded.is_some_and(is_same);
+    let known = if is_superseded { model.bits_of(&pdu[1..]) - weights::RETRY_CHOICE_BITS } else { 0.0 };
+    // No master gives up as soon as responses come. With unframed bytes in between, the response may be among those.
+    let too_soon = if preceding.unframed_bytes == 0 { (-pause).clamp(0.0, weights::TOO_SOON_BITS) } else { 0.0 };
+    polled.max(known) - unanswered - too_soon
+}
+
+/// The part of `context_score` for responses: does it answer the outstanding request, and how much of it was predicted?
+fn response_context_score(
+    model: &TrafficModel,
+    context: &Context<'_>,
+    answerable: AnswerableRequests<'_>,
+    frame: &[u8],
+    pause: Pause,
+    preceding: Preceding,
+) -> (f32, bool) {
+    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    let outstanding = answerable.outstanding;
+    let (_, unsolicited) = turn_costs(model, answerable, preceding);
+    let matched = outstanding.map_or(Match::No, |request| answers(context.functions, request.as_asked(), unit, pdu));
+    let Some(request) = outstanding.filter(|_| matched != Match::No) else {
+        let after_damage = preceding.has_same_header && outstanding.is_none();
+        let unsolicited = unsolicited - if after_damage { weights::DAMAGED_REQUEST_BITS } else { 0.0 };
+        return (belated_response_score(model, context, answerable, frame, pause).max(-unsolicited), false);
+    };
+    // Unit and function are predicted by the request.
+    let mut score = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - weights::ANSWERED_BITS;
+    if let Some(row) = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
+        let is_last_response = |(_, last): (&HeldRequest, _)| last == fingerprint(frame);
+        if row.response == Layout::Silent || request.is_damaged {
+            // No response is predicted, or not its fields; if one comes, it is this one all the same.
+        } else if matched == Match::Partly {
+            score -= weights::BROKEN_RULE_BITS;
+        } else if answerable.last_answered.is_some_and(is_last_response) {
+            score += model.bits_of(&pdu[1..]);
+        } else {
+            score += predicted_body_score(model, row, request, pdu);
+        }
+    }
+    if request.pdu == pdu {
+        score -= pause.max(0.0) + if request.is_repeated { 0.0 } else { model.echo_costs().1 };
+    }
+    (score, true)
+}
+
+/// Score in bits of the bytes of a response that its request predicts: the byte count, or the fields that it repeats.
+fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &HeldRequest, pdu: &[u8]) -> f32 {
+    if expected_block(row, &request.pdu).is_some() {
+        model.bits(pdu[1])
+    } else if request.pdu == pdu {
+        model.bits_of(&pdu[1..])
+    } else if row.echo.is_empty() {
+        0.0
+    } else {
+        model.bits_of(&pdu[1..pdu.len().min(ECHOED_PDU_BYTES)])
+    }
+}
+
+/// Score in bits of a response to no outstanding request, as the late response to the request before, or as a copy of the
+/// last response; the better of the two, and `f32::MIN` where it fits neither.
+fn belated_response_score(
+    model: &TrafficModel,
+    context: &Context<'_>,
+    answerable: AnswerableRequests<'_>,
+    frame: &[u8],
+    pause: Pause,
+) -> f32 {
+    let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
+    let fits = |request: &&HeldRequest| answers(context.functions, request.as_asked(), unit, pdu) == Match::Fully;
+    let late = answerable.superseded.filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
-        (request, model.late() + retry, false)
+        (request, model.late_response_cost() + retry, false)
     });
-    // An echo once more is rather the same request again.
-    let last = pending.last.filter(|(request, answer)| *answer == print(frame) && request.pdu != pdu);
-    let again = last.map(|(request, _)| request).filter(fits).map(|request| (request, costs::AGAIN, true));
-    let bits = late.into_iter().chain(again).map(|(request, cost, same)| {
+    // A response that equals its request, once more, is rather the same request again.
+    let last = answerable.last_answered.filter(|(request, last)| *last == fingerprint(frame) && request.pdu != pdu);
+    let copy = last.map(|(request, _)| request).filter(fits).map(|request| (request, weights::REPEATED_RESPONSE_BITS, true));
+    let scores = late.into_iter().chain(copy).map(|(request, cost, is_copy)| {
         let row = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0);
         let body = row.map_or(0.0, |row| {
-            if same {
-                // Byte for byte: else the two would look like a request and its retry.
+            if is_copy {
+                // A copy has to agree in every byte. If less were enough, the two would look like a request and its retry.
                 model.bits_of(&pdu[1..])
-            } else if expected_block(row, &request.pdu).is_some() {
-                model.bits(pdu[1])
-            } else if request.pdu == pdu {
-                model.bits_of(&pdu[1..])
-            } else if row.echo.is_empty() {
-                0.0
             } else {
-                model.bits_of(&pdu[1..pdu.len().min(5)])
+                predicted_body_score(model, row, request, pdu)
             }
         });
         model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) + body - cost
     });
-    bits.fold(f32::MIN, f32::max)
+    scores.fold(f32::MIN, f32::max)
 }
 
-/// Bits that a frame with a wrong checksum saves, where its header announces just its length and is no stranger here.
-pub fn damaged(model: &Model, context: &Context<'_>, asked: Option<&Request>, frame: &[u8], direction: usize) -> Option<f32> {
+/// Score in bits of a frame with an invalid CRC; `None` unless its header announces exactly its length and is expected here:
+/// a request of a familiar unit and function, or the response to the outstanding request.
+pub fn damaged_frame_score(
+    model: &TrafficModel,
+    context: &Context<'_>,
+    outstanding: Option<&HeldRequest>,
+    frame: &[u8],
+    direction: usize,
+) -> Option<f32> {
     let (unit, code, body) = (frame[0], frame[1], &frame[2..frame.len() - 2]);
     let row = context.functions.row(code, body)?;
     if direction == REQUEST {
@@ -204,84 +267,14 @@ pub fn damaged(model: &Model, context: &Context<'_>, asked: Option<&Request>, fr
             return None;
         }
         let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, REQUEST);
-        let waiting = if asked.is_some() { costs::UNANSWERED } else { 0.0 };
-        return Some(header + layout(model, row, body, REQUEST) - costs::DAMAGED - waiting);
+        let unanswered = if outstanding.is_some() { weights::UNANSWERED_BITS } else { 0.0 };
+        return Some(header + layout_score(model, row, body, REQUEST) - weights::DAMAGED_BITS - unanswered);
     }
-    let asked = asked.filter(|asked| asked.unit == unit && asked.pdu.first() == Some(&code))?;
-    let expected = expected_block(row, &asked.pdu);
+    let request = outstanding.filter(|request| request.matches(unit, code))?;
+    let expected = expected_block(row, &request.pdu);
     if expected.is_some_and(|expected| body.first().map(|&count| usize::from(count)) != Some(expected)) {
         return None;
     }
     let count = if expected.is_some() { model.bits(body[0]) } else { 0.0 };
-    Some(model.bits(unit) + model.bits(code) + count - costs::ANSWERED - costs::DAMAGED)
-}
-
-/// What an unfinished frame may claim by its header.
-pub struct Header {
-    /// Bits.
-    pub gain: f32,
-    /// It claims as much until so many bytes of it are seen.
-    pub until: u64,
-}
-
-/// The bytes of a frame that its header is judged by, one that begins like this.
-pub fn most_of_a_header(context: &Context<'_>, frame: &[u8]) -> u64 {
-    let &[_, code, ref body @ ..] = frame else { return 2 };
-    let function = code & !EXCEPTION_BIT;
-    let leading = context.functions.leading_bytes(function);
-    let judged = context.functions.row(function, body).map_or(1, |row| row.judged.max(1));
-    2 + leading.max(judged) as u64
-}
-
-/// What the header of an unfinished frame may claim, if the frame can still go on beyond `seen` bytes.
-pub fn header(model: &Model, context: &Context<'_>, asked: Option<&Request>, seen: &[u8]) -> Option<Header> {
-    if seen.len() < 2 {
-        return Some(Header { gain: model.bits(seen[0]) - model.unit(seen[0]) + costs::OPEN_LENGTH, until: 2 });
-    }
-    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
-    let row = context.functions.row(code & !EXCEPTION_BIT, body);
-    let mut best: Option<f32> = None;
-    let mut until = u64::MAX >> 1;
-    for (way, extent) in announced(context, seen).into_iter().flatten() {
-        let index = if way == Direction::Response { RESPONSE } else { REQUEST };
-        let open = match extent {
-            Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
-            Extent::Exactly(length) | Extent::AtLeast(length) => {
-                until = until.min(length as u64);
-                0.0
-            }
-            Extent::Open(_) if !model.familiar(unit, code, index) => continue,
-            Extent::Open(_) => costs::OPEN_LENGTH,
-        };
-        let gain = claim(model, context, row, seen, index) - open
-            + if index == RESPONSE { due(model, context, row, asked, seen) } else { 0.0 };
-        best = Some(best.map_or(gain, |best| best.max(gain)));
-    }
-    if (seen.len() as u64) < most_of_a_header(context, seen) {
-        until = seen.len() as u64 + 1;
-    }
-    best.map(|gain| Header { gain, until })
-}
-
-/// What unit, function and limits are worth in a direction.
-fn claim(model: &Model, context: &Context<'_>, row: Option<&FunctionRow>, seen: &[u8], direction: usize) -> f32 {
-    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
-    let mut gain = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
-    if let Some(row) = row {
-        gain += row.permits[direction].iter().map(|permit| permitted(model, permit, body)).sum::<f32>();
-        if direction == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
-            gain += costs::OPEN_LENGTH;
-        }
-    }
-    gain
-}
-
-/// What the request that waits makes of the header of a response.
-fn due(model: &Model, context: &Context<'_>, row: Option<&FunctionRow>, asked: Option<&Request>, seen: &[u8]) -> f32 {
-    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
-    let Some(asked) = asked.filter(|asked| asked.is_of(unit, code & !EXCEPTION_BIT)) else { return -costs::ORPHAN };
-    let expected = row.and_then(|row| expected_block(row, &asked.pdu));
-    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
-    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
-    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -costs::BROKEN_RULE }
+    Some(model.bits(unit) + model.bits(code) + count - weights::ANSWERED_BITS - weights::DAMAGED_BITS)
 }

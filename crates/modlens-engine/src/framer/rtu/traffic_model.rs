@@ -1,143 +1,190 @@
-//! What one line has shown so far, counted, and what evidence is worth there.
+//! What one line has shown so far, as counts, and what evidence is worth there.
+//!
+//! Costs are `-log2` of a learned share: of units, functions, turns of requests and responses, and bytes between frames.
+//! Every share starts from a prior of the table of weights. Counts are halved from time to time, so the model follows a line
+//! that changes.
 
 use crate::damage::kind::DamageKind;
-use crate::framer::rtu::bits::log2;
-use crate::framer::rtu::costs::{
-    function_prior, unit_prior, usual_bits, AFTER_STRAYS, BEFORE_STRAYS, FIRST_COPIES, FIRST_JUNK, FIRST_LATES, FIRST_ORPHANS,
-    FIRST_UNANSWERED, FORGET, FORGET_TURNS, INTO_NOISE, MAY_HOLD_A_FRAME, NOISE_FORGET, NOISE_STEP, NOISE_WEIGHT, ORPHAN,
-    OUT_OF_NOISE, PRIOR_WEIGHT, REPEATED_AT_MOST, STRAY,
-};
-use crate::framer::rtu::gain::{REQUEST, RESPONSE};
-use crate::framer::rtu::hints::Hints;
-use crate::framer::rtu::polls::Polls;
-use crate::framer::rtu::shapes::Shapes;
+use crate::framer::rtu::learned_lengths::LearnedLengths;
+use crate::framer::rtu::log2::log2;
+use crate::framer::rtu::poll_cycle::PollCycle;
+use crate::framer::rtu::score_bounds::ScoreBounds;
+use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::weights::{self, function_prior, unit_prior, usual_bits, PRIOR_WEIGHT_FRAMES};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 
-/// So many bytes are counted in another way.
-const MANY: usize = 1024;
+/// From this many bytes on, four histograms are filled in turn: see `learn_noise`.
+const MANY_BYTES: usize = 1024;
 
 /// What the line has shown so far.
-pub struct Model {
+pub struct TrafficModel {
+    /// Frames by unit.
     units: [f32; 256],
     unit_total: f32,
-    /// By direction and function code, the exception bit off.
+    /// Frames by direction and function code, without the exception bit.
     functions: [[f32; 128]; 2],
     function_totals: [f32; 2],
-    /// The requests seen.
-    pub polls: Polls,
+    /// The requests seen, and those of them that come again and again.
+    pub poll_cycle: PollCycle,
     frames: f32,
-    junk: f32,
-    /// Frames behind so few bytes that these were no frame.
-    few: f32,
-    /// Frames with a pause inside.
-    paused: f32,
-    /// Damaged frames of which bytes were missing, and those that another sender talked into.
-    damage_counts: [f32; 2],
-    /// Answers without their end, behind which the master went on, and those that it asked for again.
-    ends: [f32; 2],
+    /// Frames behind bytes that belong to no frame.
+    frames_after_unframed: f32,
+    /// Frames behind so few such bytes that these were no damaged frame.
+    frames_after_stray_bytes: f32,
+    frames_with_inner_pause: f32,
+    /// Damaged frames that lack bytes.
+    frames_with_losses: f32,
+    /// Damaged frames that another sender talked into.
+    frames_with_collisions: f32,
+    /// Truncated responses after which the master went on: the tap has lost the end.
+    truncations_by_tap: f32,
+    /// Truncated responses that the master asked for again: the sender has stopped.
+    truncations_by_sender: f32,
+    /// Requests whose response does not repeat them, heard once.
     requests: f32,
-    copies: f32,
-    /// Costs of frames that follow each other at once, and of those that do not.
-    glued: f32,
-    strays: f32,
+    /// Such requests heard twice before any response.
+    repeated_requests: f32,
+    /// Cost in bits of a frame right behind another one.
+    adjacent_cost: f32,
+    /// Cost in bits of unframed bytes between two frames, however many.
+    separated_cost: f32,
+    /// Information content of each byte value, in bits.
     bits: [f32; 256],
-    /// The shares of all bytes before any noise was seen.
-    usual: Box<[f32; 256]>,
+    /// Probability of each byte value before any noise was seen.
+    usual_shares: Box<[f32; 256]>,
+    /// Noise bytes by value.
     noise: Box<[f32; 256]>,
     noise_total: f32,
+    /// `noise_total` at which `bits` are computed anew.
     noise_due: f32,
-    /// Frames while no request waits, without and with bytes before them: responses, and all.
-    orphans: [[f32; 2]; 2],
-    /// Frames while a request waits: other requests, and all.
-    unanswered: [[f32; 2]; 2],
-    /// Retries that were answered: those behind whose answer the old one came, and all.
-    lates: [f32; 2],
-    shapes: Shapes,
-    /// Bounds on what headers may claim.
-    pub hints: Hints,
+    /// Frames while no request is outstanding, without and with unframed bytes before them: responses among all frames.
+    unsolicited: [LearnedShare; 2],
+    /// Frames while a request is outstanding, without and with unframed bytes before them: requests among all frames.
+    unanswered: [LearnedShare; 2],
+    /// Retries that got their response: those after which the late response to the first request came, too.
+    late_responses: LearnedShare,
+    lengths: LearnedLengths,
+    /// Cached upper bounds of header scores.
+    pub score_bounds: ScoreBounds,
+}
+
+/// How often something was seen among all chances of seeing it.
+#[derive(Clone, Copy, Default)]
+struct LearnedShare {
+    hits: f32,
+    all: f32,
+}
+
+impl LearnedShare {
+    /// Counts one chance more. Turns are forgotten early, because timeouts come in bursts.
+    fn learn(&mut self, hit: bool) {
+        self.hits += f32::from(u8::from(hit));
+        self.all += 1.0;
+        if self.all > weights::HALVE_TURNS_FRAMES {
+            self.hits /= 2.0;
+            self.all /= 2.0;
+        }
+    }
+
+    /// The share, given what it is on other lines.
+    fn with_prior(self, prior: f32) -> f32 {
+        let share = (self.hits + PRIOR_WEIGHT_FRAMES * prior) / (self.all + PRIOR_WEIGHT_FRAMES);
+        share.clamp(weights::MIN_TURN_SHARE, weights::MAX_TURN_SHARE)
+    }
 }
 
 /// Where a frame stands among others.
 #[derive(Clone, Copy, Debug)]
-pub struct Setting {
-    /// A request waits.
-    pub waiting: bool,
-    /// Bytes before it that are no frame.
-    pub junk: u64,
+pub struct FramePosition {
+    /// A request before it has not been answered.
+    pub request_outstanding: bool,
+    /// Bytes between it and the frame before it that belong to no frame.
+    pub unframed_bytes: u64,
 }
 
-/// What a request is to the one before.
+impl FramePosition {
+    /// The index of counts that are kept without and with a possible damaged frame in front.
+    fn index(self) -> usize {
+        usize::from(self.unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES)
+    }
+}
+
+/// What a request is to the one before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Copy {
-    /// Another one.
+pub enum RequestCopy {
+    /// Another request.
     First,
-    /// The same again, before any answer.
-    Again,
-    /// An answer may look the same.
+    /// The same request again, before any response.
+    Repeated,
+    /// A response may look the same, so nothing is learned.
     Unclear,
 }
 
-impl Default for Model {
+impl Default for TrafficModel {
     fn default() -> Self {
         let mut this = Self {
             units: [0.0; 256],
             unit_total: 0.0,
             functions: [[0.0; 128]; 2],
             function_totals: [0.0; 2],
-            polls: Polls::default(),
+            poll_cycle: PollCycle::default(),
             frames: 0.0,
-            junk: 0.0,
-            few: 0.0,
-            paused: 0.0,
-            damage_counts: [0.0; 2],
-            ends: [0.0; 2],
+            frames_after_unframed: 0.0,
+            frames_after_stray_bytes: 0.0,
+            frames_with_inner_pause: 0.0,
+            frames_with_losses: 0.0,
+            frames_with_collisions: 0.0,
+            truncations_by_tap: 0.0,
+            truncations_by_sender: 0.0,
             requests: 0.0,
-            copies: 0.0,
-            glued: 0.0,
-            strays: 0.0,
+            repeated_requests: 0.0,
+            adjacent_cost: 0.0,
+            separated_cost: 0.0,
             bits: std::array::from_fn(|byte| usual_bits(byte as u8)),
-            usual: Box::new(std::array::from_fn(|byte| (-usual_bits(byte as u8)).exp2())),
+            usual_shares: Box::new(std::array::from_fn(|byte| (-usual_bits(byte as u8)).exp2())),
             noise: Box::new([0.0; 256]),
             noise_total: 0.0,
-            noise_due: NOISE_STEP,
-            orphans: [[0.0; 2]; 2],
-            unanswered: [[0.0; 2]; 2],
-            lates: [0.0; 2],
-            shapes: Shapes::default(),
-            hints: Hints::default(),
+            noise_due: weights::NOISE_UPDATE_BYTES,
+            unsolicited: [LearnedShare::default(); 2],
+            unanswered: [LearnedShare::default(); 2],
+            late_responses: LearnedShare::default(),
+            lengths: LearnedLengths::default(),
+            score_bounds: ScoreBounds::default(),
         };
-        this.settle();
+        this.update_costs();
         this
     }
 }
 
-impl Model {
-    /// The bits of a byte: fewer for bytes that this line's noise is made of.
+/// Bytes: their information content, and what the line's noise teaches of it.
+impl TrafficModel {
+    /// The information content of a byte, in bits: less for values that this line's noise is made of.
     #[inline]
     pub fn bits(&self, byte: u8) -> f32 {
         self.bits[byte as usize]
     }
 
-    /// The bits of some bytes.
+    /// The information content of some bytes, in bits.
     pub fn bits_of(&self, bytes: &[u8]) -> f32 {
         bytes.iter().map(|&byte| self.bits(byte)).sum()
     }
 
-    /// Learns from bytes that are no frame: on a wrong baud rate or a floating line few values make all of the noise.
+    /// Learns from bytes that belong to no frame: on a wrong baud rate or a floating line few values make all of the noise.
     pub fn learn_noise(&mut self, bytes: &[u8]) {
         let mut rest = bytes;
-        if bytes.len() >= MANY {
-            // The same byte again would have to wait for the sum before: so four sums are made.
-            let mut sums = [[0u32; 256]; 4];
+        if bytes.len() >= MANY_BYTES {
+            // To count the same value twice in a row, the second addition would have to wait for the first. Four
+            // histograms, filled in turn, avoid that.
+            let mut histograms = [[0u32; 256]; 4];
             let quads = bytes.chunks_exact(4);
             rest = quads.remainder();
             for quad in quads {
-                for (sums, &byte) in sums.iter_mut().zip(quad) {
-                    sums[usize::from(byte)] += 1;
+                for (histogram, &byte) in histograms.iter_mut().zip(quad) {
+                    histogram[usize::from(byte)] += 1;
                 }
             }
-            for (at, count) in self.noise.iter_mut().enumerate() {
-                *count += sums.iter().map(|sums| sums[at]).sum::<u32>() as f32;
+            for (value, count) in self.noise.iter_mut().enumerate() {
+                *count += histograms.iter().map(|histogram| histogram[value]).sum::<u32>() as f32;
             }
         }
         for &byte in rest {
@@ -145,165 +192,177 @@ impl Model {
         }
         self.noise_total += bytes.len() as f32;
         if self.noise_total >= self.noise_due {
-            self.weigh_noise();
+            self.update_bits();
         }
     }
 
-    /// Works out the bits of all bytes. Without branches: then it takes a few operations for many of them at once.
-    fn weigh_noise(&mut self) {
-        if self.noise_total > NOISE_FORGET {
+    /// Computes the information content of all byte values anew: a mixture of the usual shares and those of the noise.
+    ///
+    /// The loop has no branches, so the compiler turns it into a few vector operations.
+    fn update_bits(&mut self) {
+        if self.noise_total > weights::NOISE_HALVE_BYTES {
             self.noise.iter_mut().for_each(|count| *count /= 2.0);
             self.noise_total /= 2.0;
         }
-        self.noise_due = self.noise_total + NOISE_STEP;
+        self.noise_due = self.noise_total + weights::NOISE_UPDATE_BYTES;
         let total = self.noise_total;
-        let weight = total / (total + NOISE_WEIGHT);
-        for ((bits, &seen), &usual) in self.bits.iter_mut().zip(self.noise.iter()).zip(self.usual.iter()) {
+        let weight = total / (total + weights::NOISE_PRIOR_BYTES);
+        for ((bits, &seen), &usual) in self.bits.iter_mut().zip(self.noise.iter()).zip(self.usual_shares.iter()) {
             *bits = -log2((1.0 - weight) * usual + weight * (seen / total).max(usual));
         }
     }
 
-    /// Cost of a unit number.
-    pub fn unit(&self, unit: u8) -> f32 {
-        self.unit_if(unit, self.seen_unit(unit))
+    /// Cost in bits of this many unframed bytes between two frames: the cheaper of a short run of stray bytes and noise.
+    pub fn between(&self, bytes: u64) -> f32 {
+        if bytes == 0 {
+            return self.adjacent_cost;
+        }
+        let stray_run =
+            weights::ENTER_STRAY_RUN_BITS + weights::STRAY_BYTE_BITS * (bytes - 1) as f32 + weights::LEAVE_STRAY_RUN_BITS;
+        self.separated_cost + stray_run.min(weights::ENTER_NOISE_BITS + weights::LEAVE_NOISE_BITS)
     }
 
-    /// The same, if it had been seen so often.
-    pub fn unit_if(&self, unit: u8, seen: f32) -> f32 {
-        let seen = seen + PRIOR_WEIGHT * unit_prior(unit);
-        -log2(seen / (self.unit_total + PRIOR_WEIGHT))
+    /// Cost in bits of this many unframed bytes behind the last frame of a path while no frame follows yet.
+    pub fn astray(&self, bytes: u64) -> f32 {
+        if bytes == 0 {
+            0.0
+        } else {
+            let stray_run = weights::ENTER_STRAY_RUN_BITS + weights::STRAY_BYTE_BITS * (bytes - 1) as f32;
+            self.separated_cost + stray_run.min(weights::ENTER_NOISE_BITS)
+        }
+    }
+}
+
+/// Units and functions: what their occurrence costs.
+impl TrafficModel {
+    /// Cost of a unit number, in bits.
+    pub fn unit(&self, unit: u8) -> f32 {
+        self.unit_cost_if_seen(unit, self.unit_count(unit))
+    }
+
+    /// Cost of a unit number, in bits, if it had been seen this often.
+    pub fn unit_cost_if_seen(&self, unit: u8, count: f32) -> f32 {
+        let count = count + PRIOR_WEIGHT_FRAMES * unit_prior(unit);
+        -log2(count / (self.unit_total + PRIOR_WEIGHT_FRAMES))
     }
 
     /// How often a unit was seen lately.
-    pub fn seen_unit(&self, unit: u8) -> f32 {
+    pub fn unit_count(&self, unit: u8) -> f32 {
         self.units[usize::from(unit)]
     }
 
-    /// Cost of a function code in a direction (0 request, 1 response).
+    /// Cost of a function code in a direction, in bits.
     pub fn function(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
-        self.function_if(functions, code, direction, self.seen_function(code, direction))
+        self.function_cost_if_seen(functions, code, direction, self.function_count(code, direction))
     }
 
-    /// The same, if it had been seen so often.
-    pub fn function_if(&self, functions: &Functions, code: u8, direction: usize, seen: f32) -> f32 {
-        let seen = seen + PRIOR_WEIGHT * function_prior(functions, code & !EXCEPTION_BIT);
-        -log2(seen / (self.function_totals[direction] + PRIOR_WEIGHT))
+    /// Cost of a function code in a direction, in bits, if it had been seen this often.
+    pub fn function_cost_if_seen(&self, functions: &Functions, code: u8, direction: usize, count: f32) -> f32 {
+        let count = count + PRIOR_WEIGHT_FRAMES * function_prior(functions, code & !EXCEPTION_BIT);
+        -log2(count / (self.function_totals[direction] + PRIOR_WEIGHT_FRAMES))
     }
 
-    /// How often a function was seen lately in a direction.
-    pub fn seen_function(&self, code: u8, direction: usize) -> f32 {
+    /// How often a function was seen lately in a direction, exceptions included.
+    pub fn function_count(&self, code: u8, direction: usize) -> f32 {
         self.functions[direction][usize::from(code & !EXCEPTION_BIT)]
     }
 
-    /// Learns the length of a frame whose layout is not public.
-    pub fn learn_length(&mut self, code: u8, direction: usize, body: &[u8]) {
-        self.shapes.learn(code, direction, body);
-    }
-
-    /// Times that unit and function were seen in committed frames.
+    /// Whether unit and function are both common on this line, so that such a header needs no further proof.
     pub fn familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
-        const OFTEN: f32 = 3.0;
-        self.units[unit as usize] >= OFTEN && self.functions[direction][(code & !EXCEPTION_BIT) as usize] >= OFTEN
-    }
-
-    /// Whether a unit that has been seen may begin a frame with this function code.
-    pub fn has_seen(&self, unit: u8, code: u8) -> bool {
-        let function = usize::from(code & !EXCEPTION_BIT);
-        self.units[usize::from(unit)] > 0.0 && self.functions.iter().any(|seen| seen[function] > 0.0)
+        self.unit_count(unit) >= weights::FAMILIAR_FRAMES && self.function_count(code, direction) >= weights::FAMILIAR_FRAMES
     }
 
     /// Whether this unit has been seen.
     pub fn has_unit(&self, unit: u8) -> bool {
-        self.units[usize::from(unit)] > 0.0
+        self.unit_count(unit) > 0.0
     }
 
-    /// What a request that was seen before is worth.
-    pub fn repeated(&self, frame: &[u8]) -> f32 {
-        if !self.polls.knows(frame) {
+    /// Whether this unit has been seen, and this function in either direction, together or apart.
+    pub fn has_unit_and_function(&self, unit: u8, code: u8) -> bool {
+        self.has_unit(unit) && [REQUEST, RESPONSE].iter().any(|&direction| self.function_count(code, direction) > 0.0)
+    }
+
+    /// What a request is worth, in bits, for being one that was seen before: its body is known then.
+    pub fn polled_request_score(&self, frame: &[u8]) -> f32 {
+        if !self.poll_cycle.contains(frame) {
             return 0.0;
         }
         let body = self.bits_of(&frame[2..frame.len() - 2]);
-        (body - 3.0).clamp(0.0, REPEATED_AT_MOST)
+        (body - weights::POLL_CHOICE_BITS).clamp(0.0, weights::MAX_POLLED_REQUEST_BITS)
     }
 
-    /// Costs of a request and of a response that answers nothing, in this setting.
-    pub fn turn(&self, setting: Setting) -> (f32, f32) {
-        let at = usize::from(setting.junk >= MAY_HOLD_A_FRAME);
-        if setting.waiting {
-            let share = share(self.unanswered[at], FIRST_UNANSWERED[at]);
-            return (-log2(share), ORPHAN);
+    /// Cost in bits of the length of a body whose layout is not public.
+    pub fn open_length_cost(&self, code: u8, direction: usize, body: &[u8]) -> f32 {
+        let count_bits = body.first().map_or(0.0, |&count| self.bits(count));
+        self.lengths.cost(code, direction, body, count_bits)
+    }
+}
+
+/// Turns: whose frame is due, and how often nobody keeps to that.
+impl TrafficModel {
+    /// Costs in bits at this position: of a request, and of a response that answers nothing.
+    pub fn turn_costs(&self, position: FramePosition) -> (f32, f32) {
+        let index = position.index();
+        if position.request_outstanding {
+            let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
+            return (-log2(self.unanswered[index].with_prior(prior)), weights::UNSOLICITED_BITS);
         }
-        let share = share(self.orphans[at], FIRST_ORPHANS[at]);
+        let prior = [weights::PRIOR_UNSOLICITED_SHARE, weights::PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE][index];
+        let share = self.unsolicited[index].with_prior(prior);
         (-log2(1.0 - share), -log2(share))
     }
 
-    /// Cost of an answer to the request before the last one.
-    pub fn late(&self) -> f32 {
-        -log2(share(self.lates, FIRST_LATES))
+    /// Cost in bits of the late response to a request that was repeated.
+    pub fn late_response_cost(&self) -> f32 {
+        -log2(self.late_responses.with_prior(weights::PRIOR_LATE_RESPONSE_SHARE))
     }
 
-    /// A retry was answered, or behind such an answer came the old one.
-    pub fn learn_late(&mut self, late: bool) {
-        self.lates[usize::from(!late)] += 1.0;
-        if self.lates[1] > FORGET_TURNS {
-            self.lates.iter_mut().for_each(|count| *count /= 2.0);
+    /// A retry got its response (`false`), or the late response to the first request came behind that (`true`).
+    ///
+    /// A late response is one more hit, but no further chance: the retry before it was counted as one.
+    pub fn learn_late_response(&mut self, is_late: bool) {
+        let LearnedShare { hits, all } = &mut self.late_responses;
+        *if is_late { hits } else { all } += 1.0;
+        if self.late_responses.all > weights::HALVE_TURNS_FRAMES {
+            self.late_responses.hits /= 2.0;
+            self.late_responses.all /= 2.0;
         }
     }
 
-    /// Cost of the length of a body whose layout is not public.
-    pub fn open_length(&self, code: u8, direction: usize, body: &[u8]) -> f32 {
-        let count_bits = body.first().map_or(0.0, |&count| self.bits(count));
-        self.shapes.cost(code, direction, body, count_bits)
-    }
-
-    /// Works out anew what depends on all that was learned. The search calls it whenever it has learned.
-    pub fn settle(&mut self) {
-        let share = (self.junk + PRIOR_WEIGHT * FIRST_JUNK) / (self.frames + PRIOR_WEIGHT);
-        let share = share.clamp(0.002, 0.9);
-        (self.glued, self.strays) = (-log2(1.0 - share), -log2(share));
-        self.hints.renew(self.frames);
-    }
-
-    /// Cost of so many bytes between two frames that are neither.
-    pub fn between(&self, length: u64) -> f32 {
-        if length == 0 {
-            return self.glued;
-        }
-        let strays = BEFORE_STRAYS + STRAY * (length - 1) as f32 + AFTER_STRAYS;
-        self.strays + strays.min(INTO_NOISE + OUT_OF_NOISE)
-    }
-
-    /// Cost of being among bytes that are no frame, so many behind the last one, without a way out yet.
-    pub fn astray(&self, length: u64) -> f32 {
-        if length == 0 {
-            0.0
-        } else {
-            self.strays + (BEFORE_STRAYS + STRAY * (length - 1) as f32).min(INTO_NOISE)
-        }
-    }
-
-    /// Costs of a request heard twice, and of hearing it once only.
-    pub fn copied(&self) -> (f32, f32) {
-        let share = (self.copies + PRIOR_WEIGHT * FIRST_COPIES) / (self.requests + PRIOR_WEIGHT);
-        let share = share.clamp(0.001, 0.99);
+    /// Costs in bits of hearing a request twice, and of hearing it once only.
+    ///
+    /// Where the tap's adapter echoes what it sends, nearly all requests are heard twice.
+    pub fn echo_costs(&self) -> (f32, f32) {
+        let prior = PRIOR_WEIGHT_FRAMES * weights::PRIOR_ECHO_SHARE;
+        let share = (self.repeated_requests + prior) / (self.requests + PRIOR_WEIGHT_FRAMES);
+        let share = share.clamp(weights::MIN_ECHO_SHARE, weights::MAX_ECHO_SHARE);
         (-log2(share), -log2(1.0 - share))
     }
+}
 
-    /// Learns from a frame that is certain.
+/// Learning from frames.
+impl TrafficModel {
+    /// Computes anew what depends on all counts. The search calls it whenever it has learned.
+    pub fn update_costs(&mut self) {
+        let unframed = self.frames_after_unframed + PRIOR_WEIGHT_FRAMES * weights::PRIOR_UNFRAMED_SHARE;
+        let share = unframed / (self.frames + PRIOR_WEIGHT_FRAMES);
+        let share = share.clamp(weights::MIN_UNFRAMED_SHARE, weights::MAX_UNFRAMED_SHARE);
+        (self.adjacent_cost, self.separated_cost) = (-log2(1.0 - share), -log2(share));
+        self.score_bounds.refresh(self.frames);
+    }
+
+    /// Learns from a committed frame with a valid CRC.
     #[inline]
-    pub fn learn(&mut self, frame: &[u8], direction: usize, setting: Setting, copy: Copy) {
-        let at = usize::from(setting.junk >= MAY_HOLD_A_FRAME);
-        let (counts, seldom) = if setting.waiting { (&mut self.unanswered[at], 0) } else { (&mut self.orphans[at], 1) };
-        counts[0] += f32::from(u8::from(direction == seldom));
-        counts[1] += 1.0;
-        if counts[1] > FORGET_TURNS {
-            for count in counts.iter_mut() {
-                *count /= 2.0;
-            }
+    pub fn learn(&mut self, frame: &[u8], direction: usize, position: FramePosition, copy: RequestCopy) {
+        let index = position.index();
+        if position.request_outstanding {
+            self.unanswered[index].learn(direction == REQUEST);
+        } else {
+            self.unsolicited[index].learn(direction == RESPONSE);
         }
         match copy {
-            Copy::First if direction == 0 => self.requests += 1.0,
-            Copy::Again => self.copies += 1.0,
+            RequestCopy::First if direction == REQUEST => self.requests += 1.0,
+            RequestCopy::Repeated => self.repeated_requests += 1.0,
             _ => {}
         }
         self.units[frame[0] as usize] += 1.0;
@@ -311,90 +370,102 @@ impl Model {
         self.functions[direction][(frame[1] & !EXCEPTION_BIT) as usize] += 1.0;
         self.function_totals[direction] += 1.0;
         self.frames += 1.0;
-        self.junk += f32::from(u8::from(setting.junk > 0));
-        self.learn_strays(setting.junk);
-        if direction == 0 {
-            self.polls.remember(frame);
+        self.frames_after_unframed += f32::from(u8::from(position.unframed_bytes > 0));
+        self.learn_stray_bytes(position.unframed_bytes);
+        if direction == REQUEST {
+            self.poll_cycle.record(frame);
         }
-        if self.unit_total > FORGET {
-            self.forget();
+        if self.unit_total > weights::HALVE_COUNTS_FRAMES {
+            self.halve_counts();
         }
     }
 
-    /// So many bytes stood before a frame.
-    pub fn learn_strays(&mut self, junk: u64) {
-        self.few += f32::from(u8::from((1..MAY_HOLD_A_FRAME).contains(&junk)));
-    }
-
-    /// Learns from a request that leaves no doubt and from its answer, right behind another frame.
+    /// Learns from an unambiguous request and its response, right behind another frame.
     #[inline]
-    pub fn learn_exchange(&mut self, request: &[u8], response: &[u8], copy: Copy) {
-        self.learn(request, REQUEST, Setting { waiting: false, junk: 0 }, copy);
-        self.learn(response, RESPONSE, Setting { waiting: true, junk: 0 }, Copy::Unclear);
+    pub fn learn_exchange(&mut self, request: &[u8], response: &[u8], copy: RequestCopy) {
+        self.learn(request, REQUEST, FramePosition { request_outstanding: false, unframed_bytes: 0 }, copy);
+        let position = FramePosition { request_outstanding: true, unframed_bytes: 0 };
+        self.learn(response, RESPONSE, position, RequestCopy::Unclear);
     }
 
-    /// What happened to a damaged frame, where its bytes told.
+    /// Learns the length of a frame whose layout is not public.
+    pub fn learn_length(&mut self, code: u8, direction: usize, body: &[u8]) {
+        self.lengths.learn(code, direction, body);
+    }
+
+    /// This many unframed bytes stood before a frame.
+    pub fn learn_stray_bytes(&mut self, bytes: u64) {
+        self.frames_after_stray_bytes += f32::from(u8::from((1..weights::MAY_HIDE_FRAME_BYTES).contains(&bytes)));
+    }
+
+    /// A frame with a valid CRC had a pause inside.
+    pub fn learn_inner_pause(&mut self) {
+        self.frames_with_inner_pause += 1.0;
+    }
+
+    /// What happened to a damaged frame, where its bytes show it.
     pub fn learn_damage(&mut self, damage: Option<DamageKind>) {
         match damage {
-            Some(DamageKind::LostBytes { count: 1.., .. }) => self.damage_counts[0] += 1.0,
-            Some(DamageKind::Collision { .. }) => self.damage_counts[1] += 1.0,
+            Some(DamageKind::LostBytes { count: 1.., .. }) => self.frames_with_losses += 1.0,
+            Some(DamageKind::Collision { .. }) => self.frames_with_collisions += 1.0,
             _ => {}
         }
     }
 
-    /// Whether bytes of this line go missing, and nearly nobody talks into others' frames.
-    pub fn loses_bytes(&self) -> bool {
-        const SOME: f32 = 3.0;
-        const FOR_EACH_COLLISION: f32 = 4.0;
-        self.damage_counts[0] >= SOME && self.damage_counts[0] >= FOR_EACH_COLLISION * self.damage_counts[1]
+    /// Behind a truncated response the master asked for it again (`true`), or went on.
+    pub fn learn_end(&mut self, asked_again: bool) {
+        *if asked_again { &mut self.truncations_by_sender } else { &mut self.truncations_by_tap } += 1.0;
     }
 
-    /// Behind an answer without its end, the master asked for it again, or went on.
-    pub fn learn_end(&mut self, again: bool) {
-        self.ends[usize::from(again)] += 1.0;
-    }
-
-    /// Whether it is the tap that has lost the end of an answer, and not the sender that stopped: masters went on.
-    pub fn loses_ends(&self) -> bool {
-        const SOME: f32 = 2.0;
-        const FOR_EACH_STOP: f32 = 4.0;
-        self.ends[0] >= SOME && self.ends[0] >= FOR_EACH_STOP * self.ends[1]
-    }
-
-    /// A good frame had a pause inside.
-    pub fn learn_pause_inside(&mut self) {
-        self.paused += 1.0;
-    }
-
-    /// Whether a pause inside a frame is nothing special here: one frame in a hundred has one.
-    pub fn pauses_inside(&self) -> bool {
-        self.paused * 100.0 > self.frames + 100.0
-    }
-
-    /// How many strays usually stand in one place on this line.
-    pub fn strays_at_most(&self) -> usize {
-        // Four random bytes in a silence are common on a noisy line; on a quiet one, two are too many.
-        if self.few * 50.0 > self.frames {
-            7
-        } else {
-            2
+    /// Halves all counts, so that what a line showed long ago counts for less and less.
+    fn halve_counts(&mut self) {
+        self.score_bounds.clear();
+        for count in self.units.iter_mut().chain(self.functions.iter_mut().flatten()).chain(&mut self.function_totals) {
+            *count /= 2.0;
         }
-    }
-
-    fn forget(&mut self) {
-        self.hints.clear();
-        for value in self.units.iter_mut().chain(self.functions.iter_mut().flatten()).chain(&mut self.function_totals) {
-            *value /= 2.0;
-        }
-        self.unit_total /= 2.0;
-        self.damage_counts.iter_mut().for_each(|count| *count /= 2.0);
-        for value in [&mut self.frames, &mut self.junk, &mut self.few, &mut self.paused, &mut self.requests, &mut self.copies] {
-            *value /= 2.0;
+        for count in [
+            &mut self.unit_total,
+            &mut self.frames_with_losses,
+            &mut self.frames_with_collisions,
+            &mut self.frames,
+            &mut self.frames_after_unframed,
+            &mut self.frames_after_stray_bytes,
+            &mut self.frames_with_inner_pause,
+            &mut self.requests,
+            &mut self.repeated_requests,
+        ] {
+            *count /= 2.0;
         }
     }
 }
 
-/// A learned share: of counts (those, all), with a prior.
-fn share(counts: [f32; 2], prior: f32) -> f32 {
-    ((counts[0] + PRIOR_WEIGHT * prior) / (counts[1] + PRIOR_WEIGHT)).clamp(0.004, 0.9)
+/// Habits of the line.
+impl TrafficModel {
+    /// Whether bytes of this line go missing, and nearly nobody talks into others' frames.
+    pub fn loses_bytes(&self) -> bool {
+        let losses = self.frames_with_losses;
+        losses >= weights::MIN_LOSSES_FRAMES && losses >= weights::LOSSES_PER_COLLISION_FACTOR * self.frames_with_collisions
+    }
+
+    /// Whether it is the tap that loses the ends of responses, and not the sender that stops: masters went on.
+    pub fn loses_ends(&self) -> bool {
+        let by_tap = self.truncations_by_tap;
+        let enough = weights::TAP_TRUNCATIONS_PER_RETRY_FACTOR * self.truncations_by_sender;
+        by_tap >= weights::MIN_TAP_TRUNCATIONS_FRAMES && by_tap >= enough
+    }
+
+    /// Whether pauses inside frames prove nothing on this line, because valid frames have them, too.
+    pub fn pauses_inside(&self) -> bool {
+        let factor = weights::FRAMES_PER_INNER_PAUSE_FACTOR;
+        self.frames_with_inner_pause * factor > self.frames + factor
+    }
+
+    /// How many stray bytes usually stand in one place of this line, at most.
+    pub fn strays_at_most(&self) -> usize {
+        if self.frames_after_stray_bytes * weights::FRAMES_PER_STRAY_RUN_FACTOR > self.frames {
+            weights::MAX_STRAY_NOISY_BYTES
+        } else {
+            weights::MAX_STRAY_QUIET_BYTES
+        }
+    }
 }

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::framer::{ascii, rtu, tcp};
+use crate::framer::{ascii, tcp};
 use crate::records::{Frame, Half, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::routine::MatchedExchange;
 use crate::session::rows::elapsed;
+use crate::weights::MAX_CONFIDENCE_BITS;
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
@@ -70,7 +71,7 @@ impl ExchangeRows<'_> {
             _ => (self.request_frame + 1, self.lines[1], self.response_wire, &self.response_moment),
         };
         let (confidence, cut_by) = match self.matched.mode {
-            Mode::Rtu => (rtu::SURE, CutBy::Length),
+            Mode::Rtu => (MAX_CONFIDENCE_BITS, CutBy::Length),
             Mode::Ascii => (ascii::AGREES, CutBy::Delimiter),
             Mode::Tcp => (tcp::AGREES, CutBy::Length),
         };

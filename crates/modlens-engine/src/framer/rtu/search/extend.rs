@@ -1,181 +1,258 @@
-//! What the bytes may be: frames with a right checksum, and damaged ones of the right length, each behind every path that
-//! ends before it.
+//! Adds frame hypotheses to the lattice: substrings with a valid CRC, and damaged frames of the announced length, each
+//! behind every path that ends before it.
 
-use crate::framer::rtu::announced_length::announced;
-use crate::framer::rtu::costs;
-use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::join::REACH;
-use crate::framer::rtu::pending::Pending;
-use crate::framer::rtu::search::paths::Node;
-use crate::framer::rtu::search::{Search, SHORTEST_DAMAGED};
+use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::answerable::Answerable;
+use crate::framer::rtu::crc_scan::{MAX_CANDIDATE_BYTES, MAX_CANDIDATE_SPAN};
+use crate::framer::rtu::score::{self, Preceding};
+use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::Context;
 use crate::input::Input;
-use modlens_protocol::direction::Direction;
+use crate::weights;
+use modlens_protocol::direction::Pause;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
+/// A substring with a valid CRC.
+struct ValidSubstring<'a> {
+    /// Index of its first byte in the input.
+    from: usize,
+    bytes: &'a [u8],
+    /// Log-odds of the silence before it, timeout against response.
+    pause: Pause,
+    /// The result of `nested_scores`.
+    nested: Vec<f32>,
+}
+
+/// A place in the lattice for a new hypothesis: behind this parent it has these scores, in bits.
+#[derive(Clone, Copy)]
+struct Placement {
+    path_score: f32,
+    parent: usize,
+    frame_score: f32,
+}
+
 impl Search {
-    /// Adds the readings of a substring with a right CRC that ends here.
-    pub(super) fn consider(&mut self, input: &Input, context: &Context<'_>, start: u64, silence: Ns, floor: f32) {
-        if start < self.told() {
+    /// Adds the hypotheses of a substring with a valid CRC that begins at `start` and ends at the last byte scanned: as a
+    /// request and as a response, each behind the path where it scores best. `frame_gap_ns` is the shortest pause between frames,
+    /// `floor` the score in bits below which nothing is added.
+    pub(super) fn add_valid_hypotheses(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        start: u64,
+        frame_gap_ns: Ns,
+        floor: f32,
+    ) {
+        if start < self.committed_offset() {
             return;
         }
-        let (from, to) = ((start - input.offset()) as usize, (self.next - input.offset()) as usize);
+        let (from, to) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
         let frame = &input.bytes()[from..to];
-        if gain::is_none(frame) {
+        if score::is_impossible(frame) {
             return;
         }
-        let held = if self.may_hold(context, frame) { self.held(start) } else { Vec::new() };
-        let timing = timing(input, from, to, silence);
-        let said = context.said_at(input, from);
         let pause = (context.pause)(input.pause_before(from));
+        let nested = if self.may_contain_frames(context, frame) { self.nested_scores(start) } else { Vec::new() };
+        let substring = ValidSubstring { from, bytes: frame, pause, nested };
+        let timing = timing_score(input, from, to, frame_gap_ns);
+        let declared = context.said_at(input, from);
         for direction in [REQUEST, RESPONSE] {
-            let Some(own) = gain::frame(&self.model, context, frame, direction) else { continue };
-            let told = match said {
-                Some(said) if said == gain::direction(direction) => 0.0,
-                Some(_) if context.speaker.is_some() => costs::WRONG_LINE,
-                Some(_) => costs::BROKEN_RULE,
+            let Some(own) = score::frame_score(&self.model, context, frame, direction) else { continue };
+            let contradiction = match declared {
+                Some(declared) if declared == side::direction_of(direction) => 0.0,
+                Some(_) if context.speaker.is_some() => weights::WRONG_LINE_BITS,
+                Some(_) => weights::BROKEN_RULE_BITS,
                 None => 0.0,
             };
-            // A request is a state of its own, whatever was before; a response leaves or clears the request that waits.
-            let mut best: [Option<(f32, usize, f32)>; 2] = [None, None];
-            let nobody = self.nodes.iter().any(|node| node.pending.asked.is_none());
-            let begun = if direction == RESPONSE && nobody && self.model.has_seen(frame[0], frame[1]) {
-                begun(input, from, frame)
-            } else {
-                None
-            };
-            // Most readings have the same request waiting.
-            let mut known = None;
-            for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.end <= start) {
-                let junk = start - node.end;
-                let strays = (1..costs::MAY_HOLD_A_FRAME).contains(&junk);
-                let begun = begun.is_some_and(|place| place >= node.end);
-                let key = (node.pending, junk >= costs::MAY_HOLD_A_FRAME, begun);
-                let (around, answered) = match known {
-                    Some((before, worth)) if before == key && !strays => worth,
-                    _ => {
-                        let open = self.requests.open(node.pending);
-                        // Strays on a line that is silent otherwise do not make the silence shorter.
-                        let strays = strays && node.end >= input.offset();
-                        let pause = if strays { (context.pause)(input.quiet_since(node.end, from)) } else { pause };
-                        gain::context(&self.model, context, open, frame, direction, pause, (junk, begun))
-                    }
-                };
-                known = (!strays).then_some((key, (around, answered)));
-                let gain = own + timing - told + around;
-                let inside = held.get(i).copied().unwrap_or(0.0);
-                let score = node.score - self.model.between(start - node.end) + gain + inside;
-                let slot = &mut best[usize::from(answered)];
-                if score > floor && slot.is_none_or(|(known, ..)| score > known) {
-                    *slot = Some((score, i, gain));
-                }
-            }
-            for (answered, found) in best.into_iter().enumerate() {
-                let Some((score, parent, gain)) = found else { continue };
-                let answers = answered == 1;
-                self.make_room();
-                let pending = self.requests.after(self.nodes[parent].pending, frame, direction, answers, true);
-                self.push(Node { direction, score, gain, parent, answers, pending, ..self.node(start) });
+            let own = own + timing - contradiction;
+            let placements = self.best_placements(input, context, &substring, direction, own, floor);
+            for (answers, placement) in [false, true].into_iter().zip(placements) {
+                let Some(Placement { path_score, parent, frame_score }) = placement else { continue };
+                self.reserve_request();
+                let before = self.lattice[parent].answerable;
+                let answerable = self.requests.after(before, frame, direction, answers, true);
+                self.push(Hypothesis {
+                    direction,
+                    path_score,
+                    frame_score,
+                    parent,
+                    answers_outstanding: answers,
+                    answerable,
+                    ..self.new_hypothesis(start)
+                });
             }
         }
     }
 
-    /// A frame from there to here, of which nothing else is known yet.
-    fn node(&self, start: u64) -> Node {
-        Node {
-            start,
-            end: self.next,
-            direction: REQUEST,
-            score: 0.0,
-            gain: 0.0,
-            parent: 0,
-            first: 0,
-            wake: self.next + SHORTEST_DAMAGED,
-            answers: false,
-            whole: true,
-            pending: Pending::default(),
-        }
-    }
-
-    fn push(&mut self, node: Node) {
-        let first = if node.parent == 0 { self.nodes.len() } else { self.nodes[node.parent].first };
-        self.wake = self.wake.min(node.wake);
-        self.nodes.push(Node { first, ..node });
-    }
-
-    /// Adds frames with a wrong checksum that begin right behind another one and have just the length they announce.
+    /// The best places in the lattice for a frame: where it does not answer the outstanding request, and where it does.
     ///
-    /// Nothing is added where a frame with a right checksum ends (`alone` is false).
-    pub(super) fn suppose(&mut self, input: &Input, context: &Context<'_>, silence: Ns, alone: bool) {
-        self.wake = u64::MAX;
-        for parent in 0..self.nodes.len() {
-            if self.nodes[parent].wake <= self.next {
-                self.nodes[parent].wake = self.suppose_behind(input, context, parent, silence, alone);
+    /// These are two states: a response leaves the outstanding request or clears it. A request is the outstanding one behind
+    /// itself whatever was before, so one place is enough. `own` is the frame's score in bits without the frames before it.
+    fn best_placements(
+        &self,
+        input: &Input,
+        context: &Context<'_>,
+        substring: &ValidSubstring<'_>,
+        direction: usize,
+        own: f32,
+        floor: f32,
+    ) -> [Option<Placement>; 2] {
+        let &ValidSubstring { from, bytes: frame, pause, ref nested } = substring;
+        let start = input.offset() + from as u64;
+        let mut best = [None; 2];
+        let nothing_outstanding = self.lattice.iter().any(|before| before.answerable.outstanding.is_none());
+        let looks_for_header =
+            direction == RESPONSE && nothing_outstanding && self.model.has_unit_and_function(frame[0], frame[1]);
+        let same_header = if looks_for_header { last_same_header(input, from, frame) } else { None };
+        // On most paths the same request is outstanding, so the last context score is kept.
+        let mut cached = None;
+        for (i, before) in self.lattice.iter().enumerate().filter(|(_, before)| before.end <= start) {
+            let unframed_bytes = start - before.end;
+            let after_strays = (1..weights::MAY_HIDE_FRAME_BYTES).contains(&unframed_bytes);
+            let has_same_header = same_header.is_some_and(|place| place >= before.end);
+            let key = (before.answerable, unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES, has_same_header);
+            let (around, answers) = match cached {
+                Some((cached_key, scores)) if cached_key == key && !after_strays => scores,
+                _ => {
+                    let answerable = self.requests.look_up(before.answerable);
+                    // Stray bytes do not make a silence shorter that the line kept around them.
+                    let strays_in_silence = after_strays && before.end >= input.offset();
+                    let pause = if strays_in_silence { (context.pause)(input.quiet_since(before.end, from)) } else { pause };
+                    let preceding = Preceding { unframed_bytes, has_same_header };
+                    score::context_score(&self.model, context, answerable, frame, direction, pause, preceding)
+                }
+            };
+            cached = (!after_strays).then_some((key, (around, answers)));
+            let frame_score = own + around;
+            let inside = nested.get(i).copied().unwrap_or(0.0);
+            let path_score = before.path_score - self.model.between(unframed_bytes) + frame_score + inside;
+            let place: &mut Option<Placement> = &mut best[usize::from(answers)];
+            if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
+                *place = Some(Placement { path_score, parent: i, frame_score });
             }
-            self.wake = self.wake.min(self.nodes[parent].wake);
+        }
+        best
+    }
+
+    /// A frame from `start` to the last byte scanned, of which nothing else is known yet.
+    fn new_hypothesis(&self, start: u64) -> Hypothesis {
+        Hypothesis {
+            start,
+            end: self.scanned_to,
+            direction: REQUEST,
+            path_score: 0.0,
+            frame_score: 0.0,
+            parent: ROOT,
+            first_on_path: ROOT,
+            next_damaged_end_at: self.scanned_to + weights::MIN_DAMAGED_FRAME_BYTES,
+            answers_outstanding: false,
+            is_crc_valid: true,
+            answerable: Answerable::default(),
         }
     }
 
-    /// The same behind one frame; says where it is to be looked for next.
-    fn suppose_behind(&mut self, input: &Input, context: &Context<'_>, parent: usize, silence: Ns, alone: bool) -> u64 {
-        let start = self.nodes[parent].end;
-        let length = self.next - start;
-        if start < input.offset() || length > REACH {
+    fn push(&mut self, hypothesis: Hypothesis) {
+        let parent = hypothesis.parent;
+        let first_on_path = if parent == ROOT { self.lattice.len() } else { self.lattice[parent].first_on_path };
+        self.skip.next_damaged_end_at = self.skip.next_damaged_end_at.min(hypothesis.next_damaged_end_at);
+        self.lattice.push(Hypothesis { first_on_path, ..hypothesis });
+    }
+
+    /// Adds frames with an invalid CRC that begin right behind another frame and have exactly the length they announce.
+    ///
+    /// Nothing is added where a frame with a valid CRC ends (`no_valid_end` is false).
+    pub(super) fn add_damaged_hypotheses(&mut self, input: &Input, context: &Context<'_>, frame_gap_ns: Ns, no_valid_end: bool) {
+        self.skip.next_damaged_end_at = u64::MAX;
+        for parent in 0..self.lattice.len() {
+            if self.lattice[parent].next_damaged_end_at <= self.scanned_to {
+                let next = self.add_damaged_hypotheses_behind(input, context, parent, frame_gap_ns, no_valid_end);
+                self.lattice[parent].next_damaged_end_at = next;
+            }
+            self.skip.next_damaged_end_at = self.skip.next_damaged_end_at.min(self.lattice[parent].next_damaged_end_at);
+        }
+    }
+
+    /// Adds damaged frames right behind one hypothesis that end at the last byte scanned; returns the stream offset at which
+    /// one may end next.
+    fn add_damaged_hypotheses_behind(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        parent: usize,
+        frame_gap_ns: Ns,
+        no_valid_end: bool,
+    ) -> u64 {
+        let start = self.lattice[parent].end;
+        let length = self.scanned_to - start;
+        if start < input.offset() || length > MAX_CANDIDATE_SPAN {
             return u64::MAX;
         }
-        if length < SHORTEST_DAMAGED {
-            return start + SHORTEST_DAMAGED;
+        if length < weights::MIN_DAMAGED_FRAME_BYTES {
+            return start + weights::MIN_DAMAGED_FRAME_BYTES;
         }
         let from = (start - input.offset()) as usize;
         let frame = &input.bytes()[from..from + length as usize];
-        let mut wake = u64::MAX;
-        for (way, extent) in announced(context, frame).into_iter().flatten() {
-            let direction = if way == Direction::Response { RESPONSE } else { REQUEST };
+        let mut next_end_at = u64::MAX;
+        for (direction, extent) in announced_lengths(context, frame).into_iter().flatten() {
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
-                    // Where bytes come one by one, a frame that lost some ends at a pause before it has its length.
-                    let paused = !input.coarse && input.edge_after(from, from + frame.len() - 1, silence).is_some();
-                    let damaged = alone && !paused && frame[1] & EXCEPTION_BIT == 0;
-                    let asked = self.nodes[parent].pending.asked.filter(|_| damaged).map(|slot| self.requests.get(slot));
-                    let gain = if damaged { gain::damaged(&self.model, context, asked, frame, direction) } else { None };
-                    if let Some(gain) = gain {
-                        let score = self.nodes[parent].score + gain;
-                        let answers = direction == RESPONSE;
-                        self.make_room();
-                        let pending = self.requests.after(self.nodes[parent].pending, frame, direction, answers, false);
-                        self.push(Node { direction, score, gain, parent, answers, whole: false, pending, ..self.node(start) });
+                    // Where each byte has its time, a frame that lost bytes ends at a pause, before it has its length.
+                    let is_paused = !input.coarse && input.edge_after(from, from + frame.len() - 1, frame_gap_ns).is_some();
+                    if no_valid_end && !is_paused && frame[1] & EXCEPTION_BIT == 0 {
+                        self.add_damaged_hypothesis(context, parent, start, frame, side::index_of(direction));
                     }
                 }
                 Extent::Exactly(announced) | Extent::AtLeast(announced) if announced > frame.len() => {
-                    wake = wake.min(start + announced as u64);
+                    next_end_at = next_end_at.min(start + announced as u64);
                 }
-                Extent::AtLeast(_) => wake = wake.min(self.next + 1),
+                Extent::AtLeast(_) => next_end_at = next_end_at.min(self.scanned_to + 1),
                 Extent::Exactly(_) | Extent::Open(_) => {}
             }
         }
-        wake
+        next_end_at
+    }
+
+    /// Adds one frame with an invalid CRC behind a hypothesis, if it is expected there.
+    fn add_damaged_hypothesis(&mut self, context: &Context<'_>, parent: usize, start: u64, frame: &[u8], direction: usize) {
+        let outstanding = self.lattice[parent].answerable.outstanding.map(|id| self.requests.get(id));
+        let score = score::damaged_frame_score(&self.model, context, outstanding, frame, direction);
+        let Some(frame_score) = score else { return };
+        let path_score = self.lattice[parent].path_score + frame_score;
+        let answers = direction == RESPONSE;
+        self.reserve_request();
+        let answerable = self.requests.after(self.lattice[parent].answerable, frame, direction, answers, false);
+        self.push(Hypothesis {
+            direction,
+            path_score,
+            frame_score,
+            parent,
+            answers_outstanding: answers,
+            is_crc_valid: false,
+            answerable,
+            ..self.new_hypothesis(start)
+        });
     }
 }
 
-/// Where unit and function of a frame last stand among the bytes before it: perhaps its request was damaged.
-fn begun(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
+/// The stream offset at which unit and function of a frame last stand among the bytes before it: perhaps those are its
+/// request, damaged.
+fn last_same_header(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
     let function = frame[1] & !EXCEPTION_BIT;
-    let first = from.saturating_sub(REACH as usize);
+    let first = from.saturating_sub(MAX_CANDIDATE_BYTES);
     let before = &input.bytes()[first..from];
     let mut units = memchr::memrchr_iter(frame[0], before);
     let place = units.find(|&place| before.get(place + 1) == Some(&function))?;
     Some(input.offset() + (first + place) as u64)
 }
 
-/// Bits that pauses and record boundaries give or take.
-fn timing(input: &Input, from: usize, to: usize, silence: Ns) -> f32 {
-    let paused = input.pause_before(from).is_some_and(|pause| pause >= silence);
-    let before = if paused || input.read(from).is_some_and(|read| read.record && input.starts_read(from)) {
-        costs::PAUSE_BEFORE
-    } else {
-        0.0
-    };
-    let inside = if input.edge_after(from, to - 1, silence).is_some() { costs::PAUSE_INSIDE } else { 0.0 };
+/// Score in bits of pauses and record boundaries before a frame and inside it.
+fn timing_score(input: &Input, from: usize, to: usize, frame_gap_ns: Ns) -> f32 {
+    let follows_pause = input.pause_before(from).is_some_and(|pause| pause >= frame_gap_ns);
+    let starts_record = || input.read(from).is_some_and(|read| read.record && input.starts_read(from));
+    let before = if follows_pause || starts_record() { weights::PAUSE_BEFORE_BITS } else { 0.0 };
+    let inside = if input.edge_after(from, to - 1, frame_gap_ns).is_some() { weights::PAUSE_INSIDE_BITS } else { 0.0 };
     before - inside
 }

@@ -1,165 +1,118 @@
-//! The paths through the bytes, as a tree of frames: what was told last is the root.
+//! The lattice: paths of frame hypotheses through the bytes, as a tree whose root is the frame committed last.
+//!
+//! A path is a chain of hypotheses from the root on. Its score is the sum of the scores of its frames, less the cost of the
+//! bytes between them. Paths that fall too far behind the best one are dropped, as in a beam search.
 
-use crate::framer::rtu::gain::RESPONSE;
-use crate::framer::rtu::pending::Pending;
-use crate::framer::rtu::search::{Search, Told, SHORTEST_DAMAGED};
-
-/// So many readings are kept when they are thinned out.
-pub const KEPT: usize = 16;
-
-/// Readings that are so many bits behind are dropped.
-const HOPELESS: f32 = 60.0;
-
-/// The same where no frame is better than none: noise makes such readings all the time.
-const UNLIKELY: f32 = 30.0;
-
-/// A frame on a path.
-pub struct Node {
-    /// Stream offset of its first byte.
-    pub start: u64,
-    /// Stream offset behind it.
-    pub end: u64,
-    /// Who sent it.
-    pub direction: usize,
-    /// Of the path up to its end.
-    pub score: f32,
-    /// Of this frame alone.
-    pub gain: f32,
-    /// The frame before it.
-    pub parent: usize,
-    /// The frame behind the root on the way to this one.
-    pub first: usize,
-    /// Where damaged frames behind this one are to be looked for next.
-    pub wake: u64,
-    /// Whether it answers the request that waited.
-    pub answers: bool,
-    /// Whether its checksum is right.
-    pub whole: bool,
-    /// What may be answered behind it.
-    pub pending: Pending,
-}
-
-impl Node {
-    /// The place before all bytes.
-    pub fn root() -> Self {
-        Self {
-            start: 0,
-            end: 0,
-            direction: RESPONSE,
-            score: 0.0,
-            gain: 0.0,
-            parent: 0,
-            first: 0,
-            wake: 0,
-            answers: false,
-            whole: true,
-            pending: Pending::default(),
-        }
-    }
-}
+use crate::framer::rtu::search::commit::Decision;
+use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::state::Search;
+use crate::weights::{BEAM_BITS, BEAM_HYPOTHESES, BEAM_IN_NOISE_BITS, MIN_DAMAGED_FRAME_BYTES};
 
 impl Search {
-    /// The score of a path that ends with this node, at the next byte.
-    pub(super) fn standing(&self, node: &Node) -> f32 {
-        node.score - self.model.astray(self.next - node.end)
+    /// The score in bits of the path that ends with this hypothesis, as it stands at the last byte scanned: less the cost of
+    /// the bytes behind the frame.
+    pub(super) fn current_score(&self, hypothesis: &Hypothesis) -> f32 {
+        hypothesis.path_score - self.model.astray(self.scanned_to - hypothesis.end)
     }
 
-    /// The path that stands best now.
-    pub(super) fn best(&self) -> (usize, f32) {
-        let standings = self.nodes.iter().enumerate().map(|(i, node)| (i, self.standing(node)));
-        standings.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+    /// The last hypothesis of the path with the best score now, and that score.
+    pub(super) fn best_path(&self) -> (usize, f32) {
+        let scores = self.lattice.iter().enumerate().map(|(i, hypothesis)| (i, self.current_score(hypothesis)));
+        scores.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((ROOT, 0.0))
     }
 
-    /// Readings below this are not kept.
-    pub(super) fn floor(&self) -> f32 {
-        let (best, standing) = self.best();
-        standing - if self.nodes[best].first == 0 { UNLIKELY } else { HOPELESS }
+    /// The score in bits below which a new hypothesis is not added.
+    pub(super) fn beam_floor(&self) -> f32 {
+        let (best, score) = self.best_path();
+        score - if self.lattice[best].first_on_path == ROOT { BEAM_IN_NOISE_BITS } else { BEAM_BITS }
     }
 
-    /// Crafted bytes and some noise make readings without end: the worst of them go.
-    pub(super) fn thin(&mut self) {
-        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
-        let standings: Vec<f32> = self.nodes.iter().map(|node| self.standing(node)).collect();
-        order.sort_by(|&a, &b| standings[b].total_cmp(&standings[a]).then(b.cmp(&a)));
-        let floor = standings[order[0]] - HOPELESS;
-        let mut keep = vec![false; self.nodes.len()];
-        for &i in order.iter().take(KEPT) {
-            keep[i] = standings[i] >= floor;
+    /// Drops all but the best hypotheses and the frames on the way to them: crafted bytes and some noise make hypotheses
+    /// without end.
+    pub(super) fn prune(&mut self) {
+        let mut order: Vec<usize> = (0..self.lattice.len()).collect();
+        let scores: Vec<f32> = self.lattice.iter().map(|hypothesis| self.current_score(hypothesis)).collect();
+        order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]).then(b.cmp(&a)));
+        let floor = scores[order[0]] - BEAM_BITS;
+        let mut keep = vec![false; self.lattice.len()];
+        for &i in order.iter().take(BEAM_HYPOTHESES) {
+            keep[i] = scores[i] >= floor;
         }
-        keep[0] = true;
-        for i in (1..self.nodes.len()).rev() {
-            let parent = self.nodes[i].parent;
+        keep[ROOT] = true;
+        for i in (1..self.lattice.len()).rev() {
+            let parent = self.lattice[i].parent;
             keep[parent] |= keep[i];
         }
         self.retain(&keep);
-        self.renumber();
+        self.update_after_new_root();
     }
 
-    /// Keeps some of the nodes, and with a node those that it stands on.
+    /// Keeps the marked hypotheses. With each of them its parent has to be marked.
     fn retain(&mut self, keep: &[bool]) {
-        let mut places = vec![0; self.nodes.len()];
+        let mut new_indices = vec![0; self.lattice.len()];
         let mut kept = 0;
-        for (place, &keep) in places.iter_mut().zip(keep) {
-            *place = kept;
+        for (index, &keep) in new_indices.iter_mut().zip(keep) {
+            *index = kept;
             kept += usize::from(keep);
         }
         let mut i = 0;
-        self.nodes.retain_mut(|node| {
-            node.parent = places[node.parent];
+        self.lattice.retain_mut(|hypothesis| {
+            hypothesis.parent = new_indices[hypothesis.parent];
             i += 1;
             keep[i - 1]
         });
     }
 
-    /// Tells bytes without frames. Readings behind them stay.
-    pub(super) fn junk(&mut self, to: u64) -> Told {
+    /// Moves the root to this offset: the bytes before it belong to no frame. Hypotheses behind it stay.
+    pub(super) fn commit_unframed(&mut self, to: u64) -> Decision {
         let mut index = 0;
-        self.nodes.retain(|node| {
+        self.lattice.retain(|hypothesis| {
             index += 1;
-            index == 1 || (node.parent == 0 && node.start >= to)
+            index == 1 || (hypothesis.parent == ROOT && hypothesis.start >= to)
         });
-        (self.nodes[0].start, self.nodes[0].end) = (to, to);
-        if self.next <= to {
-            self.running = false;
+        (self.lattice[ROOT].start, self.lattice[ROOT].end) = (to, to);
+        if self.scanned_to <= to {
+            self.is_scanning = false;
         }
-        self.renumber();
-        Told::Junk(to)
+        self.update_after_new_root();
+        Decision::UnframedTo(to)
     }
 
-    /// What stands on this frame stays.
-    pub(super) fn reroot(&mut self, first: usize) {
-        let score = self.nodes[first].score;
-        self.nodes[first].parent = first;
-        if first + 1 == self.nodes.len() {
-            // Nothing stands on it yet, as nearly always.
-            self.nodes.swap(0, first);
-            self.nodes.truncate(1);
-            self.nodes[0].parent = 0;
+    /// Makes this hypothesis the root. Hypotheses that do not stand on it are dropped.
+    pub(super) fn set_root(&mut self, hypothesis: usize) {
+        let score = self.lattice[hypothesis].path_score;
+        self.lattice[hypothesis].parent = hypothesis;
+        if hypothesis + 1 == self.lattice.len() {
+            // The usual case: nothing stands on it yet.
+            self.lattice.swap(ROOT, hypothesis);
+            self.lattice.truncate(1);
+            self.lattice[ROOT].parent = ROOT;
         } else {
-            let mut keep = vec![false; self.nodes.len()];
-            keep[first] = true;
-            for i in first + 1..self.nodes.len() {
-                keep[i] = keep[self.nodes[i].parent];
+            let mut keep = vec![false; self.lattice.len()];
+            keep[hypothesis] = true;
+            for i in hypothesis + 1..self.lattice.len() {
+                keep[i] = keep[self.lattice[i].parent];
             }
             self.retain(&keep);
         }
-        for node in &mut self.nodes {
-            node.score -= score;
+        for hypothesis in &mut self.lattice {
+            hypothesis.path_score -= score;
         }
-        self.renumber();
+        self.update_after_new_root();
     }
 
-    /// The root is another one: what was worked out from the old one is worked out again.
-    fn renumber(&mut self) {
-        (self.calm, self.cleared, self.threat) = (0, 0, None);
-        let root = self.told();
-        self.nodes[0].wake = root + SHORTEST_DAMAGED;
-        self.wake = u64::MAX;
-        for i in 0..self.nodes.len() {
-            let parent = self.nodes[i].parent;
-            self.nodes[i].first = if i == 0 || parent != 0 { self.nodes[parent].first } else { i };
-            self.wake = self.wake.min(self.nodes[i].wake);
+    /// Computes anew what depends on the root.
+    fn update_after_new_root(&mut self) {
+        self.skip.forget_decisions();
+        let root_end = self.committed_offset();
+        self.lattice[ROOT].next_damaged_end_at = root_end + MIN_DAMAGED_FRAME_BYTES;
+        self.skip.next_damaged_end_at = u64::MAX;
+        for i in 0..self.lattice.len() {
+            let parent = self.lattice[i].parent;
+            let is_first = i != ROOT && parent == ROOT;
+            self.lattice[i].first_on_path = if is_first { i } else { self.lattice[parent].first_on_path };
+            self.skip.next_damaged_end_at = self.skip.next_damaged_end_at.min(self.lattice[i].next_damaged_end_at);
         }
-        self.nodes[0].first = 0;
+        self.lattice[ROOT].first_on_path = ROOT;
     }
 }

@@ -1,41 +1,46 @@
-//! Frames that hold frames: files, loopbacks and tunnels carry what was recorded elsewhere.
+//! Frames that contain frames: file transfers, loopbacks and tunnels carry what was recorded elsewhere.
 //!
-//! That a few bytes before a frame and two behind it make another one with a right checksum is no chance, and that this
-//! one holds the first is seldom, but happens: so it is worth what both are, less what it takes to hold any.
+//! A few bytes before a frame and two behind it that make a longer frame with a valid CRC are no chance match. That the
+//! longer frame really contains the first one is rare, but it happens. So the longer frame is worth what both are worth
+//! together, less the cost of containing any.
 
-use crate::framer::rtu::costs;
-use crate::framer::rtu::search::Search;
+use crate::framer::rtu::search::hypothesis::ROOT;
+use crate::framer::rtu::search::state::Search;
 use crate::framer::Context;
+use crate::weights;
 use modlens_protocol::checksum::CHECKSUM;
 use modlens_protocol::functions::{Operation, EXCEPTION_BIT};
 
 impl Search {
-    /// Whether a frame that begins so may hold others: answers to reads are measured, not copied.
-    pub(super) fn may_hold(&self, context: &Context<'_>, frame: &[u8]) -> bool {
+    /// Whether a frame that begins like this may contain others: responses to reads may not, their payload is measured and
+    /// not copied.
+    pub(super) fn may_contain_frames(&self, context: &Context<'_>, frame: &[u8]) -> bool {
         let &[unit, code, ref body @ ..] = frame else { return false };
-        let writes = |operation| !matches!(operation, Operation::Read);
-        let row = || context.functions.row(code, body).is_some_and(|row| writes(row.operation));
+        let copies_payload = |operation| !matches!(operation, Operation::Read);
+        let row = || context.functions.row(code, body).is_some_and(|row| copies_payload(row.operation));
         code & EXCEPTION_BIT == 0 && self.model.has_unit(unit) && row()
     }
 
-    /// For each node, what the best path behind it is worth that stands inside a frame from `start` to here, less what it
-    /// takes to hold one; nothing where there is none.
-    pub(super) fn held(&self, start: u64) -> Vec<f32> {
-        if self.nodes.last().is_none_or(|last| last.start <= start) {
+    /// For each hypothesis, the score in bits of the best path behind it that stands inside a frame from `start` to the last
+    /// byte scanned, less the cost of containing one; 0 where there is none. Empty if it is 0 everywhere.
+    pub(super) fn nested_scores(&self, start: u64) -> Vec<f32> {
+        if self.lattice.last().is_none_or(|last| last.start <= start) {
             return Vec::new();
         }
-        let mut held = vec![0.0; self.nodes.len()];
-        // Parents stand before their children: the node behind which the frames inside begin is known already.
-        let mut outside = vec![0; self.nodes.len()];
-        for (at, node) in self.nodes.iter().enumerate() {
-            let inside = at > 0 && node.start > start;
-            outside[at] = if inside { outside[node.parent] } else { at };
-            let worth = node.score - self.nodes[outside[at]].score - costs::HOLDS_FRAMES;
-            // Nothing of a frame that is held reaches into the checksum of the one that holds it.
-            if inside && node.whole && node.end + CHECKSUM as u64 <= self.next && worth > held[outside[at]] {
-                held[outside[at]] = worth;
+        let mut nested = vec![0.0; self.lattice.len()];
+        // For each hypothesis, the last frame on its path that ends before `start`. Parents stand before their children, so
+        // it is known already.
+        let mut outside = vec![ROOT; self.lattice.len()];
+        for (i, hypothesis) in self.lattice.iter().enumerate() {
+            let is_inside = i != ROOT && hypothesis.start > start;
+            outside[i] = if is_inside { outside[hypothesis.parent] } else { i };
+            let score = hypothesis.path_score - self.lattice[outside[i]].path_score - weights::NESTING_BITS;
+            // A nested frame does not reach into the CRC of the frame that contains it.
+            let ends_before_crc = hypothesis.end + CHECKSUM as u64 <= self.scanned_to;
+            if is_inside && hypothesis.is_crc_valid && ends_before_crc && score > nested[outside[i]] {
+                nested[outside[i]] = score;
             }
         }
-        held
+        nested
     }
 }

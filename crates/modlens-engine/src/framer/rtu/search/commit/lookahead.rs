@@ -1,177 +1,185 @@
-//! In a recording, what is still to come can be looked at: whether a frame that has begun will be one.
+//! Look-ahead in a recording: whether a frame that has begun will be complete can be looked up in the bytes behind it.
 //!
-//! So nothing has to be waited for that does not come, and no readings pile up meanwhile. What does come is waited for
-//! as on a live line, and weighed.
+//! So nothing is awaited that does not come, and no hypotheses pile up meanwhile. A frame that does come is awaited as on a
+//! live line, and scored.
 
 use std::ops::Range;
 
-use crate::framer::rtu::announced_length::{announced, LONGEST};
+use crate::framer::rtu::announced_length::announced_lengths;
 use crate::framer::rtu::certain::{Certain, Length};
-use crate::framer::rtu::gain::{self, REQUEST, RESPONSE};
-use crate::framer::rtu::search::decide::{COMING, DUE, ROUNDING, SURE, THETA_AHEAD, THREAT_AHEAD};
-use crate::framer::rtu::search::paths::Node;
-use crate::framer::rtu::search::Search;
+use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalBar};
+use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
+use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::{header_score, score, side};
 use crate::framer::Context;
 use crate::input::Input;
+use crate::weights;
 use modlens_protocol::checksum::{crc_valid_at, first_right};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
-/// What the bytes that are still to come say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outlook {
-    /// It comes.
-    Comes,
-    /// It does not.
-    Never,
-    /// More bytes have to be there to tell.
-    Unknown,
-}
-
 impl Search {
-    /// A frame that has begun before the end of `first`, comes, and may be worth more: behind which node, where it begins
-    /// and until when it may. See `find_threat`, which can only guess.
-    pub(super) fn find_coming(
+    /// The first frame that has begun in `starts`, comes to an end, and may be worth more than the bar behind some path. On a
+    /// live line `find_rival_by_header` can only guess at that.
+    pub(super) fn find_rival_by_lookahead(
         &mut self,
         input: &Input,
         context: &Context<'_>,
         first: usize,
-        within: Range<u64>,
-        (bar, least): (f32, f32),
-    ) -> Option<(usize, u64, u64)> {
-        let asked = self.units_asked();
-        let mut quiet = true;
-        let top = self.nodes.iter().map(|node| node.score).fold(f32::MIN, f32::max) + ROUNDING;
-        for start in within.start.max(self.cleared)..within.end {
+        starts: Range<u64>,
+        bar: RivalBar,
+    ) -> Option<Rival> {
+        let units = self.outstanding_units();
+        let max_path_score = self.max_path_score();
+        let mut none_before = true;
+        for start in starts.start.max(self.skip.no_rival_before)..starts.end {
             let bytes = &input.bytes()[(start - input.offset()) as usize..];
-            let little = self.claims_too_little(context, bytes, start, least - top, &asked);
-            if !little {
-                let never = self.outlook(input, context, start) == Outlook::Never;
-                for node in 0..self.nodes.len() {
-                    if never && self.nodes[node].end != start {
+            if !self.cannot_exceed(context, bytes, start, bar.least - max_path_score, &units) {
+                let never_completes = self.completion(input, context, start) == Completion::Never;
+                for parent in 0..self.lattice.len() {
+                    // Right behind another frame it may be complete and damaged.
+                    if never_completes && self.lattice[parent].end != start {
                         continue;
                     }
-                    quiet = false;
-                    if let Some(until) = self.comes(input, context, node, start, bar) {
-                        return Some((node, start, until));
+                    none_before = false;
+                    if let Some(until) = self.will_outscore_until(input, context, parent, start, bar.now) {
+                        return Some(Rival { parent, start, until });
                     }
                 }
             }
-            if quiet {
-                self.cleared = start + 1;
+            if none_before {
+                self.skip.no_rival_before = start + 1;
             }
         }
-        // The rival path may be in the middle of its next frame.
-        (1..self.nodes.len()).find_map(|node| {
-            let Node { end, first: of, .. } = self.nodes[node];
-            let until = if of == first { None } else { self.comes(input, context, node, end, bar) };
-            Some((node, end, until?))
+        // A rival path may be in the middle of its next frame.
+        (1..self.lattice.len()).find_map(|parent| {
+            let Hypothesis { end: start, first_on_path, .. } = self.lattice[parent];
+            if first_on_path == first {
+                return None;
+            }
+            let until = self.will_outscore_until(input, context, parent, start, bar.now)?;
+            Some(Rival { parent, start, until })
         })
     }
 
-    /// Until when a frame that begins at `start`, behind this node, may come out above the bar, if it comes.
-    pub(super) fn comes(&mut self, input: &Input, context: &Context<'_>, node: usize, start: u64, bar: f32) -> Option<u64> {
-        let behind = &self.nodes[node];
-        let until = self.promises(input, context, behind, start, bar)?;
-        // With a wrong checksum it would be a rival once it is there.
-        let rival = bar + COMING - THETA_AHEAD;
-        let outlook = match self.outlook(input, context, start) {
-            Outlook::Never if start == behind.end => self.outlook_of_spoilt(input, context, behind, rival),
-            outlook => outlook,
+    /// Whether a frame that begins at `start`, behind this hypothesis, may outscore the bar and comes to an end: until which
+    /// stream offset it has to be awaited.
+    pub(super) fn will_outscore_until(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        parent: usize,
+        start: u64,
+        bar: f32,
+    ) -> Option<u64> {
+        let behind = &self.lattice[parent];
+        let until = self.may_outscore_until(input, context, behind, start, bar)?;
+        // With an invalid CRC it is a rival once it is there, so the usual margin applies to it.
+        let damaged_bar = bar + weights::LOOKAHEAD_MARGIN_BITS - weights::OFFLINE_COMMIT_MARGIN_BITS;
+        let completion = match self.completion(input, context, start) {
+            Completion::Never if start == behind.end => self.damaged_completion(input, context, behind, damaged_bar),
+            completion => completion,
         };
-        self.short |= outlook == Outlook::Unknown;
-        (outlook != Outlook::Never).then_some(until)
+        self.skip.needs_more_bytes |= completion == Completion::Unknown;
+        (completion != Completion::Never).then_some(until)
     }
 
-    /// Whether a frame of a length that its header admits begins at `start`, ends later than now and has a right checksum.
-    pub(super) fn outlook(&self, input: &Input, context: &Context<'_>, start: u64) -> Outlook {
+    /// Whether a frame that begins at `start` ends behind the last byte scanned with a valid CRC, in a length that its header
+    /// admits.
+    pub(super) fn completion(&self, input: &Input, context: &Context<'_>, start: u64) -> Completion {
         let at = (start - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
-        let seen = (self.next - start) as usize;
-        let reach = reach(input, at);
-        let mut outlook = Outlook::Never;
+        let seen = (self.scanned_to - start) as usize;
+        let max_length = max_frame_length(input, at);
+        let mut completion = Completion::Never;
         if bytes.len() < 2 {
-            return if input.closed { Outlook::Never } else { Outlook::Unknown };
+            return if input.closed { Completion::Never } else { Completion::Unknown };
         }
-        for (way, extent) in announced(context, bytes).into_iter().flatten() {
-            let (needed, found) = match extent {
-                Extent::Exactly(length) if length > reach || length <= seen => continue,
+        for (direction, extent) in announced_lengths(context, bytes).into_iter().flatten() {
+            let (needed, completes) = match extent {
+                Extent::Exactly(length) if length > max_length || length <= seen => continue,
                 Extent::Exactly(length) => (length, crc_valid_at(bytes, length)),
-                Extent::AtLeast(length) if length > reach => continue,
-                Extent::AtLeast(_) => (reach, false),
-                Extent::Open(_) if !self.model.familiar(bytes[0], bytes[1], index(way)) => continue,
-                Extent::Open(_) => (reach, first_right(&bytes[..reach.min(bytes.len())], seen + 1).is_some()),
+                Extent::AtLeast(length) if length > max_length => continue,
+                Extent::AtLeast(_) => (max_length, false),
+                Extent::Open(_) if !self.model.familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
+                Extent::Open(_) => (max_length, first_right(&bytes[..max_length.min(bytes.len())], seen + 1).is_some()),
             };
-            match found {
-                true => return Outlook::Comes,
-                false if needed > bytes.len() && !input.closed => outlook = Outlook::Unknown,
+            match completes {
+                true => return Completion::Completes,
+                false if needed > bytes.len() && !input.closed => completion = Completion::Unknown,
                 false => {}
             }
         }
-        outlook
+        completion
     }
 
-    /// Whether right behind this node a frame comes whose checksum is wrong, and is worth more than the bar all the same.
-    fn outlook_of_spoilt(&self, input: &Input, context: &Context<'_>, node: &Node, bar: f32) -> Outlook {
-        let at = (node.end - input.offset()) as usize;
+    /// Whether a damaged frame right behind this hypothesis is complete and worth more than the bar.
+    fn damaged_completion(&self, input: &Input, context: &Context<'_>, behind: &Hypothesis, bar: f32) -> Completion {
+        let at = (behind.end - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
         if bytes.get(1).is_none_or(|code| code & EXCEPTION_BIT != 0) {
-            return Outlook::Never;
+            return Completion::Never;
         }
-        let (seen, reach) = ((self.next - node.end) as usize, reach(input, at));
-        let asked = node.pending.asked.map(|slot| self.requests.get(slot));
-        let comes = |(way, extent): (Direction, Extent)| match extent {
-            Extent::Exactly(length) if length > seen && length <= reach.min(bytes.len()) => {
-                let gain = gain::damaged(&self.model, context, asked, &bytes[..length], index(way));
-                gain.is_some_and(|gain| node.score + gain > bar)
+        let (seen, max_length) = ((self.scanned_to - behind.end) as usize, max_frame_length(input, at));
+        let outstanding = behind.answerable.outstanding.map(|id| self.requests.get(id));
+        let completes = |(direction, extent): (Direction, Extent)| match extent {
+            Extent::Exactly(length) if length > seen && length <= max_length.min(bytes.len()) => {
+                let frame = &bytes[..length];
+                let score = score::damaged_frame_score(&self.model, context, outstanding, frame, side::index_of(direction));
+                score.is_some_and(|score| behind.path_score + score > bar)
             }
             _ => false,
         };
-        if announced(context, bytes).into_iter().flatten().any(comes) {
-            Outlook::Comes
+        if announced_lengths(context, bytes).into_iter().flatten().any(completes) {
+            Completion::Completes
         } else {
-            Outlook::Never
+            Completion::Never
         }
     }
 
-    /// Whether any bytes that begin behind what was told and end behind this place have a right checksum. Asked once: what has
-    /// come is still to be weighed.
-    pub(super) fn outlook_of_any_length(&mut self, input: &Input, end: u64) -> Outlook {
-        if let Some((_, comes)) = self.any_length.filter(|(told, _)| *told == self.told()) {
-            return if comes { Outlook::Comes } else { Outlook::Never };
+    /// Whether any frame that begins right behind the root, of whatever length, ends behind this stream offset with a valid
+    /// CRC.
+    pub(super) fn open_length_completion(&mut self, input: &Input, end: u64) -> Completion {
+        let root_end = self.committed_offset();
+        if let Some((_, completes)) = self.skip.open_length_completion.filter(|(root, _)| *root == root_end) {
+            return if completes { Completion::Completes } else { Completion::Never };
         }
-        let at = (self.told() - input.offset()) as usize;
+        let at = (root_end - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
-        let reach = reach(input, at);
-        let comes = first_right(&bytes[..reach.min(bytes.len())], (end - self.told()) as usize + 1).is_some();
-        if !comes && reach > bytes.len() && !input.closed {
-            return Outlook::Unknown;
+        let max_length = max_frame_length(input, at);
+        let min_length = (end - root_end) as usize + 1;
+        let completes = first_right(&bytes[..max_length.min(bytes.len())], min_length).is_some();
+        if !completes && max_length > bytes.len() && !input.closed {
+            return Completion::Unknown;
         }
-        self.any_length = Some((self.told(), comes));
-        if comes {
-            Outlook::Comes
+        self.skip.open_length_completion = Some((root_end, completes));
+        if completes {
+            Completion::Completes
         } else {
-            Outlook::Never
+            Completion::Never
         }
     }
 
-    /// A frame that has begun with one of some strays and would outweigh the sure one behind them, if there is one.
-    pub fn begins_before(&self, input: &Input, context: &Context<'_>, strays: usize, length: usize) -> Certain {
-        let root = &self.nodes[0];
-        let asked = root.pending.asked.map(|slot| self.requests.get(slot));
-        for at in 0..strays {
-            let seen = &input.bytes()[at..strays + length];
-            // What a function of any length holds may look like a frame, where it is new to this line as well.
-            let any_length = |of: Option<(Direction, Extent)>| of.is_some_and(|(_, extent)| matches!(extent, Extent::Open(_)));
-            let holds = || context.known_units[usize::from(seen[0])] && announced(context, seen).into_iter().any(any_length);
-            // Nearly always nothing comes.
-            let found = whole_at(input, context, at, strays + length);
+    /// A frame that begins with one of some stray bytes and would outscore the unambiguous frame of this length behind them,
+    /// if there is one.
+    pub fn rival_in_stray_bytes(&self, input: &Input, context: &Context<'_>, stray_bytes: usize, length: usize) -> Certain {
+        let outstanding = self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id));
+        for at in 0..stray_bytes {
+            let seen = &input.bytes()[at..stray_bytes + length];
+            // What a frame of open length contains may look like a frame, even where its function is new to this line.
+            let is_open = |of: Option<(Direction, Extent)>| matches!(of, Some((_, Extent::Open(_))));
+            let may_contain =
+                || context.known_units[usize::from(seen[0])] && announced_lengths(context, seen).into_iter().any(is_open);
+            // Nearly always no such frame is complete.
+            let found = complete_frame_beyond(input, context, at, stray_bytes + length);
             if matches!(found, Certain::No) {
                 continue;
             }
-            let way = if at == 0 { DUE } else { 0.0 } - self.model.between(at as u64);
-            let header = || gain::header(&self.model, context, asked, seen);
-            if holds() || header().is_some_and(|header| way + header.gain > SURE - THREAT_AHEAD) {
+            let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.between(at as u64);
+            let header = || header_score::header_bound(&self.model, context, outstanding, seen);
+            let bar = weights::CERTAIN_FRAME_BITS - weights::STRAY_RIVAL_MARGIN_BITS;
+            if may_contain() || header().is_some_and(|header| path_score + header.bits > bar) {
                 return found;
             }
         }
@@ -179,36 +187,29 @@ impl Search {
     }
 }
 
-/// The index of learned counts.
-fn index(way: Direction) -> usize {
-    if way == Direction::Response {
-        RESPONSE
-    } else {
-        REQUEST
-    }
-}
-
-/// No frame that begins here has more bytes.
-fn reach(input: &Input, at: usize) -> usize {
+/// The most bytes that a frame at this index of the input can have: none crosses a break or a record's start.
+fn max_frame_length(input: &Input, at: usize) -> usize {
     let rest = input.bytes().len() - at;
-    input.edge_after(at, at + rest.min(LONGEST) - 1, input.break_ns).map_or(LONGEST, |edge| edge - at)
+    let edge = input.edge_after(at, at + rest.min(MAX_CANDIDATE_BYTES) - 1, input.break_ns);
+    edge.map_or(MAX_CANDIDATE_BYTES, |edge| edge - at)
 }
 
-/// The frame with a right checksum that begins at this place and reaches beyond `to`, of a length that its header admits.
-fn whole_at(input: &Input, context: &Context<'_>, at: usize, to: usize) -> Certain {
+/// The frame with a valid CRC that begins at this index of the input and reaches beyond index `to`, in a length that its
+/// header admits.
+fn complete_frame_beyond(input: &Input, context: &Context<'_>, at: usize, to: usize) -> Certain {
     let bytes = &input.bytes()[at..];
-    let reach = reach(input, at);
-    for (_, extent) in announced(context, bytes).into_iter().flatten() {
+    let max_length = max_frame_length(input, at);
+    for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
         let (Extent::Exactly(length) | Extent::AtLeast(length) | Extent::Open(length)) = extent;
-        let open = matches!(extent, Extent::Open(_));
-        let needed = if open { reach } else { length };
-        if length > reach || (open && !context.known_units[usize::from(bytes[0])]) {
+        let is_open = matches!(extent, Extent::Open(_));
+        let needed = if is_open { max_length } else { length };
+        if length > max_length || (is_open && !context.known_units[usize::from(bytes[0])]) {
             continue;
         }
         let found = match extent {
             Extent::Exactly(_) => crc_valid_at(bytes, length).then_some(length),
             Extent::AtLeast(_) => None,
-            Extent::Open(_) => first_right(&bytes[..reach.min(bytes.len())], to - at),
+            Extent::Open(_) => first_right(&bytes[..max_length.min(bytes.len())], to - at),
         };
         match found {
             Some(length) => return Certain::Frame(Length::exactly(length)),

@@ -1,0 +1,215 @@
+//! What the header of an unfinished frame may turn out to be worth: an upper bound for every place where a frame may have
+//! begun, so that the search knows which of them to await.
+
+use crate::framer::rtu::announced_length::announced_lengths;
+use crate::framer::rtu::answerable::HeldRequest;
+use crate::framer::rtu::log2::log2;
+use crate::framer::rtu::score::field_score;
+use crate::framer::rtu::score_bounds::{CachedBound, OBSERVATION_HEADROOM};
+use crate::framer::rtu::side::{index_of, REQUEST, RESPONSE};
+use crate::framer::rtu::traffic_model::TrafficModel;
+use crate::framer::Context;
+use crate::weights::{self, usual_bits, OPEN_LENGTH_BITS, UNSOLICITED_BITS};
+use modlens_protocol::direction::expected_block;
+use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Functions, EXCEPTION_BIT};
+
+/// The most that the header of an unfinished frame may turn out to be worth.
+pub struct HeaderBound {
+    /// Upper bound of the score, in bits, without the CRC, which has not come yet.
+    pub bits: f32,
+    /// The bound does not change before this many bytes of the frame are seen.
+    pub until_bytes: u64,
+}
+
+/// How many bytes of a frame that begins like this its header is judged by.
+pub fn judged_header_bytes(context: &Context<'_>, frame: &[u8]) -> u64 {
+    let &[_, code, ref body @ ..] = frame else { return 2 };
+    let function = code & !EXCEPTION_BIT;
+    let leading = context.functions.leading_bytes(function);
+    let judged = context.functions.row(function, body).map_or(1, |row| row.judged.max(1));
+    2 + leading.max(judged) as u64
+}
+
+/// An upper bound of the score of an unfinished frame by its header; `None` if no frame can go on beyond the bytes `seen`.
+pub fn header_bound(
+    model: &TrafficModel,
+    context: &Context<'_>,
+    outstanding: Option<&HeldRequest>,
+    seen: &[u8],
+) -> Option<HeaderBound> {
+    if seen.len() < 2 {
+        let bits = model.bits(seen[0]) - model.unit(seen[0]) + weights::OPEN_LENGTH_BITS;
+        return Some(HeaderBound { bits, until_bytes: 2 });
+    }
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let row = context.functions.row(code & !EXCEPTION_BIT, body);
+    let mut best: Option<f32> = None;
+    let mut until_bytes = u64::MAX >> 1;
+    for (direction, extent) in announced_lengths(context, seen).into_iter().flatten() {
+        let direction = index_of(direction);
+        let open_length = match extent {
+            Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
+            Extent::Exactly(length) | Extent::AtLeast(length) => {
+                until_bytes = until_bytes.min(length as u64);
+                0.0
+            }
+            Extent::Open(_) if !model.familiar(unit, code, direction) => continue,
+            Extent::Open(_) => weights::OPEN_LENGTH_BITS,
+        };
+        let due = if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
+        let bits = header_score(model, context, row, seen, direction) - open_length + due;
+        best = Some(best.map_or(bits, |best| best.max(bits)));
+    }
+    if (seen.len() as u64) < judged_header_bytes(context, seen) {
+        until_bytes = seen.len() as u64 + 1;
+    }
+    best.map(|bits| HeaderBound { bits, until_bytes })
+}
+
+/// Score in bits of unit, function code and limited fields of a header, in one direction.
+fn header_score(model: &TrafficModel, context: &Context<'_>, row: Option<&FunctionRow>, seen: &[u8], direction: usize) -> f32 {
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let mut score = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
+    if let Some(row) = row {
+        score += row.permits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
+        if direction == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
+            score += weights::OPEN_LENGTH_BITS;
+        }
+    }
+    score
+}
+
+/// Score in bits that the outstanding request adds to the header of a response: negative where it does not answer it.
+fn due_header_score(
+    model: &TrafficModel,
+    context: &Context<'_>,
+    row: Option<&FunctionRow>,
+    outstanding: Option<&HeldRequest>,
+    seen: &[u8],
+) -> f32 {
+    let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
+    let answered = outstanding.filter(|request| request.matches(unit, code & !EXCEPTION_BIT));
+    let Some(request) = answered else { return -weights::UNSOLICITED_BITS };
+    let expected = row.and_then(|row| expected_block(row, &request.pdu));
+    let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
+    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
+    known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -weights::BROKEN_RULE_BITS }
+}
+
+impl TrafficModel {
+    /// An upper bound of the score, in bits, of any header with this unit and function code that responds to no request.
+    pub fn max_header_score(&mut self, functions: &Functions, unit: u8, code: u8) -> f32 {
+        let count = self.unit_count(unit);
+        let bound = &self.score_bounds.units[usize::from(unit)];
+        let of_unit = if count <= bound.observations[0] {
+            bound.bits
+        } else {
+            let count = OBSERVATION_HEADROOM * count;
+            let bits = usual_bits(unit) - self.unit_cost_if_seen(unit, count);
+            self.score_bounds.units[usize::from(unit)] = CachedBound { bits, observations: [count; 2] };
+            bits
+        };
+        let counts = [REQUEST, RESPONSE].map(|direction| self.function_count(code, direction));
+        let bound = &self.score_bounds.codes[usize::from(code)];
+        if counts[0] <= bound.observations[0] && counts[1] <= bound.observations[1] {
+            return of_unit + bound.bits;
+        }
+        let observations = counts.map(|count| OBSERVATION_HEADROOM * count);
+        let bits = self.max_code_score(functions, code, observations);
+        self.score_bounds.codes[usize::from(code)] = CachedBound { bits, observations };
+        of_unit + bits
+    }
+
+    /// An upper bound of what a function code and the fields behind it are worth, in bits, if the function had been seen this
+    /// often as a request and as a response.
+    fn max_code_score(&self, functions: &Functions, code: u8, observations: [f32; 2]) -> f32 {
+        let function = code & !EXCEPTION_BIT;
+        if function == 0 {
+            return f32::MIN;
+        }
+        let fields = |permits: &[FieldLimits]| permits.iter().map(max_field_score).sum::<f32>();
+        // A function without a row is a request of any length.
+        let mut request = -OPEN_LENGTH_BITS;
+        let mut response = f32::MIN;
+        for row in functions.variants(function) {
+            let byte_count = if row.roles.request_block.is_some() { OPEN_LENGTH_BITS } else { 0.0 };
+            request = request.max(fields(&row.permits[REQUEST]) + byte_count);
+            response = response.max(fields(&row.permits[RESPONSE]));
+        }
+        if code != function {
+            (request, response) = (f32::MIN, response.max(0.0));
+        }
+        let cost = |direction: usize| self.function_cost_if_seen(functions, code, direction, observations[direction]);
+        usual_bits(code) + (request - cost(REQUEST)).max(response - cost(RESPONSE) - UNSOLICITED_BITS)
+    }
+}
+
+/// The most that a field with limited values is worth, in bits, whichever permitted value it has.
+fn max_field_score(permit: &FieldLimits) -> f32 {
+    let choices: u64 = permit.ranges.iter().map(|(low, high)| u64::from(high - low) + 1).sum();
+    let usual = |low: u32, high: u32| {
+        let places = (0..permit.width as u32).map(|place| 8 * place);
+        // A byte has the same value all over a range where none of its bits and none above them differ. Elsewhere it may
+        // have any value; 1 is one of those that are worth most.
+        places.map(|place| usual_bits(if (low ^ high) >> place == 0 { (high >> place) as u8 } else { 1 })).sum::<f32>()
+    };
+    let most = permit.ranges.iter().map(|&(low, high)| usual(low, high)).fold(0.0, f32::max);
+    (most - log2(choices as f32)).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy};
+    use crate::framer::Context;
+    use modlens_protocol::direction::Direction;
+    use proptest::prelude::*;
+
+    #[test]
+    fn no_field_is_worth_more_than_its_bound() {
+        let model = TrafficModel::default();
+        let permits = Functions::embedded().rows().flat_map(|row| row.permits.iter().flatten());
+        let mut tried = 0;
+        for permit in permits {
+            for value in 0..=u16::MAX {
+                let bytes = u32::from(value).to_be_bytes();
+                let body = [&vec![0; permit.offset][..], &bytes[4 - permit.width..]].concat();
+                assert!(field_score(&model, permit, &body) <= max_field_score(permit) + 0.01, "{permit:?} {value}");
+                tried += 1;
+            }
+        }
+        assert!(tried > 1_000_000);
+    }
+
+    proptest! {
+        #[test]
+        fn no_header_scores_more_than_its_bound(
+            parts in proptest::collection::vec((0u8..4, 0u8..20, 0usize..2, proptest::collection::vec(0u8..4, 4..12)), 1..200),
+        ) {
+            let mut model = TrafficModel::default();
+            let units = [false; 256];
+            let context = Context {
+                functions: Functions::embedded(),
+                asked: None,
+                ahead: true,
+                shared: false,
+                speaker: None,
+                certain: None,
+                known_units: &units,
+                paired_units: &units,
+                pause: &|_| 0.0,
+                said: &|_| Direction::Unknown,
+            };
+            for (unit, code, direction, body) in parts {
+                let seen = [&[unit, if code > 16 { code | EXCEPTION_BIT } else { code }][..], &body].concat();
+                let bound = model.max_header_score(context.functions, seen[0], seen[1]);
+                if let Some(header) = header_bound(&model, &context, None, &seen) {
+                    prop_assert!(header.bits <= bound + 0.01, "{seen:02x?}: {} above {bound}", header.bits);
+                }
+                model.learn(&seen, direction, FramePosition { request_outstanding: false, unframed_bytes: 0 }, RequestCopy::Unclear);
+                model.learn_noise(&body);
+                model.update_costs();
+            }
+        }
+    }
+}

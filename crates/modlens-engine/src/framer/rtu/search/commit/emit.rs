@@ -1,0 +1,165 @@
+//! Commits a frame or unframed bytes: the root moves behind them, and the model learns from them.
+
+use crate::framer::rtu::answerable::HeldRequest;
+use crate::framer::rtu::search::commit::state::Decision;
+use crate::framer::rtu::search::hypothesis::ROOT;
+use crate::framer::rtu::search::state::Search;
+use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
+use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
+use crate::framer::Context;
+use crate::input::Input;
+use crate::weights;
+use modlens_protocol::direction::{self, Direction, Match};
+use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
+
+impl Search {
+    /// Commits bytes before the first byte of any frame, all of them if closed, else one piece.
+    pub(super) fn commit_unframed_piece(&mut self, input: &Input, is_closed: bool) -> Decision {
+        self.last_was_doubtful |= !is_closed;
+        let to = if is_closed { self.scanned_to } else { self.committed_offset() + weights::UNFRAMED_PIECE_BYTES };
+        let unframed = (self.committed_offset() - input.offset()) as usize..(to - input.offset()) as usize;
+        self.model.learn_noise(&input.bytes()[unframed]);
+        self.commit_unframed(to)
+    }
+
+    /// Commits the first frame of the best path, whose score is given: it becomes the root and teaches the model.
+    pub(super) fn commit_frame(&mut self, input: &Input, context: &Context<'_>, first: usize, score: f32) -> Decision {
+        let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
+        let lead = score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max);
+        let frame = &self.lattice[first];
+        let (start, end, direction) = (frame.start, frame.end, side::direction_of(frame.direction));
+        if !frame.is_crc_valid {
+            self.set_root(first);
+            return Decision::Damaged { start, end, direction };
+        }
+        let bytes = &input.bytes()[(start - input.offset()) as usize..(end - input.offset()) as usize];
+        if frame.direction == RESPONSE {
+            let answers = frame.answers_outstanding;
+            self.learn_late_response(context, bytes, answers);
+        }
+        let unframed_bytes = start - self.committed_offset();
+        self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
+        let tentative = self.is_tentative(context, first, bytes);
+        // Noise must not teach units. That stray bytes stand before frames, it may.
+        if tentative {
+            self.model.learn_stray_bytes(unframed_bytes);
+        } else {
+            self.learn_frame(context, first, bytes);
+        }
+        let is_undecided = lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(first, f32::MIN);
+        let direction = if is_undecided { Direction::Unknown } else { direction };
+        let confidence = lead.clamp(0.0, f32::from(weights::MAX_CONFIDENCE_BITS)) as u8;
+        self.last_was_doubtful = tentative;
+        if unframed_bytes > 0 {
+            let unframed = (self.committed_offset() - input.offset()) as usize..(start - input.offset()) as usize;
+            self.model.learn_noise(&input.bytes()[unframed]);
+        }
+        self.set_root(first);
+        if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding.filter(|_| tentative) {
+            self.reserve_request();
+            self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_tentative_copy(outstanding));
+        }
+        Decision::Frame { start, end, direction, confidence, tentative }
+    }
+
+    /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
+    fn is_tentative(&self, context: &Context<'_>, first: usize, bytes: &[u8]) -> bool {
+        let frame = &self.lattice[first];
+        let unframed_bytes = frame.start - self.committed_offset();
+        let outstanding = self.outstanding_request();
+        let is_vouched = frame.answers_outstanding && outstanding.is_none_or(|request| vouches_for(context, request, bytes));
+        // Drivers that are switched leave a stray byte or two in front of every frame.
+        let is_near = is_vouched && unframed_bytes < weights::MAY_HIDE_FRAME_BYTES;
+        let answers_request = frame.answers_outstanding && outstanding.is_some_and(|request| !request.is_tentative || is_near);
+        // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
+        let is_behind_doubt = self.last_was_doubtful && !is_vouched && self.adjacent_frames < weights::CHAIN_FRAMES;
+        (unframed_bytes > 0 || is_behind_doubt) && !answers_request && !context.paired_units[bytes[0] as usize]
+    }
+
+    /// Teaches the model a frame that is committed.
+    fn learn_frame(&mut self, context: &Context<'_>, first: usize, bytes: &[u8]) {
+        let frame = &self.lattice[first];
+        let direction = frame.direction;
+        let request = frame.answerable.outstanding.filter(|_| direction == REQUEST).map(|id| self.requests.get(id));
+        let copy = request_copy(context, bytes, request.is_some_and(|request| request.is_repeated));
+        let position = FramePosition {
+            request_outstanding: self.lattice[ROOT].answerable.outstanding.is_some(),
+            unframed_bytes: frame.start - self.committed_offset(),
+        };
+        // An unsolicited response may be a request that looks like one.
+        let has_clear_direction = direction == REQUEST || frame.answers_outstanding;
+        self.model.learn(bytes, direction, position, copy);
+        if has_clear_direction {
+            learn_open_length(&mut self.model, context, bytes, direction);
+        }
+        self.model.update_costs();
+    }
+
+    /// Learns how often the late response to a request comes behind the response to its retry. A response that equals its
+    /// request may be either, so nothing is learned from it.
+    #[inline]
+    pub(in crate::framer::rtu::search) fn learn_late_response(
+        &mut self,
+        context: &Context<'_>,
+        frame: &[u8],
+        answers_outstanding: bool,
+    ) {
+        let requests = self.answerable();
+        let Some(superseded) = requests.superseded else { return };
+        let pdu = &frame[1..frame.len() - 2];
+        if superseded.pdu == pdu {
+            return;
+        }
+        match requests.outstanding {
+            Some(retry) if answers_outstanding && (retry.unit, &retry.pdu) == (superseded.unit, &superseded.pdu) => {
+                self.model.learn_late_response(false);
+            }
+            None if direction::answers(context.functions, superseded.as_asked(), frame[0], pdu) == Match::Fully => {
+                self.model.learn_late_response(true);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Learns the length of a frame whose layout is not public.
+fn learn_open_length(model: &mut TrafficModel, context: &Context<'_>, frame: &[u8], direction: usize) {
+    let (code, body) = (frame[1], &frame[2..frame.len() - 2]);
+    if code & EXCEPTION_BIT != 0 {
+        return;
+    }
+    let row = context.functions.row(code, body);
+    let layout = row.map(|row| if direction == REQUEST { &row.request } else { &row.response });
+    if layout.is_none_or(|layout| *layout == Layout::Unknown) {
+        model.learn_length(code, direction, body);
+    }
+}
+
+/// What a request is to the one before it. Where the response may look like the request, nothing is learned.
+fn request_copy(context: &Context<'_>, frame: &[u8], is_repeated: bool) -> RequestCopy {
+    match context.functions.row(frame[1] & !EXCEPTION_BIT, &frame[2..]) {
+        Some(row) if !row.mirrored && is_repeated => RequestCopy::Repeated,
+        Some(row) if !row.mirrored => RequestCopy::First,
+        _ => RequestCopy::Unclear,
+    }
+}
+
+/// Whether a response proves that its request is one. A response that equals its request proves nothing, because wrong bytes
+/// may come twice; neither does one that may have any length, because then any place may fit.
+fn vouches_for(context: &Context<'_>, request: &HeldRequest, response: &[u8]) -> bool {
+    let (&code, body) = request.pdu.split_first().unwrap_or((&0, &[]));
+    let is_known = context.functions.row(code, body).is_some_and(|row| matches!(row.response, Layout::Body(_)));
+    is_known && request.pdu[..] != response[1..response.len() - 2]
+}
+
+/// Whether the framer holds a decision back: in a recording, unframed bytes are judged together with the frame behind them.
+pub fn is_held_back(decision: &Decision, input: &Input, context: &Context<'_>) -> bool {
+    let Decision::UnframedTo(to) = *decision else { return false };
+    context.ahead && !input.closed && to < input.offset() + weights::OFFLINE_HOLD_BACK_BYTES && !comes_in_records(input, to)
+}
+
+/// Whether the first bytes come in records of a recording, or end where one begins: there each is judged by itself.
+fn comes_in_records(input: &Input, to: u64) -> bool {
+    let begins = |index: usize| input.starts_read(index) && input.read(index).is_some_and(|read| read.record);
+    input.first_read().is_some_and(|read| read.record) || begins((to - input.offset()) as usize)
+}

@@ -1,0 +1,124 @@
+//! Unfinished frames that may become rivals, judged by their headers.
+
+use std::ops::Range;
+
+use crate::framer::rtu::header_score;
+use crate::framer::rtu::search::commit::state::{Rival, RivalBar};
+use crate::framer::rtu::search::hypothesis::Hypothesis;
+use crate::framer::rtu::search::state::Search;
+use crate::framer::Context;
+use crate::input::Input;
+use crate::weights;
+use modlens_protocol::functions::EXCEPTION_BIT;
+
+/// A set of units.
+#[derive(Default)]
+pub(super) struct UnitSet([u64; 4]);
+
+impl UnitSet {
+    fn insert(&mut self, unit: u8) {
+        self.0[usize::from(unit >> 6)] |= 1 << (unit & 63);
+    }
+
+    fn contains(&self, unit: u8) -> bool {
+        self.0[usize::from(unit >> 6)] >> (unit & 63) & 1 == 1
+    }
+}
+
+impl Search {
+    /// The first frame that has begun in `starts` and whose header may be worth more than the bar behind some path.
+    pub(super) fn find_rival_by_header(
+        &mut self,
+        input: &Input,
+        context: &Context<'_>,
+        first: usize,
+        starts: Range<u64>,
+        bar: RivalBar,
+    ) -> Option<Rival> {
+        let units = self.outstanding_units();
+        let max_path_score = self.max_path_score();
+        let mut none_before = true;
+        for start in starts.start.max(self.skip.no_rival_before)..starts.end {
+            let bytes = &input.bytes()[(start - input.offset()) as usize..];
+            let seen = &bytes[..(self.scanned_to - start) as usize];
+            let is_hopeless = self.cannot_exceed(context, seen, start, bar.least - max_path_score, &units);
+            let parents = if is_hopeless { 0 } else { self.lattice.len() };
+            for parent in 0..parents {
+                if self.may_outscore_until(input, context, &self.lattice[parent], start, bar.least).is_none() {
+                    continue;
+                }
+                if let Some(until) = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now) {
+                    return Some(Rival { parent, start, until });
+                }
+                none_before = false;
+            }
+            // Once all bytes are seen that a header is judged by, it will not be worth more later.
+            none_before &= is_hopeless || start + header_score::judged_header_bytes(context, bytes) <= self.scanned_to;
+            if none_before {
+                self.skip.no_rival_before = start + 1;
+            }
+        }
+        // A rival path may be in the middle of its next frame.
+        (1..self.lattice.len()).filter(|&parent| self.lattice[parent].first_on_path != first).find_map(|parent| {
+            let start = self.lattice[parent].end;
+            let until = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now)?;
+            Some(Rival { parent, start, until })
+        })
+    }
+
+    /// Whether a frame that has begun at `start`, behind this hypothesis, may outscore the bar by its header: until which
+    /// stream offset at least.
+    pub(super) fn may_outscore_until(
+        &self,
+        input: &Input,
+        context: &Context<'_>,
+        behind: &Hypothesis,
+        start: u64,
+        bar: f32,
+    ) -> Option<u64> {
+        if behind.end > start || start >= self.scanned_to {
+            return None;
+        }
+        // A frame that begins where one is due may well contain another one: its end is awaited.
+        let due = if start == behind.end { weights::FRAME_DUE_BITS } else { 0.0 };
+        let path_score = behind.path_score - self.model.between(start - behind.end) + due;
+        if path_score <= bar - weights::MAX_HEADER_BITS {
+            return None;
+        }
+        let base = input.offset();
+        let seen = &input.bytes()[(start - base) as usize..(self.scanned_to - base) as usize];
+        let outstanding = behind.answerable.outstanding.map(|id| self.requests.get(id));
+        let header = header_score::header_bound(&self.model, context, outstanding, seen);
+        let header = header.filter(|header| path_score + header.bits > bar)?;
+        Some(start + header.until_bytes)
+    }
+
+    /// Whether no frame that begins at this place can be worth more than `bits`, whatever stands in it, unless it answers an
+    /// outstanding request. It costs two look-ups, and nearly always spares the exact bound behind each path.
+    ///
+    /// `seen` ends where the bytes end that may be looked at; `units` are addressed by an outstanding request on any path.
+    pub(super) fn cannot_exceed(&mut self, context: &Context<'_>, seen: &[u8], start: u64, bits: f32, units: &UnitSet) -> bool {
+        let &[unit, code, ..] = seen else { return false };
+        let header = self.model.max_header_score(context.functions, unit, code);
+        let is_due = || self.lattice.iter().any(|before| before.end == start);
+        let is_little = header + weights::FRAME_DUE_BITS <= bits || (header - self.model.between(1) <= bits && !is_due());
+        let answers = |before: &Hypothesis| {
+            let outstanding = before.answerable.outstanding.map(|id| self.requests.get(id));
+            outstanding.is_some_and(|request| request.matches(unit, code & !EXCEPTION_BIT))
+        };
+        is_little && !(units.contains(unit) && self.lattice.iter().any(answers))
+    }
+
+    /// The units that are addressed by an outstanding request on any path.
+    pub(super) fn outstanding_units(&self) -> UnitSet {
+        let mut units = UnitSet::default();
+        let outstanding = self.lattice.iter().filter_map(|before| before.answerable.outstanding);
+        outstanding.for_each(|id| units.insert(self.requests.get(id).unit));
+        units
+    }
+
+    /// The best score of any path at the end of its last frame, in bits, rounded up.
+    pub(super) fn max_path_score(&self) -> f32 {
+        self.lattice.iter().map(|before| before.path_score).fold(f32::MIN, f32::max) + weights::ROUNDING_BITS
+    }
+}

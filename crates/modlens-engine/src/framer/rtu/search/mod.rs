@@ -1,0 +1,16 @@
+//! The search for the best path through the bytes: frames and the unframed bytes between them, scored in bits.
+//!
+//! Hypotheses stand at ends of frames only. Unframed bytes between two frames cost the same whatever they are taken for, so
+//! nothing has to be kept for single bytes: the lattice has a node per frame hypothesis, not per byte. A frame is committed
+//! once no rival hypothesis within the commit margin is left without it (`commit`).
+
+mod commit;
+mod extend;
+mod hypothesis;
+mod lattice;
+mod nested;
+mod scan;
+mod state;
+
+pub use commit::{is_held_back, Decision};
+pub use state::Search;

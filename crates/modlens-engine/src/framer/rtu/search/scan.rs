@@ -1,0 +1,87 @@
+//! Scans the bytes that have come: finds the ends of frames, adds hypotheses, and asks whether something is final.
+
+use crate::framer::rtu::search::commit::Decision;
+use crate::framer::rtu::search::hypothesis::ROOT;
+use crate::framer::rtu::search::state::Search;
+use crate::framer::Context;
+use crate::input::Input;
+use crate::weights::MIN_DAMAGED_FRAME_BYTES;
+use modlens_protocol::Ns;
+
+impl Search {
+    /// Scans the bytes that have come until something is committed. `frame_gap_ns` is the shortest pause between frames.
+    pub fn advance(&mut self, input: &Input, context: &Context<'_>, frame_gap_ns: Ns) -> Option<Decision> {
+        if !self.is_scanning {
+            self.begin_scan();
+        }
+        if std::mem::take(&mut self.skip.needs_more_bytes) {
+            let decision = self.decide(input, context, false);
+            if decision.is_some() || self.skip.needs_more_bytes {
+                return decision;
+            }
+        }
+        let base = input.offset();
+        let end = base + input.bytes().len() as u64;
+        let mut read_end = self.scanned_to;
+        while self.scanned_to < end {
+            let index = (self.scanned_to - base) as usize;
+            if self.scanned_to == read_end {
+                if self.scanned_to > self.committed_offset() && input.hard_edge(index) {
+                    if let Some(decision) = self.decide(input, context, true) {
+                        return Some(decision);
+                    }
+                    self.scanner.restart(self.scanned_to);
+                }
+                read_end = input.read(index).map_or(end, |read| read.end);
+            }
+            // Up to here nothing can happen, unless a valid substring ends.
+            let next_event = self.skip.next_damaged_end_at.min(self.skip.next_decision_at).max(self.scanned_to + 1);
+            let scan_to = end.min(read_end).min(next_event);
+            self.scan(input, context, &input.bytes()[index..(scan_to - base) as usize], frame_gap_ns);
+            if self.scanned_to >= self.skip.next_decision_at {
+                let decision = self.decide(input, context, false);
+                if decision.is_some() || self.skip.needs_more_bytes {
+                    return decision;
+                }
+            }
+        }
+        // Where no frame leads, the adapter may still hold back the end of one.
+        let a_frame_leads = || self.lattice[self.best_path().0].first_on_path != ROOT;
+        let is_closed = input.closed || (input.paused && a_frame_leads());
+        if is_closed && self.scanned_to > self.committed_offset() {
+            return self.decide(input, context, true);
+        }
+        None
+    }
+
+    /// Begins to scan behind the root.
+    fn begin_scan(&mut self) {
+        let root_end = self.committed_offset();
+        self.scanner.restart(root_end);
+        self.scanned_to = root_end;
+        self.model.update_costs();
+        self.lattice[ROOT].next_damaged_end_at = root_end + MIN_DAMAGED_FRAME_BYTES;
+        self.skip.forget_decisions();
+        self.skip.next_damaged_end_at = self.lattice[ROOT].next_damaged_end_at;
+        self.skip.needs_more_bytes = false;
+        self.is_scanning = true;
+    }
+
+    /// Scans bytes until valid substrings end, and adds their hypotheses and those of damaged frames that end there.
+    fn scan(&mut self, input: &Input, context: &Context<'_>, bytes: &[u8], frame_gap_ns: Ns) {
+        let mut valid_starts = std::mem::take(&mut self.valid_starts);
+        self.scanned_to += self.scanner.scan(self.scanned_to, bytes, &mut valid_starts) as u64;
+        let hypotheses_before = self.lattice.len();
+        let floor = if valid_starts.is_empty() { 0.0 } else { self.beam_floor() };
+        for &start in &valid_starts {
+            self.add_valid_hypotheses(input, context, start, frame_gap_ns, floor);
+        }
+        if self.scanned_to >= self.skip.next_damaged_end_at {
+            self.add_damaged_hypotheses(input, context, frame_gap_ns, valid_starts.is_empty());
+        }
+        self.valid_starts = valid_starts;
+        if self.lattice.len() > hypotheses_before {
+            self.skip.next_decision_at = 0;
+        }
+    }
+}
