@@ -5,8 +5,8 @@ use std::sync::Arc;
 use modlens_profiles::learn;
 use modlens_profiles::points::{Conversion, Plan};
 use modlens_profiles::profile::{self, Mistake, Order, Profile as Core, ProfileFormat, Type, SHIPPED, SUNSPEC};
-use modlens_tables::latest::LatestValues;
-use modlens_tables::survey::RegisterSurvey as CoreSurvey;
+use modlens_tables::latest_values::LatestValues;
+use modlens_tables::register_survey::RegisterSurvey as CoreSurvey;
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 

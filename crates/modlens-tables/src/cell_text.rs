@@ -1,4 +1,4 @@
-//! Values as plain text, as in CSV cells without quotes. Filters compare this text.
+//! Values as plain text, as in a CSV cell without quotes. Filters compare this text.
 
 use crate::columns::{Cell, Items};
 use modlens_profiles::points::push_float;

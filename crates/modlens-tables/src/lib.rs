@@ -1,7 +1,7 @@
-//! How rows are read: columns, filters, and register maps collected over rows.
+//! Columns of the tables, filters over rows, and register maps collected from rows.
 
 pub mod cell_text;
 pub mod columns;
-pub mod latest;
+pub mod latest_values;
 pub mod predicate;
-pub mod survey;
+pub mod register_survey;

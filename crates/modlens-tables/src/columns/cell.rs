@@ -2,7 +2,7 @@
 
 use serde_json::Value as Json;
 
-use super::Fields;
+use super::fields::Fields;
 use modlens_profiles::points::Value;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::source::Place;

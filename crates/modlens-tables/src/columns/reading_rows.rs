@@ -4,8 +4,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::columns::content::TransactionView;
-use crate::columns::Items;
+use crate::columns::cell::Items;
+use crate::columns::transaction_view::TransactionView;
 use modlens_engine::records::{Batch, Span, Transaction};
 use modlens_profiles::points::{LayoutEntry, LayoutPart, NumberBuffer, Plan, PlanInstance};
 use modlens_protocol::functions::Operation;

@@ -4,14 +4,15 @@
 //! memory.
 #![allow(clippy::inline_always)]
 
-use crate::columns::content::{exception_text, TransactionView};
-use crate::columns::readings::named;
-use crate::columns::shown::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Time, Us, Word};
-use crate::columns::{functions, Cell, CellSink};
-use modlens_engine::records::{Batch, Bus, FindingRow, Frame, Half, Network};
+use crate::columns::bus_cells::{bus, network, utc_time};
+use crate::columns::cell::Cell;
+use crate::columns::column_value::{Codes, ColumnValue, FunctionName, Hex, Ints, Source, Text, Us, Word};
+use crate::columns::function_rows::functions;
+use crate::columns::reading_columns::named;
+use crate::columns::sink::CellSink;
+use crate::columns::transaction_view::{exception_text, TransactionView};
+use modlens_engine::records::{Batch, FindingRow, Frame, Half};
 use modlens_protocol::functions::EXCEPTION_BIT;
-use modlens_protocol::source::Clock;
-use modlens_protocol::Ns;
 
 /// Columns that have the same value in every row of a bus. Writers format these once per bus.
 pub(super) const OF_THE_BUS: [&str; 4] = ["bus", "client", "server", "connection"];
@@ -45,29 +46,6 @@ macro_rules! columns {
             }
         }
     };
-}
-
-pub(super) fn bus(batch: &Batch, index: u32) -> &Bus {
-    &batch.buses[index as usize]
-}
-
-/// A property of a TCP connection; null on a serial bus.
-pub(super) fn network(batch: &Batch, index: u32, read: fn(&Network) -> Cell<'_>) -> Cell<'_> {
-    bus(batch, index).network.as_ref().map_or(Cell::Null, read)
-}
-
-pub(super) fn time<'a>(batch: &Batch, index: u32, start: Option<Ns>) -> Cell<'a> {
-    utc_time(batch, index, start).cell()
-}
-
-pub(super) fn us<'a>(ns: Option<Ns>) -> Cell<'a> {
-    ns.map(Us).cell()
-}
-
-/// A time of day, if the clock of the bus is set to UTC.
-#[inline(always)]
-fn utc_time(batch: &Batch, index: u32, start: Option<Ns>) -> Option<Time> {
-    start.filter(|_| bus(batch, index).clock == Clock::Utc).map(Time)
 }
 
 /// The name of a function code, with or without the exception bit.

@@ -4,8 +4,9 @@ use std::sync::OnceLock;
 
 use serde_json::Value as Json;
 
-use super::tables::{Findings, Frames, Transactions, OF_THE_BUS};
-use super::{CellSink, ColumnReader, RowReader};
+use super::reader::{ColumnReader, RowReader};
+use super::row_columns::{Findings, Frames, Transactions, OF_THE_BUS};
+use super::sink::CellSink;
 
 /// The embedded definition of the columns.
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
@@ -134,7 +135,7 @@ fn column(row: &Json) -> Column {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::columns::readings::READINGS;
+    use crate::columns::reading_columns::READINGS;
 
     #[test]
     fn columns_of_the_file_and_of_the_code_agree() {

@@ -2,10 +2,10 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::columns::blocks::{each_part, ReadingRef};
-use crate::columns::content::row_of;
-use crate::columns::tables::{bus, network, time, us};
-use crate::columns::{Cell, Items};
+use crate::columns::bus_cells::{bus, network, time, us};
+use crate::columns::cell::{Cell, Items};
+use crate::columns::function_rows::row_of;
+use crate::columns::reading_rows::{each_part, ReadingRef};
 use modlens_engine::records::{Batch, Half, Transaction};
 use modlens_profiles::points::{CompiledPoint, PlanInstance, Value};
 use modlens_protocol::register_type::Space;

@@ -5,12 +5,13 @@ use std::sync::OnceLock;
 
 use serde_json::Value as Json;
 
-use crate::columns::{functions, Cell, Items};
+use crate::columns::cell::{Cell, Items};
+use crate::columns::fields::Fields;
+use crate::columns::function_rows::row_of;
 use modlens_engine::records::{Batch, Transaction};
 use modlens_profiles::points::Value;
 use modlens_protocol::functions::{FunctionRow, Layout, Operation};
-use modlens_protocol::hex::push_hex;
-use modlens_protocol::pdu::{self, u16_at, DecodedField};
+use modlens_protocol::pdu::{self, u16_at};
 use modlens_protocol::register_type::Space;
 use modlens_protocol::status::Status;
 
@@ -27,14 +28,6 @@ impl Deref for TransactionView<'_> {
     fn deref(&self) -> &Transaction {
         self.t
     }
-}
-
-/// The row of the table of functions for a transaction. The request selects the variant if it was observed, otherwise
-/// the response.
-#[inline]
-pub fn row_of<'a>(batch: &'a Batch, t: &Transaction) -> Option<&'a FunctionRow> {
-    let pdu = if t.request.pdu.length > 0 { t.request.pdu } else { t.response.pdu };
-    functions(batch).row(t.function, pdu.of(&batch.arena).get(1..).unwrap_or(&[]))
 }
 
 /// Address and quantity of the registers or bits that were read.
@@ -191,7 +184,7 @@ impl<'a> TransactionView<'a> {
         if row.operation != Operation::Other {
             fields.remove("address");
         }
-        fields.cell()
+        fields_cell(fields)
     }
 
     /// The undecoded bodies of a function without a known layout.
@@ -200,54 +193,16 @@ impl<'a> TransactionView<'a> {
         for (key, pdu) in [("request", self.t.request.pdu), ("response", self.t.response.pdu)] {
             fields.bodies.extend(pdu.of(&batch.arena).get(1..).map(|body| (key, body)));
         }
-        fields.cell()
+        fields_cell(fields)
     }
 }
 
-/// The decoded fields of a transaction. They are converted to text only where it is needed.
-#[derive(Clone, Debug, Default)]
-pub struct Fields<'a> {
-    nodes: Vec<DecodedField<'a>>,
-    bodies: Vec<(&'static str, &'a [u8])>,
-}
-
-impl<'a> Fields<'a> {
-    /// Adds a field. If the response repeats a field of the request, the value from the response is shown.
-    fn put(&mut self, node: DecodedField<'a>) {
-        match self.nodes.iter_mut().find(|known| known.field.name == node.field.name) {
-            Some(known) => *known = node,
-            None => self.nodes.push(node),
-        }
-    }
-
-    fn remove(&mut self, name: &str) {
-        if let Some(at) = self.nodes.iter().position(|node| node.field.name == name) {
-            self.nodes.swap_remove(at);
-        }
-    }
-
-    /// The fields as a cell; null if there are none.
-    fn cell(self) -> Cell<'a> {
-        if self.nodes.is_empty() && self.bodies.is_empty() {
-            Cell::Null
-        } else {
-            Cell::Fields(self)
-        }
-    }
-
-    /// Appends the fields as a JSON object.
-    pub fn push(&self, out: &mut Vec<u8>) {
-        if self.bodies.is_empty() {
-            return pdu::push_object(&self.nodes, out);
-        }
-        for (at, (key, body)) in self.bodies.iter().enumerate() {
-            out.extend_from_slice(if at == 0 { b"{\"" } else { b",\"" });
-            out.extend_from_slice(key.as_bytes());
-            out.extend_from_slice(b"\":\"");
-            push_hex(body, out);
-            out.push(b'"');
-        }
-        out.push(b'}');
+/// The fields as a cell; null if there are none.
+fn fields_cell(fields: Fields<'_>) -> Cell<'_> {
+    if fields.is_empty() {
+        Cell::Null
+    } else {
+        Cell::Fields(fields)
     }
 }
 

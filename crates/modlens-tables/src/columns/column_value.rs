@@ -5,7 +5,8 @@
 //! why an `Option` is branched on before a `Cell` is created: otherwise the variant would be known only at run time.
 #![allow(clippy::inline_always)]
 
-use crate::columns::{Cell, CellSink, Items};
+use crate::columns::cell::{Cell, Items};
+use crate::columns::sink::CellSink;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::FunctionRow;
 use modlens_protocol::source::Place;

@@ -1,0 +1,48 @@
+//! The decoded fields of a transaction, for functions whose content does not fit into other columns.
+
+use modlens_protocol::hex::push_hex;
+use modlens_protocol::pdu::{self, DecodedField};
+
+/// The decoded fields of a transaction. They are converted to text only where it is needed.
+#[derive(Clone, Debug, Default)]
+pub struct Fields<'a> {
+    nodes: Vec<DecodedField<'a>>,
+    /// The bodies of request and response, if their layout is not known.
+    pub(super) bodies: Vec<(&'static str, &'a [u8])>,
+}
+
+impl<'a> Fields<'a> {
+    /// Adds a field. If the response repeats a field of the request, the value from the response is shown.
+    pub(super) fn put(&mut self, node: DecodedField<'a>) {
+        match self.nodes.iter_mut().find(|known| known.field.name == node.field.name) {
+            Some(known) => *known = node,
+            None => self.nodes.push(node),
+        }
+    }
+
+    pub(super) fn remove(&mut self, name: &str) {
+        if let Some(at) = self.nodes.iter().position(|node| node.field.name == name) {
+            self.nodes.swap_remove(at);
+        }
+    }
+
+    /// Whether there are no fields.
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty() && self.bodies.is_empty()
+    }
+
+    /// Appends the fields as a JSON object.
+    pub fn push(&self, out: &mut Vec<u8>) {
+        if self.bodies.is_empty() {
+            return pdu::push_object(&self.nodes, out);
+        }
+        for (at, (key, body)) in self.bodies.iter().enumerate() {
+            out.extend_from_slice(if at == 0 { b"{\"" } else { b",\"" });
+            out.extend_from_slice(key.as_bytes());
+            out.extend_from_slice(b"\":\"");
+            push_hex(body, out);
+            out.push(b'"');
+        }
+        out.push(b'}');
+    }
+}

@@ -1,0 +1,17 @@
+//! The compiled readers of columns.
+
+use modlens_engine::records::{FindingRow, Frame};
+
+use crate::columns::row_columns::{Emit, EmitTransaction};
+
+/// The compiled reader of one column, for one kind of writer.
+pub struct ColumnReader<S>(pub(super) RowReader<S>);
+
+/// How the reader gets its value, by table.
+pub(super) enum RowReader<S> {
+    Frame(Emit<Frame, S>),
+    Transaction(EmitTransaction<S>),
+    Finding(Emit<FindingRow, S>),
+    /// The index of a column of readings, which are not compiled for each writer.
+    Reading(usize),
+}

@@ -1,0 +1,211 @@
+//! The rows of a table, and how their values are read.
+
+use std::sync::Arc;
+
+use modlens_engine::records::{Batch, FindingRow, Frame, Transaction};
+
+use crate::columns::cell::Cell;
+use crate::columns::reader::{ColumnReader, RowReader};
+use crate::columns::reading_columns::READINGS;
+use crate::columns::reading_rows::{ReadingRef, ReadingRows};
+use crate::columns::row_columns::{Findings, Frames, Transactions};
+use crate::columns::schema::TableKind;
+use crate::columns::sink::CellSink;
+use crate::columns::transaction_view::TransactionView;
+
+/// The rows of one table in a batch, or those that a filter has kept.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// The batch that holds the rows.
+    pub batch: Arc<Batch>,
+    /// The table.
+    pub kind: TableKind,
+    rows: Rows,
+}
+
+/// One row of a table.
+#[derive(Clone, Copy)]
+pub struct RowRef<'a> {
+    batch: &'a Batch,
+    of: RowOf<'a>,
+}
+
+#[derive(Clone, Copy)]
+enum RowOf<'a> {
+    Frame(&'a Frame),
+    Transaction(TransactionView<'a>),
+    Finding(&'a FindingRow),
+    Reading(ReadingRef<'a>),
+}
+
+impl<'a> RowRef<'a> {
+    /// The value of a column.
+    #[inline]
+    pub fn cell(&self, column: usize) -> Cell<'a> {
+        match self.of {
+            RowOf::Frame(row) => Frames::READ[column](self.batch, row),
+            RowOf::Transaction(row) => Transactions::READ[column](self.batch, row),
+            RowOf::Finding(row) => Findings::READ[column](self.batch, row),
+            RowOf::Reading(row) => READINGS[column].1(self.batch, row),
+        }
+    }
+
+    /// Passes the value of a column to a writer.
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // A few instructions in the innermost loop of every writer.
+    pub fn pass<S: CellSink>(&self, column: &ColumnReader<S>, to: &mut S) {
+        match (self.of, &column.0) {
+            (RowOf::Frame(row), RowReader::Frame(pass)) => pass(self.batch, row, to),
+            (RowOf::Transaction(row), RowReader::Transaction(pass)) => pass(self.batch, row, to),
+            (RowOf::Finding(row), RowReader::Finding(pass)) => pass(self.batch, row, to),
+            (RowOf::Reading(row), RowReader::Reading(column)) => to.put(READINGS[*column].1(self.batch, row)),
+            // The reader belongs to another table.
+            _ => to.put(Cell::Null),
+        }
+    }
+
+    /// The index of its bus in the batch. `None` for readings, which have the bus of their transaction.
+    #[inline]
+    pub fn bus(&self) -> Option<u32> {
+        match self.of {
+            RowOf::Frame(row) => Some(row.bus),
+            RowOf::Transaction(row) => Some(row.bus),
+            RowOf::Finding(row) => Some(row.bus),
+            RowOf::Reading(_) => None,
+        }
+    }
+}
+
+/// The rows of a view: all, those with these indices, or readings.
+#[derive(Clone, Debug)]
+enum Rows {
+    All(usize),
+    Some(Arc<Vec<u32>>),
+    Readings(ReadingRows),
+}
+
+impl Table {
+    /// All rows of one table of a batch.
+    pub fn new(batch: Arc<Batch>, kind: TableKind) -> Self {
+        let rows = match kind {
+            TableKind::Frames => Rows::All(batch.frames.len()),
+            TableKind::Transactions => Rows::All(batch.transactions.len()),
+            TableKind::Findings => Rows::All(batch.findings.len()),
+            TableKind::Readings => Rows::Readings(ReadingRows::new(&batch)),
+        };
+        Self { batch, kind, rows }
+    }
+
+    /// The rows for which `keep` returns true.
+    #[must_use]
+    pub fn filter(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.len()).filter(|&row| keep(self, row)).collect();
+        let rows = match &self.rows {
+            Rows::Readings(readings) => Rows::Readings(readings.select(&kept)),
+            _ => Rows::Some(Arc::new(kept.into_iter().map(|row| self.index(row) as u32).collect())),
+        };
+        Self { batch: Arc::clone(&self.batch), kind: self.kind, rows }
+    }
+
+    /// Splits the rows by day (UTC, if the clock is known) and bus, in the order in which these first occur.
+    pub fn partitions(&self) -> Vec<(Option<String>, String, Self)> {
+        let key = |name: &str| self.kind.column(name).expect("every table has it");
+        let (time, bus) = (key("time"), key("bus"));
+        let day_and_bus = |table: &Self, row: usize| {
+            let day = match table.cell(row, time) {
+                Cell::Time(ns) => Some(ns.div_euclid(86_400_000_000_000)),
+                _ => None,
+            };
+            let bus = if let Cell::Text(name) = table.cell(row, bus) { name.to_owned() } else { String::new() };
+            (day, bus)
+        };
+        let mut keys: Vec<(Option<i64>, String)> = Vec::new();
+        for row in 0..self.len() {
+            let key = day_and_bus(self, row);
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+        let date = |day: i64| {
+            let mut text = Vec::new();
+            modlens_protocol::timestamp::push_time(day * 86_400_000_000_000, &mut text);
+            String::from_utf8_lossy(&text[..10]).into_owned()
+        };
+        let partition = |key: (Option<i64>, String)| {
+            let rows = self.filter(|table, row| day_and_bus(table, row) == key);
+            (key.0.map(date), key.1, rows)
+        };
+        keys.into_iter().map(partition).collect()
+    }
+
+    /// The number of rows.
+    pub fn len(&self) -> usize {
+        match &self.rows {
+            Rows::All(count) => *count,
+            Rows::Some(rows) => rows.len(),
+            Rows::Readings(rows) => rows.len(),
+        }
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The index in the batch of a row of this view.
+    fn index(&self, row: usize) -> usize {
+        match &self.rows {
+            Rows::Some(rows) => rows[row] as usize,
+            _ => row,
+        }
+    }
+
+    /// The value of a column in a row.
+    #[inline]
+    pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
+        self.row(row).cell(column)
+    }
+
+    /// One row. Use this to read several of its values.
+    #[inline]
+    pub fn row(&self, row: usize) -> RowRef<'_> {
+        let batch = &*self.batch;
+        let of = match (&self.rows, self.kind) {
+            (Rows::Readings(rows), _) => RowOf::Reading(rows.item(batch, row)),
+            (_, TableKind::Frames) => RowOf::Frame(&batch.frames[self.index(row)]),
+            (_, TableKind::Findings) => RowOf::Finding(&batch.findings[self.index(row)]),
+            _ => RowOf::Transaction(TransactionView::new(batch, &batch.transactions[self.index(row)])),
+        };
+        RowRef { batch, of }
+    }
+
+    /// The rows whose number in a column satisfies `keep`; rows without a number are left out. `None` if the column's
+    /// numbers cannot be computed without a `Cell` for each row, which is possible only for the values of readings.
+    pub fn with_numbers(&self, column: usize, keep: impl Fn(f64) -> bool) -> Option<Self> {
+        match &self.rows {
+            Rows::Readings(readings) if READINGS[column].0 == "value" => {
+                let rows = Rows::Readings(readings.with_numbers(&self.batch, keep));
+                Some(Self { batch: Arc::clone(&self.batch), kind: self.kind, rows })
+            }
+            _ => None,
+        }
+    }
+
+    /// The number of a row's frame or transaction, in the tables of frames and transactions.
+    pub fn number(&self, row: usize) -> Option<u64> {
+        match self.kind {
+            TableKind::Frames => self.frame(row).map(|row| row.number),
+            _ => self.transaction(row).map(|row| row.number),
+        }
+    }
+
+    /// The frame of a row in the table of frames.
+    pub fn frame(&self, row: usize) -> Option<&Frame> {
+        (self.kind == TableKind::Frames).then(|| &self.batch.frames[self.index(row)])
+    }
+
+    /// The transaction of a row in the table of transactions.
+    pub fn transaction(&self, row: usize) -> Option<&Transaction> {
+        (self.kind == TableKind::Transactions).then(|| &self.batch.transactions[self.index(row)])
+    }
+}
