@@ -4,7 +4,7 @@
 
 mod buses;
 
-pub use buses::Buses;
+pub use buses::{Bus, Buses, Network};
 
 use std::sync::{Arc, Mutex};
 
@@ -13,8 +13,6 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::Line;
-use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
@@ -33,34 +31,6 @@ impl Span {
     pub fn of<T>(self, arena: &[T]) -> &[T] {
         &arena[self.start as usize..(self.start + self.length) as usize]
     }
-}
-
-/// Who talks on a connection of a network.
-#[derive(Clone, Debug)]
-pub struct Network {
-    /// Address of the client.
-    pub client: String,
-    /// Address and port of the server.
-    pub server: String,
-    /// Number of the connection.
-    pub connection: u64,
-}
-
-/// What all rows of a bus, or of one connection, share.
-#[derive(Clone, Debug)]
-pub struct Bus {
-    /// As the `bus` column names it.
-    pub name: String,
-    /// The file or port, as `source` names it.
-    pub source: String,
-    /// What `origin` counts.
-    pub place: Place,
-    /// Its clock.
-    pub clock: Clock,
-    /// Its line settings, where they are known.
-    pub line: Option<Line>,
-    /// Who talks, where it is a connection of a network.
-    pub network: Option<Network>,
 }
 
 /// One frame on the wire, or one run of noise.

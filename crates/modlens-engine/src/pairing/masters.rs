@@ -6,7 +6,7 @@
 //! master does: one that was seen to retry after time-outs does not turn to another unit instead. One such overlap is
 //! never reported, because a false alarm sends somebody to the site.
 
-use modlens_protocol::Ns;
+use crate::pairing::result::FrameLocation;
 
 /// Overlaps before two masters are reported, where the clock excludes a time-out.
 const MIN_TIMED_OVERLAPS: u32 = 2;
@@ -20,21 +20,6 @@ const MIN_RETRIES_PER_SKIP: u32 = 4;
 
 /// Overlaps that wait for further evidence. Those beyond it are counted, but get no finding.
 const MAX_UNDECIDED_OVERLAPS: usize = 64;
-
-/// Which frame a finding is about, for a row that is written after that frame's own row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameLocation {
-    /// The transaction of the frame.
-    pub txn: u64,
-    /// Running number of the frame.
-    pub frame: u64,
-    /// The unit in the frame.
-    pub unit: u8,
-    /// Start of the frame.
-    pub start: Option<Ns>,
-    /// Line or packet number in the recording, or the stream offset.
-    pub origin: u64,
-}
 
 /// Two transactions that overlap: the response to the first came after the request of the second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

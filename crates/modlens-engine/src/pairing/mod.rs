@@ -10,15 +10,17 @@
 use std::collections::VecDeque;
 
 mod damaged_request;
+mod echo;
 mod history;
 mod masters;
 mod requests;
 mod responses;
+mod result;
 mod routine;
 mod timing;
 pub(crate) mod transaction;
 
-pub use masters::FrameLocation;
+pub use result::{DelayedFinding, FrameLocation, PairingResult};
 pub use timing::TimingModel;
 pub use transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 
@@ -29,10 +31,10 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
+use echo::EchoStatistics;
 use history::History;
 use masters::{MasterEvidence, Overlap};
-use requests::EchoStatistics;
-use responses::{EarlyResponse, UnitMismatch};
+use transaction::{EarlyResponse, UnitMismatch};
 
 /// A request is given up after this time at the latest (records.md).
 pub const DEFAULT_TIMEOUT: Ns = 1_000_000_000;
@@ -79,28 +81,6 @@ pub struct Pairing {
     pub response_side_recorded: bool,
     /// Transaction identifiers of the last requests of a connection.
     ids: VecDeque<u16>,
-}
-
-/// A finding on a frame whose row is already written.
-#[derive(Clone, Copy, Debug)]
-pub struct DelayedFinding {
-    /// The finding.
-    pub finding: Finding,
-    /// The frame that it is about.
-    pub location: FrameLocation,
-    /// The other transaction involved.
-    pub other_txn: u64,
-}
-
-/// The result of pairing one frame.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct PairingResult {
-    /// The transaction of the frame.
-    pub txn: Option<u64>,
-    /// A finding on the transaction that belongs to the row of this frame.
-    pub finding: Option<Finding>,
-    /// The other transaction that the finding's detail names.
-    pub other: Option<u64>,
 }
 
 impl Pairing {

@@ -1,32 +1,15 @@
 //! Pairing of a response: requested, late, sent twice, damaged, or from a unit that was not asked.
 
 use crate::pairing::history::UnexpectedResponse;
-use crate::pairing::masters::{FrameLocation, Overlap};
-use crate::pairing::{DelayedFinding, ObservedFrame, Pairing, PairingResult, PendingTransaction};
+use crate::pairing::masters::Overlap;
+use crate::pairing::transaction::{EarlyResponse, UnitMismatch};
+use crate::pairing::{DelayedFinding, FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
-
-/// A response that fits the open request but for its unit. The next request shows whether the master took it for the
-/// response; until then the transaction waits here.
-#[derive(Debug)]
-pub(super) struct UnitMismatch {
-    pub transaction: Box<PendingTransaction>,
-    /// The transaction of the open request.
-    pub request_txn: u64,
-}
-
-/// A response without a request, on two lines whose adapters hold bytes back. The request may still be seen, if its line
-/// is later than was observed so far.
-#[derive(Debug)]
-pub(super) struct EarlyResponse {
-    unit: u8,
-    pdu: Vec<u8>,
-    start: Ns,
-}
 
 impl Pairing {
     /// Learns how much later than its response this request is seen, if it is the request of the early response.

@@ -256,3 +256,21 @@ impl PendingTransaction {
         *self = Self { request, response, findings, ..Self::new(mode) };
     }
 }
+
+/// A response that fits the open request but for its unit. The next request shows whether the master took it for the
+/// response; until then the transaction waits here.
+#[derive(Debug)]
+pub(super) struct UnitMismatch {
+    pub transaction: Box<PendingTransaction>,
+    /// The transaction of the open request.
+    pub request_txn: u64,
+}
+
+/// A response without a request, on two lines whose adapters hold bytes back. The request may still be seen, if its line
+/// is later than was observed so far.
+#[derive(Debug)]
+pub(super) struct EarlyResponse {
+    pub unit: u8,
+    pub pdu: Vec<u8>,
+    pub start: Ns,
+}

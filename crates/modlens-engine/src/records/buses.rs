@@ -4,7 +4,36 @@
 use std::ops::{Index, IndexMut};
 use std::sync::Arc;
 
-use crate::records::Bus;
+use modlens_protocol::line::Line;
+use modlens_protocol::source::{Clock, Place};
+
+/// Who talks on a connection of a network.
+#[derive(Clone, Debug)]
+pub struct Network {
+    /// Address of the client.
+    pub client: String,
+    /// Address and port of the server.
+    pub server: String,
+    /// Number of the connection.
+    pub connection: u64,
+}
+
+/// What all rows of a bus, or of one connection, share.
+#[derive(Clone, Debug)]
+pub struct Bus {
+    /// As the `bus` column names it.
+    pub name: String,
+    /// The file or port, as `source` names it.
+    pub source: String,
+    /// What `origin` counts.
+    pub place: Place,
+    /// Its clock.
+    pub clock: Clock,
+    /// Its line settings, where they are known.
+    pub line: Option<Line>,
+    /// Who talks, where it is a connection of a network.
+    pub network: Option<Network>,
+}
 
 /// Buses of a piece: large ones are dear to copy, small ones make a long list.
 const PIECE: usize = 16;

@@ -10,9 +10,10 @@ use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
 use crate::session::frame_timing::TimingConfig;
 use crate::session::lateness::Lateness;
+use crate::session::line::{LineState, UnmergedFrames};
 use crate::session::profiles::Profiles;
-use crate::session::two_lines::unmerged::{next_lines, UnmergedFrames};
-use modlens_protocol::direction::{readings, Direction};
+use crate::session::two_lines::unmerged::next_lines;
+use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::Line;
@@ -24,12 +25,6 @@ use modlens_readers::text::Reader;
 /// The numbers of the two lines of a TCP connection: from the client, and from the server.
 pub(super) const FROM_CLIENT: u8 = 1;
 pub(super) const FROM_SERVER: u8 = 2;
-
-/// Votes beyond which a further frame no longer changes who speaks on a line.
-const MAX_LINE_VOTES: i32 = 50;
-
-/// Lead in votes, over both lines of a tap, with which it is settled who speaks on which.
-const MIN_SPEAKER_VOTES: i32 = 3;
 
 /// Votes beyond which a further frame no longer changes what a log's words `sent` and `received` mean.
 const MAX_SIDE_VOTES: i32 = 100;
@@ -47,26 +42,6 @@ pub struct BusOptions {
     pub resolution: Option<Ns>,
     /// RTU frames end at these silences only, as the specification says; by evidence where `None`.
     pub rule: Option<Rule>,
-}
-
-/// One line of a bus: a serial line has one, a two-line tap and a TCP connection have one for each direction.
-pub(super) struct LineState {
-    /// Frames seen on the line that only a master can send, less those that only a unit can send.
-    pub(super) request_votes: i32,
-    pub(super) input: Input,
-    pub(super) framer: Box<dyn Framer>,
-    /// End of the last frame that was emitted.
-    pub(super) last_end: Option<Ns>,
-    pub(super) lateness: Lateness,
-    /// Frames that wait for their place among those of the other line, where no clock gives their order.
-    pub(super) unmerged: Option<Box<UnmergedFrames>>,
-}
-
-impl LineState {
-    /// Whether the framer holds nothing back: the next frame is decided by its own bytes alone.
-    pub(super) fn is_settled(&self) -> bool {
-        self.unmerged.is_none() && self.framer.settled(self.input.offset())
-    }
 }
 
 /// The state of one bus, or of one TCP connection.
@@ -315,29 +290,6 @@ impl BusState {
             at = (at + 1) % self.lines.len();
         }
     }
-
-    /// The one side that speaks on a line of a two-line tap, once the frames of both lines have shown it.
-    pub(super) fn speaker(&self, at: usize) -> Option<Direction> {
-        let lines = self.lines.iter().enumerate();
-        let votes: i32 =
-            lines.map(|(line, (_, state))| if line == at { state.request_votes } else { -state.request_votes }).sum();
-        match votes {
-            MIN_SPEAKER_VOTES.. => Some(Direction::Request),
-            _ if votes <= -MIN_SPEAKER_VOTES => Some(Direction::Response),
-            _ => None,
-        }
-    }
-}
-
-/// The votes of a line after one more frame: +1 for a frame that only a master can send, -1 for one that only a unit can
-/// send, 0 for one that may be either.
-pub(super) fn add_vote(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
-    let vote = match readings(functions, adu.get(1..).unwrap_or(&[])) {
-        (true, false) => 1,
-        (false, true) => -1,
-        _ => 0,
-    };
-    (votes + vote).clamp(-MAX_LINE_VOTES, MAX_LINE_VOTES)
 }
 
 /// Who speaks on a line of a TCP connection.

@@ -3,11 +3,11 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use crate::framer::silence::Rule;
 use crate::pairing::Pairing;
 use crate::records::{Bus, FindingRow, Network};
 use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
-use crate::session::reimport::ReimportState;
+use crate::session::profiles::Profiles;
+use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, ReimportState};
 use crate::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
@@ -16,47 +16,10 @@ use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::pcap::metadata::{PortMetadata, RecordingSegment};
-use modlens_readers::pcap::{Capture, Endpoint, Event, Interface, Ports, SerialContent, StreamChunk};
+use modlens_readers::pcap::{Capture, Endpoint, Event, Interface, SerialContent, StreamChunk};
 
 /// Times before March 1973 are not dates: the clock started with the recording.
 const MIN_DATE_NS: Ns = 100_000_000 * 1_000_000_000;
-
-/// What the source of a capture knows about it in advance.
-#[derive(Clone, Debug)]
-pub struct CaptureOptions {
-    /// The file, as `source` names it.
-    pub source: String,
-    /// Where Modbus is looked for.
-    pub ports: Ports,
-    /// Framing of serial interfaces; detected where `None`.
-    pub mode: Option<Mode>,
-    /// Line settings of serial interfaces.
-    pub line: Option<Line>,
-    /// The silences at which RTU frames of serial interfaces end; by evidence where `None`.
-    pub rule: Option<Rule>,
-}
-
-/// A capture that is being read.
-pub(super) struct CaptureState {
-    options: CaptureOptions,
-    reader: Capture,
-    /// For each slot of the reader's table of connections, the bus of the connection in it.
-    slots: Vec<Option<usize>>,
-    /// The bus of each serial interface.
-    lines: Vec<Option<usize>>,
-    /// Rows that are read back from a capture that modlens wrote.
-    reimport: ReimportState,
-    clock: Clock,
-    /// The coarsest step of the interfaces' clocks.
-    resolution: Ns,
-}
-
-impl CaptureState {
-    /// The smallest number of a transaction that is read back and not complete yet.
-    pub(super) fn oldest(&self) -> Option<u64> {
-        self.reimport.oldest()
-    }
-}
 
 impl Session {
     /// Adds a capture; they are numbered from 0. Its buses are added when their first packet is read.
@@ -166,7 +129,7 @@ impl Session {
         let options = BusOptions { bus, mode: Some(mode), line: None, resolution: Some(state.resolution.max(1)), rule: None };
         let counts = self.stats.bus_named(&options.bus.name);
         let pairing = Pairing::new(self.timeout, self.live);
-        let profiles = self.profiles_of(&options.bus.name);
+        let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
         let rows = Arc::make_mut(&mut self.bus_rows);
         let bus = if let Some(bus) = self.free.pop() {
             rows[bus] = options.bus.clone();
@@ -301,17 +264,4 @@ impl Session {
             is_named
         });
     }
-}
-
-/// What a capture has shown so far.
-#[derive(Clone, Debug)]
-pub struct CaptureReport {
-    /// Packets so far.
-    pub packets: u64,
-    /// Packets that were skipped, by reason.
-    pub left_out: Vec<(String, u64)>,
-    /// The kind of its clock.
-    pub clock: Clock,
-    /// The step of the clock.
-    pub resolution: Ns,
 }

@@ -3,20 +3,13 @@
 use std::sync::Arc;
 
 use crate::records::Bus;
+use crate::session::sources::LogicState;
 use crate::session::{BusOptions, Session};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::{Analyser, Character, DetectedLine, Wiring};
-
-/// One recording of a logic analyser.
-pub(super) struct LogicState {
-    source: String,
-    mode: Option<Mode>,
-    analyser: Analyser,
-    bus: Option<usize>,
-}
 
 impl Session {
     /// Adds a recording of a logic analyser; these are numbered from 0.

@@ -7,12 +7,15 @@ mod bus;
 mod capture;
 mod feed;
 mod frame_timing;
+mod frames;
 mod lateness;
+mod line;
 mod logic;
 mod profiles;
 mod reimport;
 mod routine;
 mod rows;
+mod sources;
 mod text;
 mod transactions;
 mod two_lines;
@@ -20,27 +23,22 @@ mod two_lines;
 use std::sync::Arc;
 
 use crate::check;
-use crate::framer::silence::Rule;
-use crate::framer::Cut;
-use crate::input::Input;
-use crate::pairing::{ObservedFrame, Pairing, PendingTransaction};
-use crate::records::{Batch, Buses, FindingRow, Frame, Span, Spare, Transaction};
+use crate::pairing::{Pairing, PendingTransaction};
+use crate::records::{Batch, Buses, Span, Spare, Transaction};
 use crate::stats::Stats;
+use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
-use modlens_protocol::framing::{Mode, Verdict};
-use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 
 pub use bus::BusOptions;
-pub use capture::CaptureOptions;
+pub use sources::CaptureOptions;
 
-use bus::{add_vote, learn, BusState};
-use capture::CaptureState;
-use frame_timing::{FrameTiming, TimingConfig};
-use logic::LogicState;
-use profiles::Assignment;
-use rows::{elapsed, framing_detail, marked_detail, placed_detail};
+use bus::BusState;
+use profiles::{Assignment, Profiles};
+use sources::{CaptureState, LogicState};
 
 /// Transactions that may wait for an older one; beyond it they are written all the same, out of order.
 const MAX_HELD_TRANSACTIONS: usize = 65_536;
@@ -160,9 +158,16 @@ impl Session {
         options.bus.line = options.line;
         Arc::make_mut(&mut self.bus_rows).push(options.bus.clone());
         let counts = self.stats.add_bus(&options.bus.name);
-        let profiles = self.profiles_of(&options.bus.name);
+        let profiles = Profiles::of_bus(&self.assignments, &options.bus.name);
         self.buses.push(BusState::new(options, Pairing::new(self.timeout, self.live), counts, profiles));
         self.buses.len() - 1
+    }
+
+    /// Gives a profile to units, on one bus (by its name) or on all; the last one wins. It holds for buses that are added
+    /// later.
+    pub fn bind(&mut self, bus: Option<&str>, units: &[u8], plan: &Arc<Plan>) {
+        let plan = Arc::clone(plan);
+        self.assignments.push(Assignment { bus: bus.map(str::to_owned), units: units.to_vec(), plan });
     }
 
     /// Sets the clock of a bus and the unit of its places, once its source has shown them.
@@ -232,183 +237,5 @@ impl Session {
                 half.wire = wire;
             }
         }
-    }
-
-    /// Emits the next frame of a line, the first `cut.length` bytes of its input: checks and pairs it, adds its rows, and
-    /// learns from it. `at` is the index of the line.
-    fn emit_frame(&mut self, bus: usize, at: usize, cut: &Cut, adu: &[u8]) {
-        let number = self.next_frame;
-        self.next_frame += 1;
-        let state = &mut self.buses[bus];
-        let config = state.timing_config(at);
-        state.clock_jumped = false;
-        let rule = state.options.rule();
-        let input = state.lines[at].1.emission_input();
-        let timing = FrameTiming::of(input, cut.length, &config);
-        timing.list_inner_packets(input, (number, cut.length), config.place, &mut self.batch.between);
-        let wire = &input.bytes()[..cut.length];
-        let mut frame = observed(number, wire, adu, cut, &timing, config.mode);
-        self.found.clear();
-        find_on_frame(&self.functions, input, cut, &frame, (&config, rule), &mut self.found);
-        if let Some(rule) = rule.filter(|_| config.has_clock && input.timed && config.mode == Mode::Rtu) {
-            count_silence(&mut self.stats, bus, input, &frame, (timing.offset, rule));
-        }
-        self.codes.clear();
-        self.codes.extend(self.found.iter().map(|(finding, _)| *finding));
-        frame.codes = &self.codes;
-        if let Some(start) = timing.start {
-            state.pairing.advance_time(start, &mut self.done);
-        }
-        let result = state.pairing.add_frame(&self.functions, &frame, &mut self.next_txn, &mut self.done);
-        if let Some(finding) = result.finding {
-            self.found.push((finding, placed_detail(finding, &result, &frame)));
-        }
-        let elapsed = elapsed(self.origin, timing.start);
-        for (finding, detail) in &self.found {
-            self.stats.finding(*finding);
-            if self.wanted.findings {
-                self.batch.findings.push(FindingRow {
-                    frame: Some(number),
-                    txn: result.txn,
-                    bus: bus as u32,
-                    start: timing.start,
-                    elapsed,
-                    unit: adu.first().copied(),
-                    finding: *finding,
-                    detail: detail.clone(),
-                    origin: timing.origin,
-                });
-            }
-        }
-        if self.wanted.frames {
-            let codes = self.batch.keep_codes(&self.codes);
-            // The finding of pairing, if any, stands behind those on the frame itself.
-            self.batch.codes.extend(self.found[self.codes.len()..].iter().map(|(finding, _)| *finding));
-            let findings = Span { length: self.found.len() as u32, ..codes };
-            let wire = self.batch.keep(wire);
-            let row = frame_row(cut, &frame, &timing, wire, findings);
-            self.batch.frames.push(Frame { bus: bus as u32, line: state.lines[at].0, elapsed, txn: result.txn, ..row });
-        }
-        self.stats.frame(state.counts, config.mode, &frame);
-        learn(&mut state.known_units, &mut state.side_votes, &frame, timing.side);
-        state.consume_frame(at, &self.functions, cut, adu, timing.end);
-        if !state.pairing.delayed_findings.is_empty() || !self.done.is_empty() {
-            self.emit_transactions(bus);
-        }
-    }
-}
-
-impl BusState {
-    /// Removes an emitted frame from the input of its line, and learns from it how late reads come and who speaks there.
-    #[inline]
-    fn consume_frame(&mut self, at: usize, functions: &Functions, cut: &Cut, adu: &[u8], end: Option<Ns>) {
-        let (line_id, line) = &mut self.lines[at];
-        if cut.verdict.good() {
-            line.lateness.learn(&line.input, cut.length);
-            // Line 0 is the only one of its bus. Frames that waited to be merged have voted before.
-            if *line_id != 0 && line.unmerged.is_none() && !cut.tentative {
-                line.request_votes = add_vote(line.request_votes, functions, adu);
-            }
-        }
-        line.consume(cut.length);
-        line.last_end = end.or(line.last_end);
-    }
-}
-
-/// The frame as pairing and the checks get it; its findings are not known yet.
-#[inline]
-fn observed<'a>(number: u64, wire: &'a [u8], adu: &'a [u8], cut: &Cut, timing: &FrameTiming, mode: Mode) -> ObservedFrame<'a> {
-    ObservedFrame {
-        number,
-        wire,
-        adu,
-        verdict: cut.verdict,
-        direction: cut.direction,
-        mode,
-        start: timing.start,
-        end: timing.end,
-        clean_start: timing.clean_start,
-        gap: timing.gap,
-        mbap_id: cut.mbap_id,
-        origin: timing.origin,
-        tentative: cut.tentative,
-        codes: &[],
-    }
-}
-
-/// Adds the findings on a frame itself: its content, its silences, and what receiver, clock and framer report about it.
-#[inline]
-fn find_on_frame(
-    functions: &Functions,
-    input: &Input,
-    cut: &Cut,
-    frame: &ObservedFrame<'_>,
-    (config, rule): (&TimingConfig, Option<Rule>),
-    found: &mut check::Found,
-) {
-    check::frame(functions, frame, found);
-    check::timing(input, rule, config.resolution, frame, found);
-    if input.marked() && input.line_error(0, cut.length) {
-        found.push((Finding::LineError, marked_detail(input.errors_in(0, cut.length), cut.length)));
-    }
-    if input.marked() && input.hole(0, cut.length) {
-        found.push((Finding::LostBytes, String::from("the receiver lost bytes before this frame")));
-    }
-    if config.clock_jumped {
-        found.push((Finding::ClockJumped, String::from("this read is older than the one before")));
-    }
-    if cut.tentative {
-        found.push((
-            Finding::Tentative,
-            String::from("between bytes that are no frames, and the unit was in no paired transaction yet"),
-        ));
-    }
-    if let Some((finding, damage)) = cut.damage.and_then(|damage| Some((damage.finding()?, damage))) {
-        found.push((finding, damage.detail()));
-    }
-    if let Some(finding) = cut.finding {
-        found.push((finding, framing_detail(finding, frame.wire)));
-    }
-}
-
-/// Counts whether a receiver that goes by silences of t3.5 alone would have cut this frame like the framer did: whether
-/// there is one before it (or nothing at all), and none inside.
-#[inline]
-fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, Rule)) {
-    let is_long = |pause: Option<Ns>| pause.is_some_and(|pause| pause >= rule.t35_ns);
-    let before = input.hard_edge(0) || offset == 0 || is_long(input.pause_before(0));
-    let inside = is_long(input.longest_pause(0, frame.wire.len()));
-    stats.silence(bus, rule.t35_ns, frame, before, inside);
-}
-
-/// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller.
-#[inline]
-fn frame_row(cut: &Cut, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
-    let is_frame = cut.verdict != Verdict::Noise;
-    let code = frame.adu.get(1).copied().filter(|_| is_frame);
-    let is_exception = code.is_some_and(|code| code & EXCEPTION_BIT != 0) && cut.verdict.good();
-    Frame {
-        number: frame.number,
-        bus: 0,
-        line: 0,
-        offset: timing.offset,
-        wire,
-        start: timing.start,
-        elapsed: None,
-        gap: timing.gap,
-        mode: frame.mode,
-        direction: cut.direction,
-        unit: frame.adu.first().copied().filter(|_| is_frame),
-        code,
-        exception: frame.adu.get(2).copied().filter(|_| is_exception),
-        verdict: cut.verdict,
-        tentative: cut.tentative,
-        confidence: cut.confidence,
-        cut_by: cut.cut_by,
-        txn: None,
-        mbap_id: cut.mbap_id,
-        findings,
-        origin: timing.origin,
-        last_origin: timing.last_origin,
     }
 }

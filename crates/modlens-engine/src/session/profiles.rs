@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use crate::check::Found;
 use crate::pairing::PendingTransaction;
-use crate::session::Session;
 use modlens_profiles::points::sunspec::{marker, Chain};
 use modlens_profiles::points::watch::OrderCheck;
 use modlens_profiles::points::{Plan, PlanInstance};
@@ -18,9 +17,9 @@ use modlens_protocol::status::Status;
 /// A profile that the user gave to some units.
 pub(super) struct Assignment {
     /// Name of the bus; all buses where `None`.
-    bus: Option<String>,
-    units: Vec<u8>,
-    plan: Arc<Plan>,
+    pub(super) bus: Option<String>,
+    pub(super) units: Vec<u8>,
+    pub(super) plan: Arc<Plan>,
 }
 
 /// The profiles of the units of one bus.
@@ -34,18 +33,11 @@ pub(super) struct Profiles {
     watches: Vec<OrderCheck>,
 }
 
-impl Session {
-    /// Gives a profile to units, on one bus (by its name) or on all; the last one wins. It holds for buses that are added
-    /// later.
-    pub fn bind(&mut self, bus: Option<&str>, units: &[u8], plan: &Arc<Plan>) {
-        let plan = Arc::clone(plan);
-        self.assignments.push(Assignment { bus: bus.map(str::to_owned), units: units.to_vec(), plan });
-    }
-
-    /// The profiles that the user gave to the units of a bus.
-    pub(super) fn profiles_of(&self, bus: &str) -> Profiles {
-        let mut profiles = Profiles::default();
-        for assignment in self.assignments.iter().filter(|given| given.bus.as_deref().is_none_or(|name| name == bus)) {
+impl Profiles {
+    /// The profiles that the user gave to the units of a bus; a later assignment wins.
+    pub(super) fn of_bus(assignments: &[Assignment], bus: &str) -> Self {
+        let mut profiles = Self::default();
+        for assignment in assignments.iter().filter(|given| given.bus.as_deref().is_none_or(|name| name == bus)) {
             profiles.make_room();
             for &unit in &assignment.units {
                 profiles.by_unit[usize::from(unit)] = Some(Arc::new(PlanInstance::new(Arc::clone(&assignment.plan))));
@@ -53,9 +45,7 @@ impl Session {
         }
         profiles
     }
-}
 
-impl Profiles {
     /// The profile of the transaction's unit, after it has learned from this transaction: scale factors, and `SunSpec`
     /// models. If values or function contradict the profile, a finding is added to `found`.
     pub(super) fn apply(

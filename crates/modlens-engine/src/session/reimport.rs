@@ -5,16 +5,14 @@
 //! behind a pause, the requests before a response. The metadata of each packet give its verdict, direction and transaction;
 //! only the bytes are decoded again.
 
-use std::collections::BTreeMap;
-
 use crate::pairing::{BufferedFrame, ObservedFrame, PendingTransaction};
 use crate::records::{Bus, FindingRow, Frame, Network};
 use crate::session::bus::{FROM_CLIENT, FROM_SERVER};
 use crate::session::rows::elapsed;
-use crate::session::{BusOptions, CaptureOptions, Session};
+use crate::session::sources::{CaptureOptions, ReimportState, WaitingFrame};
+use crate::session::{BusOptions, Session};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
-use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::source::Place;
 use modlens_protocol::status::Status;
@@ -25,44 +23,6 @@ use modlens_readers::pcap::Interface;
 
 /// Frames that may wait for the metadata of their transaction. In a file that was cut, some wait for ever.
 const MAX_WAITING_FRAMES: usize = 4_096;
-
-/// The state of the import of one capture.
-#[derive(Debug, Default)]
-pub(super) struct ReimportState {
-    /// Frame and transaction numbers given before this file, which are added to those in it.
-    frames_before: u64,
-    txns_before: u64,
-    /// The bus for each name and number of connection (`None` on a serial line).
-    buses: Vec<((String, Option<u64>), usize)>,
-    /// By number, the frames whose transaction is not read yet.
-    waiting: BTreeMap<u64, WaitingFrame>,
-}
-
-/// A frame whose transaction is not read yet.
-#[derive(Debug)]
-struct WaitingFrame {
-    bus: usize,
-    txn: u64,
-    mode: Mode,
-    adu: Vec<u8>,
-    frame: BufferedFrame,
-    direction: Direction,
-    /// Findings in its comments that are not on the frame itself: on the transaction, or delayed ones.
-    other_findings: Vec<(Finding, String)>,
-    gap: Option<Ns>,
-    packet: u64,
-}
-
-impl ReimportState {
-    pub(super) fn new(frames_before: u64, txns_before: u64) -> Self {
-        Self { frames_before, txns_before, ..Self::default() }
-    }
-
-    /// The smallest number of a transaction of which a frame is read but not the transaction itself.
-    pub(super) fn oldest(&self) -> Option<u64> {
-        self.waiting.values().map(|waiting| waiting.txn).min()
-    }
-}
 
 /// The findings in a packet's metadata.
 fn finding_codes(text: &str) -> Vec<Finding> {

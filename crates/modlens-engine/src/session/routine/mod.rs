@@ -10,9 +10,10 @@ mod rows;
 
 use crate::framer::exchange::Exchange;
 use crate::records::Span;
+use crate::session::bus::learn_side;
 use crate::session::bus::FROM_SERVER;
-use crate::session::bus::{learn_side, LineState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
+use crate::session::line::LineState;
 use crate::session::Session;
 use crate::stats::RequestKey;
 use modlens_profiles::points::sunspec::may_begin_in;

@@ -7,135 +7,14 @@
 
 use std::cmp::Ordering;
 
-use crate::input::Input;
-use crate::session::bus::{add_vote, BusState};
-use modlens_protocol::checksum::{crc_valid, CHECKSUM};
-use modlens_protocol::direction::{answers, Asked, Direction, Match};
+use crate::session::bus::BusState;
+use crate::session::two_lines::peek::{first_frame, response_fit, Fit};
+use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::framing::Mode;
-use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
+use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-/// The survey of who speaks on which line reads so many bytes of each line. Live, it ends after so long. Nothing is
-/// emitted before.
-const SURVEY_BYTES: usize = 4096;
-const SURVEY_NS: Ns = 1_000_000_000;
-
-/// Lead in votes with which the survey is decided: frames, of both lines together, that only one side can send.
-const MIN_SURVEY_VOTES: i32 = 3;
-
-/// A frame is found behind fewer stray bytes than this.
-const MAX_FRAME_START: usize = 4;
-
-/// Bytes of an RTU frame beside the body of its PDU: unit, function code and checksum.
-const FRAME_OVERHEAD_BYTES: usize = 4;
-
-/// How well the first bytes of a line fit as the response to a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Fit {
-    /// Another unit or function.
-    No,
-    /// A whole frame of this unit and function that is the response to another request.
-    Partly,
-    /// Unit and function of a frame that is damaged or not complete yet.
-    Header,
-    /// A whole response to the request.
-    Fully,
-}
-
-fn response_fit(functions: &Functions, bytes: &[u8], request: Asked<'_>) -> Fit {
-    let Some(&function) = request.pdu.first() else { return Fit::No };
-    if let Some((frame, _)) = first_frame(functions, bytes, Direction::Response) {
-        return match answers(functions, request, frame[0], &frame[1..]) {
-            Match::No => Fit::No,
-            Match::Partly => Fit::Partly,
-            Match::Fully => Fit::Fully,
-        };
-    }
-    let is_header = |pair: &[u8]| pair[0] == request.unit && pair[1] & !EXCEPTION_BIT == function;
-    if bytes.windows(2).take(MAX_FRAME_START).any(is_header) {
-        Fit::Header
-    } else {
-        Fit::No
-    }
-}
-
-/// Unit and PDU of the frame that a line's bytes begin with, at most a few stray bytes in front of it, and the bytes
-/// behind it.
-fn first_frame<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
-    let (at, frame) = (0..MAX_FRAME_START).find_map(|at| Some((at, frame_here(functions, bytes.get(at..)?, direction)?)))?;
-    Some((frame, &bytes[at + frame.len() + CHECKSUM..]))
-}
-
-/// Unit and PDU of the RTU frame that these bytes begin with, if the layout of its function gives its length and the
-/// checksum is right.
-fn frame_here<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<&'a [u8]> {
-    let (&code, body) = bytes.get(1..)?.split_first()?;
-    let row = functions.row(code & !EXCEPTION_BIT, body)?;
-    let length = match (code & EXCEPTION_BIT != 0, direction) {
-        (true, Direction::Request) => return None,
-        (true, _) => 1,
-        (false, direction) => match if direction == Direction::Request { &row.request } else { &row.response }.extent(body) {
-            Extent::Exactly(length) => length,
-            _ => return None,
-        },
-    };
-    let frame = bytes.get(..length + FRAME_OVERHEAD_BYTES).filter(|frame| crc_valid(frame))?;
-    Some(&frame[..frame.len() - CHECKSUM])
-}
-
-/// Votes on who speaks on a line, from its first bytes: frames that only a master can send, less those that only a unit
-/// can send.
-fn survey(functions: &Functions, input: &Input) -> i32 {
-    let bytes = &input.bytes()[..input.bytes().len().min(SURVEY_BYTES)];
-    let (mut votes, mut at) = (0, 0);
-    while at + FRAME_OVERHEAD_BYTES < bytes.len() {
-        let frame = [Direction::Request, Direction::Response].map(|side| frame_here(functions, &bytes[at..], side));
-        let Some(adu) = frame.into_iter().flatten().max_by_key(|frame| frame.len()) else {
-            at += 1;
-            continue;
-        };
-        votes = add_vote(votes, functions, adu);
-        at += adu.len() + CHECKSUM;
-    }
-    votes
-}
-
 impl BusState {
-    /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted
-    /// until then, because the first frames would be paired the wrong way.
-    ///
-    /// It is only asked for two lines with a clock whose source does not say who sends: not for a connection, whose sides
-    /// are known, nor for ASCII.
-    pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
-        if self.is_surveyed || self.lines.is_empty() {
-            return false;
-        }
-        let lacks_side =
-            |input: &Input| input.timed && input.first_read().is_some_and(|read| !read.record && read.side.is_none());
-        let is_full = |input: &Input| input.ended || input.bytes().len() >= SURVEY_BYTES || !lacks_side(input);
-        let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
-        let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
-        let mut with_bytes = self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());
-        let is_over = with_bytes.any(|(_, line)| is_full(&line.input));
-        let until = self.survey_deadline().filter(|_| live);
-        let is_too_late = until.zip(self.now).is_some_and(|(until, now)| now >= until);
-        self.is_surveyed = !is_needed || is_over || is_too_late;
-        if is_needed {
-            let votes: Vec<i32> = self.lines.iter().map(|(_, line)| survey(functions, &line.input)).collect();
-            let lead: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
-            if lead.abs() >= MIN_SURVEY_VOTES {
-                self.is_surveyed = true;
-                self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.request_votes = votes);
-            }
-        }
-        !self.is_surveyed
-    }
-
-    fn survey_deadline(&self) -> Option<Ns> {
-        let waiting = self.lines.iter().filter(|(id, line)| *id != 0 && !line.input.bytes().is_empty());
-        waiting.filter_map(|(_, line)| line.input.byte_time(0)).min().filter(|_| !self.is_surveyed).map(|first| first + SURVEY_NS)
-    }
-
     /// The line whose frame is next; `None` while bytes of the other line may still come that were on the wire before.
     pub(in crate::session) fn turn(&self, functions: &Functions) -> Option<usize> {
         let with_bytes = (0..self.lines.len()).filter(|&at| !self.lines[at].1.input.bytes().is_empty());

@@ -3,11 +3,9 @@
 //! Each line is framed by itself. Its frames wait here until `merge_order` has found their place among those of the other
 //! line.
 
-use std::collections::VecDeque;
-
 use crate::framer::{Context, Cut};
 use crate::input::Input;
-use crate::session::bus::{add_vote, LineState};
+use crate::session::line::{add_vote, LineState};
 use crate::session::two_lines::alignment::{merge_order, LineFrame, WINDOW_FRAMES};
 use modlens_protocol::direction::{readings, Direction};
 use modlens_protocol::framing::Verdict;
@@ -15,21 +13,6 @@ use modlens_protocol::functions::Functions;
 
 /// A line that stays silent while the other one delivers so many bytes is silent for good: waiting for it ends.
 const MAX_WAITING_BYTES: usize = 16 << 20;
-
-/// The frames of a line that wait for their place among those of the other line.
-pub(in crate::session) struct UnmergedFrames {
-    cuts: VecDeque<Cut>,
-    /// For each of `cuts`, what its place depends on.
-    frames: VecDeque<LineFrame>,
-    /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
-    pub(in crate::session) input: Input,
-}
-
-impl UnmergedFrames {
-    pub(in crate::session) fn new(input: Input) -> Self {
-        Self { cuts: VecDeque::new(), frames: VecDeque::new(), input }
-    }
-}
 
 impl LineState {
     /// The bytes from the next frame to emit on.

@@ -1,0 +1,60 @@
+//! The state of one line: its bytes, its framer, and who speaks on it.
+
+use std::collections::VecDeque;
+
+use crate::framer::{Cut, Framer};
+use crate::input::Input;
+use crate::session::lateness::Lateness;
+use crate::session::two_lines::alignment::LineFrame;
+use modlens_protocol::direction::readings;
+use modlens_protocol::functions::Functions;
+use modlens_protocol::Ns;
+
+/// Votes beyond which a further frame no longer changes who speaks on a line.
+const MAX_LINE_VOTES: i32 = 50;
+
+/// One line of a bus: a serial line has one, a two-line tap and a TCP connection have one for each direction.
+pub(super) struct LineState {
+    /// Frames seen on the line that only a master can send, less those that only a unit can send.
+    pub(super) request_votes: i32,
+    pub(super) input: Input,
+    pub(super) framer: Box<dyn Framer>,
+    /// End of the last frame that was emitted.
+    pub(super) last_end: Option<Ns>,
+    pub(super) lateness: Lateness,
+    /// Frames that wait for their place among those of the other line, where no clock gives their order.
+    pub(super) unmerged: Option<Box<UnmergedFrames>>,
+}
+
+impl LineState {
+    /// Whether the framer holds nothing back: the next frame is decided by its own bytes alone.
+    pub(super) fn is_settled(&self) -> bool {
+        self.unmerged.is_none() && self.framer.settled(self.input.offset())
+    }
+}
+
+/// The frames of a line that wait for their place among those of the other line.
+pub(super) struct UnmergedFrames {
+    pub(super) cuts: VecDeque<Cut>,
+    /// For each of `cuts`, what its place depends on.
+    pub(super) frames: VecDeque<LineFrame>,
+    /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
+    pub(super) input: Input,
+}
+
+impl UnmergedFrames {
+    pub(super) fn new(input: Input) -> Self {
+        Self { cuts: VecDeque::new(), frames: VecDeque::new(), input }
+    }
+}
+
+/// The votes of a line after one more frame: +1 for a frame that only a master can send, -1 for one that only a unit can
+/// send, 0 for one that may be either.
+pub(super) fn add_vote(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
+    let vote = match readings(functions, adu.get(1..).unwrap_or(&[])) {
+        (true, false) => 1,
+        (false, true) => -1,
+        _ => 0,
+    };
+    (votes + vote).clamp(-MAX_LINE_VOTES, MAX_LINE_VOTES)
+}

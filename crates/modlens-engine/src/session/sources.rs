@@ -1,0 +1,110 @@
+//! The state of sources that the session itself reads: packet captures and recordings of logic analysers.
+
+use std::collections::BTreeMap;
+
+use crate::framer::silence::Rule;
+use crate::pairing::BufferedFrame;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::line::Line;
+use modlens_protocol::source::Clock;
+use modlens_protocol::Ns;
+use modlens_readers::logic::Analyser;
+use modlens_readers::pcap::{Capture, Ports};
+
+/// What the source of a capture knows about it in advance.
+#[derive(Clone, Debug)]
+pub struct CaptureOptions {
+    /// The file, as `source` names it.
+    pub source: String,
+    /// Where Modbus is looked for.
+    pub ports: Ports,
+    /// Framing of serial interfaces; detected where `None`.
+    pub mode: Option<Mode>,
+    /// Line settings of serial interfaces.
+    pub line: Option<Line>,
+    /// The silences at which RTU frames of serial interfaces end; by evidence where `None`.
+    pub rule: Option<Rule>,
+}
+
+/// A capture that is being read.
+pub(super) struct CaptureState {
+    pub(super) options: CaptureOptions,
+    pub(super) reader: Capture,
+    /// For each slot of the reader's table of connections, the bus of the connection in it.
+    pub(super) slots: Vec<Option<usize>>,
+    /// The bus of each serial interface.
+    pub(super) lines: Vec<Option<usize>>,
+    /// Rows that are read back from a capture that modlens wrote.
+    pub(super) reimport: ReimportState,
+    pub(super) clock: Clock,
+    /// The coarsest step of the interfaces' clocks.
+    pub(super) resolution: Ns,
+}
+
+impl CaptureState {
+    /// The smallest number of a transaction that is read back and not complete yet.
+    pub(super) fn oldest(&self) -> Option<u64> {
+        self.reimport.oldest()
+    }
+}
+
+/// The state of the import of one capture.
+#[derive(Debug, Default)]
+pub(super) struct ReimportState {
+    /// Frame and transaction numbers given before this file, which are added to those in it.
+    pub(super) frames_before: u64,
+    pub(super) txns_before: u64,
+    /// The bus for each name and number of connection (`None` on a serial line).
+    pub(super) buses: Vec<((String, Option<u64>), usize)>,
+    /// By number, the frames whose transaction is not read yet.
+    pub(super) waiting: BTreeMap<u64, WaitingFrame>,
+}
+
+/// A frame whose transaction is not read yet.
+#[derive(Debug)]
+pub(super) struct WaitingFrame {
+    pub(super) bus: usize,
+    pub(super) txn: u64,
+    pub(super) mode: Mode,
+    pub(super) adu: Vec<u8>,
+    pub(super) frame: BufferedFrame,
+    pub(super) direction: Direction,
+    /// Findings in its comments that are not on the frame itself: on the transaction, or delayed ones.
+    pub(super) other_findings: Vec<(Finding, String)>,
+    pub(super) gap: Option<Ns>,
+    pub(super) packet: u64,
+}
+
+impl ReimportState {
+    pub(super) fn new(frames_before: u64, txns_before: u64) -> Self {
+        Self { frames_before, txns_before, ..Self::default() }
+    }
+
+    /// The smallest number of a transaction of which a frame is read but not the transaction itself.
+    pub(super) fn oldest(&self) -> Option<u64> {
+        self.waiting.values().map(|waiting| waiting.txn).min()
+    }
+}
+
+/// One recording of a logic analyser.
+pub(super) struct LogicState {
+    pub(super) source: String,
+    pub(super) mode: Option<Mode>,
+    pub(super) analyser: Analyser,
+    pub(super) bus: Option<usize>,
+}
+
+/// What a capture has shown so far.
+#[derive(Clone, Debug)]
+pub struct CaptureReport {
+    /// Packets so far.
+    pub packets: u64,
+    /// Packets that were skipped, by reason.
+    pub left_out: Vec<(String, u64)>,
+    /// The kind of its clock.
+    pub clock: Clock,
+    /// The step of the clock.
+    pub resolution: Ns,
+}

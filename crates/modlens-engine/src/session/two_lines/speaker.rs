@@ -1,0 +1,92 @@
+//! Who speaks on which of two lines: the master on one, the units on the other.
+//!
+//! It is learned from frames that only one side can send, each of which is a vote. Before the first frame is emitted, the
+//! first bytes of both lines are surveyed for such frames.
+
+use crate::input::Input;
+use crate::session::bus::BusState;
+use crate::session::line::add_vote;
+use crate::session::two_lines::peek::{frame_here, FRAME_OVERHEAD_BYTES};
+use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::direction::Direction;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
+use modlens_protocol::Ns;
+
+/// Lead in votes, over both lines of a tap, with which it is settled who speaks on which.
+const MIN_SPEAKER_VOTES: i32 = 3;
+
+/// The survey of who speaks on which line reads so many bytes of each line. Live, it ends after so long. Nothing is
+/// emitted before.
+const SURVEY_BYTES: usize = 4096;
+const SURVEY_NS: Ns = 1_000_000_000;
+
+/// Lead in votes with which the survey is decided: frames, of both lines together, that only one side can send.
+const MIN_SURVEY_VOTES: i32 = 3;
+
+/// Votes on who speaks on a line, from its first bytes: frames that only a master can send, less those that only a unit
+/// can send.
+fn survey(functions: &Functions, input: &Input) -> i32 {
+    let bytes = &input.bytes()[..input.bytes().len().min(SURVEY_BYTES)];
+    let (mut votes, mut at) = (0, 0);
+    while at + FRAME_OVERHEAD_BYTES < bytes.len() {
+        let frame = [Direction::Request, Direction::Response].map(|side| frame_here(functions, &bytes[at..], side));
+        let Some(adu) = frame.into_iter().flatten().max_by_key(|frame| frame.len()) else {
+            at += 1;
+            continue;
+        };
+        votes = add_vote(votes, functions, adu);
+        at += adu.len() + CHECKSUM;
+    }
+    votes
+}
+
+impl BusState {
+    /// The one side that speaks on a line of a two-line tap, once the frames of both lines have shown it.
+    pub(in crate::session) fn speaker(&self, at: usize) -> Option<Direction> {
+        let lines = self.lines.iter().enumerate();
+        let votes: i32 =
+            lines.map(|(line, (_, state))| if line == at { state.request_votes } else { -state.request_votes }).sum();
+        match votes {
+            MIN_SPEAKER_VOTES.. => Some(Direction::Request),
+            _ if votes <= -MIN_SPEAKER_VOTES => Some(Direction::Response),
+            _ => None,
+        }
+    }
+
+    /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted
+    /// until then, because the first frames would be paired the wrong way.
+    ///
+    /// It is only asked for two lines with a clock whose source does not say who sends: not for a connection, whose sides
+    /// are known, nor for ASCII.
+    pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
+        if self.is_surveyed || self.lines.is_empty() {
+            return false;
+        }
+        let lacks_side =
+            |input: &Input| input.timed && input.first_read().is_some_and(|read| !read.record && read.side.is_none());
+        let is_full = |input: &Input| input.ended || input.bytes().len() >= SURVEY_BYTES || !lacks_side(input);
+        let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
+        let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
+        let mut with_bytes = self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());
+        let is_over = with_bytes.any(|(_, line)| is_full(&line.input));
+        let until = self.survey_deadline().filter(|_| live);
+        let is_too_late = until.zip(self.now).is_some_and(|(until, now)| now >= until);
+        self.is_surveyed = !is_needed || is_over || is_too_late;
+        if is_needed {
+            let votes: Vec<i32> = self.lines.iter().map(|(_, line)| survey(functions, &line.input)).collect();
+            let lead: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
+            if lead.abs() >= MIN_SURVEY_VOTES {
+                self.is_surveyed = true;
+                self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.request_votes = votes);
+            }
+        }
+        !self.is_surveyed
+    }
+
+    /// When the survey ends in a live session, whatever has come.
+    pub(super) fn survey_deadline(&self) -> Option<Ns> {
+        let waiting = self.lines.iter().filter(|(id, line)| *id != 0 && !line.input.bytes().is_empty());
+        waiting.filter_map(|(_, line)| line.input.byte_time(0)).min().filter(|_| !self.is_surveyed).map(|first| first + SURVEY_NS)
+    }
+}
