@@ -1,27 +1,27 @@
 //! Writes frames to a capture file (pcapng or classic pcap) that Wireshark opens without any configuration.
 //!
-//! `payload` encapsulates a frame, `ports` chooses its ports and identifier, `words` makes its annotations. Frames keep
+//! `payload` encapsulates a frame, `ports` chooses its ports and identifier, `annotations` makes its annotations. Frames keep
 //! their order. When a file is converted, a frame waits until its transaction is complete, so that findings on the
 //! transaction become comments, and so that a filter on transactions keeps all of their frames.
 
+mod annotations;
 pub mod blocks;
+mod options;
 mod packet;
 mod payload;
+mod pending_annotations;
 mod ports;
-mod style;
 mod tcp;
-mod told;
-mod words;
 
 use std::collections::{BTreeMap, BTreeSet, HashSet, VecDeque};
 use std::sync::Arc;
 
+use annotations::FindingNote;
 use blocks::{Interface, LINK_ETHERNET, LINK_UPPER_PDU};
 use payload::Route;
+use pending_annotations::PendingAnnotations;
 use ports::Ports;
 use tcp::{Connections, Segment};
-use told::PendingAnnotations;
-use words::FindingNote;
 
 use modlens_engine::records::{Batch, Frame, Transaction};
 use modlens_protocol::direction::Direction;
@@ -30,8 +30,8 @@ use modlens_protocol::Ns;
 use modlens_readers::pcap::adu::unwrap;
 use modlens_tables::columns::{Table, TableKind};
 
-pub use style::{CaptureOptions, Encapsulation};
-pub use words::settings;
+pub use annotations::settings;
+pub use options::{CaptureOptions, Encapsulation};
 
 /// Writes a capture file, batch by batch.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub struct Capture {
     /// The number of frames still to be written as context after a kept one.
     context_left: usize,
     /// Transactions whose annotation was not written yet.
-    told: PendingAnnotations,
+    pending_annotations: PendingAnnotations,
     /// Transactions of a live tap whose last packet was written before they were complete.
     unannotated: BTreeSet<u64>,
     /// The name of the bus and the line of each interface.
@@ -90,7 +90,7 @@ impl Capture {
             complete_beyond: HashSet::new(),
             context_before: VecDeque::new(),
             context_left: 0,
-            told: PendingAnnotations::default(),
+            pending_annotations: PendingAnnotations::default(),
             unannotated: BTreeSet::new(),
             interfaces: Vec::new(),
             origin_written: false,
@@ -116,7 +116,7 @@ impl Capture {
         }
         for (at, row) in batch.transactions.iter().enumerate() {
             if !self.options.classic && self.options.style != Encapsulation::Tcp {
-                self.told.insert(row.number, batch, at);
+                self.pending_annotations.insert(row.number, batch, at);
             }
             if self.options.live && self.filtered.is_some() {
                 self.complete_beyond.insert(row.number);
@@ -205,7 +205,7 @@ impl Capture {
             let next = self.waiting.front().map_or(u64::MAX, |(batch, first)| batch.frames[*first].number);
             let next = self.context_before.front().map_or(next, |(batch, at)| batch.frames[*at].number);
             let unannotated = &self.unannotated;
-            self.told.retain(|batch, at| {
+            self.pending_annotations.retain(|batch, at| {
                 let row = &batch.transactions[at];
                 last_frame(row) >= next || unannotated.contains(&row.number)
             });
@@ -281,7 +281,7 @@ impl Capture {
     /// Appends the annotations of all transactions that are complete with this frame.
     fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
-            match self.told.get(txn).map(|(batch, at)| &batch.transactions[at]) {
+            match self.pending_annotations.get(txn).map(|(batch, at)| &batch.transactions[at]) {
                 Some(row) if frame.number < last_frame(row) => {}
                 Some(_) => {
                     self.write_annotation(txn, out);
@@ -293,7 +293,8 @@ impl Capture {
             }
         }
         if !self.unannotated.is_empty() {
-            let late: Vec<u64> = self.unannotated.iter().copied().filter(|&txn| self.told.get(txn).is_some()).collect();
+            let late: Vec<u64> =
+                self.unannotated.iter().copied().filter(|&txn| self.pending_annotations.get(txn).is_some()).collect();
             for txn in late {
                 self.unannotated.remove(&txn);
                 self.write_annotation(txn, out);
@@ -303,10 +304,10 @@ impl Capture {
 
     /// Appends the annotation of a transaction.
     fn write_annotation(&mut self, txn: u64, out: &mut Vec<u8>) {
-        if let Some((batch, at)) = self.told.get(txn) {
-            blocks::custom(out, |out| words::transaction(batch, &batch.transactions[at], out));
+        if let Some((batch, at)) = self.pending_annotations.get(txn) {
+            blocks::custom(out, |out| annotations::transaction(batch, &batch.transactions[at], out));
         }
-        self.told.remove(txn);
+        self.pending_annotations.remove(txn);
     }
 
     /// Writes a frame in the style `tcp`. Frames that TCP could not carry are only counted.
@@ -352,7 +353,7 @@ impl Capture {
         let at = known.unwrap_or_else(|| {
             let origin = origin(frame);
             self.origin_written |= origin.is_some();
-            let (name, description, custom) = words::interface(bus, line, origin, self.options.style.words().0);
+            let (name, description, custom) = annotations::interface(bus, line, origin, self.options.style.words().0);
             let what = Interface {
                 link: self.link(),
                 name: &name,

@@ -1,7 +1,7 @@
 //! Makes one packet of a frame: the data that a Wireshark dissector takes, and the options of the packet.
 
+use super::annotations::{self, FindingNote};
 use super::payload::{self, Route};
-use super::words::{self, FindingNote};
 use super::{blocks, Encapsulation};
 use modlens_engine::records::{Batch, Frame};
 use modlens_protocol::finding::Finding;
@@ -13,7 +13,7 @@ use modlens_readers::pcap::adu::unwrap;
 pub(super) fn bytes(style: Encapsulation, batch: &Batch, frame: &Frame, route: Route, notes: &[FindingNote], out: &mut Vec<u8>) {
     let wire = frame.wire.of(&batch.arena);
     if !frame.verdict.good() {
-        let (protocol, info) = words::columns(batch, frame, notes);
+        let (protocol, info) = annotations::columns(batch, frame, notes);
         payload::data(&protocol, &info, wire, out);
         return;
     }
@@ -43,16 +43,16 @@ pub(super) fn annotations(
     if frame.verdict == Verdict::NoChecksum {
         blocks::comment("the recording has no checksums", out);
     }
-    if let Some(text) = words::exception(frame) {
+    if let Some(text) = annotations::exception(frame) {
         blocks::comment(&text, out);
     }
     for note in notes.iter().filter(|(finding, _)| *finding != Finding::Exception) {
-        blocks::comment(&words::comment(note), out);
+        blocks::comment(&annotations::comment(note), out);
     }
-    blocks::flags(words::flags(batch, frame), out);
+    blocks::flags(annotations::flags(batch, frame), out);
     // The dissector `mbrtu` gets an RTU frame even if the frame on the line had another mode. The original bytes are
     // then stored in our custom option.
     let is_verbatim =
         style != Encapsulation::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
-    blocks::custom(out, |out| words::custom(batch, frame, is_verbatim, origin, out));
+    blocks::custom(out, |out| annotations::custom(batch, frame, is_verbatim, origin, out));
 }

@@ -3,8 +3,8 @@
 //! The column widths are derived from the first rows and never changed. A number that is wider than its column shifts
 //! the rest of its line; a text is cut. So memory does not grow, and a live table does not change its layout.
 
-use crate::view::text::{push_fitted, width};
-use crate::view::{Style, StyledText};
+use crate::view::safe_text::{push_fitted, width};
+use crate::view::style::{Style, StyledText};
 use modlens_tables::columns::{Items, RowRef};
 
 /// A text cut to fewer columns than this is left out, because it would be meaningless.

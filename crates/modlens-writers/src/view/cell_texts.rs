@@ -3,8 +3,9 @@
 use serde_json::Value as Json;
 
 use crate::view::grid::ValueList;
-use crate::view::text::{push_visible, visible};
-use crate::view::{AddressNotation, Style};
+use crate::view::notation::AddressNotation;
+use crate::view::safe_text::{push_visible, visible};
+use crate::view::style::Style;
 use modlens_tables::columns::{Cell, Items, RowRef, TableKind};
 
 /// Durations of at least this many microseconds are shown without tenths of a millisecond.

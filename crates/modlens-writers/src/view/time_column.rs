@@ -4,7 +4,7 @@
 //! The first row decides which of these is shown; the title of the column names it.
 
 use crate::view::grid::ColumnHead;
-use crate::view::{TimeDisplay, Zone};
+use crate::view::notation::{TimeDisplay, Zone};
 use modlens_protocol::source::Place;
 use modlens_protocol::timestamp::push_time;
 use modlens_protocol::Ns;

@@ -3,10 +3,11 @@
 //! The first rows decide which columns are worth showing: no response times without a clock, no bus if there is only
 //! one.
 
-use crate::view::cells::{self, ColumnLookup, TransactionValues};
+use crate::view::cell_texts::{self, ColumnLookup, TransactionValues};
 use crate::view::grid::{CellContent, ColumnHead, GridColumn, ValueList};
-use crate::view::text::{visible, width};
-use crate::view::{AddressNotation, Style};
+use crate::view::notation::AddressNotation;
+use crate::view::safe_text::{visible, width};
+use crate::view::style::Style;
 use modlens_tables::columns::{Cell, RowRef, TableKind};
 
 /// The maximum width of a bus's short name.
@@ -32,7 +33,7 @@ pub fn bus(kind: TableKind, labels: Vec<(String, String)>) -> GridColumn {
     let at = ColumnLookup(kind).at("bus");
     let widest = labels.iter().map(|(_, label)| width(label)).max().unwrap_or(0);
     plain(ColumnHead::left("bus", widest.min(BUS_LABEL_COLUMNS)), move |row| {
-        let name = cells::word(row, at).unwrap_or_default();
+        let name = cell_texts::word(row, at).unwrap_or_default();
         labels.iter().find(|(known, _)| known == name).map_or_else(|| visible(name), |(_, label)| label.clone())
     })
 }
@@ -47,17 +48,17 @@ fn transactions(keys: ColumnLookup, base: AddressNotation, has_times: bool, is_w
     let (status, exception, name) = (keys.at("status"), keys.at("exception"), keys.at("exception_name"));
     let (found, carried) = (keys.at("findings"), TransactionValues::new(keys));
     let state = move |row: &RowRef<'_>| {
-        let word = cells::word(row, status).unwrap_or_default();
-        let code = cells::number(row, exception).map_or_else(String::new, |code| format!(" {code}"));
-        (format!("{word}{code}"), cells::status_style(word))
+        let word = cell_texts::word(row, status).unwrap_or_default();
+        let code = cell_texts::number(row, exception).map_or_else(String::new, |code| format!(" {code}"));
+        (format!("{word}{code}"), cell_texts::status_style(word))
     };
     chosen.extend(state_and_content("status", "values", is_wide, state, move |row, pieces| {
-        let said = cells::word(row, status).unwrap_or_default();
-        let (values, mut refused) = (carried.values(row, base), visible(&cells::text(row, name)));
+        let said = cell_texts::word(row, status).unwrap_or_default();
+        let (values, mut refused) = (carried.values(row, base), visible(&cell_texts::text(row, name)));
         if !refused.is_empty() && !values.is_empty() {
             refused.push(':');
         }
-        pieces.push((CellContent::Text(cells::findings(row, found, said)), Style::Odd));
+        pieces.push((CellContent::Text(cell_texts::findings(row, found, said)), Style::Odd));
         pieces.push((CellContent::Text(refused), Style::Plain));
         pieces.push((CellContent::ValueList(values), Style::Plain));
     }));
@@ -69,7 +70,7 @@ fn frames(keys: ColumnLookup, has_times: bool, is_wide: bool) -> Vec<GridColumn>
     let (code, name, direction) = (keys.at("function"), keys.at("function_name"), keys.at("direction"));
     let mut chosen = vec![
         number(keys, "frame", ColumnHead::right("frame", 5)),
-        plain(ColumnHead::left("dir", 3), move |row| match cells::word(row, direction) {
+        plain(ColumnHead::left("dir", 3), move |row| match cell_texts::word(row, direction) {
             Some("request") => "req".into(),
             Some("response") => "rsp".into(),
             _ => "?".into(),
@@ -77,26 +78,26 @@ fn frames(keys: ColumnLookup, has_times: bool, is_wide: bool) -> Vec<GridColumn>
         unit(keys),
         if is_wide {
             let head = ColumnHead::left("function", 24).at_most(28);
-            plain(head, move |row| cells::function_long(cells::number(row, code), cells::word(row, name)))
+            plain(head, move |row| cell_texts::function_long(cell_texts::number(row, code), cell_texts::word(row, name)))
         } else {
             plain(ColumnHead::left("fc", 3), move |row| {
-                cells::number(row, code).map_or_else(String::new, |code| format!("{code:3}"))
+                cell_texts::number(row, code).map_or_else(String::new, |code| format!("{code:3}"))
             })
         },
         number(keys, "byte_length", ColumnHead::right("len", 3)),
     ];
     if has_times {
         let gap = keys.at("gap_us");
-        chosen.push(plain(ColumnHead::right("gap ms", 6), move |row| cells::milliseconds(row, gap).unwrap_or_default()));
+        chosen.push(plain(ColumnHead::right("gap ms", 6), move |row| cell_texts::milliseconds(row, gap).unwrap_or_default()));
     }
     let (verdict, found, hex) = (keys.at("verdict"), keys.at("findings"), keys.at("hex"));
     let state = move |row: &RowRef<'_>| {
-        let word = cells::word(row, verdict).unwrap_or_default();
-        (word.to_owned(), cells::verdict_style(word))
+        let word = cell_texts::word(row, verdict).unwrap_or_default();
+        (word.to_owned(), cell_texts::verdict_style(word))
     };
     chosen.extend(state_and_content("verdict", "bytes", is_wide, state, move |row, pieces| {
-        let said = cells::word(row, verdict).unwrap_or_default();
-        pieces.push((CellContent::Text(cells::findings(row, found, said)), Style::Odd));
+        let said = cell_texts::word(row, verdict).unwrap_or_default();
+        pieces.push((CellContent::Text(cell_texts::findings(row, found, said)), Style::Odd));
         if let Cell::Hex(bytes) = row.cell(hex) {
             pieces.push((CellContent::ValueList(ValueList::Bytes(bytes)), Style::Plain));
         }
@@ -141,17 +142,21 @@ fn readings(keys: ColumnLookup, base: AddressNotation) -> Vec<GridColumn> {
     vec![
         number(keys, "txn", ColumnHead::right("txn", 4)),
         unit(keys),
-        plain(ColumnHead::left("type", 4), move |row| cells::short_name(cells::word(row, kind)).unwrap_or_default().into()),
+        plain(ColumnHead::left("type", 4), move |row| {
+            cell_texts::short_name(cell_texts::word(row, kind)).unwrap_or_default().into()
+        }),
         plain(ColumnHead::right(base.title(), 6), move |row| {
-            cells::address_range(cells::number(row, address), Some(1), cells::word(row, kind), base)
+            cell_texts::address_range(cell_texts::number(row, address), Some(1), cell_texts::word(row, kind), base)
         }),
         word(keys, "operation", ColumnHead::left("does", 5), |_| Style::Plain),
         GridColumn::new(ColumnHead::right("raw", 5), move |row| match row.cell(raw) {
             Cell::Ints(items) => (CellContent::ValueList(ValueList::Numbers(items)), Style::Plain),
             _ => (CellContent::Text(String::new()), Style::Plain),
         }),
-        plain(ColumnHead::left("value", 8).sharing(), move |row| cells::joined(&parts.map(|part| cells::text(row, part)))),
-        word(keys, "status", ColumnHead::left("status", 11), cells::status_style),
+        plain(ColumnHead::left("value", 8).sharing(), move |row| {
+            cell_texts::joined(&parts.map(|part| cell_texts::text(row, part)))
+        }),
+        word(keys, "status", ColumnHead::left("status", 11), cell_texts::status_style),
     ]
 }
 
@@ -162,10 +167,10 @@ fn findings(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
         number(keys, "frame", ColumnHead::right("frame", 5)),
         number(keys, "txn", ColumnHead::right("txn", 4)),
         unit(keys),
-        word(keys, "severity", ColumnHead::left("severity", 8), cells::severity_style),
+        word(keys, "severity", ColumnHead::left("severity", 8), cell_texts::severity_style),
         GridColumn::new(ColumnHead::left("code", 16), move |row| {
-            let style = cells::severity_style(cells::word(row, severity).unwrap_or_default());
-            (CellContent::Text(cells::text(row, code)), style)
+            let style = cell_texts::severity_style(cell_texts::word(row, severity).unwrap_or_default());
+            (CellContent::Text(cell_texts::text(row, code)), style)
         }),
         text(keys, "detail", ColumnHead::left("what was seen", 10).sharing()),
     ];
@@ -183,7 +188,7 @@ fn plain(head: ColumnHead, read: impl Fn(&RowRef<'_>) -> String + Send + Sync + 
 /// A column of numbers.
 fn number(keys: ColumnLookup, key: &str, head: ColumnHead) -> GridColumn {
     let at = keys.at(key);
-    plain(head, move |row| cells::number(row, at).map_or_else(String::new, |number| number.to_string()))
+    plain(head, move |row| cell_texts::number(row, at).map_or_else(String::new, |number| number.to_string()))
 }
 
 /// The column with the unit address.
@@ -194,14 +199,14 @@ fn unit(keys: ColumnLookup) -> GridColumn {
 /// A column of text from the input.
 fn text(keys: ColumnLookup, key: &str, head: ColumnHead) -> GridColumn {
     let at = keys.at(key);
-    plain(head, move |row| visible(&cells::text(row, at)))
+    plain(head, move |row| visible(&cell_texts::text(row, at)))
 }
 
 /// A column with words of modlens's own vocabulary, each in its style.
 fn word(keys: ColumnLookup, key: &str, head: ColumnHead, style: fn(&str) -> Style) -> GridColumn {
     let at = keys.at(key);
     GridColumn::new(head, move |row| {
-        let word = cells::word(row, at).unwrap_or_default();
+        let word = cell_texts::word(row, at).unwrap_or_default();
         (CellContent::Text(word.to_owned()), style(word))
     })
 }
@@ -212,11 +217,11 @@ fn function(keys: ColumnLookup, is_wide: bool) -> GridColumn {
     let (does, kind) = (keys.at("operation"), keys.at("register_type"));
     let head = ColumnHead::left("function", 11).at_most(if is_wide { 28 } else { 14 });
     plain(head, move |row| {
-        let (code, name) = (cells::number(row, code), cells::word(row, name));
+        let (code, name) = (cell_texts::number(row, code), cell_texts::word(row, name));
         if is_wide {
-            cells::function_long(code, name)
+            cell_texts::function_long(code, name)
         } else {
-            cells::function_short(code, name, cells::word(row, does), cells::word(row, kind))
+            cell_texts::function_short(code, name, cell_texts::word(row, does), cell_texts::word(row, kind))
         }
     })
 }
@@ -226,9 +231,14 @@ fn addresses(keys: ColumnLookup, base: AddressNotation) -> GridColumn {
     let kind = keys.at("register_type");
     let ranges = [["address", "quantity"], ["write_address", "write_quantity"]].map(|range| range.map(|key| keys.at(key)));
     plain(ColumnHead::left(base.title(), 11), move |row| {
-        let range = ranges.iter().find(|[first, _]| cells::number(row, *first).is_some());
+        let range = ranges.iter().find(|[first, _]| cell_texts::number(row, *first).is_some());
         range.map_or_else(String::new, |&[first, quantity]| {
-            cells::address_range(cells::number(row, first), cells::number(row, quantity), cells::word(row, kind), base)
+            cell_texts::address_range(
+                cell_texts::number(row, first),
+                cell_texts::number(row, quantity),
+                cell_texts::word(row, kind),
+                base,
+            )
         })
     })
 }
@@ -237,8 +247,8 @@ fn addresses(keys: ColumnLookup, base: AddressNotation) -> GridColumn {
 fn response_time(keys: ColumnLookup) -> GridColumn {
     let [took, late, waited] = ["response_time_us", "late_response_us", "waited_us"].map(|key| keys.at(key));
     plain(ColumnHead::right("ms", 5), move |row| {
-        let answer = cells::milliseconds(row, took).or_else(|| cells::milliseconds(row, late));
-        let vain = || cells::milliseconds(row, waited).map(|waited| format!(">{waited}"));
+        let answer = cell_texts::milliseconds(row, took).or_else(|| cell_texts::milliseconds(row, late));
+        let vain = || cell_texts::milliseconds(row, waited).map(|waited| format!(">{waited}"));
         answer.or_else(vain).unwrap_or_default()
     })
 }

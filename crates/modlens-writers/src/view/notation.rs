@@ -1,0 +1,72 @@
+//! The notations of addresses and times.
+
+use modlens_protocol::Ns;
+
+/// The notation of addresses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AddressNotation {
+    /// As on the wire, from 0, in decimal.
+    Wire,
+    /// As on the wire, from 0, in hexadecimal.
+    Hex,
+    /// Modicon notation with five digits: 40001 is wire address 0 of the holding registers.
+    Five,
+    /// Modicon notation with six digits: 400001 is wire address 0 of the holding registers.
+    Six,
+}
+
+impl AddressNotation {
+    /// The notation with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "wire" => Self::Wire,
+            "hex" => Self::Hex,
+            "5digit" => Self::Five,
+            "6digit" => Self::Six,
+            _ => return None,
+        })
+    }
+
+    /// The title of an address column in this notation.
+    pub(super) fn title(self) -> &'static str {
+        match self {
+            Self::Wire => "addr from 0",
+            Self::Hex => "hex from 0",
+            Self::Five => "40001-based",
+            Self::Six => "400001-based",
+        }
+    }
+
+    /// A wire address in this notation; in wire notation if the table is unknown. Five digits suffice up to 9999;
+    /// higher addresses are shown with six.
+    pub(super) fn address(self, wire: i64, kind: Option<&str>) -> String {
+        let digit = match kind {
+            Some("coil") => 0,
+            Some("discrete_input") => 1,
+            Some("input_register") => 3,
+            Some("holding_register") => 4,
+            _ if self == Self::Hex => 0,
+            _ => return wire.to_string(),
+        };
+        match self {
+            Self::Wire => wire.to_string(),
+            Self::Hex => format!("0x{wire:04X}"),
+            Self::Five if wire < 9999 => format!("{digit}{:04}", wire + 1),
+            Self::Five | Self::Six => format!("{digit}{:05}", wire + 1),
+        }
+    }
+}
+
+/// The offset of local time from UTC at a time, both in ns. It does not change within a minute.
+pub type Zone = Box<dyn Fn(Ns) -> Ns + Send + Sync>;
+
+/// The times that a table shows. If they are unknown, the position in the file is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeDisplay {
+    /// Time of day.
+    Clock,
+    /// Time since the start.
+    Elapsed,
+    /// Time since the previous row.
+    Delta,
+}
