@@ -9,7 +9,7 @@ use modlens_engine::session::{BusOptions, Session, Wanted};
 use modlens_protocol::direction;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::{Line, Parity};
+use modlens_protocol::line::{LineSettings, Parity};
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::status::Status;
 use modlens_readers::chunk::{Chunk, Times};
@@ -223,11 +223,11 @@ fn rule(settings: Settings) -> Rule {
     Rule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }
 }
 
-fn line(settings: Settings) -> Line {
-    Line {
+fn line(settings: Settings) -> LineSettings {
+    LineSettings {
         baud: settings.baud,
         data_bits: settings.data_bits,
         parity: if settings.parity { Parity::Even } else { Parity::None },
-        stop_halves: 2,
+        half_stop_bits: 2,
     }
 }

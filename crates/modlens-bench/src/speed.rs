@@ -7,7 +7,7 @@ use modlens_engine::framer::auto::make;
 use modlens_engine::framer::{Context, Framer};
 use modlens_engine::input::Input;
 use modlens_engine::session::{BusOptions, Session, Wanted};
-use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
@@ -181,7 +181,7 @@ fn exchanges(framer: &mut dyn Framer, functions: &Functions, input: &mut Input) 
     let (mut count, mut last, mut before) = (0, None, rtu.before());
     while let Some(known) = rtu.exchange(functions, input, before, i64::MAX, |_| 0.0) {
         before = Some((known.unit, known.code));
-        let [asked, answered] = [known.asked, known.answered].map(|length| length + CHECKSUM);
+        let [asked, answered] = [known.asked, known.answered].map(|length| length + CRC_BYTES);
         let (request, behind) = input.bytes().split_at(asked);
         rtu.again(request, &behind[..answered], known.mirrored);
         input.consume(asked + answered);

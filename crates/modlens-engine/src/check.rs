@@ -3,7 +3,7 @@
 use crate::framer::silence::Rule;
 use crate::input::Input;
 use crate::pairing::{ObservedFrame, PendingTransaction};
-use modlens_protocol::checksum::{crc16, mending_bit};
+use modlens_protocol::checksum::{correctable_bit, crc16};
 use modlens_protocol::direction::{block_length, consistent, echo_differences, expected_block, readings, Direction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -67,7 +67,7 @@ fn damage(frame: &ObservedFrame<'_>, found: &mut Found) {
             let (content, sent) = frame.wire.split_at(frame.wire.len() - 2);
             let expected = crc16(content).to_le_bytes();
             found.push((Finding::BadChecksum, format!("found {}, expected {}", hex(sent), hex(&expected))));
-            if let Some((at, bit)) = mending_bit(frame.wire) {
+            if let Some((at, bit)) = correctable_bit(frame.wire) {
                 found.push((
                     Finding::BitFlip,
                     format!("byte {at}, bit {bit}: {:02x} should be {:02x}", frame.wire[at], frame.wire[at] ^ (1 << bit)),

@@ -1,7 +1,7 @@
 //! CRC-16/MODBUS and LRC (serial line specification, 6.2).
 //!
-//! Whether a checksum is right is asked of every frame, so it has the quickest way that the machine offers; elsewhere
-//! tables do. The bit-by-bit versions of the specification live in the tests, as oracles.
+//! Every frame's CRC is checked, so `crc_valid_at` uses the fastest instructions of the processor; all other functions use
+//! tables. The bit-by-bit procedure of the specification is in the tests, as an oracle.
 
 use std::sync::OnceLock;
 
@@ -11,18 +11,20 @@ mod carryless;
 /// x^16 + x^15 + x^2 + 1, bits reversed (serial line specification, 6.2.2).
 const POLYNOMIAL: u16 = 0xA001;
 
-/// After so many steps of a bit a register comes round: the order of x modulo the polynomial.
-pub const ORDER: usize = 32_767;
+/// The period of the CRC register in bits: after so many zero bits it has its old value again. It is the order of x modulo
+/// the polynomial.
+pub const CRC_PERIOD_BITS: usize = 32_767;
 
-/// Bytes of the CRC behind an RTU frame (serial line specification, 2.5.1).
-pub const CHECKSUM: usize = 2;
+/// The number of bytes of the CRC at the end of an RTU frame (serial line specification, 2.5.1).
+pub const CRC_BYTES: usize = 2;
 
-/// Start value of the CRC register.
-pub const INIT: u16 = 0xFFFF;
+/// The initial value of the CRC register (serial line specification, 6.2.2).
+pub const CRC_INIT: u16 = 0xFFFF;
 
-/// `TABLES[k][b]` is the effect of byte `b` followed by `k` zero bytes.
+/// `TABLES[k][b]` is the effect on the register of byte `b` followed by `k` zero bytes.
 static TABLES: [[u16; 256]; 8] = tables();
 
+/// Builds `TABLES`.
 const fn tables() -> [[u16; 256]; 8] {
     let mut all = [[0u16; 256]; 8];
     let mut byte = 0;
@@ -49,13 +51,13 @@ const fn tables() -> [[u16; 256]; 8] {
     all
 }
 
-/// The register after one more byte.
+/// The CRC register after one more byte.
 #[inline]
-pub fn step(state: u16, byte: u8) -> u16 {
+pub fn update_byte(state: u16, byte: u8) -> u16 {
     (state >> 8) ^ TABLES[0][((state ^ u16::from(byte)) & 0xFF) as usize]
 }
 
-/// The register after more bytes, eight at a time.
+/// The CRC register after more bytes, of which eight are processed per step.
 pub fn update(mut state: u16, data: &[u8]) -> u16 {
     let mut words = data.chunks_exact(8);
     for w in words.by_ref() {
@@ -69,24 +71,26 @@ pub fn update(mut state: u16, data: &[u8]) -> u16 {
             ^ TABLES[1][w[6] as usize]
             ^ TABLES[0][w[7] as usize];
     }
-    words.remainder().iter().fold(state, |state, &byte| step(state, byte))
+    words.remainder().iter().fold(state, |state, &byte| update_byte(state, byte))
 }
 
-/// CRC-16/MODBUS; sent low byte first.
+/// The CRC-16/MODBUS of these bytes. It is transmitted low byte first.
 ///
 /// ```
 /// assert_eq!(modlens_protocol::checksum::crc16(&[0x11, 0x03, 0x00, 0x6B, 0x00, 0x03]), 0x8776);
 /// ```
 pub fn crc16(data: &[u8]) -> u16 {
-    update(INIT, data)
+    update(CRC_INIT, data)
 }
 
-/// Whether the last two bytes are the CRC of those before: the register over all of them is then zero.
+/// Whether the last two bytes are the CRC of those before them, in which case the register over all bytes is zero. False for
+/// fewer than four bytes.
 pub fn crc_valid(frame: &[u8]) -> bool {
     crc_valid_at(frame, frame.len())
 }
 
-/// The same for the first `length` bytes. With bytes behind them it takes fewer steps: they can be read along.
+/// Whether the first `length` bytes end with their CRC. This is faster if more bytes follow in the slice, because blocks of
+/// 16 bytes can then be read across the end. False for fewer than four bytes.
 #[inline]
 pub fn crc_valid_at(bytes: &[u8], length: usize) -> bool {
     if length < 4 || length > bytes.len() {
@@ -96,28 +100,28 @@ pub fn crc_valid_at(bytes: &[u8], length: usize) -> bool {
     if let Some(valid) = carryless::valid(bytes, length) {
         return valid;
     }
-    by_tables(&bytes[..length])
+    is_valid_by_tables(&bytes[..length])
 }
 
-/// A register that is zero stays zero over zero bytes, and no other one becomes zero: so the last bytes may be filled
-/// up to eight.
-fn by_tables(frame: &[u8]) -> bool {
+/// Whether the bytes end with their CRC, computed with tables. The last bytes are padded with zeros to eight: a register
+/// of zero stays zero over zero bytes, and no other value becomes zero.
+fn is_valid_by_tables(frame: &[u8]) -> bool {
     let (words, rest) = frame.split_at(frame.len() & !7);
     let mut last = [0; 8];
     last[..rest.len()].copy_from_slice(rest);
-    update(update(INIT, words), &last) == 0
+    update(update(CRC_INIT, words), &last) == 0
 }
 
-/// LRC of the binary bytes of an ASCII frame: the two's complement of their sum.
+/// The LRC of the binary bytes of an ASCII frame: the two's complement of their sum (serial line specification, 6.2.1).
 pub fn lrc(data: &[u8]) -> u8 {
     data.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte)).wrapping_neg()
 }
 
-/// The first of the lengths from `least` on at which a checksum is right.
+/// The first length from `least` on at which the bytes end with their CRC.
 ///
-/// Four bytes at a time: so the next register waits for one table instead of four.
-pub fn first_right(bytes: &[u8], least: usize) -> Option<usize> {
-    let mut state = update(INIT, bytes.get(..least)?);
+/// It processes four bytes per step, so that each step waits for one table look-up instead of four.
+pub fn first_valid_length(bytes: &[u8], least: usize) -> Option<usize> {
+    let mut state = update(CRC_INIT, bytes.get(..least)?);
     if state == 0 {
         return Some(least);
     }
@@ -139,32 +143,35 @@ pub fn first_right(bytes: &[u8], least: usize) -> Option<usize> {
         length += 4;
     }
     words.remainder().iter().find_map(|&byte| {
-        state = step(state, byte);
+        state = update_byte(state, byte);
         length += 1;
         (state == 0).then_some(length)
     })
 }
 
-/// The single bit whose flip would make `frame` valid, as (byte, bit), if there is one.
+/// The single bit whose inversion makes the CRC of `frame` valid, as (index of the byte, number of the bit), if there is
+/// one.
 ///
-/// All frames within the 256 bytes of the specification have at most one such bit: the code's distance is 4.
-pub fn mending_bit(frame: &[u8]) -> Option<(usize, u8)> {
-    // Bits from the end: the last byte's highest one comes first.
+/// In frames of up to 256 bytes, the limit of the specification, there is at most one, because the Hamming distance of the
+/// code is 4.
+pub fn correctable_bit(frame: &[u8]) -> Option<(usize, u8)> {
+    // Bits are counted from the end of the transmission, which sends the lowest bit of each byte first.
     let behind = bits_behind(crc16(frame))?;
     let index = frame.len().checked_sub(1 + behind / 8)?;
     Some((index, 7 - (behind % 8) as u8))
 }
 
-/// How many bits stand behind the only wrong one, if it leaves this register.
+/// The number of bits transmitted after a single wrong bit that leaves this value in the register; `None` if no single bit
+/// does.
 fn bits_behind(residue: u16) -> Option<usize> {
-    /// No such bit.
+    /// Marks values that no single wrong bit leaves.
     const NONE: u16 = u16::MAX;
     static BEHIND: OnceLock<Box<[u16]>> = OnceLock::new();
     let behind = BEHIND.get_or_init(|| {
         let mut behind = vec![NONE; 1 << 16].into_boxed_slice();
-        // The last bit that is sent leaves the polynomial; each one behind it makes one more step.
+        // A wrong bit at the very end leaves the polynomial; each bit transmitted after it shifts the register once more.
         let one_more = |&state: &u16| Some(if state & 1 == 1 { state >> 1 ^ POLYNOMIAL } else { state >> 1 });
-        let states = std::iter::successors(Some(POLYNOMIAL), one_more).take(ORDER);
+        let states = std::iter::successors(Some(POLYNOMIAL), one_more).take(CRC_PERIOD_BITS);
         states.zip(0..).for_each(|(state, bits)| behind[usize::from(state)] = bits);
         behind
     });
@@ -177,8 +184,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The procedure of the serial line specification, 6.2.2, step by step.
-    fn crc_by_the_book(data: &[u8]) -> u16 {
+    /// The procedure of the serial line specification, 6.2.2, bit by bit.
+    fn crc_by_specification(data: &[u8]) -> u16 {
         let mut register = 0xFFFFu16;
         for &byte in data {
             register ^= u16::from(byte);
@@ -194,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn examples_of_the_documents() {
+    fn checksums_of_published_examples() {
         assert_eq!(crc16(&[0x01, 0x83, 0x04]).to_le_bytes(), [0x40, 0xF3]);
         assert_eq!(crc16(&[0x01, 0x86, 0x04]).to_le_bytes(), [0x43, 0xA3]);
         assert_eq!(lrc(&[0x11, 0x03, 0x00, 0x6B, 0x00, 0x03]), 0x7E);
@@ -202,49 +209,49 @@ mod tests {
 
     proptest! {
         #[test]
-        fn table_equals_the_book(data in proptest::collection::vec(any::<u8>(), 0..300)) {
-            prop_assert_eq!(crc16(&data), crc_by_the_book(&data));
+        fn tables_agree_with_the_specification(data in proptest::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert_eq!(crc16(&data), crc_by_specification(&data));
         }
 
         #[test]
-        fn every_way_finds_right_checksums_right_and_others_wrong(
+        fn all_implementations_accept_valid_and_reject_wrong_checksums(
             data in proptest::collection::vec(any::<u8>(), 2..300),
             behind in proptest::collection::vec(any::<u8>(), 0..40),
             at in any::<usize>(),
             flip in any::<u8>(),
         ) {
             let length = data.len() + 2;
-            let mut bytes = [&data, &crc_by_the_book(&data).to_le_bytes()[..], &behind].concat();
+            let mut bytes = [&data, &crc_by_specification(&data).to_le_bytes()[..], &behind].concat();
             bytes[at % length] ^= flip;
-            let right = crc_by_the_book(&bytes[..length]) == 0;
+            let right = crc_by_specification(&bytes[..length]) == 0;
             prop_assert_eq!(right, flip == 0);
-            prop_assert_eq!(by_tables(&bytes[..length]), right);
+            prop_assert_eq!(is_valid_by_tables(&bytes[..length]), right);
             prop_assert_eq!(crc_valid_at(&bytes, length), right);
             prop_assert_eq!(crc_valid(&bytes[..length]), right);
         }
 
         #[test]
-        fn every_way_agrees_on_any_bytes(bytes in proptest::collection::vec(0u8..3, 4..60)) {
-            // Few values and short frames: there right checksums come by chance.
+        fn all_implementations_agree_on_any_bytes(bytes in proptest::collection::vec(0u8..3, 4..60)) {
+            // With few values and short frames some checksums are valid by chance.
             for length in 4..=bytes.len() {
-                let right = crc_by_the_book(&bytes[..length]) == 0;
-                prop_assert_eq!((by_tables(&bytes[..length]), crc_valid_at(&bytes, length)), (right, right));
+                let right = crc_by_specification(&bytes[..length]) == 0;
+                prop_assert_eq!((is_valid_by_tables(&bytes[..length]), crc_valid_at(&bytes, length)), (right, right));
             }
         }
 
         #[test]
-        fn the_first_right_length_is_that_of_the_book(
+        fn the_first_valid_length_agrees_with_the_specification(
             data in proptest::collection::vec(0u8..3, 2..40),
             behind in proptest::collection::vec(0u8..2, 0..12),
             least in 0usize..60,
         ) {
             let bytes = [&data[..], &crc16(&data).to_le_bytes(), &behind].concat();
-            let naive = (least..=bytes.len()).find(|&length| crc_by_the_book(&bytes[..length]) == 0);
-            prop_assert_eq!(first_right(&bytes, least), naive);
+            let naive = (least..=bytes.len()).find(|&length| crc_by_specification(&bytes[..length]) == 0);
+            prop_assert_eq!(first_valid_length(&bytes, least), naive);
         }
 
         #[test]
-        fn what_no_flipped_bit_mends_has_none(mut data in proptest::collection::vec(any::<u8>(), 4..60)) {
+        fn a_bit_is_reported_exactly_if_its_inversion_makes_the_frame_valid(mut data in proptest::collection::vec(any::<u8>(), 4..60)) {
             let mut mends = Vec::new();
             for place in 0..8 * data.len() {
                 data[place / 8] ^= 1 << (place % 8);
@@ -253,16 +260,16 @@ mod tests {
                 }
                 data[place / 8] ^= 1 << (place % 8);
             }
-            prop_assert_eq!(mending_bit(&data), mends.first().copied().filter(|_| !crc_valid(&data)));
+            prop_assert_eq!(correctable_bit(&data), mends.first().copied().filter(|_| !crc_valid(&data)));
         }
 
         #[test]
         fn one_flipped_bit_is_found(data in proptest::collection::vec(any::<u8>(), 2..250), at in any::<usize>(), bit in 0u8..8) {
             let mut frame = data.clone();
-            frame.extend(crc_by_the_book(&data).to_le_bytes());
+            frame.extend(crc_by_specification(&data).to_le_bytes());
             let at = at % frame.len();
             frame[at] ^= 1 << bit;
-            prop_assert_eq!(mending_bit(&frame), Some((at, bit)));
+            prop_assert_eq!(correctable_bit(&frame), Some((at, bit)));
         }
 
         #[test]

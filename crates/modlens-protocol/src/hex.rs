@@ -1,22 +1,24 @@
-//! Hex digits, as fast as text comes.
+//! Decodes and encodes hex digits without a branch per digit.
 
-/// No digit.
-pub const BAD: u8 = 0xFF;
+/// Marks a character that is no hex digit in `DIGIT_VALUES`.
+pub const INVALID_DIGIT: u8 = 0xFF;
 
-/// What a character is worth as a digit, or `BAD`.
-pub const DIGITS: [u8; 256] = digits();
+/// The value of each character as a hex digit, or `INVALID_DIGIT`.
+pub const DIGIT_VALUES: [u8; 256] = digit_values();
 
-/// Beyond all bytes: a character is no digit.
-pub const NO: u16 = 0x100;
+/// Marks a character that is no hex digit in the tables of 16-bit values. The bit lies above all byte values, so that it
+/// survives when several entries are combined by OR, and one test at the end finds any invalid digit.
+pub const INVALID: u16 = 0x100;
 
-/// What a digit is worth as the first of a byte, or `NO`.
-pub static HIGH: [u16; 256] = worth(4);
+/// The value of each character as the first digit of a byte, or `INVALID`.
+pub static HIGH_DIGIT_VALUES: [u16; 256] = shifted_digit_values(4);
 
-/// The same as the second.
-pub static LOW: [u16; 256] = worth(0);
+/// The value of each character as the second digit of a byte, or `INVALID`.
+pub static LOW_DIGIT_VALUES: [u16; 256] = shifted_digit_values(0);
 
-const fn digits() -> [u8; 256] {
-    let mut table = [BAD; 256];
+/// Builds `DIGIT_VALUES`.
+const fn digit_values() -> [u8; 256] {
+    let mut table = [INVALID_DIGIT; 256];
     let mut i = 0u8;
     while i < 16 {
         let digit = if i < 10 { b'0' + i } else { b'a' + i - 10 };
@@ -27,85 +29,87 @@ const fn digits() -> [u8; 256] {
     table
 }
 
-const fn worth(shift: u32) -> [u16; 256] {
-    let mut table = [NO; 256];
+/// Builds a table of digit values shifted to the left.
+const fn shifted_digit_values(shift: u32) -> [u16; 256] {
+    let mut table = [INVALID; 256];
     let mut i = 0;
     while i < 256 {
-        if DIGITS[i] != BAD {
-            table[i] = (DIGITS[i] as u16) << shift;
+        if DIGIT_VALUES[i] != INVALID_DIGIT {
+            table[i] = (DIGIT_VALUES[i] as u16) << shift;
         }
         i += 1;
     }
     table
 }
 
-/// The digit at a place, or `BAD`.
+/// The value of the hex digit at position `at`, or `INVALID_DIGIT`.
 #[inline]
-pub fn digit(text: &[u8], at: usize) -> u8 {
-    text.get(at).map_or(BAD, |&b| DIGITS[b as usize])
+pub fn digit_at(text: &[u8], at: usize) -> u8 {
+    text.get(at).map_or(INVALID_DIGIT, |&b| DIGIT_VALUES[b as usize])
 }
 
-/// The byte that two digits at a place make.
+/// The byte that the two hex digits at position `at` encode.
 #[inline]
-pub fn pair(text: &[u8], at: usize) -> Option<u8> {
+pub fn byte_at(text: &[u8], at: usize) -> Option<u8> {
     let two = text.get(at..at + 2)?;
-    let value = HIGH[two[0] as usize] | LOW[two[1] as usize];
-    (value < NO).then_some(value as u8)
+    let value = HIGH_DIGIT_VALUES[two[0] as usize] | LOW_DIGIT_VALUES[two[1] as usize];
+    (value < INVALID).then_some(value as u8)
 }
 
-/// Appends the bytes of pairs without anything between; nothing, where one of them is none.
-pub fn solid(digits: &[u8], out: &mut Vec<u8>) -> bool {
+/// Decodes pairs of hex digits without separators and appends the bytes to `out`. If any character is no hex digit, returns
+/// false and leaves `out` unchanged.
+pub fn decode_pairs(digits: &[u8], out: &mut Vec<u8>) -> bool {
     let (before, mut bad) = (out.len(), 0);
     out.extend(digits.chunks_exact(2).map(|two| {
-        let value = HIGH[two[0] as usize] | LOW[two[1] as usize];
+        let value = HIGH_DIGIT_VALUES[two[0] as usize] | LOW_DIGIT_VALUES[two[1] as usize];
         bad |= value;
         value as u8
     }));
-    if bad & NO != 0 {
+    if bad & INVALID != 0 {
         out.truncate(before);
     }
-    bad & NO == 0
+    bad & INVALID == 0
 }
 
-/// Lower-case hex.
+/// The bytes as lower-case hex digits.
 pub fn hex(bytes: &[u8]) -> String {
     let mut text = Vec::with_capacity(bytes.len() * 2);
     push_hex(bytes, &mut text);
     String::from_utf8(text).unwrap_or_default()
 }
 
-/// Appends lower-case hex.
+/// Appends the bytes as lower-case hex digits.
 #[inline]
 pub fn push_hex(bytes: &[u8], out: &mut Vec<u8>) {
     let start = out.len();
     out.resize(start + 2 * bytes.len(), 0);
     let (pairs, rest) = out[start..].as_chunks_mut::<16>();
     let (eights, tail) = bytes.as_chunks::<8>();
-    for (pair, eight) in pairs.iter_mut().zip(eights) {
-        *pair = digits_of(*eight);
+    for (digits, eight) in pairs.iter_mut().zip(eights) {
+        *digits = hex_digits_of(*eight);
     }
-    for (pair, &byte) in rest.chunks_exact_mut(2).zip(tail) {
-        pair.copy_from_slice(&[digit_of(byte >> 4), digit_of(byte & 15)]);
+    for (digits, &byte) in rest.chunks_exact_mut(2).zip(tail) {
+        digits.copy_from_slice(&[hex_digit_of(byte >> 4), hex_digit_of(byte & 15)]);
     }
 }
 
-/// The digits of eight bytes, without a table: so the compiler does all of them at once.
+/// The hex digits of eight bytes. It uses no table, so that the compiler converts all of them at once.
 #[inline]
-fn digits_of(bytes: [u8; 8]) -> [u8; 16] {
+fn hex_digits_of(bytes: [u8; 8]) -> [u8; 16] {
     let mut out = [0; 16];
     for (at, byte) in bytes.into_iter().enumerate() {
-        out[2 * at] = digit_of(byte >> 4);
-        out[2 * at + 1] = digit_of(byte & 15);
+        out[2 * at] = hex_digit_of(byte >> 4);
+        out[2 * at + 1] = hex_digit_of(byte & 15);
     }
     out
 }
 
 #[inline]
-fn digit_of(value: u8) -> u8 {
+fn hex_digit_of(value: u8) -> u8 {
     value + b'0' + if value > 9 { b'a' - b'0' - 10 } else { 0 }
 }
 
-/// The bytes of a hex text; blanks are ignored.
+/// Decodes hex digits; white space between them is ignored. `None` for an odd number of digits or another character.
 pub fn parse_hex(text: &str) -> Option<Vec<u8>> {
     let digits: Option<Vec<u8>> = text.chars().filter(|c| !c.is_whitespace()).map(|c| c.to_digit(16).map(|d| d as u8)).collect();
     let digits = digits.filter(|digits| digits.len() % 2 == 0)?;

@@ -1,4 +1,4 @@
-//! Line settings and the times that follow from them (serial line specification, 2.5).
+//! Settings of a serial line, and the character and frame times that follow from them (serial line specification, 2.5).
 
 use std::str::FromStr;
 
@@ -9,7 +9,7 @@ use crate::Ns;
 pub enum Parity {
     /// No parity bit.
     None,
-    /// Even parity: the specification's default.
+    /// Even parity, the default of the specification.
     Even,
     /// Odd parity.
     Odd,
@@ -21,55 +21,55 @@ pub enum Parity {
 
 /// Settings of a serial line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct LineSettings {
     /// Bits per second.
     pub baud: u32,
     /// Data bits: 8 for RTU, 7 for ASCII.
     pub data_bits: u8,
-    /// Parity.
+    /// Parity bit.
     pub parity: Parity,
-    /// Stop bits in halves: 2, 3 or 4.
-    pub stop_halves: u8,
+    /// Twice the number of stop bits: 2, 3 or 4.
+    pub half_stop_bits: u8,
 }
 
-/// Above this baud rate t1.5 and t3.5 are fixed (serial line specification, 2.5.1.1).
-const FIXED_TIMES_ABOVE: u32 = 19_200;
+/// Above this baud rate t1.5 and t3.5 have fixed values (serial line specification, 2.5.1.1).
+const MAX_BAUD_WITH_SCALED_TIMES: u32 = 19_200;
 
-impl Line {
-    /// Time of one character in ns: start, data, parity and stop bits.
+impl LineSettings {
+    /// The time of one character in ns, with start, data, parity and stop bits.
     ///
     /// ```
-    /// let line: modlens_protocol::line::Line = "9600-8E1".parse().unwrap();
+    /// let line: modlens_protocol::line::LineSettings = "9600-8E1".parse().unwrap();
     /// assert_eq!(line.char_ns(), 1_145_833); // 11 bits
     /// ```
     pub fn char_ns(&self) -> Ns {
         let parity = i64::from(self.parity != Parity::None);
-        let halves = 2 * (1 + i64::from(self.data_bits) + parity) + i64::from(self.stop_halves);
+        let halves = 2 * (1 + i64::from(self.data_bits) + parity) + i64::from(self.half_stop_bits);
         halves * 500_000_000 / i64::from(self.baud.max(1))
     }
 
-    /// The longest pause inside a frame, in ns.
+    /// t1.5, the longest pause inside a frame, in ns.
     pub fn t15_ns(&self) -> Ns {
-        if self.baud > FIXED_TIMES_ABOVE {
+        if self.baud > MAX_BAUD_WITH_SCALED_TIMES {
             750_000
         } else {
             self.char_ns() * 3 / 2
         }
     }
 
-    /// The shortest silence between frames, in ns.
+    /// t3.5, the shortest silence between frames, in ns.
     pub fn t35_ns(&self) -> Ns {
-        if self.baud > FIXED_TIMES_ABOVE {
+        if self.baud > MAX_BAUD_WITH_SCALED_TIMES {
             1_750_000
         } else {
             self.char_ns() * 7 / 2
         }
     }
 
-    /// The bits of one character as they follow each other on the line: start, data (lowest first), parity, stop.
+    /// The bits of one character in the order of transmission: start bit, data bits (lowest first), parity bit, stop bits.
     ///
     /// ```
-    /// let line: modlens_protocol::line::Line = "19200-8E1".parse().unwrap();
+    /// let line: modlens_protocol::line::LineSettings = "19200-8E1".parse().unwrap();
     /// assert_eq!(line.character(0x05), "01010000001");
     /// ```
     pub fn character(&self, byte: u8) -> String {
@@ -87,14 +87,14 @@ impl Line {
             Parity::Mark => bits.push('1'),
             Parity::Space => bits.push('0'),
         }
-        for _ in 0..self.stop_halves.div_ceil(2) {
+        for _ in 0..self.half_stop_bits.div_ceil(2) {
             bits.push('1');
         }
         bits
     }
 }
 
-impl std::fmt::Display for Line {
+impl std::fmt::Display for LineSettings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let parity = match self.parity {
             Parity::None => 'N',
@@ -103,7 +103,7 @@ impl std::fmt::Display for Line {
             Parity::Mark => 'M',
             Parity::Space => 'S',
         };
-        let stop = f64::from(self.stop_halves) / 2.0;
+        let stop = f64::from(self.half_stop_bits) / 2.0;
         write!(f, "{}-{}{parity}{stop}", self.baud, self.data_bits)
     }
 }
@@ -123,7 +123,7 @@ impl FromStr for Parity {
     }
 }
 
-impl FromStr for Line {
+impl FromStr for LineSettings {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -132,13 +132,13 @@ impl FromStr for Line {
         let baud = baud.parse().ok().filter(|&b| b > 0).ok_or_else(wrong)?;
         let data_bits = format.get(0..1).and_then(|d| d.parse().ok()).filter(|d| (5..=8).contains(d)).ok_or_else(wrong)?;
         let parity = format.get(1..2).ok_or_else(wrong)?.parse()?;
-        let stop_halves = match format.get(2..) {
+        let half_stop_bits = match format.get(2..) {
             Some("1") => 2,
             Some("1.5") => 3,
             Some("2") => 4,
             _ => return Err(wrong()),
         };
-        Ok(Self { baud, data_bits, parity, stop_halves })
+        Ok(Self { baud, data_bits, parity, half_stop_bits })
     }
 }
 
@@ -146,7 +146,7 @@ impl FromStr for Line {
 mod tests {
     use super::*;
 
-    fn line(text: &str) -> Line {
+    fn line(text: &str) -> LineSettings {
         text.parse().unwrap()
     }
 
@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn wrong_settings_are_refused() {
         for text in ["", "9600", "9600-8X1", "9600-9N1", "0-8N1", "9600-8N3", "x-8N1", "9600-8"] {
-            assert!(text.parse::<Line>().is_err(), "{text}");
+            assert!(text.parse::<LineSettings>().is_err(), "{text}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Captures and raw recordings.
 
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_writers::capture::{Capture as Core, CaptureOptions, Encapsulation};
 use modlens_writers::recording;
 use pyo3::prelude::*;
@@ -84,7 +84,7 @@ pub fn recording_port(
 }
 
 fn describe((port, bus, name, line, settings): &RecordedPort, out: &mut Vec<u8>) -> PyResult<()> {
-    let settings = settings.as_deref().map(str::parse::<Line>).transpose().map_err(wrong)?;
+    let settings = settings.as_deref().map(str::parse::<LineSettings>).transpose().map_err(wrong)?;
     recording::port(port, (*bus, name), line.as_deref(), settings.as_ref(), out);
     Ok(())
 }

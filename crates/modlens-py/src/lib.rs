@@ -16,7 +16,7 @@ mod view;
 use modlens_protocol::checksum;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, VENDORS, VOCABULARY};
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value as Json};
@@ -84,7 +84,7 @@ fn line_timing(baud: u32, data_bits: u8, parity: &str, stop_bits: f64) -> PyResu
 }
 
 /// Line settings as Python gives them.
-fn line((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResult<Line> {
+fn line((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResult<LineSettings> {
     let stop = if stop_bits.fract() == 0.0 { format!("{stop_bits:.0}") } else { format!("{stop_bits}") };
     format!("{baud}-{data_bits}{parity}{stop}").parse().map_err(wrong)
 }

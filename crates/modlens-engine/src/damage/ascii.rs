@@ -11,7 +11,7 @@ use crate::framer::Context;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::{judge, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
-use modlens_protocol::hex::solid;
+use modlens_protocol::hex::decode_pairs;
 
 /// Hex characters of unit, function code and LRC: no message has fewer.
 const MIN_HEX_CHARACTERS: usize = 6;
@@ -96,13 +96,13 @@ fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_uni
 /// The one byte that would make the LRC of these characters valid, wherever it stands: the LRC is a sum.
 fn missing_byte(text: &[u8]) -> Option<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 2);
-    solid(text, &mut bytes).then(|| lrc(&bytes))
+    decode_pairs(text, &mut bytes).then(|| lrc(&bytes))
 }
 
 /// Whether these characters are the bytes of a message with a valid LRC.
 fn has_valid_lrc(text: &[u8]) -> bool {
     let mut bytes = Vec::with_capacity(text.len() / 2);
-    solid(text, &mut bytes) && bytes.len() > 2 && lrc(&bytes) == 0
+    decode_pairs(text, &mut bytes) && bytes.len() > 2 && lrc(&bytes) == 0
 }
 
 /// What happened to a message with an odd number of hex characters between colon and line end: one of them was received

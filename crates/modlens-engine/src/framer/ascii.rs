@@ -10,8 +10,8 @@ use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::judge;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
-use modlens_protocol::hex::{pair, solid};
-use modlens_protocol::line::Line;
+use modlens_protocol::hex::{byte_at, decode_pairs};
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
 /// Length of the longest message in characters (2.5.2.2).
@@ -168,8 +168,8 @@ impl Ascii {
 /// decoded stay in `out` either way.
 fn decode_hex(text: &[u8], out: &mut Vec<u8>) -> bool {
     out.clear();
-    if !solid(text, out) {
-        out.extend((0..text.len() / 2).map_while(|at| pair(text, 2 * at)));
+    if !decode_pairs(text, out) {
+        out.extend((0..text.len() / 2).map_while(|at| byte_at(text, 2 * at)));
         return false;
     }
     text.len().is_multiple_of(2)
@@ -195,7 +195,7 @@ impl Framer for Ascii {
         true
     }
 
-    fn break_ns(&self, _line: Option<&Line>) -> Ns {
+    fn break_ns(&self, _line: Option<&LineSettings>) -> Ns {
         CHARACTER_TIMEOUT_NS
     }
 }

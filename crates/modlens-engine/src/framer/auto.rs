@@ -10,7 +10,7 @@ use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::recognize::{evidence, looks_like};
 use modlens_protocol::Ns;
 
@@ -22,7 +22,7 @@ const FIRST_LOOK: usize = 8;
 
 /// Waits for evidence, then is the framer it points to.
 pub struct Auto {
-    line: Option<Line>,
+    line: Option<LineSettings>,
     rule: Option<Rule>,
     next_look: usize,
     chosen: Option<Box<dyn Framer>>,
@@ -34,7 +34,7 @@ pub struct Auto {
 
 impl Auto {
     /// A framer for a line with these settings; RTU goes by the rule of silence where there is one.
-    pub fn new(line: Option<Line>, rule: Option<Rule>) -> Self {
+    pub fn new(line: Option<LineSettings>, rule: Option<Rule>) -> Self {
         Self { line, rule, next_look: FIRST_LOOK, chosen: None, other: None, aside: false }
     }
 
@@ -89,7 +89,7 @@ impl Auto {
 }
 
 /// The framer of a framing; RTU goes by the rule of silence where there is one, else by evidence.
-pub fn make(mode: Mode, line: Option<&Line>, rule: Option<Rule>) -> Box<dyn Framer> {
+pub fn make(mode: Mode, line: Option<&LineSettings>, rule: Option<Rule>) -> Box<dyn Framer> {
     match (mode, rule) {
         (Mode::Rtu, Some(rule)) => Box::new(Silence::new(rule)),
         (Mode::Rtu, None) => Box::new(Rtu::new(line)),
@@ -123,7 +123,7 @@ impl Framer for Auto {
         framer.as_ref().map_or(Mode::Rtu, |framer| framer.mode())
     }
 
-    fn break_ns(&self, line: Option<&Line>) -> Ns {
+    fn break_ns(&self, line: Option<&LineSettings>) -> Ns {
         self.chosen.as_ref().map_or_else(|| make(Mode::Rtu, line, self.rule).break_ns(line), |framer| framer.break_ns(line))
     }
 }

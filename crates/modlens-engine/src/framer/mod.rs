@@ -16,7 +16,7 @@ use modlens_protocol::direction::{Asked, Direction, Pause};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
 /// A noise row ends after so many bytes at the latest.
@@ -118,5 +118,5 @@ pub trait Framer: Send + Sync {
     }
 
     /// The silence that ends every frame.
-    fn break_ns(&self, line: Option<&Line>) -> Ns;
+    fn break_ns(&self, line: Option<&LineSettings>) -> Ns;
 }

@@ -9,7 +9,7 @@ use crate::input::Input;
 use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::{judge, Direction};
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
 /// Unit, function code and checksum.
@@ -80,7 +80,7 @@ impl Framer for Silence {
         Mode::Rtu
     }
 
-    fn break_ns(&self, _line: Option<&Line>) -> Ns {
+    fn break_ns(&self, _line: Option<&LineSettings>) -> Ns {
         self.rule.t35_ns
     }
 }

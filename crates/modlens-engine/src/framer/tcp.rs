@@ -2,12 +2,12 @@
 
 use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
 use crate::input::{Input, NO_TIME};
-use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::judge;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::mbap::{announced, layout_fits, natural, HEADER, LONGEST};
 use modlens_protocol::Ns;
 
@@ -38,15 +38,15 @@ fn stands(functions: &Functions, bytes: &[u8]) -> Option<bool> {
 fn whole_read(input: &Input, length: usize) -> bool {
     let rest = input.rest_of_read(0);
     let is_read = input.read(0).is_some_and(|read| read.record || read.time != NO_TIME);
-    is_read && rest == length || (rest == length + CHECKSUM && checksum_behind(input, length))
+    is_read && rest == length || (rest == length + CRC_BYTES && checksum_behind(input, length))
 }
 
 /// Whether a gateway has left the checksum of RTU in, and the read ends with it.
 fn checksum_behind(input: &Input, length: usize) -> bool {
     // Blocks of a file are no reads: only those with a time or a record's mark are.
     input.read(length - 1).is_some_and(|read| read.record || read.time != NO_TIME)
-        && input.rest_of_read(length - 1) == 1 + CHECKSUM
-        && input.bytes().get(HEADER..length + CHECKSUM).is_some_and(modlens_protocol::checksum::crc_valid)
+        && input.rest_of_read(length - 1) == 1 + CRC_BYTES
+        && input.bytes().get(HEADER..length + CRC_BYTES).is_some_and(modlens_protocol::checksum::crc_valid)
 }
 
 /// What becomes of the length in a header.
@@ -137,7 +137,7 @@ impl Tcp {
         let direction = context.certain.unwrap_or_else(judged);
         let left_in = checksum_behind(input, length);
         let finding = (!fits || left_in).then_some(Finding::MbapLength);
-        let length = if left_in { length + CHECKSUM } else { length };
+        let length = if left_in { length + CRC_BYTES } else { length };
         let confidence = if fits { AGREES } else { 16 };
         Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, finding, ..Cut::noise(length, CutBy::Length) })
     }
@@ -176,7 +176,7 @@ impl Framer for Tcp {
         self.skip == 0
     }
 
-    fn break_ns(&self, _line: Option<&Line>) -> Ns {
+    fn break_ns(&self, _line: Option<&LineSettings>) -> Ns {
         BREAK
     }
 }

@@ -16,7 +16,7 @@ use crate::session::two_lines::unmerged::next_lines;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
@@ -37,7 +37,7 @@ pub struct BusOptions {
     /// Framing; detected where `None`.
     pub mode: Option<Mode>,
     /// Line settings.
-    pub line: Option<Line>,
+    pub line: Option<LineSettings>,
     /// The step of the clock; estimated from the reads where `None`.
     pub resolution: Option<Ns>,
     /// RTU frames end at these silences only, as the specification says; by evidence where `None`.

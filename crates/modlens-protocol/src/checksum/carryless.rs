@@ -1,30 +1,30 @@
-//! Right checksums by carry-less multiplication (PCLMULQDQ), 16 bytes a step. The only file of the core with `unsafe`.
+//! Checks CRCs by carry-less multiplication (PCLMULQDQ), 16 bytes per step. The only file of the core with `unsafe`.
 //!
-//! Read the bytes of a frame, lowest bit first, as a polynomial in y: bit i of byte k is the coefficient of y^(8k+i).
-//! The CRC register shifts to the right and begins with ones, so the checksum is right if and only if that polynomial,
-//! its first 16 coefficients inverted, is a multiple of P = y^16 + y^14 + y + 1, the mirror image of the generator
-//! (serial line specification, 6.2.2). Three things make that quick:
+//! The bytes of a frame are read, lowest bit first, as a polynomial in y: bit i of byte k is the coefficient of y^(8k+i).
+//! The CRC register shifts to the right and its initial value is all ones. So the CRC is valid if and only if the
+//! polynomial, with its first 16 coefficients inverted, is a multiple of P = y^16 + y^14 + y + 1, the mirror image of the
+//! generator (serial line specification, 6.2.2). Three properties make this test fast:
 //!
-//! * Zeros behind a frame change nothing, so the last step needs a mask only.
-//! * 128 coefficients in front of others may be multiplied by y^-128 modulo P and added to those behind them: P has a
-//!   constant term, so y has an inverse.
-//! * 64 coefficients are a multiple of P if and only if, times the inverse of P as a power series, they are a
+//! * Zeros behind a frame change nothing, so the last step only needs a mask.
+//! * The first 128 coefficients may be multiplied by y^-128 modulo P and added to the next 128: y has an inverse, because
+//!   P has a constant term.
+//! * 64 coefficients are a multiple of P if and only if their product with the inverse of P as a power series is a
 //!   polynomial of degree below 48.
 
-// Reason: instructions that not every processor has are unsafe to call. `valid` asks the processor, and nothing else
-// calls them; memory is read through slices only.
+// Reason: it is unsafe to call instructions that not every processor has. Only `valid` calls them, after it has asked the
+// processor; memory is read through slices only.
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::{__m128i, _mm_clmulepi64_si128, _mm_cvtsi128_si64, _mm_set_epi64x, _mm_srli_si128, _mm_xor_si128};
 
-/// P.
+/// The polynomial P.
 const MODULUS: u64 = 0x1_4003;
 
-/// Bytes of a step.
-const STEP: usize = 16;
+/// Bytes per step.
+const STEP_BYTES: usize = 16;
 
-/// The longest frame that is copied where the bytes end: a byte count cannot announce more.
-const LONGEST: usize = 288;
+/// The longest frame that is copied to be padded where no further bytes follow it. No byte count can announce a longer one.
+const MAX_PADDED_BYTES: usize = 288;
 
 /// 1 / y^n modulo P.
 const fn inverse_power(n: usize) -> u64 {
@@ -62,67 +62,67 @@ const fn inverse() -> u64 {
     value
 }
 
-/// y^-128 and y^-64: what the first and the last 64 coefficients of a step take to the next.
+/// y^-128 and y^-64, the factors that carry the first and the last 64 coefficients of a step over to the next one.
 const FOLD: [u64; 2] = [inverse_power(128), inverse_power(64)];
 
-/// y^64, for what sticks out of 64 coefficients, and 1 / P.
+/// y^64, which folds coefficients beyond the first 64, and 1 / P.
 const LAST: [u64; 2] = [power(64), inverse()];
 
-/// Whether the checksum at the end of the first `length` bytes is right; `None` if this processor cannot tell so.
-///
-/// There are at least 4 of them.
+/// Whether the first `length` bytes, at least 4, end with their CRC; `None` if this processor lacks the instruction or the
+/// frame is too long to be padded.
 #[inline]
 pub fn valid(bytes: &[u8], length: usize) -> Option<bool> {
     if !is_x86_feature_detected!("pclmulqdq") {
         return None;
     }
-    if bytes.len() >= length.next_multiple_of(STEP) {
-        // SAFETY: the processor has the instruction.
-        return Some(unsafe { multiple(bytes, length) });
+    if bytes.len() >= length.next_multiple_of(STEP_BYTES) {
+        // SAFETY: the processor has the instruction, as tested above.
+        return Some(unsafe { is_multiple_of_p(bytes, length) });
     }
-    let mut padded = [0; LONGEST];
+    let mut padded = [0; MAX_PADDED_BYTES];
     padded.get_mut(..length)?.copy_from_slice(&bytes[..length]);
     // SAFETY: the processor has the instruction.
-    Some(unsafe { multiple(&padded, length) })
+    Some(unsafe { is_multiple_of_p(&padded, length) })
 }
 
+/// Packs two words into a register, the first one in its lower half.
 #[target_feature(enable = "pclmulqdq")]
-fn both(values: [u64; 2]) -> __m128i {
+fn pack(values: [u64; 2]) -> __m128i {
     _mm_set_epi64x(values[1] as i64, values[0] as i64)
 }
 
-/// Whether the first `length` bytes are a multiple of P; bytes up to the end of the last step may be read.
+/// Whether the first `length` bytes, as a polynomial, are a multiple of P. `bytes` must reach to the end of the last step.
 #[target_feature(enable = "pclmulqdq")]
-fn multiple(bytes: &[u8], length: usize) -> bool {
+fn is_multiple_of_p(bytes: &[u8], length: usize) -> bool {
     let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight of them"));
-    let last = both(LAST);
+    let last = pack(LAST);
     let divides = |value: __m128i| {
         let quotient = _mm_clmulepi64_si128::<0x10>(value, last);
         _mm_cvtsi128_si64(quotient) as u64 >> 48 == 0
     };
-    // Requests are short: one multiplication.
+    // Most requests have eight bytes, for which one multiplication is enough.
     if length <= 8 {
         let mask = u64::MAX >> (64 - 8 * length);
-        return divides(both([(word(0) ^ 0xFFFF) & mask, 0]));
+        return divides(pack([(word(0) ^ 0xFFFF) & mask, 0]));
     }
-    let fold = both(FOLD);
-    let ends = (length - 1) / STEP * STEP;
+    let fold = pack(FOLD);
+    let ends = (length - 1) / STEP_BYTES * STEP_BYTES;
     let keep = u128::MAX >> (128 - 8 * (length - ends));
     let masked = |at: usize| {
         let value = (u128::from(word(at + 8)) << 64 | u128::from(word(at))) & keep;
-        both([value as u64, (value >> 64) as u64])
+        pack([value as u64, (value >> 64) as u64])
     };
-    let start = both([0xFFFF, 0]);
-    let mut sum = if ends == 0 { masked(0) } else { both([word(0), word(8)]) };
+    let start = pack([0xFFFF, 0]);
+    let mut sum = if ends == 0 { masked(0) } else { pack([word(0), word(8)]) };
     sum = _mm_xor_si128(sum, start);
-    let mut at = STEP;
+    let mut at = STEP_BYTES;
     while at <= ends {
-        let next = if at == ends { masked(at) } else { both([word(at), word(at + 8)]) };
+        let next = if at == ends { masked(at) } else { pack([word(at), word(at + 8)]) };
         let carried = _mm_xor_si128(_mm_clmulepi64_si128::<0x00>(sum, fold), _mm_clmulepi64_si128::<0x11>(sum, fold));
         sum = _mm_xor_si128(carried, next);
-        at += STEP;
+        at += STEP_BYTES;
     }
-    // 128 coefficients become 80, and those 64.
+    // Reduce 128 coefficients to 80, and these to 64.
     let sum = _mm_xor_si128(_mm_clmulepi64_si128::<0x10>(sum, fold), _mm_srli_si128::<8>(sum));
     divides(_mm_xor_si128(_mm_clmulepi64_si128::<0x01>(sum, last), sum))
 }

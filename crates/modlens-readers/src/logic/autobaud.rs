@@ -6,7 +6,7 @@
 use crate::logic::edges::Edge;
 use crate::logic::uart::{Character, UartReceiver};
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::{Line, Parity};
+use modlens_protocol::line::{LineSettings, Parity};
 use modlens_protocol::recognize::evidence_bytes;
 
 /// Baud rates that devices are commonly set to.
@@ -36,7 +36,7 @@ const FORMATS: [(u8, Parity, u8); 7] = [
 #[derive(Clone, Copy, Debug)]
 pub struct ChannelSettings {
     /// Line settings.
-    pub line: Line,
+    pub line: LineSettings,
     /// The idle level is low.
     pub inverted: bool,
     /// The number of bytes in frames with a valid checksum.
@@ -61,10 +61,11 @@ pub fn detect_settings(
     edges: &[Edge],
     now: u64,
     rate: f64,
-    line: Option<Line>,
+    line: Option<LineSettings>,
     inverted: Option<bool>,
 ) -> Option<ChannelSettings> {
-    let all = |baud: u32| FORMATS.map(|(data_bits, parity, stop_halves)| Line { baud, data_bits, parity, stop_halves });
+    let all =
+        |baud: u32| FORMATS.map(|(data_bits, parity, half_stop_bits)| LineSettings { baud, data_bits, parity, half_stop_bits });
     let lines = line.map_or_else(|| baud_rates(edges, rate).into_iter().flat_map(all).collect(), |line| vec![line]);
     let polarities = inverted.map_or_else(|| vec![is_idle_low(edges, now), !is_idle_low(edges, now)], |it| vec![it]);
     let mut best: Option<ChannelSettings> = None;
@@ -81,7 +82,14 @@ pub fn detect_settings(
 }
 
 /// Decodes the channel with these settings and counts what speaks for them.
-fn try_settings(functions: &Functions, edges: &[Edge], now: u64, rate: f64, line: Line, inverted: bool) -> ChannelSettings {
+fn try_settings(
+    functions: &Functions,
+    edges: &[Edge],
+    now: u64,
+    rate: f64,
+    line: LineSettings,
+    inverted: bool,
+) -> ChannelSettings {
     let mut uart = UartReceiver::new(line, rate, inverted);
     for &edge in edges {
         uart.push_edge(edge);

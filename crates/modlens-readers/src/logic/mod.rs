@@ -16,7 +16,7 @@ pub use uart::Character;
 
 use autobaud::detect_settings;
 use modlens_protocol::functions::Functions;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use uart::UartReceiver;
 
 /// The settings are decided once a channel has so many edges.
@@ -38,7 +38,7 @@ pub struct Wiring {
     /// The channels to decode; `None` for all of them.
     pub channels: Option<Vec<usize>>,
     /// The line settings, where they are known.
-    pub line: Option<Line>,
+    pub line: Option<LineSettings>,
     /// Whether the idle level is low, where that is known.
     pub inverted: Option<bool>,
 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::logic::edges::Edge;
-use modlens_protocol::line::{Line, Parity};
+use modlens_protocol::line::{LineSettings, Parity};
 
 /// A received character.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ impl Character {
 /// The receiver of one channel.
 #[derive(Debug)]
 pub struct UartReceiver {
-    line: Line,
+    line: LineSettings,
     /// Samples per bit.
     samples_per_bit: f64,
     /// The idle level is low.
@@ -45,7 +45,7 @@ pub struct UartReceiver {
 
 impl UartReceiver {
     /// A receiver with these settings, for `rate` samples per second.
-    pub fn new(line: Line, rate: f64, inverted: bool) -> Self {
+    pub fn new(line: LineSettings, rate: f64, inverted: bool) -> Self {
         Self { samples_per_bit: rate / f64::from(line.baud), line, inverted, edges: VecDeque::new(), level: None, from: 0.0 }
     }
 
@@ -79,7 +79,7 @@ impl UartReceiver {
         drop(levels);
         let has_framing_error = !self.level_at(middle);
         // A receiver does not wait for a second stop bit, but the time at which the character ends includes it.
-        let end = start + (f64::from(bits) + f64::from(self.line.stop_halves) / 2.0) * self.samples_per_bit;
+        let end = start + (f64::from(bits) + f64::from(self.line.half_stop_bits) / 2.0) * self.samples_per_bit;
         self.from = middle;
         if has_framing_error {
             self.wait_for_idle(middle);
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     /// The edges of characters as a transmitter makes them, bit by bit, and the number of samples.
-    fn sent(line: Line, rate: f64, inverted: bool, bytes: &[(u8, f64)]) -> (Vec<Edge>, u64) {
+    fn sent(line: LineSettings, rate: f64, inverted: bool, bytes: &[(u8, f64)]) -> (Vec<Edge>, u64) {
         let bit = rate / f64::from(line.baud);
         let (mut edges, mut level, mut at) = (vec![Edge { sample: 0, is_high: !inverted }], true, 10.0 * bit);
         for (byte, pause) in bytes {
@@ -162,7 +162,7 @@ mod tests {
     fn what_was_sent_is_received() {
         let bytes: Vec<(u8, f64)> = (0..=255u8).map(|byte| (byte & 0x7F, f64::from(byte % 3) * 0.4)).collect();
         for settings in ["9600-8N1", "19200-8E1", "115200-8O1", "4800-7E1"] {
-            let line: Line = settings.parse().unwrap();
+            let line: LineSettings = settings.parse().unwrap();
             for (rate, inverted) in [(1e6, false), (1e6, true), (4e6, false)] {
                 let (edges, now) = sent(line, rate, inverted, &bytes);
                 let mut uart = UartReceiver::new(line, rate, inverted);
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn wrong_parity_and_a_break_are_errors() {
-        let even: Line = "9600-8E1".parse().unwrap();
+        let even: LineSettings = "9600-8E1".parse().unwrap();
         let (edges, now) = sent("9600-8O1".parse().unwrap(), 1e6, false, &[(0x55, 5.0)]);
         let mut uart = UartReceiver::new(even, 1e6, false);
         for edge in edges {

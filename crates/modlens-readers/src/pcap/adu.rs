@@ -1,7 +1,7 @@
 //! The ADU in a frame as it stood on the wire.
 
 use modlens_protocol::framing::{Mode, Verdict};
-use modlens_protocol::hex::solid;
+use modlens_protocol::hex::decode_pairs;
 
 /// Unit and PDU of a good frame in binary, and what stands behind them: the CRC, the whole text of an ASCII frame, or
 /// nothing.
@@ -12,7 +12,7 @@ pub fn unwrap<'a>(mode: Mode, verdict: Verdict, wire: &'a [u8], scratch: &'a mut
         Mode::Tcp => (wire.get(6..).unwrap_or(&[]), &[]),
         Mode::Ascii => {
             let digits: Vec<u8> = wire.iter().copied().filter(u8::is_ascii_hexdigit).collect();
-            solid(&digits, scratch);
+            decode_pairs(&digits, scratch);
             if verdict != Verdict::NoChecksum {
                 scratch.pop(); // the LRC
             }

@@ -9,7 +9,7 @@ use pcap_parser::{OptionCode, PcapNGOption};
 
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -29,7 +29,7 @@ pub struct PortMetadata {
     /// Which line of a two-line tap: 1 is A, 2 is B, 0 is the only line.
     pub line: u8,
     /// Line settings, where they were known.
-    pub settings: Option<Line>,
+    pub settings: Option<LineSettings>,
     /// The kind of clock that the bus had.
     pub clock: Clock,
     /// The first moment of the recording that was exported, in ns.

@@ -4,7 +4,7 @@ use memchr::memchr;
 use serde_json::Value as Json;
 
 use crate::text::timestamps::TimestampParser;
-use modlens_protocol::hex::solid;
+use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::Ns;
 
 /// Parses one line of a chunk log and appends its bytes to `out`.
@@ -18,7 +18,7 @@ pub(super) fn parse(line: &[u8], timestamps: &mut TimestampParser, out: &mut Vec
     if let Some((time, hex, line)) = split_own_form(line) {
         let before = out.len();
         let time = if time == b"null" { Some(None) } else { timestamps.seconds(time).map(Some) };
-        if let Some(time) = time.filter(|_| solid(hex, out)) {
+        if let Some(time) = time.filter(|_| decode_pairs(hex, out)) {
             return Some((time, line));
         }
         out.truncate(before);

@@ -4,7 +4,7 @@ use modlens_protocol::checksum::crc_valid;
 use modlens_protocol::direction::readings;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-use modlens_protocol::hex::pair;
+use modlens_protocol::hex::byte_at;
 use modlens_protocol::mbap::announced;
 use modlens_protocol::recognize::rtu_bytes;
 
@@ -53,7 +53,7 @@ pub(super) fn direction_evidence(bytes: &[u8], proven_framing: Option<Mode>) -> 
 fn is_ascii_frame(bytes: &[u8]) -> bool {
     let Some(text) = bytes.strip_prefix(b":") else { return false };
     let text = text.trim_ascii_end();
-    let sum = text.chunks(2).try_fold(0u8, |sum, two| pair(two, 0).map(|byte| sum.wrapping_add(byte)));
+    let sum = text.chunks(2).try_fold(0u8, |sum, two| byte_at(two, 0).map(|byte| sum.wrapping_add(byte)));
     text.len() >= 6 && sum == Some(0)
 }
 

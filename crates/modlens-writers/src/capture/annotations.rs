@@ -9,7 +9,7 @@ use modlens_protocol::finding::{Finding, Severity};
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::hex::hex;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use modlens_readers::pcap::metadata::DEFAULTS;
@@ -251,8 +251,8 @@ pub fn interface(bus: &Bus, line: u8, origin: Option<Ns>, encapsulation: &str) -
 }
 
 /// Line settings in the notation of the command line: `19200-8E1`.
-pub fn settings(line: &Line) -> String {
-    let stop = match line.stop_halves {
+pub fn settings(line: &LineSettings) -> String {
+    let stop = match line.half_stop_bits {
         3 => "1.5",
         4 => "2",
         _ => "1",

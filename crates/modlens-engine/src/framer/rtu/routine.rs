@@ -8,7 +8,7 @@ use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::RequestCopy;
 use crate::framer::rtu::Rtu;
 use crate::input::Input;
-use modlens_protocol::checksum::{crc_valid_at, CHECKSUM};
+use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::Pause;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -34,7 +34,7 @@ impl Rtu {
         if expected.ambiguous && last_answered == Some((expected.unit, expected.code)) {
             return None;
         }
-        let (request_bytes, response_bytes) = (expected.asked + CHECKSUM, expected.answered + CHECKSUM);
+        let (request_bytes, response_bytes) = (expected.asked + CRC_BYTES, expected.answered + CRC_BYTES);
         let (request, rest) = input.bytes().split_at_checked(request_bytes)?;
         let response = rest.get(..response_bytes)?;
         let is_familiar = self.search.model.familiar(expected.unit, expected.code, REQUEST);
@@ -63,7 +63,7 @@ impl Rtu {
     /// Brings the search up to date behind a run of such exchanges. `expected` is the last one, whose bytes have just been
     /// consumed.
     pub fn resume(&mut self, input: &Input, expected: &Exchange) {
-        let lengths = [expected.asked, expected.answered].map(|length| length + CHECKSUM);
+        let lengths = [expected.asked, expected.answered].map(|length| length + CRC_BYTES);
         let (request, response) = input.forgotten(lengths.iter().sum()).split_at(lengths[0]);
         self.last_was_damaged = false;
         self.search.sync_after_batch(request, response, input.offset());

@@ -11,7 +11,7 @@ use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
-use modlens_protocol::hex::solid;
+use modlens_protocol::hex::decode_pairs;
 use modlens_protocol::Ns;
 
 /// Characters around unit and PDU: the colon, two of the LRC, CR and LF.
@@ -29,7 +29,7 @@ fn decode_clean(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
     let Some(([b':', digits @ ..], b"\r\n")) = text.get(..length).and_then(|text| text.split_last_chunk()) else { return false };
     // Without a branch for each digit.
     let is_upper_case = digits.iter().fold(true, |all, digit| all & !digit.is_ascii_lowercase());
-    let is_valid = is_upper_case && digits.len() % 2 == 0 && solid(digits, adu) && lrc(adu) == 0;
+    let is_valid = is_upper_case && digits.len() % 2 == 0 && decode_pairs(digits, adu) && lrc(adu) == 0;
     adu.pop();
     is_valid
 }

@@ -17,7 +17,7 @@ use crate::session::line::LineState;
 use crate::session::Session;
 use crate::stats::RequestKey;
 use modlens_profiles::points::sunspec::may_begin_in;
-use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::StandardLayout;
@@ -77,7 +77,7 @@ impl Session {
             let pause = |index| state.pairing.timing.timeout_log_odds(line.input.pause_before(index));
             let exchange = framer.exchange(&self.functions, &line.input, last_answered, patience, pause);
             let Some(expected) = exchange.filter(may_hold_no_map) else { break };
-            let lengths @ [request_bytes, response_bytes] = [expected.asked + CHECKSUM, expected.answered + CHECKSUM];
+            let lengths @ [request_bytes, response_bytes] = [expected.asked + CRC_BYTES, expected.answered + CRC_BYTES];
             let (request, response) = line.input.bytes()[..request_bytes + response_bytes].split_at(request_bytes);
             if !state.profiles.take(&self.functions, request, expected.block(&response[..expected.answered])) {
                 break;
@@ -99,7 +99,7 @@ impl Session {
         if let Some(framer) = line.framer.routine() {
             framer.resume(&line.input, &last);
         }
-        let response = &line.input.forgotten(last.answered + CHECKSUM)[..last.answered];
+        let response = &line.input.forgotten(last.answered + CRC_BYTES)[..last.answered];
         state.pairing.resume(response[0], &response[1..]);
     }
 

@@ -1,12 +1,14 @@
 //! Bytes as pairs of hex digits, with the separators, prefixes and suffixes that programs print.
 
 use crate::text::notation::tokens::{word, NotationFlags, BLOCK};
-use modlens_protocol::hex::{digit, pair, solid, BAD, DIGITS, HIGH, LOW, NO};
+use modlens_protocol::hex::{
+    byte_at, decode_pairs, digit_at, DIGIT_VALUES, HIGH_DIGIT_VALUES, INVALID, INVALID_DIGIT, LOW_DIGIT_VALUES,
+};
 
 /// Whether a character may separate bytes.
 const SEPARATORS: [bool; 256] = separators();
 
-/// 0 for separators and `NO` for all other characters, to be combined with the values of digits.
+/// 0 for separators and `INVALID` for all other characters, to be combined with the values of digits.
 static SEPARATOR_VALUES: [u16; 256] = separator_values();
 
 /// The most bytes in a line of a hex dump.
@@ -24,7 +26,7 @@ const fn separators() -> [bool; 256] {
 }
 
 const fn separator_values() -> [u16; 256] {
-    let mut table = [NO; 256];
+    let mut table = [INVALID; 256];
     let mut i = 0;
     while i < 256 {
         if SEPARATORS[i] {
@@ -47,26 +49,26 @@ fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
     for block in &mut blocks {
         let mut invalid = 0;
         for (byte, three) in bytes.iter_mut().zip(block.chunks_exact(3)) {
-            let value = HIGH[three[0] as usize] | LOW[three[1] as usize];
+            let value = HIGH_DIGIT_VALUES[three[0] as usize] | LOW_DIGIT_VALUES[three[1] as usize];
             invalid |= value | SEPARATOR_VALUES[three[2] as usize];
             *byte = value as u8;
         }
-        if invalid & NO != 0 {
+        if invalid & INVALID != 0 {
             break;
         }
         out.extend_from_slice(&bytes);
         count += BLOCK;
     }
     for three in text[3 * count..].chunks_exact(3) {
-        let value = HIGH[three[0] as usize] | LOW[three[1] as usize];
-        if (value | SEPARATOR_VALUES[three[2] as usize]) & NO != 0 {
+        let value = HIGH_DIGIT_VALUES[three[0] as usize] | LOW_DIGIT_VALUES[three[1] as usize];
+        if (value | SEPARATOR_VALUES[three[2] as usize]) & INVALID != 0 {
             break;
         }
         out.push(value as u8);
         count += 1;
     }
     // The last pair of a line has no separator behind it.
-    if let (2, Some(value)) = (text.len() - 3 * count, pair(text, 3 * count)) {
+    if let (2, Some(value)) = (text.len() - 3 * count, byte_at(text, 3 * count)) {
         out.push(value);
         return text.len();
     }
@@ -76,9 +78,9 @@ fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
 /// Reads one byte that is followed by spaces or by the end of the text. Returns the length of the byte, without and with
 /// the spaces. `allow_single_digits` also accepts a byte of one digit.
 fn read_spaced_byte(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>) -> Option<(usize, usize)> {
-    let (value, length) = match pair(text, 0) {
+    let (value, length) = match byte_at(text, 0) {
         Some(value) => (value, 2),
-        None if allow_single_digits => (Some(digit(text, 0)).filter(|&value| value != BAD)?, 1),
+        None if allow_single_digits => (Some(digit_at(text, 0)).filter(|&value| value != INVALID_DIGIT)?, 1),
         None => return None,
     };
     let blanks = text[length..].iter().take_while(|&&b| b == b' ').count();
@@ -97,7 +99,7 @@ fn begins_with_offset(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     let (prefixed, text) = text.strip_prefix(b"0x").map_or((false, text), |rest| (true, rest));
     // Most text begins with a pair of digits, which settles the question at once.
-    if text.get(2).is_none_or(|&b| DIGITS[b as usize] == BAD) {
+    if text.get(2).is_none_or(|&b| DIGIT_VALUES[b as usize] == INVALID_DIGIT) {
         return false;
     }
     let offset = word(&text[..text.len().min(MAX_OFFSET_DIGITS + 1)], 0);
@@ -106,11 +108,11 @@ fn begins_with_offset(text: &[u8]) -> bool {
     }
     let behind = &text[offset.len()..];
     let bytes = behind.trim_ascii_start();
-    let pairs = behind.starts_with(b" ") && pair(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
+    let pairs = behind.starts_with(b" ") && byte_at(bytes, 0).is_some() && bytes.get(2).is_none_or(|&b| b == b' ');
     // Offsets count lines of 16 bytes, so their last digit is 0.
     (4..=8).contains(&offset.len())
         && offset.ends_with(b"0")
-        && offset.iter().all(|&b| DIGITS[b as usize] != BAD)
+        && offset.iter().all(|&b| DIGIT_VALUES[b as usize] != INVALID_DIGIT)
         && ((pairs && !prefixed) || behind.starts_with(b": "))
 }
 
@@ -182,13 +184,13 @@ pub(super) fn hex_token(token: &[u8], allow_single_digits: bool, out: &mut Vec<u
     let digits = with_prefix.or(with_suffix).unwrap_or(token);
     match digits.len() {
         1 if allow_single_digits || with_prefix.is_some() || with_suffix.is_some() => {
-            let value = digit(digits, 0);
-            if value != BAD {
+            let value = digit_at(digits, 0);
+            if value != INVALID_DIGIT {
                 out.push(value);
             }
-            value != BAD
+            value != INVALID_DIGIT
         }
-        length if length >= 2 && length % 2 == 0 => solid(digits, out),
+        length if length >= 2 && length % 2 == 0 => decode_pairs(digits, out),
         _ => false,
     }
 }
@@ -201,7 +203,7 @@ pub(super) fn pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
         let blanks = text[at..].iter().take_while(|&&b| b == b' ').count();
         let limit = if end == 0 { usize::MAX } else { 2 };
         let ends = text.get(at + blanks + 2).is_none_or(|b| !b.is_ascii_alphanumeric());
-        match pair(text, at + blanks).filter(|_| ends && blanks <= limit) {
+        match byte_at(text, at + blanks).filter(|_| ends && blanks <= limit) {
             Some(value) => out.push(value),
             None => break,
         }
@@ -215,10 +217,10 @@ pub(super) fn pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
 pub(super) fn groups(text: &[u8], out: &mut Vec<u8>) -> usize {
     let start = text.iter().take_while(|&&b| b == b' ').count();
     let mut at = start;
-    while let Some(value) = pair(text, at) {
+    while let Some(value) = byte_at(text, at) {
         out.push(value);
         at += 2;
-        if text.get(at) == Some(&b' ') && digit(text, at + 1) != BAD {
+        if text.get(at) == Some(&b' ') && digit_at(text, at + 1) != INVALID_DIGIT {
             at += 1;
         }
     }
@@ -253,9 +255,9 @@ pub(super) fn prefixed(text: &[u8], out: &mut Vec<u8>, flags: &mut NotationFlags
 fn read_prefixed_byte(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
     let digits = text.strip_prefix(b"0x")?;
     let ends = |at: usize| digits.get(at).is_none_or(|&b| SEPARATORS[b as usize]);
-    let (value, length) = match pair(digits, 0) {
+    let (value, length) = match byte_at(digits, 0) {
         Some(value) => (value, 2),
-        None => (Some(digit(digits, 0)).filter(|&value| value != BAD)?, 1),
+        None => (Some(digit_at(digits, 0)).filter(|&value| value != INVALID_DIGIT)?, 1),
     };
     ends(length).then(|| {
         out.push(value);
@@ -267,8 +269,8 @@ fn read_prefixed_byte(text: &[u8], out: &mut Vec<u8>) -> Option<usize> {
 pub(super) fn bracketed(text: &[u8], around: [u8; 2], out: &mut Vec<u8>) -> usize {
     let mut at = 0;
     while let Some(&[open, high, low, close]) = text.get(at..at + 4) {
-        let value = HIGH[high as usize] | LOW[low as usize];
-        let ([true, true], value @ 0..NO) = ([open == around[0], close == around[1]], value) else { break };
+        let value = HIGH_DIGIT_VALUES[high as usize] | LOW_DIGIT_VALUES[low as usize];
+        let ([true, true], value @ 0..INVALID) = ([open == around[0], close == around[1]], value) else { break };
         let value = value as u8;
         out.push(value);
         at += 4;

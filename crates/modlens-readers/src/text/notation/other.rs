@@ -5,11 +5,11 @@
 use crate::text::notation::hex::{byte, hex_token};
 use crate::text::notation::tokens::word;
 use modlens_protocol::checksum::{crc_valid, lrc};
-use modlens_protocol::hex::{digit, pair, BAD, DIGITS};
+use modlens_protocol::hex::{byte_at, digit_at, DIGIT_VALUES, INVALID_DIGIT};
 
 /// The value of each character in base64, in both of its alphabets (RFC 4648, 4 and 5).
 static BASE64_VALUES: [u8; 256] = {
-    let mut table = [BAD; 256];
+    let mut table = [INVALID_DIGIT; 256];
     let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut i = 0;
     while i < alphabet.len() {
@@ -29,7 +29,7 @@ pub(super) fn named(text: &[u8], out: &mut Vec<u8>) -> usize {
         let name = rest[blanks..].iter().take_while(|&&b| b != b' ').count();
         let Some(inner) = rest[blanks + name..].strip_prefix(b" (") else { return end };
         let token = word(inner, 0);
-        let value = if token.len() == 3 { decimal_byte(token) } else { pair(token, 0).filter(|_| token.len() == 2) };
+        let value = if token.len() == 3 { decimal_byte(token) } else { byte_at(token, 0).filter(|_| token.len() == 2) };
         let Some(value) = value.filter(|_| name > 0 && inner.get(token.len()) == Some(&b')')) else { return end };
         out.push(value);
         end += blanks + name + 2 + token.len() + 1;
@@ -86,9 +86,9 @@ pub(super) fn escaped(text: &[u8], stop: Option<u8>, out: &mut Vec<u8>) -> usize
         let Some(&kind) = text.get(at + 1) else { break };
         let octal = text[at + 1..].iter().take(3).take_while(|b| matches!(b, b'0'..=b'7')).count();
         let (value, length) = match kind {
-            b'x' => match (digit(text, at + 2), pair(text, at + 2)) {
+            b'x' => match (digit_at(text, at + 2), byte_at(text, at + 2)) {
                 (_, Some(value)) => (value, 4),
-                (BAD, None) => break,
+                (INVALID_DIGIT, None) => break,
                 (single, None) => (single, 3),
             },
             b'0'..=b'7' => {
@@ -129,7 +129,7 @@ pub(super) fn words(text: &[u8], width: usize, radix: u32, out: &mut Vec<u8>) ->
 
 /// Reads base64 of at least eight characters with padding. Any word may be base64, so only a checksum shows whether it is.
 pub(super) fn base64(text: &[u8], out: &mut Vec<u8>) -> usize {
-    let length = text.iter().take_while(|&&b| BASE64_VALUES[b as usize] != BAD).count();
+    let length = text.iter().take_while(|&&b| BASE64_VALUES[b as usize] != INVALID_DIGIT).count();
     let padding = text[length..].iter().take_while(|&&b| b == b'=').count();
     if length < 6 || (length + padding) % 4 != 0 || padding > 2 {
         return 0;
@@ -176,7 +176,7 @@ pub(super) fn cell(text: &[u8], out: &mut Vec<u8>) -> usize {
 /// Reads a frame of Modbus ASCII, and completes it with the CR and LF that logs do not print.
 pub(super) fn ascii(text: &[u8], out: &mut Vec<u8>) -> usize {
     let Some(rest) = text.strip_prefix(b":") else { return 0 };
-    let length = rest.iter().take_while(|&&b| DIGITS[b as usize] != BAD).count();
+    let length = rest.iter().take_while(|&&b| DIGIT_VALUES[b as usize] != INVALID_DIGIT).count();
     if length < 6 || length % 2 != 0 {
         return 0;
     }
