@@ -15,7 +15,7 @@ use crate::damage::thresholds::{
 use crate::framer::rtu::prefilter::DamageCosts;
 use crate::framer::rtu::prefix_index::MAX_LOST_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
-use modlens_protocol::checksum::{crc16, mending_bit, update};
+use modlens_protocol::checksum::{correctable_bit, crc16, update};
 
 /// Cost of a byte by the number of its flipped bits.
 const FLIPPED_BITS: [f32; 4] = [0.0, ONE_FLIP_BITS, TWO_FLIPS_BITS, THREE_FLIPS_BITS];
@@ -213,7 +213,7 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
     if update(crc16(&expected.bytes), &bytes[known_end..length]) == 0 {
         return CRC_MATCH_BITS;
     }
-    match mending_bit(&bytes[..length]) {
+    match correctable_bit(&bytes[..length]) {
         Some(_) if shortfall == 0 => (CRC_CORRECTABLE_BITS - (8.0 * length as f32).log2()).max(0.0),
         _ => 0.0,
     }

@@ -11,7 +11,7 @@ use crate::damage::thresholds::{
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights;
-use modlens_protocol::checksum::mending_bit;
+use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
@@ -86,7 +86,7 @@ impl UnframedRegion<'_, '_> {
         }
         let bytes = &self.bytes()[candidate.start..candidate.start + length];
         // The flipped bit may be in the byte that announces the length, so a correctable frame has the right length.
-        let is_correctable = length < should && mending_bit(bytes).is_some();
+        let is_correctable = length < should && correctable_bit(bytes).is_some();
         if is_correctable {
             should = length;
         } else if damage.is_none() && length < should {
@@ -181,10 +181,10 @@ fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<DamageKi
         // A single byte like that may as well belong to the frame. It is a stray byte if one byte inserted into the rest
         // makes the CRC valid, and one flipped bit does not.
         1 if !ends_well && length <= MAX_INSERTION_CHECK_BYTES => {
-            let at = crc_correction::missing_byte(&bytes[..length - 1]).filter(|_| mending_bit(bytes).is_none())?;
+            let at = crc_correction::missing_byte(&bytes[..length - 1]).filter(|_| correctable_bit(bytes).is_none())?;
             Some(DamageKind::LostBytes { at, count })
         }
-        2..=MAX_GLITCH_BYTES if mending_bit(bytes).is_none() => Some(DamageKind::LostBytes { at: length - count, count }),
+        2..=MAX_GLITCH_BYTES if correctable_bit(bytes).is_none() => Some(DamageKind::LostBytes { at: length - count, count }),
         _ => None,
     }
 }
@@ -193,6 +193,6 @@ fn strays_behind_unknown_bytes(bytes: &[u8], ends_well: bool) -> Option<DamageKi
 /// which the first `agreeing` bytes are as expected.
 fn strays_behind_known_bytes(bytes: &[u8], agreeing: usize) -> Option<DamageKind> {
     let rest = bytes.get(agreeing..).filter(|rest| (1..=MAX_GLITCH_BYTES).contains(&rest.len()))?;
-    let are_strays = rest.iter().all(|&byte| byte == rest[0]) && is_glitch_byte(rest[0]) && mending_bit(bytes).is_none();
+    let are_strays = rest.iter().all(|&byte| byte == rest[0]) && is_glitch_byte(rest[0]) && correctable_bit(bytes).is_none();
     are_strays.then_some(DamageKind::LostBytes { at: agreeing, count: rest.len() })
 }

@@ -5,7 +5,7 @@
 //! it leads from the first register to the second. So all places are tried in time that is linear in the frame's length.
 
 use crate::framer::rtu::crc_scan::step_back_bit;
-use modlens_protocol::checksum::{step, INIT};
+use modlens_protocol::checksum::{update_byte, CRC_INIT};
 
 /// The register that a step over a zero byte turns into this one.
 fn step_back(state: u16) -> u16 {
@@ -15,9 +15,9 @@ fn step_back(state: u16) -> u16 {
 /// For each place: the register before it, and the register that is needed there for the CRC to be valid.
 fn registers(bytes: &[u8]) -> (Vec<u16>, Vec<u16>) {
     let mut before = Vec::with_capacity(bytes.len() + 1);
-    before.push(INIT);
+    before.push(CRC_INIT);
     for &byte in bytes {
-        before.push(step(before[before.len() - 1], byte));
+        before.push(update_byte(before[before.len() - 1], byte));
     }
     let mut needed = vec![0; bytes.len() + 1];
     for (at, &byte) in bytes.iter().enumerate().rev() {

@@ -6,7 +6,7 @@ use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::damage::thresholds::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
-use modlens_protocol::checksum::mending_bit;
+use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
@@ -105,7 +105,7 @@ impl UnframedRegion<'_, '_> {
     /// instead, the bytes behind it may be that transmitter's, which does not stop where the frame ends.
     pub(crate) fn lost_bytes_behind(&self, frame: &DamagedFrame) -> bool {
         let behind = self.length - frame.end;
-        let is_correctable = mending_bit(&self.bytes()[frame.start..frame.end]).is_some();
+        let is_correctable = correctable_bit(&self.bytes()[frame.start..frame.end]).is_some();
         let loses_bytes = self.is_framed_independently() || (self.model.loses_bytes() && !self.ends_as_announced);
         let is_undamaged = frame.damage.is_none() && !is_correctable;
         loses_bytes && self.has_few_strays() && is_undamaged && behind > self.model.strays_at_most()

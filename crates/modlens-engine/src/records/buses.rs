@@ -4,7 +4,7 @@
 use std::ops::{Index, IndexMut};
 use std::sync::Arc;
 
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 
 /// Who talks on a connection of a network.
@@ -30,7 +30,7 @@ pub struct Bus {
     /// Its clock.
     pub clock: Clock,
     /// Its line settings, where they are known.
-    pub line: Option<Line>,
+    pub line: Option<LineSettings>,
     /// Who talks, where it is a connection of a network.
     pub network: Option<Network>,
 }

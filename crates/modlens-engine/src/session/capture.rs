@@ -11,7 +11,7 @@ use crate::session::sources::{CaptureOptions, CaptureReport, CaptureState, Reimp
 use crate::session::{BusOptions, Session};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
@@ -204,7 +204,13 @@ impl Session {
         bus
     }
 
-    fn add_serial(&mut self, state: &CaptureState, name: String, (source, place): (String, Place), line: Option<Line>) -> usize {
+    fn add_serial(
+        &mut self,
+        state: &CaptureState,
+        name: String,
+        (source, place): (String, Place),
+        line: Option<LineSettings>,
+    ) -> usize {
         let bus = Bus { name, source, place, clock: state.clock, line, network: None };
         self.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
     }

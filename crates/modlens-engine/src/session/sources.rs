@@ -7,7 +7,7 @@ use crate::pairing::BufferedFrame;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::Ns;
 use modlens_readers::logic::Analyser;
@@ -23,7 +23,7 @@ pub struct CaptureOptions {
     /// Framing of serial interfaces; detected where `None`.
     pub mode: Option<Mode>,
     /// Line settings of serial interfaces.
-    pub line: Option<Line>,
+    pub line: Option<LineSettings>,
     /// The silences at which RTU frames of serial interfaces end; by evidence where `None`.
     pub rule: Option<Rule>,
 }

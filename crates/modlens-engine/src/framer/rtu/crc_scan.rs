@@ -12,7 +12,7 @@
 
 use std::sync::OnceLock;
 
-use modlens_protocol::checksum::ORDER;
+use modlens_protocol::checksum::CRC_PERIOD_BITS;
 
 /// The longest substring that is looked for. Some masters announce more than the 256 bytes of the specification; a byte
 /// count cannot announce more than this.
@@ -56,8 +56,8 @@ fn inverse_powers() -> &'static InversePowers {
         let steps = |from: u16| std::iter::successors(Some(from), |&state| Some(step_back_bit(state)));
         let mask = |byte: usize| std::array::from_fn(|i| 0u16.wrapping_sub((byte >> i & 1) as u16));
         InversePowers {
-            bits: steps(1).take(ORDER + 8).collect(),
-            start_values: steps(0xFFFF).step_by(8).take(ORDER).collect(),
+            bits: steps(1).take(CRC_PERIOD_BITS + 8).collect(),
+            start_values: steps(0xFFFF).step_by(8).take(CRC_PERIOD_BITS).collect(),
             masks: Box::new(std::array::from_fn(mask)),
         }
     })
@@ -107,7 +107,8 @@ impl CrcScanner {
         found.clear();
         let InversePowers { bits, start_values, masks } = self.powers;
         let (heads, ring) = (&mut *self.heads, &mut *self.ring);
-        let (mut prefix, mut power, mut effect, mut start) = (self.prefix, self.power, 8 * self.power % ORDER, position as u32);
+        let (mut prefix, mut power, mut effect, mut start) =
+            (self.prefix, self.power, 8 * self.power % CRC_PERIOD_BITS, position as u32);
         let mut scanned = bytes.len();
         for (i, &byte) in bytes.iter().enumerate() {
             let key = prefix ^ start_values[power];
@@ -118,8 +119,8 @@ impl CrcScanner {
             let effects: &[u16; 8] = bits[effect..effect + 8].try_into().expect("eight of them");
             let mask = &masks[usize::from(byte)];
             prefix ^= (0..8).fold(0, |sum, bit| sum ^ (effects[bit] & mask[bit]));
-            power = if power + 1 == ORDER { 0 } else { power + 1 };
-            effect = if effect + 8 >= ORDER { effect + 8 - ORDER } else { effect + 8 };
+            power = if power + 1 == CRC_PERIOD_BITS { 0 } else { power + 1 };
+            effect = if effect + 8 >= CRC_PERIOD_BITS { effect + 8 - CRC_PERIOD_BITS } else { effect + 8 };
             let latest = heads[usize::from(prefix) % BUCKETS];
             if u64::from(start.wrapping_add(1).wrapping_sub(latest)) <= MAX_CANDIDATE_SPAN {
                 follow_bucket(ring, latest, prefix, position + i as u64 + 1, self.first, found);
@@ -161,23 +162,23 @@ fn follow_bucket(ring: &[(u16, u32); RING_STARTS], mut start: u32, key: u16, end
 #[cfg(test)]
 mod tests {
     use super::*;
-    use modlens_protocol::checksum::{crc16, step};
+    use modlens_protocol::checksum::{crc16, update_byte};
     use proptest::prelude::*;
 
     #[test]
     fn eight_bit_steps_back_undo_a_byte() {
         for state in 0..=u16::MAX {
-            assert_eq!((0..8).fold(step(state, 0), |state, _| step_back_bit(state)), state);
+            assert_eq!((0..8).fold(update_byte(state, 0), |state, _| step_back_bit(state)), state);
         }
     }
 
     #[test]
     fn the_tables_repeat_after_the_order() {
         let powers = inverse_powers();
-        assert_eq!(powers.bits[ORDER..], powers.bits[..8]);
-        assert_eq!(powers.start_values.len(), ORDER);
+        assert_eq!(powers.bits[CRC_PERIOD_BITS..], powers.bits[..8]);
+        assert_eq!(powers.start_values.len(), CRC_PERIOD_BITS);
         // T^-1 of the last of them is the first one again.
-        assert_eq!((0..8).fold(powers.start_values[ORDER - 1], |state, _| step_back_bit(state)), 0xFFFF);
+        assert_eq!((0..8).fold(powers.start_values[CRC_PERIOD_BITS - 1], |state, _| step_back_bit(state)), 0xFFFF);
     }
 
     fn naive(data: &[u8]) -> Vec<(u64, u64)> {

@@ -28,7 +28,7 @@ use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BRE
 use modlens_protocol::direction::{judge, Direction};
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::functions::Extent;
-use modlens_protocol::line::Line;
+use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
 use announced_length::announced_lengths;
@@ -56,7 +56,7 @@ pub struct Rtu {
 /// Times.
 impl Rtu {
     /// A framer for a line with these settings.
-    pub fn new(line: Option<&Line>) -> Self {
+    pub fn new(line: Option<&LineSettings>) -> Self {
         Self {
             search: Search::default(),
             decision: None,
@@ -64,7 +64,7 @@ impl Rtu {
             fast_path_failed_after_strays_at: None,
             recovery: DamageRecovery::default(),
             last_was_damaged: false,
-            frame_gap_ns: line.map_or(COARSE_MIN_GAP_NS, Line::t35_ns),
+            frame_gap_ns: line.map_or(COARSE_MIN_GAP_NS, LineSettings::t35_ns),
         }
     }
 
@@ -330,7 +330,7 @@ impl Framer for Rtu {
         Some(self)
     }
 
-    fn break_ns(&self, line: Option<&Line>) -> Ns {
+    fn break_ns(&self, line: Option<&LineSettings>) -> Ns {
         line.map_or(FRAME_BREAK_NS, |line| FRAME_BREAK_NS.max(FRAME_BREAK_CHARACTERS_FACTOR * line.char_ns()))
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Only frames whose layout gives their length count, with a right checksum.
 
-use modlens_protocol::checksum::{crc_valid, CHECKSUM};
+use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
 use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
 
@@ -47,7 +47,7 @@ pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: Asked<'
 /// behind it.
 pub(super) fn first_frame<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
     let (at, frame) = (0..MAX_FRAME_START).find_map(|at| Some((at, frame_here(functions, bytes.get(at..)?, direction)?)))?;
-    Some((frame, &bytes[at + frame.len() + CHECKSUM..]))
+    Some((frame, &bytes[at + frame.len() + CRC_BYTES..]))
 }
 
 /// Unit and PDU of the RTU frame that these bytes begin with, if the layout of its function gives its length and the
@@ -64,5 +64,5 @@ pub(super) fn frame_here<'a>(functions: &Functions, bytes: &'a [u8], direction: 
         },
     };
     let frame = bytes.get(..length + FRAME_OVERHEAD_BYTES).filter(|frame| crc_valid(frame))?;
-    Some(&frame[..frame.len() - CHECKSUM])
+    Some(&frame[..frame.len() - CRC_BYTES])
 }

@@ -7,7 +7,7 @@ use crate::input::Input;
 use crate::session::bus::BusState;
 use crate::session::line::add_vote;
 use crate::session::two_lines::peek::{frame_here, FRAME_OVERHEAD_BYTES};
-use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -36,7 +36,7 @@ fn survey(functions: &Functions, input: &Input) -> i32 {
             continue;
         };
         votes = add_vote(votes, functions, adu);
-        at += adu.len() + CHECKSUM;
+        at += adu.len() + CRC_BYTES;
     }
     votes
 }

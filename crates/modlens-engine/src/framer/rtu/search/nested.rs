@@ -8,7 +8,7 @@ use crate::framer::rtu::search::hypothesis::ROOT;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::Context;
 use crate::weights;
-use modlens_protocol::checksum::CHECKSUM;
+use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::functions::{Operation, EXCEPTION_BIT};
 
 impl Search {
@@ -36,7 +36,7 @@ impl Search {
             outside[i] = if is_inside { outside[hypothesis.parent] } else { i };
             let score = hypothesis.path_score - self.lattice[outside[i]].path_score - weights::NESTING_BITS;
             // A nested frame does not reach into the CRC of the frame that contains it.
-            let ends_before_crc = hypothesis.end + CHECKSUM as u64 <= self.scanned_to;
+            let ends_before_crc = hypothesis.end + CRC_BYTES as u64 <= self.scanned_to;
             if is_inside && hypothesis.is_crc_valid && ends_before_crc && score > nested[outside[i]] {
                 nested[outside[i]] = score;
             }

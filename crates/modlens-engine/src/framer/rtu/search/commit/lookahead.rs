@@ -15,7 +15,7 @@ use crate::framer::rtu::{header_score, score, side};
 use crate::framer::Context;
 use crate::input::Input;
 use crate::weights;
-use modlens_protocol::checksum::{crc_valid_at, first_right};
+use modlens_protocol::checksum::{crc_valid_at, first_valid_length};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
@@ -103,7 +103,7 @@ impl Search {
                 Extent::AtLeast(length) if length > max_length => continue,
                 Extent::AtLeast(_) => (max_length, false),
                 Extent::Open(_) if !self.model.familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
-                Extent::Open(_) => (max_length, first_right(&bytes[..max_length.min(bytes.len())], seen + 1).is_some()),
+                Extent::Open(_) => (max_length, first_valid_length(&bytes[..max_length.min(bytes.len())], seen + 1).is_some()),
             };
             match completes {
                 true => return Completion::Completes,
@@ -149,7 +149,7 @@ impl Search {
         let bytes = &input.bytes()[at..];
         let max_length = max_frame_length(input, at);
         let min_length = (end - root_end) as usize + 1;
-        let completes = first_right(&bytes[..max_length.min(bytes.len())], min_length).is_some();
+        let completes = first_valid_length(&bytes[..max_length.min(bytes.len())], min_length).is_some();
         if !completes && max_length > bytes.len() && !input.closed {
             return Completion::Unknown;
         }
@@ -209,7 +209,7 @@ fn complete_frame_beyond(input: &Input, context: &Context<'_>, at: usize, to: us
         let found = match extent {
             Extent::Exactly(_) => crc_valid_at(bytes, length).then_some(length),
             Extent::AtLeast(_) => None,
-            Extent::Open(_) => first_right(&bytes[..max_length.min(bytes.len())], to - at),
+            Extent::Open(_) => first_valid_length(&bytes[..max_length.min(bytes.len())], to - at),
         };
         match found {
             Some(length) => return Certain::Frame(Length::exactly(length)),
