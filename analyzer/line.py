@@ -3,9 +3,6 @@
 There are no default settings for a line: with a wrong parity bytes are still received, but marked
 as damaged or altered, so the user has to give the settings or have them detected.
 
-Nothing is assumed of a line: a wrong parity still reads bytes, only damaged ones, so that whoever
-listens must say it.
-
 >>> line = parse_line("19200-8E1")
 >>> line.baud, line.parity, str(line)
 (19200, 'E', '19200-8E1')

@@ -30,13 +30,13 @@ NOUNS: Mapping[str, str] = {
     "input_register": "register",
     "holding_register": "register",
 }
-"""What one item is called in a sentence."""
+"""Register type -> what one item is called in a sentence."""
 
 MAX_FIVE_DIGIT_NUMBER = 9999
 
 
 def six_digit(address: int, register_type: str) -> str:
-    """The wire address in the long notation, which reaches all addresses.
+    """A wire address in the notation of six digits, which reaches all addresses.
 
     >>> six_digit(0, "input_register")
     '300001'
@@ -45,7 +45,7 @@ def six_digit(address: int, register_type: str) -> str:
 
 
 def five_digit(address: int, register_type: str) -> str | None:
-    """The wire address in the short notation, or None where it does not reach.
+    """A wire address in the notation of five digits; None where that does not reach.
 
     >>> five_digit(19, "coil"), five_digit(9999, "coil")
     ('00020', None)
@@ -56,7 +56,7 @@ def five_digit(address: int, register_type: str) -> str | None:
 
 
 def modicon_address(address: int, register_type: str) -> str:
-    """Long notation, and the short one in brackets where it reaches."""
+    """A wire address in six digits, followed by five digits in brackets where they suffice."""
     short = five_digit(address, register_type)
     long = six_digit(address, register_type)
     return long if short is None else f"{long} ({short})"

@@ -1,4 +1,4 @@
-"""What is known around a field: the decoded PDU, its direction, and the request that it answers."""
+"""The context of a field: the decoded PDU, its direction, and the request it responds to."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["LAST_ADDRESS", "Context", "Meaning"]
 LAST_ADDRESS = 0xFFFF
 
 USER_DEFINED = (range(65, 73), range(100, 111))
-"""Function codes that the specification leaves to users (application protocol, 5)."""
+"""User-defined function codes (application protocol, section 5)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Words, and whether all is well."""
+    """The meaning of a field in words, and whether its value is valid."""
 
     text: str
     is_valid: bool = True
@@ -26,7 +26,10 @@ class Meaning:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """The decoded PDU around a field, and the request that it answers, if that is known."""
+    """The decoded PDU of a field, and the request that it responds to, if that is known.
+
+    `size` is the PDU's length in bytes.
+    """
 
     pdu: Pdu
     size: int
@@ -35,18 +38,18 @@ class Context:
 
     @property
     def row(self) -> Function | None:
-        """The row that applies, if there is one."""
+        """The row of the table of functions; None where the table has none."""
         return self.pdu.row
 
     @property
     def request_numbers(self) -> Mapping[str, int]:
-        """The numbers of the request that this PDU answers; empty if that is not known."""
+        """The numbers in the request that this PDU responds to; empty if it is not known."""
         if self.request is None or self.request.function != self.pdu.function:
             return {}
         return self.request.numbers
 
     def title(self, *, guessed: bool) -> Meaning:
-        """The function code in words."""
+        """The meaning of the function code."""
         code, row = self.pdu.function, self.row
         if row is None:
             own = any(code in span for span in USER_DEFINED)
@@ -60,12 +63,16 @@ class Context:
         return Meaning(f"{name}, {self.direction}{' by its layout' if guessed else ''}")
 
     def bytes_after(self, part: DecodedField) -> int | None:
-        """How many bytes come after a field; None for a field inside a group."""
+        """The number of bytes behind a field; None for a field inside a group."""
         inside = part.path != part.name
         return None if inside else self.size - part.offset - part.length
 
     def register_block(self, name: str) -> tuple[str | None, int | None, int | None]:
-        """Register type, first address and quantity of the list called `name`, as far as known."""
+        """Register type, first address and quantity that a field belongs to, as far as known.
+
+        `name` is the field's name; a prefix such as `write_` chooses between the two blocks of
+        function 23.
+        """
         if self.row is None or self.row.register_type is None:
             return None, None, None
         prefix = name[: name.rfind("_") + 1]

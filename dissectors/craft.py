@@ -1,8 +1,8 @@
-r"""Frames from keywords: the PDU by the core, unit, checksum and header around it.
+r"""Makes frames from keywords: the core encodes the PDU, here the frame is put around it.
 
-For tests, for writing examples and for replay; nothing here sends. Lengths, counts and derivable
-quantities are filled in when they are left out, and taken as they are when they are given, so that
-wrong frames can be made on purpose.
+For tests, examples and replay; nothing here sends. Lengths, counts and quantities that follow from
+other values are filled in where they are left out, and taken as they are where they are given, so
+that invalid frames can be made on purpose.
 
 >>> craft("Read Holding Registers", unit=17, values={"address": 107, "quantity": 3}).hex(" ")
 '11 03 00 6b 00 03 76 87'
@@ -43,7 +43,7 @@ def craft(  # noqa: PLR0913 - all by keyword, as the command has them
     mbap_id: int = 1,
     functions: _modlens.Functions | None = None,
 ) -> bytes:
-    """The frame of a function: a code or a name, and values by field name.
+    """Make the frame of a function, given as a code or name, with values by field name.
 
     A value is a number, a list, bytes, or the text of one (`0x6B`, `1,2,3`, `on`, hex); a group is
     a list of mappings. `{"exception": 2}` makes an exception response; its name will do too.
@@ -60,7 +60,7 @@ def craft_pdu(
     values: Mapping[str, object] | None = None,
     functions: _modlens.Functions | None = None,
 ) -> bytes:
-    """The PDU alone; see `craft`.
+    """Make the PDU of a function, without unit and checksum; arguments as of `craft`.
 
     >>> craft_pdu(43, values={"mei_type": 14, "read_device_id_code": 1, "object_id": 0}).hex(" ")
     '2b 0e 01 00'
@@ -85,7 +85,7 @@ def craft_pdu(
 def frame(
     pdu: bytes, *, unit: int = 1, mode: Literal["rtu", "ascii", "tcp"] = "rtu", mbap_id: int = 1
 ) -> bytes:
-    r"""Unit, checksum and delimiters, or the MBAP header, around a PDU.
+    r"""Put unit, checksum and delimiters, or the MBAP header, around a PDU.
 
     >>> frame(b"\x07", unit=1, mode="tcp", mbap_id=5).hex(" ")
     '00 05 00 00 00 02 01 07'
@@ -125,7 +125,7 @@ def _row(
 def _without_layout(
     code: int, row: Function | None, direction: Direction, given: Mapping[str, object]
 ) -> bytes:
-    """The code and bare bytes: for vendors' functions of which only the name is known."""
+    """The PDU of a function whose layout is not known: its code, and the bytes of `data`."""
     name = f"function {code}" if row is None else row.label
     if row is not None and not row.has_response and direction == "response":
         raise UsageError(f"{name} is never answered")
@@ -138,7 +138,7 @@ def _without_layout(
 def _with_implied_values(
     row: Function, direction: Direction, given: Mapping[str, object]
 ) -> dict[str, object]:
-    """The values with those that the table implies; refuses unknown and missing ones."""
+    """The values with those that the table implies; `UsageError` for unknown and missing ones."""
     body = row.fields(direction)
     known = [field.name for field in body]
     for name in given:
@@ -157,7 +157,7 @@ def _with_implied_values(
 
 
 def _implied_values(row: Function, body: tuple[Field, ...]) -> dict[str, int]:
-    """The leading field's value, and fields that have only one permitted value."""
+    """The values that the table fixes: the leading field, and fields with one permitted value."""
     single = {name: values[0] for name, values in row.allowed.items() if len(values) == 1}
     if row.when is not None:
         single[row.when[0]] = row.when[1]

@@ -1,7 +1,7 @@
-"""Bytes beside meaning: one frame as a list of pieces, each with its bytes and what they say.
+"""Describes one frame as a list of pieces: some bytes each, and their meaning.
 
-Pure data: views draw it. The pieces of a frame tile it: joined, their bytes are the frame again,
-whatever damage it has.
+This is data for the views to draw. The pieces cover the frame: joined, their bytes are the frame
+again, however damaged it is.
 
 >>> frame = bytes.fromhex("11 03 006B 0003 7687")
 >>> for piece in describe(frame, mode="rtu", direction="request"):
@@ -33,7 +33,7 @@ Mode = Literal["rtu", "ascii", "tcp", "pdu"]
 Layer = Literal["frame", "mbap", "pdu", "checksum"]
 
 MIN_RTU_BYTES = 4
-"""Unit, function and CRC (serial line specification, 2.5.1)."""
+"""Unit, function code and CRC (serial line specification, section 2.5.1)."""
 
 MBAP_BYTES = 7
 """Transaction, protocol, length and unit identifiers (messaging on TCP/IP, 3.1.3)."""
@@ -97,7 +97,7 @@ def describe(  # noqa: PLR0913 - all but the frame by keyword
 
 @dataclass(frozen=True, slots=True)
 class _PduContext:
-    """What is known of the PDU before its bytes are looked at."""
+    """What is known of the PDU before it is decoded."""
 
     direction: Direction | Literal["unknown"]
     request: bytes | None
@@ -105,7 +105,7 @@ class _PduContext:
     on_serial_line: bool
 
     def pieces(self, pdu: bytes, start: int) -> Iterator[Piece]:
-        """The pieces of a PDU that starts at `start` on the wire."""
+        """The pieces of a PDU that starts at offset `start` of the frame."""
         if not pdu:
             text = "no function code: the frame is cut short"
             yield Piece(start, b"", "function", "", text, is_valid=False)
@@ -133,7 +133,7 @@ class _PduContext:
         return "response" if guessed == "response" else "request"
 
     def unit(self, unit: int, offset: int, layer: Layer = "frame") -> Piece:
-        """The piece of a unit number; broadcast and reserved numbers are serial notions."""
+        """The piece of a unit number; broadcast and reserved numbers exist on serial lines only."""
         text, is_valid = f"unit {unit}", True
         if self.on_serial_line and unit == 0:
             text = "broadcast: all units, none answers"
@@ -143,7 +143,7 @@ class _PduContext:
 
 
 def _field(part: DecodedField, pdu: bytes, context: Context, start: int) -> Iterator[Piece]:
-    """One field's piece; lists of numbers give one per item, bits one per byte."""
+    """The piece of one field; a list of numbers gives a piece per item, bits one per byte."""
     at, stop = part.offset, part.offset + part.length
     if part.field_type in LIST_ITEM_BYTES or part.field_type == "bits":
         step = LIST_ITEM_BYTES.get(part.field_type, 1)
@@ -197,7 +197,11 @@ def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
 
 
 def _ascii(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piece]:
-    """The byte at i stands in the two characters from 1 + 2i (serial line specification, 2.5.2)."""
+    """The pieces of an ASCII frame.
+
+    Byte i of unit, PDU and LRC is in the two characters from 1 + 2i (serial line specification,
+    section 2.5.2), so the pieces of the binary frame are moved to the offsets of their characters.
+    """
     text = data.removesuffix(b"\n").removesuffix(b"\r")
     try:
         binary = binascii.unhexlify(text[1:]) if text[:1] == b":" else b""

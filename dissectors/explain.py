@@ -1,4 +1,4 @@
-"""What a function, an exception, a sub-function or a finding is, in words.
+"""Explains functions, exceptions, sub-functions and findings.
 
 With the section that specifies it, and an example taken apart.
 
@@ -50,7 +50,7 @@ DIAGNOSTICS = 0x08
 EXCEPTION_RESPONSE_CODES = range(EXCEPTION_BIT, 0x100)
 
 _EXCEPTION = re.compile(r"(?:ex|exc|exception)\s*(?:code)?\s*(0x[0-9a-f]+|\d+)")
-# Without 0x only 8 and 9 may lead: `fc 99` is a function.
+# Without 0x the first digit has to be 8 or 9, because `fc 99` is a function.
 _EXCEPTION_RESPONSE = re.compile(
     r"(?:0x(?=[89a-f])|(?=[89]))([0-9a-f]{2})h?[\s/:]+(0x[0-9a-f]+|\d+)"
 )
@@ -71,14 +71,14 @@ _FIELD_TYPE_TEXTS = {
     "u16[]": "2 bytes each",
     "bytes": "text or binary",
 }
-"""The table's words (see functions.toml) in everyday ones."""
+"""Field types of the table (see functions.toml) in words."""
 
 Kind = Literal["function", "exception", "diagnostic", "mei_type", "object_id", "finding"]
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """A title, where it is specified, paragraphs, and the lines of an example.
+    """An explanation: title, section of the specification, paragraphs, lines of an example.
 
     Section and example may be empty.
     """
@@ -121,7 +121,7 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
 
 
 def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
-    """Every name that `explain` knows, functions first.
+    """All names that `explain` knows, functions first.
 
     >>> known_words()[:2]
     ('Read Coils', 'Read Discrete Inputs')
@@ -138,7 +138,7 @@ Named = FunctionChoice | vocabulary.Name | vocabulary.Finding
 
 
 def _named(source: _modlens.Functions | None) -> dict[str, Named]:
-    """What each name stands for; later entries win, but a finding never hides a function."""
+    """Normalized name -> entry; later entries win, but a finding never hides a function."""
     found: dict[str, Named] = {}
     for kind in ("object_ids", "exceptions"):
         found.update({normalized(entry.name): entry for entry in vocabulary.names(kind)})
@@ -188,7 +188,7 @@ def _as_function(text: str, source: _modlens.Functions | None) -> Explanation | 
     code = parse_code(text)
     if code is None:
         return None
-    # 0x83 is what function 3 becomes when it is refused.
+    # 0x83 is the code of function 3 in an exception response.
     return _function(code & ~EXCEPTION_BIT if code in EXCEPTION_RESPONSE_CODES else code, source)
 
 
@@ -229,7 +229,7 @@ def _sub_function(code: int, value: int, source: _modlens.Functions | None) -> E
 
 
 def _unnamed_value(row: Function, value: int, source: _modlens.Functions | None) -> Explanation:
-    """A value of the leading field that the vocabulary has no name for, but the table may have."""
+    """The explanation of a leading field's value that only the table may know."""
     if row.when is None:
         known = ", ".join(str(code) for code in _values(row.code, source))
         end = f"known are {known}" if known else "it has none"
@@ -240,7 +240,7 @@ def _unnamed_value(row: Function, value: int, source: _modlens.Functions | None)
 
 
 def _values(code: int, source: _modlens.Functions | None) -> dict[int, str]:
-    """The values of the leading field that have a name, in order."""
+    """The values of a function's leading field -> their names, sorted."""
     found = {row.when[1]: row.label for row in functions(source) if row.code == code and row.when}
     if code == DIAGNOSTICS:
         found |= {entry.code: entry.name for entry in vocabulary.names("diagnostics")}
@@ -333,7 +333,7 @@ def _described_pdu(
 
 
 def _section_text(section: str) -> str:
-    """The section with its document; the table's plain numbers are the application protocol's."""
+    """A section with its document; plain numbers are sections of the application protocol."""
     if section in ("", "vendor"):
         return "" if not section else "not in the specification; the vendor's own"
     for prefix, document in (

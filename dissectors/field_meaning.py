@@ -1,8 +1,8 @@
-"""What one field of a PDU means, in words: the texts of `dissectors.describe`.
+"""The meaning of one field of a PDU in words: the texts of `dissectors.describe`.
 
-A field's words follow from its name in the table and from its neighbours: registers get their
-numbers from the address of the request, a byte count is compared with what follows. What the
-specification does not permit is said and marked.
+It follows from the field's name in the table and from other fields: registers get their numbers
+from the request's address, a byte count is compared with the bytes that follow. What the
+specification does not permit is described and marked as invalid.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PRINTABLE = range(0x20, 0x7F)
 def field_meaning(
     part: DecodedField, context: Context, *, index: int = 0, number: int | None = None
 ) -> Meaning:
-    """What a field means; `index` and `number` choose one item of a list."""
+    """The meaning of a field; `index` and `number` are those of one item of a list."""
     if part.field_type == "bits":
         return _bits(part, context, index, number or 0)
     if part.field_type in LIST_ITEM_BYTES:
@@ -57,7 +57,7 @@ def _number(part: DecodedField, value: int, context: Context) -> str:
 
 
 def _single(value: int, kind: str, start: int | None, context: Context) -> str:
-    """The value of a function that writes one coil or one register."""
+    """The value of a function that writes a single coil or register."""
     if kind != "coil":
         return _register(context, "value", 0, value)
     state = {0xFF00: "on", 0x0000: "off"}.get(value, "neither on (0xFF00) nor off (0x0000)")
@@ -72,7 +72,7 @@ def _length(part: DecodedField, value: int, context: Context) -> str:
 
 
 def _named(part: DecodedField, context: Context) -> Callable[[int], str] | None:
-    """The text that belongs to one field of one function."""
+    """The function that makes the text of this field; None where there is no special one."""
     if part.name == "exception_code":
         return _exception
     found = _TEXTS.get((context.pdu.function, part.name))

@@ -1,8 +1,8 @@
-"""Fields of scapy for the words of the table.
+"""scapy fields for the field types of the table of functions.
 
-Imports scapy: import this module only when scapy is wanted. What scapy's own fields cannot do: a
-length that counts everything behind it, a count of the next list, a quantity that follows from a
-list, bits lowest first, and lists that keep a half value at their end for the next layer.
+Imports scapy: import this module only when scapy is wanted. It has what scapy's own fields lack: a
+length of everything behind it, a count of the next list, a quantity that follows from a list, bits
+with the lowest first, and lists that leave an incomplete item at their end to the next layer.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ SizeOf = Callable[[Packet], int]
 
 FORMATS = {1: ">B", 2: ">H"}
 MAX_GROUP_ITEMS = 256
-"""More than a count of one byte can say, and more than a PDU can hold."""
+"""More items than a count of one byte can announce, and than a PDU can hold."""
 
 
 class LengthField(Field[int | None, int]):
-    """How many bytes follow in this body or group; None is worked out when the packet is built."""
+    """The number of bytes that follow in this body or group; None is computed on building."""
 
     __slots__ = ()
 
@@ -51,7 +51,7 @@ class LengthField(Field[int | None, int]):
 
 
 class CountField(Field[int | None, int]):
-    """How many items a list of the same packet has; None is worked out when the packet is built."""
+    """The number of items of a list in the same packet; None is computed on building."""
 
     __slots__ = ("counted",)
 
@@ -131,7 +131,7 @@ class BytesField(Field[bytes, bytes]):
 
 
 class GroupsField(PacketListField):
-    """The items of a group; a mapping stands for an item: `groups=[{"file": 4, "record": 7}]`."""
+    """The items of a group; an item may be a mapping: `groups=[{"file": 4, "record": 7}]`."""
 
     def any2i(self, pkt: Packet | None, x: Any) -> Any:
         """The items as packets."""
@@ -180,7 +180,7 @@ def build_fields(
 
 
 def safe_name(name: str) -> str:
-    """A field's name as scapy can have it: names that its packets use themselves get an underscore.
+    """A field's name for scapy: names that its packets use themselves get an underscore.
 
     >>> safe_name("payload"), safe_name("address")
     ('payload_', 'address')
@@ -218,7 +218,7 @@ def _groups(item: table.Field, packet: type[Packet], size: SizeOf, count: str | 
 def _with_sizes(
     body: Sequence[table.Field],
 ) -> Iterator[tuple[table.Field, SizeOf, str | None]]:
-    """Each field with the most bytes it may take, and the count in front of it if there is one."""
+    """Each field with the most bytes it may take, and the count field before it, if any."""
     length: str | None = None
     bytes_since_length = 0
     count: str | None = None
@@ -235,7 +235,10 @@ def _with_sizes(
 def _size_of(
     item: table.Field, length: str | None, bytes_since_length: int, count: str | None
 ) -> SizeOf:
-    """The size in bytes by count, by length, or without end, as the core has it."""
+    """A function of the packet that gives the bytes of a field, by its length or count.
+
+    Without either, the field takes all bytes that are left, as in the core.
+    """
 
     def size(pkt: Packet) -> int:
         most = (

@@ -1,4 +1,4 @@
-"""The words in which people name a function: a code (3, 0x03, fc3) or a name, right or nearly.
+"""Finds functions by what users write: a code (3, 0x03, fc3) or a name, exact or similar.
 
 >>> find_function("Read Holding Registers").code, find_function("fc 0x10").code
 (3, 16)
@@ -33,14 +33,14 @@ _CODE = re.compile(r"(?:fc|function(?:\s+code)?)?\s*(0x[0-9a-f]+|[0-9][0-9a-f]*h
 
 @dataclass(frozen=True, slots=True)
 class FunctionChoice:
-    """A function code, and the leading field's value where the name says more than the code."""
+    """A function code, and the leading field's value where a name stands for a sub-function."""
 
     code: int
     preset: dict[str, int] = field(default_factory=dict, hash=False)
 
 
 def parse_number(text: str) -> int | None:
-    """The number that `107`, `0x6B` or `6Bh` says, or None.
+    """Parse `107`, `0x6B` or `6Bh`; None if the text is not a number.
 
     >>> parse_number("0x6B"), parse_number("6Bh"), parse_number("six")
     (107, 107, None)
@@ -53,13 +53,13 @@ def parse_number(text: str) -> int | None:
 
 
 def parse_code(text: str) -> int | None:
-    """The function code that `3`, `0x03`, `fc3` or `function 3` says, or None."""
+    """Parse `3`, `0x03`, `fc3` or `function 3`; None if the text is not a function code."""
     match = _CODE.fullmatch(text.strip().casefold())
     return None if match is None else parse_number(match[1])
 
 
 def normalized(text: str) -> str:
-    """A name without case, spaces and punctuation, so that `read_coils` is `Read Coils`.
+    """A name in lower case without spaces and punctuation: `read_coils` equals `Read Coils`.
 
     >>> normalized("Read/Write Multiple Registers")
     'readwritemultipleregisters'
@@ -68,7 +68,7 @@ def normalized(text: str) -> str:
 
 
 def similar_name(text: str, known: Iterable[str]) -> str | None:
-    """The known name that is nearest to a wrong one, if any is near.
+    """The known name most similar to a misspelled one; None if none is similar.
 
     >>> similar_name("quantitty", ["address", "quantity"])
     'quantity'
@@ -79,7 +79,7 @@ def similar_name(text: str, known: Iterable[str]) -> str | None:
 
 
 def find_function(word: int | str, *, source: _modlens.Functions | None = None) -> FunctionChoice:
-    """The function that a code or a name means; `UsageError` with a near name otherwise."""
+    """Find a function by its code or name; `UsageError` suggests a similar name."""
     code = word if isinstance(word, int) else parse_code(word)
     if code is not None:
         if not 1 <= code <= HIGHEST_CODE:
@@ -96,7 +96,7 @@ def find_function(word: int | str, *, source: _modlens.Functions | None = None) 
 
 
 def function_names(*, source: _modlens.Functions | None = None) -> dict[str, FunctionChoice]:
-    """Every name that a function goes by, those of its sub-functions included.
+    """All names of functions and sub-functions.
 
     >>> function_names()["Read Device Identification"]
     FunctionChoice(code=43, preset={'mei_type': 14})

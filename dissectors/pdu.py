@@ -1,4 +1,4 @@
-"""A PDU taken apart by the core, with types, and the direction that its layout suggests.
+"""PDUs decoded by the core, as typed objects, and the direction that a layout suggests.
 
 >>> pdu = decode(bytes.fromhex("03 006B 0003"), "request")
 >>> pdu.row.name, [(field.path, field.value) for field in pdu.fields]
@@ -20,10 +20,11 @@ __all__ = ["DecodedField", "Pdu", "decode", "default_functions", "guess_directio
 
 @dataclass(frozen=True, slots=True)
 class DecodedField:
-    """One field where it stands.
+    """A decoded field.
 
-    `offset` counts from the function code; `path` says where in a group the field is. `value` is a
-    number, a list of numbers (0 and 1 for bits), or bytes. Groups are not parts, their fields are.
+    `offset` counts from the function code; `path` says where in a group the field is, as
+    `objects[0].value`. `value` is a number, a list of numbers (0 and 1 for bits), or bytes. A group
+    is not a field itself, its fields are.
     """
 
     name: str
@@ -38,9 +39,10 @@ class DecodedField:
 class Pdu:
     """A decoded PDU.
 
-    `row` is None for a code that the table does not have; `exception` for all but exceptions.
-    `fields` tile the bytes behind the function code as far as the layout reaches; what is beyond it
-    is a last field named "extra". `complete` is False where bytes are missing.
+    `row` is None for a code that the table does not have; `exception` is the code of an exception
+    response, else None. `fields` cover the bytes behind the function code as far as the layout
+    reaches; further bytes are a last field named "extra". `complete` is False where bytes are
+    missing.
     """
 
     function: int
@@ -51,19 +53,19 @@ class Pdu:
 
     @property
     def numbers(self) -> dict[str, int]:
-        """The fields outside groups that are one number, by name."""
+        """Name -> value of the fields that are single numbers outside groups."""
         return {f.path: f.value for f in self.fields if isinstance(f.value, int)}
 
     @property
     def is_valid(self) -> bool:
-        """Whether the layout covers the bytes exactly and the row permits every number."""
+        """Whether the layout covers the bytes exactly and the table permits all values."""
         if not self.complete or any(part.name == "extra" for part in self.fields):
             return False
         return self.row is None or all(is_permitted(self.row, part) for part in self.fields)
 
 
 def is_permitted(row: Function, part: DecodedField) -> bool:
-    """Whether the specification permits this value in this field."""
+    """Whether the table of functions permits the value of this field."""
     if not isinstance(part.value, int):
         return True
     low, high = row.limits.get(part.name, (0, 0xFFFF))
@@ -74,14 +76,14 @@ _SHARED: list[_modlens.Functions] = []
 
 
 def default_functions() -> _modlens.Functions:
-    """The embedded table, compiled once; never loaded with further rows."""
+    """The embedded table, compiled once; no rows are ever added to it."""
     if not _SHARED:
         _SHARED.append(_modlens.Functions())
     return _SHARED[0]
 
 
 def decode(pdu: bytes, direction: Direction, *, functions: _modlens.Functions | None = None) -> Pdu:
-    """The PDU's fields; never fails: an empty or damaged PDU gives what can be told of it."""
+    """Decode a PDU; never fails: of an incomplete PDU the fields that are there are given."""
     table = functions or default_functions()
     tree: dict[str, Any] = json.loads(table.decode(pdu, direction)) if pdu else {}
     fields = tuple(_parts(tree.get("fields") or (), pdu, prefix=""))
@@ -98,10 +100,10 @@ def decode(pdu: bytes, direction: Direction, *, functions: _modlens.Functions | 
 def guess_direction(
     pdu: bytes, *, functions: _modlens.Functions | None = None
 ) -> Literal["request", "response", "unknown"]:
-    """The direction whose layout fits, or "unknown" where both do or none does.
+    """The direction whose layout fits, or "unknown" where both or none fit.
 
-    Only the neighbours on the line can tell for sure: an echo (functions 5, 6 ...) looks the same
-    both ways.
+    Only the frames around it can tell for certain: an echo (functions 5, 6 ...) has the same layout
+    in both directions.
 
     >>> guess_direction(bytes.fromhex("03 006B 0003")), guess_direction(bytes.fromhex("83 02"))
     ('request', 'response')

@@ -1,4 +1,4 @@
-r"""Device profiles: which registers mean what. The face of the core's profiles.
+r"""Device profiles: the meaning of a device's registers, checked by the core.
 
 One model in three spellings: TOML, YAML (needs ruamel.yaml) and CSV. The core checks and converts;
 `dissectors/profiles/profile-1.json` is the JSON Schema for editors.
@@ -34,7 +34,7 @@ from dissectors.function_lookup import similar_name
 __all__ = ["FORMS", "Profile", "form_of", "from_model", "parse", "shipped", "shipped_names"]
 
 FORMS: Mapping[str, str] = {".toml": "toml", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv"}
-"""How a profile is spelled, by the suffix of its file."""
+"""Suffix of a file -> format of the profile in it."""
 
 
 class Profile:
@@ -46,13 +46,13 @@ class Profile:
 
     @functools.cached_property
     def model(self) -> dict[str, Any]:
-        """The profile in the words of its file, with wire addresses."""
+        """The profile as plain data with the keys of its file, and wire addresses."""
         found: dict[str, Any] = json.loads(self.core.model())
         return found
 
     @property
     def device(self) -> dict[str, Any]:
-        """What is known of the device as a whole."""
+        """The keys that describe the device as a whole."""
         found: dict[str, Any] = self.model["device"]
         return found
 
@@ -73,7 +73,7 @@ class Profile:
 
 
 def form_of(path: str) -> str:
-    """The spelling that a file's suffix says; `UsageError` if it says none."""
+    """The format of a profile by its file's suffix; `UsageError` for another suffix."""
     suffix = path[path.rfind(".") :].lower() if "." in path else ""
     if suffix not in FORMS:
         raise UsageError(f"{path}: a profile is one of {', '.join(FORMS)}")
@@ -81,9 +81,9 @@ def form_of(path: str) -> str:
 
 
 def parse(text: str, path: str, form: str | None = None) -> Profile:
-    """The profile of a text; `path` names it in errors, and says its form where none is given.
+    """Parse a profile; `path` names it in errors, and gives its format where `form` is None.
 
-    `ProfileError` has every mistake at once. `UsageError` where YAML is wanted and ruamel.yaml is
+    `ProfileError` lists all mistakes at once. `UsageError` where YAML is wanted and ruamel.yaml is
     not installed.
     """
     form = form or form_of(path)
@@ -95,12 +95,12 @@ def parse(text: str, path: str, form: str | None = None) -> Profile:
 
 
 def from_model(model: Mapping[str, Any], name: str) -> Profile:
-    """The profile of a model in the words of the file, as importers make them."""
+    """A profile from plain data with the keys of its file, as importers make them."""
     return _checked(json.dumps(model), "json", name)
 
 
 def shipped(name: str) -> Profile:
-    """A shipped profile by its name; `UsageError` with a near one otherwise."""
+    """A shipped profile by its name; `UsageError` suggests a similar name."""
     texts = dict(_modlens.shipped_profiles())
     if name not in texts:
         hint = similar_name(name, texts)

@@ -1,6 +1,6 @@
-"""What a survey of traffic says: a skeleton of a profile, and how well a known profile fits.
+"""Conclusions from a survey of traffic: a profile skeleton, and how well a profile fits.
 
-The survey is that of `_modlens.Survey`; here it is put into words.
+The survey is made by `_modlens.Survey`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ __all__ = ["ProfileScore", "evidence_lines", "profile_skeleton", "score_profile"
 Tables = Sequence[Mapping[str, Any]]
 
 MIN_PERCENT = 60
-"""Per cent from which on a profile is said to fit."""
+"""A profile with at least so many per cent fits."""
 
 
 def profile_skeleton(tables: Tables, source: str) -> dict[str, Any]:
-    """A model with a point for every register or group of them that was seen.
+    """A profile model with a point for every register, or group of registers, that was seen.
 
-    What is sure has its type and order; the rest are single registers, the guess in the note.
+    Points whose type is certain get type and order; the others are single registers, with the most
+    likely type in the note.
     """
     registers = []
     for table in tables:
@@ -43,7 +44,7 @@ def profile_skeleton(tables: Tables, source: str) -> dict[str, Any]:
 
 
 def evidence_lines(tables: Tables) -> Iterator[str]:
-    """The evidence in lines: blocks, what belongs together and how sure, what moves together."""
+    """The evidence in lines of text: blocks, learned types, registers that change together."""
     for table in tables:
         head = f"unit {table['unit']} {table['space']}"
         blocks = ", ".join(_block(block) for block in table["blocks"])
@@ -103,19 +104,23 @@ def _address_keys(table: Mapping[str, Any], register: Mapping[str, Any]) -> dict
 
 @dataclass(frozen=True, slots=True)
 class ProfileScore:
-    """How well a profile fits, in per cent, and why."""
+    """How well a profile fits, in per cent, and the reasons."""
 
     points: int
     reasons: tuple[str, ...]
 
     @property
     def fits(self) -> bool:
-        """Whether one should try it."""
+        """Whether the profile probably belongs to the unit."""
         return self.points >= MIN_PERCENT
 
 
 def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
-    """Coverage of what the master asked for, refusals, blocks that cut a value, odd values."""
+    """Rate how well a profile fits the traffic of a unit.
+
+    The share of the requested addresses that the profile has, reduced by exception responses for
+    them, by values that requests split, and by values without a label.
+    """
     points = [_Point.of(point) for point in profile.points]
     known = {place for point in points for place in point.addresses}
     requested = {
@@ -155,7 +160,7 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """A point with what matters for the score."""
+    """The properties of a point that matter for the rating."""
 
     name: str
     space: str
@@ -177,7 +182,7 @@ class _Point:
         return [(self.space, self.address + offset) for offset in range(self.width)]
 
     def has_unknown_values(self, tables: Tables) -> bool:
-        """Whether a register with labels had a value without one."""
+        """Whether a register with labels had a value that has no label."""
         registers = [
             register for table in tables if table["space"] == self.space
             for register in table["registers"] if register["address"] == self.address
@@ -193,7 +198,7 @@ def _addresses(table: Mapping[str, Any], block: Mapping[str, Any]) -> set[tuple[
 
 
 def _is_split_by_requests(point: _Point, tables: Tables) -> bool:
-    """Whether requests took a part of it, and none ever the whole."""
+    """Whether requests covered parts of the point's value, and none ever the whole."""
     own = set(point.addresses)
     parts = [
         len(own & _addresses(table, block))

@@ -1,8 +1,8 @@
-"""The table of functions, read back from the core.
+"""The table of functions, as the core has read it.
 
-The rows stand in functions.toml and vendor/*.toml. The core embeds these files and checks them;
-this module gives them types. It does not decode: that is the core's work, see `dissectors.pdu`.
-Names of exceptions and other numbers are in `dissectors.vocabulary`.
+The rows are in functions.toml and vendor/*.toml. The core embeds and checks these files; this
+module gives the rows types. Decoding is done by the core, see `dissectors.pdu`. Names of exceptions
+and other numbers are in `dissectors.vocabulary`.
 
 >>> row = function(0x10)
 >>> row.name, row.section
@@ -46,15 +46,15 @@ EXCEPTION_BIT = 0x80
 NUMBER_BYTES: Mapping[str, int] = {
     "u8": 1, "len8": 1, "count8": 1, "u16": 2, "len16": 2, "count16": 2,
 }  # fmt: skip
-"""The words that stand for one number, and their size in bytes."""
+"""Field types of single numbers -> size in bytes."""
 
 LIST_ITEM_BYTES: Mapping[str, int] = {"u8[]": 1, "u16[]": 2}
-"""The words that stand for a list of numbers, and the size of one in bytes."""
+"""Field types of lists of numbers -> size of one item in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field of a body: its name and its word; a group has the fields of one item as `children`.
+    """A field of a PDU's body: its name and type; `children` are the fields of a group's item.
 
     >>> groups = function(0x14).fields("request")[1]
     >>> groups.field_type, [child.name for child in groups.children]
@@ -71,7 +71,7 @@ class Field:
 
     @classmethod
     def parse(cls, text: str) -> Field:
-        """The field that "name:word" says; the core has already checked the words."""
+        """Parse "name:type"; the core has already checked it."""
         name, field_type = text.split(":", 1)
         if not field_type.startswith("group{"):
             return cls(name, field_type)
@@ -81,7 +81,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """One row of the table. `request` or `response` is None where the layout is not public."""
+    """A row of the table; `request` or `response` is None where the layout is not public."""
 
     code: int
     name: str
@@ -105,7 +105,7 @@ class Function:
     def label(self) -> str:
         """A name that no other row has.
 
-        The summary of a row with `when` begins with its own name and a colon.
+        For a row with `when` it is the text before the colon of the summary.
 
         >>> function(8, when=4).label, function(8).label
         ('Force Listen Only Mode', 'Diagnostics')
@@ -116,11 +116,11 @@ class Function:
         return own if colon else f"{self.name} {self.when[1]}"
 
     def fields(self, direction: Direction) -> tuple[Field, ...]:
-        """The fields of the body in this direction; empty where its layout is not known."""
+        """The fields of the body in a direction; empty where the layout is not known."""
         return (self.request if direction == "request" else self.response) or ()
 
     def has_layout(self, direction: Direction) -> bool:
-        """Whether the body in this direction is known.
+        """Whether the layout of the body in a direction is known.
 
         >>> function(0x5A).has_layout("request"), function(8, when=4).has_layout("response")
         (False, False)
@@ -128,7 +128,7 @@ class Function:
         return (self.request if direction == "request" else self.response) is not None
 
     def quantities(self, direction: Direction) -> dict[str, str]:
-        """Quantity fields that follow from a list in the same body: quantity -> list.
+        """Quantity field -> list in the same body that it counts.
 
         `quantity` counts `registers` or `coils`, `write_quantity` counts `write_registers`. Where a
         request asks for something there is no list, and the quantity is the caller's.
@@ -149,7 +149,7 @@ class Function:
 
 
 def functions(source: _modlens.Functions | None = None) -> tuple[Function, ...]:
-    """The rows, in the table's order: the embedded ones, or all those of `source`.
+    """The rows in the order of the table: the embedded ones, or all those of `source`.
 
     >>> len({row.code for row in functions()})
     20
@@ -162,7 +162,7 @@ def functions(source: _modlens.Functions | None = None) -> tuple[Function, ...]:
 def function(
     code: int, *, when: int | None = None, source: _modlens.Functions | None = None
 ) -> Function:
-    """The row for a function code, and for the value of its leading field if rows depend on that.
+    """The row of a function code; `when` is the leading field's value where rows depend on it.
 
     `KeyError` where no row has the code. Later rows win, as in the core.
 
@@ -179,7 +179,7 @@ def function(
 
 
 def row_of(pdu: bytes, *, source: _modlens.Functions | None = None) -> Function | None:
-    r"""The row for these bytes, exception bit or not; None where the table has none.
+    r"""The row for a PDU, exception responses included; None where the table has none.
 
     >>> row_of(bytes.fromhex("08 0004 0000")).label, row_of(b"\x63")
     ('Force Listen Only Mode', None)

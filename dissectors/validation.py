@@ -1,4 +1,8 @@
-"""What is wrong with a number in a PDU: limits, lengths, reach, echoes."""
+"""Checks numbers in a PDU against the specification and the request.
+
+Limits of single fields, announced lengths, the address range, and fields that a response has to
+repeat.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ __all__ = ["violations"]
 
 
 def violations(part: DecodedField, value: int, context: Context) -> tuple[str, ...]:
-    """What is wrong with a number, each in a few words; empty if nothing is."""
+    """The violations of a number in a PDU, in a few words each; empty if it is valid."""
     row = context.row
     if row is None or context.pdu.exception is not None:
         return ()
@@ -35,7 +39,7 @@ def _limit(part: DecodedField, value: int, row: Function) -> str:
 
 
 def _announced(part: DecodedField, value: int, context: Context) -> str:
-    """A length of the whole body against what follows and against the quantity."""
+    """A byte count compared with the bytes that follow, and with what the quantity takes."""
     follow = context.bytes_after(part) if part.field_type.startswith("len") else None
     if follow is None:
         return ""

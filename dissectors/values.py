@@ -1,4 +1,4 @@
-"""Values as people give them, turned into what the core encodes: numbers, lists, hex text, objects.
+"""Converts values that users give (numbers, lists, hex, objects) for the core's encoder.
 
 >>> to_json(Field("registers", "u16[]"), "1, 0x0A")
 [1, 10]
@@ -29,7 +29,7 @@ COIL_STATES: Mapping[str, int] = {"on": 0xFF00, "off": 0x0000}
 
 
 def to_json(field: Field, value: object) -> Json:
-    """The value of a field as the core takes it; `UsageError` names the field and what it takes."""
+    """Convert the value of a field for the core; `UsageError` says what the field takes."""
     if field.field_type == "group":
         return [_group(field, item) for item in _objects(field, value)]
     if field.field_type == "bytes":
@@ -44,7 +44,7 @@ def to_json(field: Field, value: object) -> Json:
 
 
 def coil_state(value: object) -> object:
-    """The number for `on`, `off`, True or False; anything else as it is.
+    """Convert `on`, `off`, True or False to a coil's value; other values are returned unchanged.
 
     >>> coil_state("on"), coil_state(False), coil_state(1)
     (65280, 0, 1)

@@ -1,4 +1,4 @@
-"""The names of the numbers inside a PDU, and the findings, read back from the core.
+"""The names of numbers in a PDU, and the documented findings, as the core has read them.
 
 The names stand in vocabulary.toml, the findings in the core itself.
 
@@ -141,7 +141,7 @@ def conformity_level(code: int) -> Name | None:
 
 
 def names(kind: Kind) -> tuple[Name, ...]:
-    """All entries of one part of the vocabulary, by number.
+    """All entries of one part of the vocabulary, sorted by number.
 
     >>> [entry.code for entry in names("mei_types")]
     [13, 14]
@@ -173,7 +173,7 @@ def vendors() -> tuple[str, ...]:
 
 @functools.cache
 def vocabulary() -> dict[str, Any]:
-    """Everything that the core says of its texts (see `_modlens.vocabulary`), as it stands."""
+    """All texts of the core as plain data (see `_modlens.vocabulary`)."""
     found: dict[str, Any] = json.loads(_modlens.vocabulary())
     return found
 

@@ -13,13 +13,13 @@ from dissectors.errors import ProfileError, UsageError
 __all__ = ["load", "plain_data", "scalar", "tree"]
 
 _MAX_DIGITS = 100
-"""Digits of a number: Python refuses to read thousands of them, which stay a text."""
+"""Longest number in digits: longer ones stay text, because Python refuses thousands of digits."""
 
 _RADIX = ("0x", "0o", "0b")
 
 
 def load(text: str, path: str) -> Any:
-    """The composed document of a text, nodes with marks; None where it is empty.
+    """Parse YAML into nodes with line numbers; None where the text is empty.
 
     `ProfileError` with the line where it is no YAML, `UsageError` without ruamel.yaml.
     """
@@ -43,7 +43,10 @@ def load(text: str, path: str) -> Any:
 
 
 def tree(text: str, path: str) -> list[Any]:
-    """`[line, value]` for every value, `[line of the key, [line, value]]` in tables."""
+    """Parse YAML into the tree that the core takes for profiles.
+
+    Every value is `[line, value]`; in tables every key maps to `[line of the key, [line, value]]`.
+    """
     root = load(text, path)
     return [1, {}] if root is None else _node(root, path)
 
@@ -65,7 +68,7 @@ def _node(node: Any, path: str) -> list[Any]:
 
 
 def scalar(node: Any) -> Any:
-    """The value of a scalar node, by its resolved tag; what YAML 1.2 calls text is text."""
+    """The value of a scalar node by the rules of YAML 1.2."""
     tag = str(node.tag if isinstance(node.tag, str) else node.ctag or "").rsplit(":", 1)[-1]
     text = str(node.value)
     try:
@@ -82,7 +85,7 @@ def scalar(node: Any) -> Any:
 
 
 def plain_data(text: str, path: str) -> tuple[Any, list[tuple[int, str]]]:
-    """A document as plain data, and the places of tags that only its own program knows.
+    """Parse YAML into plain data; gives also the lines of tags that only its program knows.
 
     What stands behind `!include`, `!secret` or `!lambda` is None. Merged keys (`<<: *anchor`) stand
     where they are merged into.
@@ -114,7 +117,7 @@ def _key(node: Any, tags: dict[tuple[int, str], None]) -> Any:
 
 
 def _merged(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
-    """A table with the tables merged into it by `<<`, whose keys give way to its own."""
+    """A table with those merged by `<<`; its own keys take precedence."""
     table: dict[Any, Any] = {}
     for key, value in pairs:
         if key == "<<":

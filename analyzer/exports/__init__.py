@@ -3,10 +3,6 @@
 A format is a module with a class `Format`, which turns tables into bytes and knows nothing of
 files; output.py decides where the bytes go. To add a format, write its module and name it here.
 
-A format is a file of its own with a class `Format`, which turns tables into bytes and knows nothing
-of files; where the bytes go is the business of output.py. To add a format: write its module, name
-it here.
-
 >>> format_of("frames.csv"), format_of("modbus_detailed.log")
 ('csv', 'icsnpp')
 """

@@ -3,9 +3,6 @@ r"""Recordings: files, and standard input as `-`, read in blocks so that memory 
 The first bytes are used to detect the format (see detect.py) and are then delivered like all
 others.
 
-The first bytes are looked at to find the format (see detect.py) and are then delivered like all
-others.
-
 >>> import tempfile, pathlib
 >>> path = pathlib.Path(tempfile.mkdtemp()) / "bus.hex"
 >>> _ = path.write_text("01 03 00 6B 00 03 74 17\n")

@@ -2,8 +2,6 @@ r"""Sessions of sigrok (`.sr`): a zip archive of samples and metadata.
 
 Here only the samples and their metadata are read; the core finds the serial lines.
 
-Only the samples are read here; that there are serial lines in them is found by the core.
-
 >>> parse_sample_rate("4 MHz"), parse_sample_rate("24000")
 (4000000.0, 24000.0)
 """

@@ -52,7 +52,7 @@ class Written:
 
 
 _MAX_RETRY_CHARACTERS = 50_000
-"""Characters up to which a text that is none of a format is tried as the other ones."""
+"""A text that is not of the given format is tried as other ones only up to this length."""
 
 _ORDERED = ("order", "unit")
 
@@ -72,10 +72,10 @@ FORMATS = {
 
 
 def read(form: str, text: str, name: str, options: Options | None = None) -> Imported:
-    """The model of a file of another program; `name` names it in errors.
+    """Read a file of another program; `name` names it in errors.
 
-    `UsageError` for an unknown format; `ProfileError` where the text is none of it, or no point of
-    it can be kept.
+    `UsageError` for an unknown format; `ProfileError` where the text is not of this format, or none
+    of its points can be converted.
     """
     module, given = _module(form, "reads"), options or Options()
     if not text.strip("\ufeff \r\n\t"):
@@ -97,7 +97,7 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
 
 
 def _with_format(error: ProfileError, form: str, text: str, name: str) -> ProfileError:
-    """The error, with the format that the text seems to be of, if it is of another one."""
+    """The error to raise: one that names the right format where the text is of another one."""
     for other, row in FORMATS.items():
         if row.reads and other != form and len(text) <= _MAX_RETRY_CHARACTERS:
             try:
@@ -111,7 +111,7 @@ def _with_format(error: ProfileError, form: str, text: str, name: str) -> Profil
 
 
 def write(form: str, profile: Profile) -> Written:
-    """The text of a profile for another program; `UsageError` for an unknown format."""
+    """Write a profile for another program; `UsageError` for an unknown format."""
     module = _module(form, "writes")
     text, notes = module.write(profile)
     return Written(text, tuple(notes))

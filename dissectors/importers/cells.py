@@ -1,6 +1,6 @@
-"""The cells of a row that say something of a value: its order, scale, labels, access, sentinels.
+"""Parses the cells of a row that describe a value: order, scale, labels, access, sentinels.
 
-What a cell says that is not understood is a note that names the line.
+A cell that is not understood becomes a note with its line.
 """
 
 from __future__ import annotations
@@ -36,22 +36,25 @@ _BETWEEN_LABELS = re.compile(rf"[,;|\n]\s*(?={_RAW.replace('(-', '(?:-', 1)})")
 
 @dataclass(frozen=True, slots=True)
 class RowCells:
-    """A row: its cells by key, its line and name, and the draft that takes the notes."""
+    """A row of a table: its cells by key.
+
+    `where` is its line and name, for the notes, which `builder` takes.
+    """
 
     row: Mapping[str, str]
     where: str
     builder: ProfileBuilder
 
     def get(self, key: str) -> str:
-        """A cell, empty where the table has no such column."""
+        """The text of a cell; empty where the table has no such column."""
         return self.row.get(key, "")
 
     def note(self, text: str) -> None:
-        """A note on this row."""
+        """Add a note on this row."""
         self.builder.notes.append(f"{self.where}: {text}")
 
     def order(self) -> str | None:
-        """The order of bytes, of words, or both; `NotConvertible` for a word that nobody knows."""
+        """The order of bytes and words, such as `CDAB`; `NotConvertible` for an unknown word."""
         of_bytes, of_words = normalized(self.get("order")), normalized(self.get("words"))
         if not of_words or of_bytes in ("abcd", "cdab", "badc", "dcba"):
             if of_bytes in _YES + _NO:
@@ -101,7 +104,7 @@ class RowCells:
         return None if factor in (0, 1) else factor, None if shift == 0 else shift
 
     def sentinels(self) -> list[int | float]:
-        """Raw values that mean no value, parted by semicolons."""
+        """The raw values that stand for "no value", which are separated by semicolons."""
         found = [(part, _signed(part)) for part in self.get("nan").split(";") if part.strip()]
         for part, value in found:
             if value is None:
@@ -109,7 +112,7 @@ class RowCells:
         return [value for _, value in found if value is not None]
 
     def access(self) -> str | None:
-        """Who may do what, in the words of profiles."""
+        """The access (`rw`, `w` or None) in the words of profiles."""
         word = normalized(self.get("access"))
         if word in _WRITES_ONLY:
             return "w"

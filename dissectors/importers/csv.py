@@ -1,4 +1,4 @@
-r"""Tables with a head: any CSV whose columns have names that people use, Kepware's among them.
+r"""Tables with a header line: any CSV with common column names, Kepware's among them.
 
 Also writes the profile's own CSV, which it reads again.
 
@@ -29,7 +29,7 @@ __all__ = ["read", "write"]
 
 
 def read(text: str, name: str, options: Options) -> Imported:
-    """The rows of a table; `ProfileError` where no head is understood."""
+    """Read a table; `ProfileError` where no line is a header."""
     text = text.lstrip("\ufeff")
     if _is_own(text):
         return _read_own_csv(text, name, options)
@@ -72,7 +72,7 @@ def _unit(cells: Mapping[str, str]) -> int | None:
 
 
 def _note_assumptions(builder: ProfileBuilder, base: int | str, options: Options) -> None:
-    """Say what the file does not."""
+    """Add notes on what is assumed because the file does not say it."""
     how = {0: "from 0, as on the wire", 1: "from 1", "modicon": "40001 or 400001"}[base]
     who = "assumed" if options.base is None else "as told"
     builder.notes.append(f"addresses count {how} ({who}; --base 0, 1 or modicon says it)")
@@ -90,7 +90,7 @@ KEYS = (
 
 
 def write(profile: Profile) -> tuple[str, list[str]]:
-    """The profile's own CSV; a text that a cell cannot hold as it is is mended, with a note."""
+    """Write a profile as its own CSV; a text that a cell cannot hold is altered, with a note."""
     notes: list[str] = []
     out = _Text()
     for key, value in profile.device.items():
@@ -113,18 +113,18 @@ def write(profile: Profile) -> tuple[str, list[str]]:
 
 
 class _Text:
-    """What a csv.writer writes to."""
+    """The output of a `csv.writer` as a list; dissectors must not import `io`."""
 
     def __init__(self) -> None:
         self.parts: list[str] = []
 
     def write(self, part: str) -> None:
-        """Keep it."""
+        """Append a text."""
         self.parts.append(part)
 
 
 def _cell(value: Any, what: str, notes: list[str]) -> str:
-    """A value as one cell: several are parted by semicolons, which so cannot stand in one."""
+    """A value as one cell; lists are joined by semicolons, which their items cannot have."""
     if not isinstance(value, Mapping | list):
         text = str(value)
         if text != text.strip():

@@ -39,7 +39,7 @@ _SIZES = {"register_count", "response_size"}
 
 
 def read(text: str, name: str, options: Options) -> Imported:
-    """The entities on modbus_controller; `ProfileError` where there are none."""
+    """Read the entities on modbus_controller; `ProfileError` where there are none."""
     data, tags = plain_data(text, name)
     rows = list(_entities(data)) if isinstance(data, Mapping) else []
     if not rows:
@@ -62,7 +62,7 @@ def read(text: str, name: str, options: Options) -> Imported:
 
 
 def _controller(data: Mapping[str, Any], options: Options, name: str) -> str | None:
-    """The id of the controller whose unit is told; None where there is but one."""
+    """The id of the controller with the chosen unit; None where there is only one controller."""
     rows = [one for one in _list(data.get("modbus_controller")) if isinstance(one, Mapping)]
     known = {str(one.get("id")): one.get("address") for one in rows}
     for controller, unit in known.items():
@@ -104,7 +104,7 @@ def _add(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
     _note_unsupported(builder, kind, row)
     access = "rw" if kind in _WRITTEN else None
     if space in ("co", "di"):
-        # Of coils the offset counts bits; a mask of 1 is the coil itself.
+        # For coils the offset counts bits, and a bitmask of 1 is the coil itself.
         if row.get("bitmask", 1) != 1:
             builder.note_dropped([f"bitmask {row['bitmask']!r} of a coil"])
         builder.add(label, space, address + shift, access=access)
@@ -131,7 +131,7 @@ def _add(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
 
 
 def _note_unsupported(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
-    """Notes on what a point does not carry."""
+    """Add notes on the keys of an entity that a point cannot have."""
     label = _label(row)
     texts = kind == "text_sensor"
     known = _KNOWN | (_SIZES | {"raw_encode"} if texts or "value_type" in row else set())
@@ -144,7 +144,7 @@ def _note_unsupported(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]
 
 
 def _whole_number(row: Mapping[str, Any], keys: tuple[str, ...], nothing: int) -> int:
-    """The whole number of the first of some keys that stands there."""
+    """The whole number of the first of these keys that is present."""
     for key in keys:
         if row.get(key) is not None:
             found = parse_decimal(row[key])
@@ -175,7 +175,7 @@ def _type(row: Mapping[str, Any], kind: str) -> tuple[str, int | None, str | Non
 def _apply_bitmask(
     row: Mapping[str, Any], address: int, word: str, order: str | None
 ) -> tuple[int, str, tuple[int, int] | None]:
-    """Register, type and bits of what a mask leaves of a whole number.
+    """Register, type and bits (first and last) of what a bitmask leaves of a whole number.
 
     >>> _apply_bitmask({"bitmask": 0xF0}, 5, "u16", None)
     (5, 'u16', (4, 7))
@@ -199,7 +199,7 @@ def _apply_bitmask(
 
 
 def _labels(builder: ProfileBuilder, row: Mapping[str, Any]) -> dict[str, str]:
-    """The labels of a select: option -> raw value in ESPHome."""
+    """The labels of a select by raw value; ESPHome has them the other way round."""
     table = row.get("optionsmap")
     if not isinstance(table, Mapping):
         return {}
@@ -218,7 +218,7 @@ def _labels(builder: ProfileBuilder, row: Mapping[str, Any]) -> dict[str, str]:
 def _filters(
     builder: ProfileBuilder, row: Mapping[str, Any]
 ) -> tuple[int | float | None, int | float | None]:
-    """Scale and offset of `multiply` and `offset` filters, one after the other."""
+    """Scale and offset that the `multiply` and `offset` filters have together."""
     scale, offset = 1.0, 0.0
     if kind := parse_decimal(row.get("multiply")):
         scale /= kind  # of a number: what the value is multiplied by before it is written

@@ -54,7 +54,7 @@ _READ_ONLY = ("sensors", "binary_sensors", "climates")
 
 @dataclass(frozen=True, slots=True)
 class _Entity:
-    """An entity of a hub: its unit, its list, its keys."""
+    """An entity of a hub: its unit, the list that it is in, its keys."""
 
     unit: int | None
     kind: str
@@ -62,7 +62,7 @@ class _Entity:
 
 
 def read(text: str, name: str, options: Options) -> Imported:
-    """Sensors, binary sensors, switches and the like; `ProfileError` where there are none."""
+    """Read sensors, binary sensors, switches and so on; `ProfileError` where there are none."""
     data, tags = plain_data(text, name)
     builder = ProfileBuilder({"source": f"Home Assistant configuration {name}"}, options.order)
     builder.notes.append("addresses count from 0, as Home Assistant does")
@@ -87,7 +87,7 @@ def _hubs(data: Any) -> Iterator[Mapping[str, Any]]:
 
 
 def _entities(hub: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Entity]:
-    """Every entity of a hub, of a platform of 2021, or of a list in a file of its own."""
+    """All entities of a hub, of a platform in the syntax of 2021, or of a list of entities."""
     for key in _LISTS:
         for row in _rows(hub.get(key)):
             yield _Entity(_unit(row), key, row)
@@ -101,7 +101,7 @@ def _entities(hub: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Enti
 
 
 def _rows(listed: Any) -> Iterator[Mapping[str, Any]]:
-    """The mappings of a list; anything else has no entities in it."""
+    """The mappings in a list; anything else contains no entities."""
     if isinstance(listed, list):
         yield from (row for row in listed if isinstance(row, Mapping))
 
@@ -125,7 +125,7 @@ def _add(builder: ProfileBuilder, entity: _Entity) -> None:
     more = 0 if extra_values is None else parse_decimal(extra_values)
     if not isinstance(more, int) or not 0 <= more < 0xFFFF:  # noqa: PLR2004 - registers there are
         raise NotConvertible(f"virtual_count {extra_values!r} is no number of values")
-    # Switches and the like have no values beside their own.
+    # Switches and other writable entities cannot have several values.
     known = _KNOWN if kind in _READ_ONLY else _KNOWN - {"virtual_count", "slave_count"}
     if space in ("co", "di"):
         count = more + 1 if more and kind in _READ_ONLY else None

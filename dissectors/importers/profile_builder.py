@@ -1,7 +1,7 @@
-"""A profile under construction: what importers have in common.
+"""Builds a profile from points: the common part of all importers.
 
-Points with wire addresses go in; a name that stands twice gets a number, a register that is taken
-stays with the first point, and both are notes.
+Points with wire addresses are added. A name that is used twice gets a number, a register that is
+taken stays with its first point, and both are noted.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ REGISTERS_OF_TYPE: Mapping[str, int] = {
     "bool": 1, "u8h": 1, "u8l": 1, "s8h": 1, "s8l": 1, "u16": 1, "s16": 1, "f16": 1, "bcd16": 1,
     "u32": 2, "s32": 2, "f32": 2, "bcd32": 2, "u64": 4, "s64": 4, "f64": 4,
 }  # fmt: skip
-"""Registers of the types that do not need `count`."""
+"""Type -> registers it takes; types that need `count` are not in it."""
 
 _KEYS = (
     "type", "count", "order", "scale", "offset", "sf", "unit", "access", "enum", "bits", "nan",
@@ -44,7 +44,7 @@ _KEYS = (
 _TEXTS = ("str", "strh", "strl", "raw")
 
 _LONGEST = 100
-"""Characters of a number: Python refuses to read those of thousands."""
+"""Longest number in characters: Python refuses thousands of digits."""
 
 _FLOATS = ("f16", "f32", "f64")
 
@@ -62,7 +62,7 @@ SPACES: Mapping[str, str] = {
     }.items()
     for word in words
 }  # fmt: skip
-"""What other programs call the four tables."""
+"""Normalized word of other programs -> table (hr, ir, co, di)."""
 
 ORDERS: Mapping[str, str] = {
     normalized(word): order
@@ -76,12 +76,12 @@ ORDERS: Mapping[str, str] = {
     }.items()
     for word in words
 }  # fmt: skip
-"""What other programs call the four orders (one table for all of them)."""
+"""Normalized word of other programs -> order of bytes and words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the person says because the file does not.
+    """What the user says because the file does not.
 
     - `base`: how addresses count: 0, 1 or "modicon"
     - `order`: of values of several registers
@@ -95,22 +95,22 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """A model in the words of profiles, and notes on what was assumed and what was left out."""
+    """A profile model, and notes on what was assumed and what was left out."""
 
     model: dict[str, Any]
     notes: tuple[str, ...]
 
 
 class NotConvertible(Exception):  # noqa: N818 - no error: a note
-    """Why a row cannot be carried over: see `ProfileBuilder.noting_failures`."""
+    """Why a row cannot be converted; `ProfileBuilder.noting_failures` makes a note of it."""
 
 
 @dataclass(slots=True)
 class ProfileBuilder:
-    """Points so far, and notes.
+    """The points added so far, and the notes.
 
-    `device` are keys of `[device]`, `order` is that of numbers of several registers which say none,
-    `where` stands in front of what is said of a point.
+    `device` are keys of `[device]`, `order` is the order of numbers of several registers where a
+    point has none, `where` is put before the notes on a point.
     """
 
     device: dict[str, Any] = field(default_factory=dict)
@@ -132,9 +132,10 @@ class ProfileBuilder:
         part: tuple[int, int] | None = None,
         **keys: Any,
     ) -> None:
-        """A point at a wire address, or a part of it (first and last bit).
+        """Add a point at a wire address, or a part of it (first and last bit).
 
-        Keys that are None or empty are left out, and so is, with a note, what a profile refuses.
+        Keys that are None or empty are left out; a key that a profile does not permit is left out
+        with a note.
         """
         name = name.strip()
         point = {key: value for key, value in keys.items() if value not in (None, "", {}, [])}
@@ -163,7 +164,7 @@ class ProfileBuilder:
 
     @contextmanager
     def noting_failures(self, label: object) -> Iterator[None]:
-        """A row of this name: why it cannot be carried over becomes a note."""
+        """Note why a row with this label cannot be converted, instead of raising it."""
         try:
             yield
         except NotConvertible as reason:
@@ -172,7 +173,7 @@ class ProfileBuilder:
     def _drop_unsuitable_keys(
         self, point: dict[str, Any], name: str, space: str, kind: str
     ) -> None:
-        """Take away, with a note, what does not go together with the type."""
+        """Remove the keys of a point that its type does not permit, with a note each."""
         no_number = kind == "bool" or kind in _TEXTS
         refused = {
             **dict.fromkeys(("scale", "offset", "sf", "nan"), no_number),
@@ -204,19 +205,19 @@ class ProfileBuilder:
             point["order"] = order
 
     def note_dropped(self, keys: Iterable[str], why: str = "has no place in a profile") -> None:
-        """Features that were left out; the same one of several points is one note."""
+        """Count features that were left out; the same one of several points gives one note."""
         for key in keys:
             text = f"{key}: {why}"
             self._dropped[text] = self._dropped.get(text, 0) + 1
 
     def note_once(self, note: str) -> None:
-        """A note that is said once."""
+        """Add a note unless it has been added before."""
         if note not in self._noted_once:
             self._noted_once.add(note)
             self.notes.append(note)
 
     def build(self) -> Imported:
-        """The model, its points in the order of the file."""
+        """The finished model, with its points in the order of the file, and the notes."""
         for text, count in self._dropped.items():
             self.notes.append(f"{text} ({count} times)" if count > 1 else text)
         device = {"address_base": 0, **self.device}
@@ -238,9 +239,10 @@ class ProfileBuilder:
 
 
 def choose_unit(units: Iterable[int | None], requested: int | None, name: str) -> int | None:
-    """Whose registers: the unit that is told, or the only one; None where a file has no units.
+    """The unit whose registers are read: the requested one, or the only one.
 
-    `UsageError` where there are several and none is told, or where the told one is not there.
+    None where a file has no units. `UsageError` where there are several and none is requested, or
+    the requested one is not in the file.
     """
     known = sorted({unit for unit in units if unit is not None})
     if requested is None and len(known) < 2:  # noqa: PLR2004 - nothing to choose
@@ -252,7 +254,7 @@ def choose_unit(units: Iterable[int | None], requested: int | None, name: str) -
 
 
 def parse_row_order(word: object) -> str | None:
-    """The order that a word of a file means, None for none; `NotConvertible` if nobody knows it."""
+    """Parse an order in a file; None for an empty word, `NotConvertible` for an unknown one."""
     try:
         return parse_order(word, "")
     except UsageError:
@@ -260,7 +262,7 @@ def parse_row_order(word: object) -> str | None:
 
 
 def parse_order(word: object, where: str) -> str | None:
-    """The order that another program's word means, None for none; `UsageError` if unknown."""
+    """Parse another program's word for an order; None if empty, `UsageError` if unknown."""
     if word in (None, ""):
         return None
     found = ORDERS.get(normalized(str(word)))
@@ -270,7 +272,9 @@ def parse_order(word: object, where: str) -> str | None:
 
 
 def compose_orders(*orders: str | None) -> str:
-    """One order behind the other: words are turned or not, and bytes are.
+    """The order that results from applying several orders one after the other.
+
+    Each order swaps the words or not, and the bytes of each word or not.
 
     >>> compose_orders("DCBA", "CDAB"), compose_orders(None, "BADC"), compose_orders("CDAB", "CDAB")
     ('BADC', 'BADC', 'ABCD')
@@ -283,7 +287,7 @@ def compose_orders(*orders: str | None) -> str:
 
 
 def parse_decimal(value: object) -> int | float | None:  # noqa: PLR0911 - a way a kind of number
-    """A number as profiles write it: `0.1`, `1` for 1.0, None where it is none.
+    """Parse a number; whole numbers become int, None where it is not a finite number.
 
     >>> [parse_decimal(value) for value in ("0,5", 1.0, "0x10", "", "1/10", "inf")]
     [0.5, 1, 16, None, 0.1, None]
@@ -314,11 +318,11 @@ def parse_decimal(value: object) -> int | float | None:  # noqa: PLR0911 - a way
 
 
 def _is_decimal(value: float) -> bool:
-    """Whether it is a number of at most 18 digits, as scale and offset are."""
+    """Whether a number has at most 18 digits, as the core requires of scale and offset."""
     return value == 0 or 1e-46 < abs(value) < 1e18  # noqa: PLR2004
 
 
 def _is_raw(value: float, kind: str) -> bool:
-    """Whether it can stand in registers: a whole number of 64 bits, or any number of a float."""
+    """Whether registers can hold a value: a whole number of 64 bits, or a float of a float type."""
     whole = isinstance(value, int) and -(2**63) <= value < 2**64
     return whole or (isinstance(value, float) and kind in _FLOATS)

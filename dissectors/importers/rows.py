@@ -1,6 +1,6 @@
-"""A row of a table becomes a point: where it stands, and what it is.
+"""Converts rows of a table to points: address, type, and the other keys.
 
-What a row says that a profile cannot hold is a note that names its line.
+Whatever a profile cannot hold becomes a note with its line.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dissectors.importers.table_headers import (
 __all__ = ["NO_PRESET", "RowConverter"]
 
 NO_PRESET = Preset("plain", ())
-"""A table of no program in particular."""
+"""The properties of a table of no particular program."""
 
 _ADDRESS = re.compile(
     r"(?:(?P<table>[a-z]+)\s*:?\s*|(?P<digit>[134])x)?"
@@ -47,7 +47,7 @@ _BITS = 16
 
 @dataclass(frozen=True, slots=True)
 class _RowAddress:
-    """Where a row stands; `registers` is what the address itself says of its length."""
+    """The address of a row; `registers` is the length that the address itself states."""
 
     space: str
     address: int
@@ -60,7 +60,7 @@ class _RowAddress:
 
 @dataclass(frozen=True, slots=True)
 class _RowType:
-    """What a row is: the type, its order, the registers of a text; whether its width is said."""
+    """The type of a row: its name, order, registers of a text, whether it states its width."""
 
     word: str | None
     order: str | None = None
@@ -70,14 +70,14 @@ class _RowType:
 
 @dataclass(frozen=True, slots=True)
 class RowConverter:
-    """Rows of one table on their way into a draft."""
+    """Adds the rows of one table to a builder."""
 
     builder: ProfileBuilder
     base: int | str
     preset: Preset = NO_PRESET
 
     def add(self, row: Mapping[str, str], where: str) -> None:
-        """A row, its cells by key; `where` names its line."""
+        """Add a row, given as its cells by key; `where` is its line."""
         self.builder.where = f"{where}, "
         cells = RowCells(row, f"{where}, {row.get('name') or 'no name'}", self.builder)
         try:
@@ -149,7 +149,7 @@ class RowConverter:
     def _part(
         self, match: re.Match[str], address: int
     ) -> tuple[int | None, int | None, str | None]:
-        """What stands behind the number: registers of a text or a range, a bit, an order."""
+        """What follows the number of an address: registers of a text or range, a bit, an order."""
         if match["text"]:
             # Kepware: 400001.20H is a text of 20 characters, the high byte first.
             return (int(match["bit"]) + 1) // 2, None, "BADC" if match["text"] in "Ll" else None
@@ -169,7 +169,7 @@ class RowConverter:
         return None, None, None
 
     def _table(self, match: re.Match[str], cells: RowCells) -> str | None:
-        """The table that the address, the column of tables, or the function code says."""
+        """The table (hr, ir, co, di) from the address, the table column, or the function code."""
         if match["table"]:
             space = SPACES.get(normalized(match["table"]))
             if space is None or (
@@ -217,7 +217,7 @@ class RowConverter:
     def _type_and_count(
         self, kind: _RowType, place: _RowAddress, cells: RowCells
     ) -> tuple[str | None, int | None]:
-        """The type, as wide as the registers say, and the count of an array or a text."""
+        """The type, widened to the stated registers, and the count of an array or text."""
         if place.half:
             return ("s8" if (kind.word or "u")[0] == "s" else "u8") + place.half[0], None
         if place.bit is not None:
@@ -249,7 +249,7 @@ class RowConverter:
         what: tuple[str, int],
         cells: RowCells,
     ) -> tuple[str, int | None]:
-        """A number: wider if only its registers say how wide it is, or an array."""
+        """The type of a number, widened if only its registers state a width, and a count."""
         word, width = what
         size = registers or length
         wide = {("u16", 2): "u32", ("s16", 2): "s32", ("u16", 4): "u64", ("s16", 4): "s64"}

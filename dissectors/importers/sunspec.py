@@ -39,7 +39,7 @@ _GROUP = {"name", "type", "label", "points", "groups", "count"}
 
 
 def read(text: str, name: str, _options: Options) -> Imported:
-    """The points of a model; groups that repeat as the device says are left out, with a note."""
+    """Read the points of a model; groups whose number only the device knows are left out."""
     try:
         model = json.loads(text.lstrip("\ufeff"))
         group, number = model["group"], int(model["id"])
@@ -60,7 +60,7 @@ def read(text: str, name: str, _options: Options) -> Imported:
 
 
 def _group(builder: ProfileBuilder, group: Mapping[str, Any], at: int, prefix: str) -> int | None:
-    """The points of a group and of those in it; the address behind it, None if nobody knows it."""
+    """Add the points of a group; gives the address behind it, None where only the device knows."""
     builder.note_dropped(sorted(set(group) - _GROUP))
     names = {point["name"] for point in group.get("points", ())}
     for point in group.get("points", ()):
@@ -122,7 +122,7 @@ def _point(
 
 
 def _power(scale: object) -> int | float | None:
-    """The factor of a constant scale: a whole number where it is one."""
+    """The factor of a constant scale exponent, a whole number where possible."""
     if not isinstance(scale, int) or scale == 0 or abs(scale) > _MAX_SCALE_EXPONENT:
         return None
     return parse_decimal(10.0**scale)

@@ -1,6 +1,6 @@
-"""What tables call their columns and types, and the programs whose tables their head tells.
+"""Words for columns and types in tables, and programs whose tables the header line reveals.
 
-A new word is a word in its row; a new program's table is a row of `PRESETS`.
+To add a word, add it to its row; to add a program's table, add a row to `PRESETS`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ __all__ = [
 ]
 
 _HEADER_WORDS: Mapping[str, tuple[str, ...]] = {
-    # The first word that a table has counts: an address beside a register number is the wire's.
+    # The first word that a table has is used: an address beside a register number is a wire
+    # address.
     "address": ("address", "modbus address", "register address", "address hex", "hex address",
                 "address dec", "decimal address", "startaddress", "start", "addr", "register",
                 "register hex", "reg", "_address", "register number", "element"),
@@ -62,12 +63,12 @@ _HEADER_WORDS: Mapping[str, tuple[str, ...]] = {
 HEADER_WORDS: Mapping[str, tuple[str, ...]] = {
     key: tuple(dict.fromkeys(map(normalized, words))) for key, words in _HEADER_WORDS.items()
 }
-"""Key -> what tables call it, without case and punctuation."""
+"""Key -> normalized words for its column."""
 
 KEY_OF_HEADER: Mapping[str, str] = {
     name: key for key, names in HEADER_WORDS.items() for name in names
 }
-"""What a table calls it -> key."""
+"""Normalized word for a column -> key."""
 
 TYPE_NAMES: Mapping[str, str] = {
     normalized(word): kind
@@ -94,25 +95,25 @@ TYPE_NAMES: Mapping[str, str] = {
     }.items()
     for word in words
 }  # fmt: skip
-"""What people call types, without case and punctuation."""
+"""Normalized word for a type -> type."""
 
 TYPES_WITHOUT_WIDTH = frozenset(
     normalized(word) for word in ("int", "integer", "uint", "unsigned", "unsigned int", "signed")
 )
-"""Words that do not say how wide they are."""
+"""Words for types that do not state a width."""
 
 ORDER_SUFFIXES: Mapping[str, str] = {"be": "ABCD", "le": "DCBA", "sw": "CDAB", "sb": "BADC"}
-"""Orders that stand behind a type: `uint32be`, `floatsw`."""
+"""Suffix of a type -> order, as in `uint32be` and `floatsw`."""
 
 TABLE_OF_FUNCTION: Mapping[int, str] = {
     1: "co", 2: "di", 3: "hr", 4: "ir", 5: "co", 6: "hr", 15: "co", 16: "hr", 22: "hr", 23: "hr",
 }  # fmt: skip
-"""The table that a function code reads or writes."""
+"""Function code -> the table that it reads or writes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A program's table: the columns it is known by, and what its file does not say."""
+    """A program's table: the columns by which it is recognized, and what its files leave open."""
 
     title: str
     headers: tuple[str, ...]
@@ -146,10 +147,10 @@ PRESETS = (
         scaled_units=True,
     ),
 )
-"""Tables that are known by their head."""
+"""The tables that are recognized by their header line."""
 
 
 def preset_of(head: Iterable[str]) -> Preset | None:
-    """The program whose table has this head."""
+    """The preset of the program whose table has this header line; None for others."""
     words = {normalized(cell) for cell in head}
     return next((one for one in PRESETS if words.issuperset(one.headers)), None)

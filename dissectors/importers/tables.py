@@ -1,4 +1,4 @@
-"""Finds the table in a text: its delimiter, its head, which key each column is, its rows."""
+"""Finds the table in a text: delimiter, header line, the key of each column, rows."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ __all__ = ["FoundTable", "find_table"]
 _DELIMITERS = ",;\t|"
 
 _DIGITS = re.compile(r"(?=\b[0-9A-Fa-f]+(?:\b|_))(?!0[xX])(?![0-9A-Fa-f]*[hH]\b)")
-"""In front of a hexadecimal number that does not say so itself."""
+"""The position before a hexadecimal number that has no `0x` or `h`."""
 
 _MAX_HEADER_LINE = 500
-"""Lines within which the head stands."""
+"""Lines among which the header line is searched."""
 
 
 @dataclass(frozen=True, slots=True)
 class FoundTable:
-    """The rows of a table by key, with their lines; whose table it is; what was left out."""
+    """A table: its rows by key with their line numbers, its preset, notes on what is left out."""
 
     rows: Sequence[tuple[int, Mapping[str, str]]]
     preset: Preset | None
@@ -33,7 +33,7 @@ class FoundTable:
 
 
 def find_table(text: str, name: str) -> FoundTable:
-    """The table of a text, by the delimiter that makes most words of its head known.
+    """Find the table in a text, with the delimiter by which most columns are known.
 
     `ProfileError` where no line is a head, or quotation marks are left open.
     """
@@ -86,12 +86,12 @@ def _hexadecimal(cells: Mapping[str, str]) -> dict[str, str]:
 
 
 def _cells_ignoring_quotes(text: str, delimiter: str) -> Iterator[list[str]]:
-    """The cells of each line, whatever quotation marks say."""
+    """The cells of each line, without regard to quotation marks."""
     return (line.replace('"', "").split(delimiter) for line in text.splitlines()[:_MAX_HEADER_LINE])
 
 
 def _records(text: str, delimiter: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    """The cells of each record, and its first line."""
+    """The first line number and the cells of each record."""
     reader = csv.reader(text.splitlines(keepends=True), delimiter=delimiter, strict=True)
     line = 1
     try:
@@ -104,7 +104,7 @@ def _records(text: str, delimiter: str, name: str) -> Iterator[tuple[int, list[s
 
 
 def _header_words(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Key -> words of its columns. Tables of PLCs call an address an offset."""
+    """Key -> words for its column; in tables without an address, an offset is the address."""
     header_words = dict(HEADER_WORDS)
     if not set(header_words["address"]) & set(words):
         header_words["address"], header_words["offset"] = (*header_words["address"], "offset"), ()
@@ -112,7 +112,7 @@ def _header_words(words: Iterable[str]) -> dict[str, tuple[str, ...]]:
 
 
 def _normalized_header(cell: str) -> str:
-    """A head without case and punctuation; without what stands in brackets, if that is known.
+    """A normalized column title, without text in brackets if that makes it a known one.
 
     >>> [_normalized_header(cell) for cell in ("Modbus Address", "Address (wire)", "Scale (of 1)")]
     ['modbusaddress', 'address', 'scale']
@@ -122,7 +122,7 @@ def _normalized_header(cell: str) -> str:
 
 
 def _count_known_columns(row: Sequence[str]) -> int:
-    """How many cells of a line name columns; 0 where it is no head."""
+    """How many cells of a line are known column titles; 0 where it cannot be the header line."""
     keys = {KEY_OF_HEADER.get(_normalized_header(cell)) for cell in row} - {None}
     return len(keys) if keys & {"address", "offset"} and len(keys) > 1 else 0
 
@@ -130,7 +130,7 @@ def _count_known_columns(row: Sequence[str]) -> int:
 def _keys(
     head: Sequence[str], rows: Sequence[Sequence[str]], preset: Preset | None
 ) -> tuple[list[str], list[str]]:
-    """The key of each column, empty for those that are left out, which are notes."""
+    """The key of each column, empty for those that are left out, and notes on these."""
     words = [_normalized_header(cell) for cell in head]
     keys, notes = [""] * len(head), []
     for key, names in _header_words(words).items():

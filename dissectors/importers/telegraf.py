@@ -53,7 +53,7 @@ _PLUGIN = {
 
 @dataclass(frozen=True, slots=True)
 class _Field:
-    """A field with what its request and its plugin say: unit, table, order, kind of texts."""
+    """A field with what its request and its plugin add: unit, table, order, type of texts."""
 
     unit: int | None
     space: str
@@ -63,7 +63,7 @@ class _Field:
 
 
 def read(text: str, name: str, options: Options) -> Imported:
-    """The fields of a configuration; `ProfileError` where it is no TOML or has no inputs.modbus."""
+    """Read the fields of a configuration; `ProfileError` where it has no inputs.modbus."""
     try:
         tree: Any = tomllib.loads(text.lstrip("\ufeff"))
     except tomllib.TOMLDecodeError as error:
@@ -88,13 +88,13 @@ def _table(value: Any) -> Mapping[str, Any]:
 
 
 def _tables(value: Any) -> list[Mapping[str, Any]]:
-    """The tables of a list; anything else has no fields in it."""
+    """The tables in a list; anything else contains no fields."""
     rows = value if isinstance(value, list) else []
     return [row for row in rows if isinstance(row, Mapping)]
 
 
 def _fields(plugin: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Field]:
-    """Every field, in all three styles; what else a plugin and its requests say is dropped."""
+    """All fields in all three styles; other keys of plugin and requests are noted as dropped."""
     builder.note_dropped(sorted(set(plugin) - _PLUGIN), "is no part of a register map")
     where = plugin.get("string_register_location", "")
     texts = _HALVES.get(where if isinstance(where, str) else "", "str")
@@ -107,7 +107,8 @@ def _fields(plugin: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Fie
                 sorted(set(request) - _REQUEST), f"of a {style} has no place in a profile"
             )
             for one in _tables(request.get("fields")):
-                # The table stands in the request, or, of a metric, in the field.
+                # In the style `metric` each field names its table, in the style `request` the
+                # request does.
                 table_name = str(
                     (request if style == "request" else one).get("register", "holding")
                 )
@@ -156,7 +157,7 @@ def _add(builder: ProfileBuilder, field: _Field) -> None:
 
 
 def _registers(row: Mapping[str, Any]) -> tuple[int, int]:
-    """The first register and how many are named; `NotConvertible` where they are not in a row."""
+    """The first register and their number; `NotConvertible` where they are not consecutive."""
     addresses = row.get("address")
     listed = [
         one
@@ -178,7 +179,7 @@ def _word(row: Mapping[str, Any]) -> str:
 
 
 def _kind(row: Mapping[str, Any], width: int) -> str:
-    """The type; fixed point numbers are whole ones with a scale."""
+    """The type of a profile; fixed-point numbers are integers with a scale."""
     word = _word(row)
     if word in ("FIXED", "UFIXED") or (word == "FLOAT32" and "data_type" in row):
         # FLOAT32 without -IEEE is the old name of UFIXED in the style with data_type.
@@ -203,7 +204,7 @@ _UNSUPPORTED = ("enum", "bits", "nan", "sf", "offset", "unit", "access", "group"
 
 
 def write(profile: Profile) -> tuple[str, list[str]]:
-    """A `request` style configuration; what has no place in it, and what it assumes, are notes."""
+    """Write a configuration in the style `request`; what it cannot hold or assumes is noted."""
     unsupported = UnsupportedKeys("Telegraf")
     unsupported.device(profile)
     notes = ["slave_id = 1 is an example"]
@@ -234,7 +235,7 @@ def write(profile: Profile) -> tuple[str, list[str]]:
 
 
 def _fields_of(point: Mapping[str, Any], kind: str) -> Iterator[str]:
-    """The fields of a point: one, or one a value of an array."""
+    """The fields of a point: one, or one for each value of an array."""
     space, _, place = point["at"].partition(":")
     address, _, bit = place.partition(".")
     for suffix, offset in _elements(point):
@@ -251,7 +252,7 @@ def _fields_of(point: Mapping[str, Any], kind: str) -> Iterator[str]:
 
 
 def _elements(point: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
-    """The values of an array, each with what goes behind the name, and its first register."""
+    """For each value of an array the suffix of its name, and the offset of its first register."""
     width = REGISTERS_OF_TYPE.get(point["type"])
     count = point.get("count", width)
     if width is None or count == width:

@@ -1,4 +1,4 @@
-"""What the format of another program has no place for: a note a key, with the points it stood in.
+"""Notes on keys that the format of another program cannot hold.
 
 >>> unsupported = UnsupportedKeys("Telegraf")
 >>> unsupported.add("unit", "flow")
@@ -14,28 +14,28 @@ from dissectors.profile import Profile
 __all__ = ["UnsupportedKeys"]
 
 _NAMED = 5
-"""Points that a note names before it counts the rest."""
+"""Points that a note names at most; the others are counted."""
 
 
 class UnsupportedKeys:
-    """Keys that were left out, and of which points."""
+    """Collects the keys that were left out, and the points that had them."""
 
     def __init__(self, program: str) -> None:
         self.program = program
         self._points: dict[str, list[str]] = {}
 
     def add(self, key: str, name: str) -> None:
-        """A key of a point."""
+        """Add a key of a point."""
         self._points.setdefault(key, []).append(name)
 
     def device(self, profile: Profile) -> None:
-        """Everything that is known of the device as a whole; its order stands in the points."""
+        """Add all keys of the device; its order is written with each point."""
         for key in profile.device:
             if key not in ("address_base", "order"):
                 self.add(key, "the device")
 
     def notes(self) -> list[str]:
-        """A note a key."""
+        """One note for each key."""
         return [
             f"{key} has no place in {self.program}: {_list(of)}" for key, of in self._points.items()
         ]
