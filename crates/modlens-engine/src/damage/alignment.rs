@@ -7,7 +7,7 @@
 
 use crate::damage::expected_frame::ExpectedFrame;
 use crate::damage::kind::DamageKind;
-use crate::damage::thresholds::{
+use crate::weights::{
     COLLISION_BITS, COLLISION_MISFIT_BITS, CRC_CORRECTABLE_BITS, CRC_MATCH_BITS, DOUBLED_BYTE_BITS, MAX_HEADER_FLIPS,
     MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS, THREE_FLIPS_BITS,
     TWO_FLIPS_BITS,
@@ -223,7 +223,7 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
 mod tests {
     use super::*;
     use crate::damage::expected_frame::poll_request;
-    use crate::damage::thresholds::POLL_REQUEST_BITS;
+    use crate::weights::POLL_REQUEST_BITS;
     use crate::framer::rtu::prefilter::RequestPrefilter;
     use proptest::prelude::*;
 

@@ -4,7 +4,7 @@ use crate::damage::expected_frame::response_length;
 use crate::damage::glitch::is_glitch_byte;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::damage::thresholds::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
+use crate::weights::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::{Asked, Direction};

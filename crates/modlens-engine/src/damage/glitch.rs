@@ -1,6 +1,6 @@
 //! Stray bytes that a line driver leaves when it is switched on or off.
 
-use crate::damage::thresholds::MAX_GLITCH_BYTES;
+use crate::weights::MAX_GLITCH_BYTES;
 
 /// Whether a line driver that is switched on or off can leave this byte. The line changes its level at most once, and the
 /// low bit comes first, so the byte has zeros in its low bits and ones in the others: `00`, `80`, `C0` ... `FE`, `FF`.

@@ -1,7 +1,8 @@
 //! Is it noise, or a damaged frame?
 //!
 //! The framers leave bytes that belong to no valid frame: line noise, or a frame that did not arrive as it was sent.
-//! Everything that decides between the two is in this module; its thresholds are in `thresholds`.
+//! Everything that decides between the two is in this module; its thresholds and costs are the group "Noise or a damaged
+//! frame" of the table in `weights`.
 //!
 //! # The decision
 //!
@@ -52,5 +53,4 @@ pub(crate) mod glitch;
 pub mod kind;
 pub(crate) mod recovery;
 pub(crate) mod region;
-pub(crate) mod thresholds;
 mod truncation;

@@ -1,7 +1,7 @@
 //! A region of unframed bytes with its context, and the damaged frames that are found in one.
 
 use crate::damage::kind::DamageKind;
-use crate::damage::thresholds::COARSE_FRAME_GAP_NS;
+use crate::weights::COARSE_FRAME_GAP_NS;
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::Context;
