@@ -178,17 +178,17 @@ fn framing(bytes: &[u8]) -> u64 {
 fn exchanges(framer: &mut dyn Framer, functions: &Functions, input: &mut Input) -> u64 {
     let settled = framer.settled(input.offset());
     let Some(rtu) = framer.routine().filter(|_| settled) else { return 0 };
-    let (mut count, mut last, mut before) = (0, None, rtu.before());
-    while let Some(known) = rtu.exchange(functions, input, before, i64::MAX, |_| 0.0) {
+    let (mut count, mut last, mut before) = (0, None, rtu.last_answered());
+    while let Some(known) = rtu.next_exchange(functions, input, before, i64::MAX, |_| 0.0) {
         before = Some((known.unit, known.code));
-        let [asked, answered] = [known.asked, known.answered].map(|length| length + CRC_BYTES);
+        let [asked, answered] = [known.request_bytes, known.response_bytes].map(|length| length + CRC_BYTES);
         let (request, behind) = input.bytes().split_at(asked);
-        rtu.again(request, &behind[..answered], known.mirrored);
+        rtu.record_exchange(request, &behind[..answered], known.echoes_request);
         input.consume(asked + answered);
         (count, last) = (count + 2, Some(known));
     }
     if let Some(last) = last {
-        rtu.resume(input, &last);
+        rtu.sync_after_batch(input, &last);
     }
     count
 }

@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod damage;
+pub mod fast_path;
 pub mod framer;
 pub mod input;
 pub mod pairing;

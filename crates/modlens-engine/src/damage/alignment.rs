@@ -7,14 +7,14 @@
 
 use crate::damage::expected_frame::ExpectedFrame;
 use crate::damage::kind::DamageKind;
+use crate::framer::rtu::prefilter::DamageCosts;
+use crate::framer::rtu::prefix_index::MAX_LOST_BYTES;
+use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::weights::{
     COLLISION_BITS, COLLISION_MISFIT_BITS, CRC_CORRECTABLE_BITS, CRC_MATCH_BITS, DOUBLED_BYTE_BITS, MAX_HEADER_FLIPS,
     MAX_SCORE_DROP_BITS, MISSING_HEAD_BITS, MISSING_INSIDE_BITS, ONE_FLIP_BITS, ROUNDING_BITS, RUN_BYTE_BITS, THREE_FLIPS_BITS,
     TWO_FLIPS_BITS,
 };
-use crate::framer::rtu::prefilter::DamageCosts;
-use crate::framer::rtu::prefix_index::MAX_LOST_BYTES;
-use crate::framer::rtu::traffic_model::TrafficModel;
 use modlens_protocol::checksum::{correctable_bit, crc16, update};
 
 /// Cost of a byte by the number of its flipped bits.
@@ -223,8 +223,8 @@ fn crc_score(expected: &ExpectedFrame<'_>, bytes: &[u8], length: Option<usize>, 
 mod tests {
     use super::*;
     use crate::damage::expected_frame::poll_request;
-    use crate::weights::POLL_REQUEST_BITS;
     use crate::framer::rtu::prefilter::RequestPrefilter;
+    use crate::weights::POLL_REQUEST_BITS;
     use proptest::prelude::*;
 
     /// A frame damaged in one of five ways: bytes removed, one doubled, bits flipped, bits pulled to 0, or not at all.

@@ -5,8 +5,8 @@ use crate::damage::expected_frame::expected_frames;
 use crate::damage::glitch::is_glitch;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
 use crate::framer::rtu::prefix_index::PrefixFilter;
+use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
 
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order; all other bytes of it are noise.

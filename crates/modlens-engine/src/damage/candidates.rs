@@ -4,11 +4,11 @@ use crate::damage::alignment::{align, Alignment, DAMAGE_COSTS};
 use crate::damage::expected_frame::{poll_request, ExpectedFrame};
 use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
-use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet};
 use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
+use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 

@@ -5,11 +5,11 @@ use crate::damage::crc_correction;
 use crate::damage::glitch::is_glitch_byte;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
-use crate::weights::{self, 
-    FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
-};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
+use crate::weights::{
+    self, FURTHER_DAMAGED_FRAME_BITS, MAX_GLITCH_BYTES, MAX_INSERTION_CHECK_BYTES, MIN_DAMAGED_FRAME_BITS, OVERLAP_BITS,
+};
 use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::RTU_LIMIT;

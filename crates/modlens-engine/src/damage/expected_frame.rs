@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 
 use crate::damage::region::UnframedRegion;
-use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::{expected_block, Asked, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};

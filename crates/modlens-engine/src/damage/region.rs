@@ -1,11 +1,11 @@
 //! A region of unframed bytes with its context, and the damaged frames that are found in one.
 
 use crate::damage::kind::DamageKind;
-use crate::weights::COARSE_FRAME_GAP_NS;
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::Context;
 use crate::input::Input;
+use crate::weights::COARSE_FRAME_GAP_NS;
 use modlens_protocol::direction::{Asked, Direction};
 use modlens_protocol::Ns;
 

@@ -32,7 +32,7 @@ enum Response {
 
 /// An exchange as its request announces it. Lengths are those of unit and PDU, without checksum and MBAP header.
 #[derive(Clone, Copy, Debug)]
-pub struct Exchange {
+pub struct ExpectedExchange {
     /// Unit.
     pub unit: u8,
     /// Function code.
@@ -44,24 +44,24 @@ pub struct Exchange {
     /// Number of registers or bits.
     pub quantity: u16,
     /// Length of the request in bytes.
-    pub asked: usize,
+    pub request_bytes: usize,
     /// Length of the response in bytes.
-    pub answered: usize,
+    pub response_bytes: usize,
     /// The response has the same bytes as the request.
-    pub mirrored: bool,
+    pub echoes_request: bool,
     /// The request has the length and the first bytes that the response to another request of its kind would have, so that
     /// it may be the previous response once more. Example: reading coils from 0x0300 on begins like three bytes of coils.
-    pub ambiguous: bool,
+    pub resembles_response: bool,
     response: Response,
 }
 
-impl Exchange {
+impl ExpectedExchange {
     /// The exchange that the request at the head of these bytes announces. The bytes begin with the unit.
     ///
     /// `None` if the bytes are no plain read or write, break a limit of the specification, or may be a response themselves.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
-    pub fn of(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
+    pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, high, low, ..] = *request;
         let asks = functions.asks(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
@@ -76,18 +76,24 @@ impl Exchange {
             kind: asks.kind,
             address,
             quantity: number,
-            asked: SHORT_REQUEST_BYTES,
-            answered: SHORT_REQUEST_BYTES,
-            mirrored: asks.mirrored,
-            ambiguous: false,
+            request_bytes: SHORT_REQUEST_BYTES,
+            response_bytes: SHORT_REQUEST_BYTES,
+            echoes_request: asks.mirrored,
+            resembles_response: false,
             response: Response::Echo,
         };
         let read = |count: usize, padding: u8| {
             // The high byte of the address stands where a response has its byte count.
-            let ambiguous = mode != Mode::Tcp && usize::from(high) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
-            let count = u8::try_from(count).ok().filter(|&count| !ambiguous || count != high)?;
-            let answered = READ_HEADER_BYTES + usize::from(count);
-            Some(Self { answered, mirrored: false, ambiguous, response: Response::Block { count, padding }, ..write })
+            let resembles_response = mode != Mode::Tcp && usize::from(high) + READ_HEADER_BYTES == SHORT_REQUEST_BYTES;
+            let count = u8::try_from(count).ok().filter(|&count| !resembles_response || count != high)?;
+            let response_bytes = READ_HEADER_BYTES + usize::from(count);
+            Some(Self {
+                response_bytes,
+                echoes_request: false,
+                resembles_response,
+                response: Response::Block { count, padding },
+                ..write
+            })
         };
         let written = |count: usize| {
             let announced = bytes.get(SHORT_REQUEST_BYTES).copied().map(usize::from);
@@ -96,26 +102,26 @@ impl Exchange {
         match asks.kind {
             StandardLayout::ReadBits => read(bit_bytes, padding_bits(number)),
             StandardLayout::ReadRegisters => read(register_bytes, 0),
-            StandardLayout::WriteBits => Some(Self { asked: written(bit_bytes)?, ..write }),
-            StandardLayout::WriteRegisters => Some(Self { asked: written(register_bytes)?, ..write }),
+            StandardLayout::WriteBits => Some(Self { request_bytes: written(bit_bytes)?, ..write }),
+            StandardLayout::WriteRegisters => Some(Self { request_bytes: written(register_bytes)?, ..write }),
             StandardLayout::WriteOne => Some(Self { quantity: 1, ..write }),
         }
     }
 
     /// Whether this response is the expected one. Both slices must have at least the expected lengths.
     #[inline]
-    pub fn is_answered(&self, request: &[u8], response: &[u8]) -> bool {
+    pub fn is_answered_by(&self, request: &[u8], response: &[u8]) -> bool {
         match self.response {
             Response::Block { count, padding } => {
                 let has_header = response[..READ_HEADER_BYTES] == [self.unit, self.code, count];
-                has_header && response[self.answered - 1] & padding == 0
+                has_header && response[self.response_bytes - 1] & padding == 0
             }
             Response::Echo => response[..SHORT_REQUEST_BYTES] == request[..SHORT_REQUEST_BYTES],
         }
     }
 
     /// The data of a read response: what follows the byte count.
-    pub fn block<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
+    pub fn read_data<'a>(&self, response: &'a [u8]) -> Option<&'a [u8]> {
         matches!(self.response, Response::Block { .. }).then(|| &response[READ_HEADER_BYTES..])
     }
 }

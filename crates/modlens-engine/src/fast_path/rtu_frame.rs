@@ -2,7 +2,7 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::fast_path::frame_check::{third_copy, FrameCheck, FrameLength, RESPONSE_LOG_ODDS_BITS};
 use crate::framer::rtu::answerable::HeldRequest;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::Search;
@@ -12,7 +12,7 @@ use crate::input::Input;
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::expected_block;
 use modlens_protocol::framing::RTU_LIMIT;
-use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
+use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// Unit, function code and the first byte of the body.
 const HEADER_BYTES: usize = 3;
@@ -27,72 +27,9 @@ const MAX_STRAY_BYTES: usize = 3;
 /// has to wait long for the rest of one.
 const MAX_POLL_BYTES: usize = 16;
 
-/// Threshold of the log2 odds timeout : response. At or below -10, the pause before a repeated request-like frame is at
-/// least 1000 times more likely before a response than after a timeout, so the frame is taken as the response.
-pub(super) const SURELY_AN_ANSWER: f32 = -10.0;
-
-/// The result of checking the next header.
-pub enum Certain {
-    /// A frame: the response to the outstanding request, or a request.
-    Frame(Length),
-    /// More bytes are needed to tell.
-    Wait,
-    /// There is doubt, so the search has to decide.
-    No,
-}
-
-/// How many of the first bytes are a frame if their CRC is valid, whether their header announces exactly that number, and
-/// whether they are a request.
-///
-/// All of it is packed into one number, because it passes from function to function for every frame.
-#[derive(Clone, Copy)]
-pub struct Length(u32);
-
-impl Length {
-    const EXACT: u32 = 1;
-    const REQUEST: u32 = 2;
-
-    /// A length in bytes that the header announces.
-    pub fn exactly(bytes: usize) -> Self {
-        Self((bytes as u32) << 2 | Self::EXACT)
-    }
-
-    fn at_least(bytes: usize) -> Self {
-        Self((bytes as u32) << 2)
-    }
-
-    fn as_request(self) -> Self {
-        Self(self.0 | Self::REQUEST)
-    }
-
-    /// The length of a frame whose body has this extent, if the extent bounds it.
-    fn of(extent: Extent) -> Option<Self> {
-        match extent {
-            Extent::Exactly(length) => Some(Self::exactly(length + ENVELOPE_BYTES)),
-            Extent::AtLeast(length) => Some(Self::at_least(length + ENVELOPE_BYTES)),
-            Extent::Open(_) => None,
-        }
-    }
-
-    /// The length in bytes.
-    pub fn bytes(self) -> usize {
-        (self.0 >> 2) as usize
-    }
-
-    /// Whether the frame is a request.
-    pub fn request(self) -> bool {
-        self.0 & Self::REQUEST != 0
-    }
-
-    /// Whether the header announces exactly this length.
-    pub fn exact(self) -> bool {
-        self.0 & Self::EXACT != 0
-    }
-}
-
-/// What the first bytes are, if that is beyond doubt.
+/// Checks whether the first bytes of the input are a frame beyond doubt.
 #[inline]
-pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain {
+pub fn check_frame(search: &Search, input: &Input, context: &Context<'_>) -> FrameCheck {
     check_frame_at(search, input, context, 0)
 }
 
@@ -100,25 +37,25 @@ pub fn certain(search: &Search, input: &Input, context: &Context<'_>) -> Certain
 ///
 /// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. If no frame can have
 /// begun with one of them, there is nothing to search for.
-pub fn behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, Certain) {
+pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, FrameCheck) {
     for strays in 1..=MAX_STRAY_BYTES {
         match check_frame_at(search, input, context, strays) {
-            Certain::No => {}
-            Certain::Wait => return (strays, Certain::Wait),
-            Certain::Frame(length) => {
+            FrameCheck::NoFrame => {}
+            FrameCheck::NeedsMoreBytes => return (strays, FrameCheck::NeedsMoreBytes),
+            FrameCheck::Frame(length) => {
                 let frame = &input.bytes()[strays..strays + length.bytes()];
-                if length.request() && !is_permitted_request(frame, context) {
+                if length.is_request() && !is_permitted_request(frame, context) {
                     break;
                 }
                 return match search.rival_in_stray_bytes(input, context, strays, length.bytes()) {
-                    Certain::No => (strays, Certain::Frame(length)),
-                    Certain::Wait => (strays, Certain::Wait),
-                    Certain::Frame(_) => break,
+                    FrameCheck::NoFrame => (strays, FrameCheck::Frame(length)),
+                    FrameCheck::NeedsMoreBytes => (strays, FrameCheck::NeedsMoreBytes),
+                    FrameCheck::Frame(_) => break,
                 };
             }
         }
     }
-    (0, Certain::No)
+    (0, FrameCheck::NoFrame)
 }
 
 /// Whether a frame with the length of a request keeps the limits of the specification and does not end in 00.
@@ -135,35 +72,35 @@ fn is_permitted_request(frame: &[u8], context: &Context<'_>) -> bool {
 /// Checks for a frame that begins at this index of the input: its header must announce a length, its CRC must be valid,
 /// and no record boundary or long silence may lie inside.
 #[inline]
-fn check_frame_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Certain {
+fn check_frame_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> FrameCheck {
     let bytes = input.bytes().get(at..).unwrap_or(&[]);
     if bytes.len() < HEADER_BYTES && !input.closed {
-        return Certain::Wait;
+        return FrameCheck::NeedsMoreBytes;
     }
-    let Some(length) = expected_length(search, input, context, at) else { return Certain::No };
+    let Some(length) = expected_length(search, input, context, at) else { return FrameCheck::NoFrame };
     let frame_bytes = length.bytes();
     if bytes.len() < frame_bytes {
-        return if input.closed { Certain::No } else { Certain::Wait };
+        return if input.closed { FrameCheck::NoFrame } else { FrameCheck::NeedsMoreBytes };
     }
     let is_whole = crc_valid_at(bytes, frame_bytes) && input.edge_after(0, at + frame_bytes - 1, input.break_ns).is_none();
     if is_whole {
-        Certain::Frame(length)
+        FrameCheck::Frame(length)
     } else {
-        Certain::No
+        FrameCheck::NoFrame
     }
 }
 
 /// The length of the frame that begins at this index, if its unit and function leave no doubt what it is: the response to
 /// the outstanding request, or a familiar request.
 #[inline]
-fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<FrameLength> {
     let bytes = input.bytes().get(at..)?;
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
     let may_be_request = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
     match search.outstanding_request() {
         Some(asked) if asked.matches(unit, code & !EXCEPTION_BIT) => match asked.expected_response {
             // Nearly always: the byte count is the one that the request determines.
-            Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(Length::exactly(length)),
+            Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(FrameLength::exactly(length)),
             _ => response_length(asked, input, context, at),
         },
         // The outstanding request was not answered, and the master goes on with the poll cycle.
@@ -179,15 +116,15 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
 }
 
 /// The length of the frame at this index as the response to the outstanding request; `None` if it is no certain response.
-fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at: usize) -> Option<Length> {
+fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
         let has_exception_code = bytes.get(2).is_some_and(|&exception| exception != 0);
-        return has_exception_code.then(|| Length::exactly(EXCEPTION_BYTES));
+        return has_exception_code.then(|| FrameLength::exactly(EXCEPTION_BYTES));
     }
     let row = context.functions.row(code, &asked.pdu[1..])?;
-    let length = Length::of(row.response.extent(body))?;
+    let length = FrameLength::of(row.response.extent(body))?;
     // A response that repeats its request and a retry of that request have the same bytes. Where neither the clock nor the
     // bytes that follow tell which of the two this is, the search weighs them.
     let repeats_request = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
@@ -196,7 +133,7 @@ fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at
     if is_copy && asked.is_tentative {
         return None;
     }
-    if is_copy && (context.pause)(pause()) > SURELY_AN_ANSWER {
+    if is_copy && (context.pause)(pause()) > RESPONSE_LOG_ODDS_BITS {
         if at > 0 {
             return None;
         }
@@ -205,7 +142,7 @@ fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at
             Some(_) => return None,
             None if input.timed => return None,
             // One byte more than there are, so that the caller waits for what follows.
-            None => return Some(Length::at_least(bytes.len() + 1)),
+            None => return Some(FrameLength::at_least(bytes.len() + 1)),
         }
     }
     let agrees = match expected_block(row, &asked.pdu) {
@@ -217,12 +154,12 @@ fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at
 
 /// The length of these bytes as a request; `None` if they may as well be a response to an earlier request.
 #[inline]
-fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Option<Length> {
+fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Option<FrameLength> {
     let (unit, code, body) = (bytes[0], bytes[1], &bytes[2..]);
     let row = context.functions.row(code, body)?;
-    let length = Length::of(row.request.extent(body)).filter(|length| length.bytes() <= RTU_LIMIT)?;
+    let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= RTU_LIMIT)?;
     // If a response would have the same length, this may be the last response once more, or a late one.
-    if Length::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
+    if FrameLength::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
         let open = search.answerable();
         let may_be_response = open.superseded.is_some_and(|late| late.matches(unit, code))
             || (!row.mirrored && open.last_answered.is_some_and(|(last, _)| last.matches(unit, code)));
@@ -231,28 +168,4 @@ fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Optio
         }
     }
     Some(length.as_request())
-}
-
-/// The byte count that the response to this request begins with, and the length of the whole response frame in bytes, if
-/// the request determines them and the request cannot be taken for its own response.
-#[inline]
-pub fn answer(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
-    let count = expected_block(row, pdu).filter(|_| !row.mirrored)?;
-    let count = u8::try_from(count).ok()?;
-    match row.response.extent(&[count]) {
-        // For instance 24 inputs from an address 0x03xx on: the request has the length and the first bytes of its response.
-        Extent::Exactly(length) if length == pdu.len() - 1 && pdu.get(1) == Some(&count) => None,
-        Extent::Exactly(length) if length + ENVELOPE_BYTES <= MAX_CANDIDATE_BYTES => Some((count, length + ENVELOPE_BYTES)),
-        _ => None,
-    }
-}
-
-/// Whether the bytes begin with the same frame of this length twice; `None` if more bytes are needed to tell.
-pub(super) fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
-    let second = bytes.get(length..).unwrap_or(&[]);
-    let compared = second.len().min(length);
-    if second[..compared] != bytes[..compared] {
-        return Some(false);
-    }
-    (compared == length).then_some(true)
 }

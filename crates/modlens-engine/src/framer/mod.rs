@@ -5,7 +5,6 @@
 
 pub mod ascii;
 pub mod auto;
-pub mod exchange;
 pub mod rtu;
 pub mod silence;
 pub mod tcp;

@@ -7,29 +7,29 @@ use modlens_protocol::Ns;
 
 impl Pairing {
     /// Whether no request is outstanding, and the next frame can change nothing about earlier ones.
-    pub fn idle(&self) -> bool {
+    pub fn is_idle(&self) -> bool {
         let is_open = !self.open.is_empty() || self.unit_mismatch.is_some() || self.truncated_request.is_some();
         !is_open && self.delayed_findings.is_empty() && self.history.is_idle() && self.masters.is_idle()
     }
 
-    /// Records that a unit has answered a request after `response_time`. `mirrored`: the response has the same bytes as the
+    /// Records that a unit has answered a request after `response_time`. `echoes_request`: the response has the same bytes as the
     /// request, so that neither the number of copies nor the time can be learned from it.
     #[inline]
-    pub fn again(&mut self, unit: u8, mbap_id: Option<u16>, mirrored: bool, response_time: Option<Ns>) {
+    pub fn record_exchange(&mut self, unit: u8, mbap_id: Option<u16>, echoes_request: bool, response_time: Option<Ns>) {
         match mbap_id {
             Some(id) => self.remember_id(id),
-            None if mirrored => {}
+            None if echoes_request => {}
             None => self.echoes.add_request(),
         }
         self.history.count_answered();
         self.answering_units[usize::from(unit)] = true;
-        if let Some(time) = response_time.filter(|_| !mirrored) {
+        if let Some(time) = response_time.filter(|_| !echoes_request) {
             self.timing.record_response_time(time);
         }
     }
 
     /// Keeps the last response of a run of such exchanges, which the next frame may repeat.
-    pub fn resume(&mut self, unit: u8, response: &[u8]) {
+    pub fn sync_after_batch(&mut self, unit: u8, response: &[u8]) {
         self.history.sync_after_batch(unit, response);
     }
 }

@@ -6,7 +6,6 @@
 
 pub(crate) mod announced_length;
 pub(crate) mod answerable;
-pub(crate) mod certain;
 pub(crate) mod crc_scan;
 pub(crate) mod header_score;
 pub(crate) mod learned_lengths;
@@ -14,7 +13,6 @@ pub(crate) mod log2;
 pub(crate) mod poll_cycle;
 pub(crate) mod prefilter;
 pub(crate) mod prefix_index;
-pub(crate) mod routine;
 pub(crate) mod score;
 pub(crate) mod score_bounds;
 pub(crate) mod search;
@@ -22,6 +20,8 @@ pub(crate) mod side;
 pub(crate) mod traffic_model;
 
 use crate::damage::recovery::{damaged_hypothesis, DamageRecovery, Surroundings};
+use crate::fast_path::frame_check::{FrameCheck, FrameLength};
+use crate::fast_path::rtu_frame::{check_frame, check_frame_behind_strays};
 use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
 use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS, MAX_CONFIDENCE_BITS};
@@ -33,7 +33,6 @@ use modlens_protocol::Ns;
 
 use announced_length::announced_lengths;
 use answerable::copy_prefix;
-use certain::{Certain, Length};
 use search::{is_held_back, Decision, Search};
 
 /// The framer of an RTU line.
@@ -92,18 +91,18 @@ impl Rtu {
     /// Tried at most once per stream offset. A second attempt after more bytes have come could give a different result, and
     /// the output would then depend on how the input was split into blocks.
     #[inline]
-    fn try_fast_path(&mut self, input: &Input, context: &Context<'_>) -> Certain {
+    fn try_fast_path(&mut self, input: &Input, context: &Context<'_>) -> FrameCheck {
         let is_idle = !context.shared || self.search.is_idle();
         let has_failed = self.fast_path_failed_at == Some(input.offset());
         if has_failed || !is_idle || self.search.committed_offset() > input.offset() {
-            return Certain::No;
+            return FrameCheck::NoFrame;
         }
-        match certain::certain(&self.search, input, context) {
-            Certain::Frame(length) if self.search.allows_fast_path(0, length) => Certain::Frame(length),
-            Certain::Wait => Certain::Wait,
+        match check_frame(&self.search, input, context) {
+            FrameCheck::Frame(length) if self.search.allows_fast_path(0, length) => FrameCheck::Frame(length),
+            FrameCheck::NeedsMoreBytes => FrameCheck::NeedsMoreBytes,
             _ => {
                 self.fast_path_failed_at = Some(input.offset());
-                Certain::No
+                FrameCheck::NoFrame
             }
         }
     }
@@ -111,25 +110,25 @@ impl Rtu {
     /// Whether an unambiguous frame stands behind a few stray bytes of a recording; it becomes the decision then.
     ///
     /// Tried at most once per stream offset, for the reason that `try_fast_path` gives.
-    fn try_fast_path_after_strays(&mut self, input: &Input, context: &Context<'_>) -> Certain {
+    fn try_fast_path_after_strays(&mut self, input: &Input, context: &Context<'_>) -> FrameCheck {
         let is_single_line = context.speaker.is_none() && context.certain.is_none() && !context.shared;
         let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.record);
         let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
         let is_in_step = !has_failed && self.search.committed_offset() == input.offset();
         let is_possible = context.ahead && is_single_line && is_plain_read && is_in_step;
         if !(is_possible && self.search.has_sound_outstanding_request()) {
-            return Certain::No;
+            return FrameCheck::NoFrame;
         }
-        let (stray_bytes, certain) = certain::behind_strays(&self.search, input, context);
-        if matches!(certain, Certain::No) {
+        let (stray_bytes, certain) = check_frame_behind_strays(&self.search, input, context);
+        if matches!(certain, FrameCheck::NoFrame) {
             self.fast_path_failed_after_strays_at = Some(input.offset());
         }
-        if let Certain::Frame(length) = certain {
+        if let FrameCheck::Frame(length) = certain {
             let unit = input.bytes()[stray_bytes];
             let is_known = self.search.outstanding_request().is_some() || context.paired_units[usize::from(unit)];
             if !(is_known && self.search.allows_fast_path(stray_bytes, length)) {
                 self.fast_path_failed_after_strays_at = Some(input.offset());
-                return Certain::No;
+                return FrameCheck::NoFrame;
             }
             let start = input.offset() + stray_bytes as u64;
             self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length);
@@ -142,7 +141,7 @@ impl Rtu {
 
     /// Gives out the frame that the fast path found at the first byte.
     #[inline]
-    fn emit_fast_path_frame(&mut self, input: &Input, context: &Context<'_>, length: Length, adu: &mut Vec<u8>) -> Cut {
+    fn emit_fast_path_frame(&mut self, input: &Input, context: &Context<'_>, length: FrameLength, adu: &mut Vec<u8>) -> Cut {
         let bytes = input.bytes();
         self.last_was_damaged = false;
         self.learn_inner_pause(input, length.bytes());
@@ -150,7 +149,7 @@ impl Rtu {
         let direction = self.search.last_direction();
         self.recovery.learn_reaction(&mut self.search.model, context, &bytes[..length.bytes()], direction);
         let confidence = MAX_CONFIDENCE_BITS;
-        if !length.exact() {
+        if !length.is_exact() {
             return self.emit_frame(input, context, length.bytes(), direction, confidence, adu);
         }
         copy_prefix(adu, bytes, length.bytes() - 2);
@@ -179,14 +178,14 @@ impl Rtu {
                 self.search.set_outstanding_request(context.asked);
             }
             match self.try_fast_path(input, context) {
-                Certain::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
-                Certain::Wait => return None,
-                Certain::No => {}
+                FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
+                FrameCheck::NeedsMoreBytes => return None,
+                FrameCheck::NoFrame => {}
             }
             match self.try_fast_path_after_strays(input, context) {
-                Certain::Frame(_) => continue,
-                Certain::Wait => return None,
-                Certain::No => {}
+                FrameCheck::Frame(_) => continue,
+                FrameCheck::NeedsMoreBytes => return None,
+                FrameCheck::NoFrame => {}
             }
             let held_back_to = self.search.committed_offset();
             self.decision = match self.search.advance(input, context, self.frame_gap_ns(input)) {
@@ -305,9 +304,9 @@ impl Framer for Rtu {
         let has_checksum = || input.first_read().is_some_and(|read| !read.no_checksum);
         if self.decision.is_none() && !context.shared && has_checksum() {
             match self.try_fast_path(input, context) {
-                Certain::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
-                Certain::Wait => return None,
-                Certain::No => {}
+                FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
+                FrameCheck::NeedsMoreBytes => return None,
+                FrameCheck::NoFrame => {}
             }
         }
         self.next_by_search(input, context, adu)

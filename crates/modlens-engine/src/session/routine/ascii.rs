@@ -2,8 +2,8 @@
 
 use memchr::memchr;
 
+use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::framer::ascii::LIMIT;
-use crate::framer::exchange::Exchange;
 use crate::session::bus::{declared_direction, BusState};
 use crate::session::routine::{adjacent_spans, may_hold_no_map, BatchTotals, MatchedExchange};
 use crate::session::Session;
@@ -42,17 +42,17 @@ fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adu
     let [request, response] = adus;
     let request_length = 2 + memchr(b'\r', &text[..text.len().min(LIMIT)])?;
     let expected = decode_clean(text, request_length, request)
-        .then(|| Exchange::of(functions, Mode::Ascii, request))?
-        .filter(|expected| may_hold_no_map(expected) && !expected.ambiguous)?;
-    let response_length = frame_characters(expected.answered);
-    let are_valid = request.len() == expected.asked && decode_clean(&text[request_length..], response_length, response);
+        .then(|| ExpectedExchange::from_request(functions, Mode::Ascii, request))?
+        .filter(|expected| may_hold_no_map(expected) && !expected.resembles_response)?;
+    let response_length = frame_characters(expected.response_bytes);
+    let are_valid = request.len() == expected.request_bytes && decode_clean(&text[request_length..], response_length, response);
     if !are_valid
-        || !expected.is_answered(request, response)
+        || !expected.is_answered_by(request, response)
         || !input.holds_exchange(Mode::Ascii, request_length, response_length, patience)
     {
         return None;
     }
-    if expected.mirrored {
+    if expected.echoes_request {
         // Request and response have the same bytes: the second may be a retry, if the recording or the pause says so.
         let declared =
             |index| input.read(index).and_then(|read| read.side).map(|side| declared_direction(state.side_votes, side));
@@ -63,7 +63,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adu
             return None;
         }
     }
-    let is_settled = state.profiles.take(functions, request, expected.block(response));
+    let is_settled = state.profiles.take(functions, request, expected.read_data(response));
     let lengths = [request_length, response_length];
     is_settled.then_some(MatchedExchange { expected, mode: Mode::Ascii, mbap_id: None, lines: [0, 0], lengths })
 }
@@ -85,7 +85,7 @@ impl Session {
             let pdus = adus.each_ref().map(|adu| self.batch.keep(&adu[1..]));
             self.exchange(bus, &matched, wires, Some(pdus), &timing, min_measurable_ns, &mut totals);
             let response = &adus[1];
-            self.buses[bus].pairing.resume(response[0], &response[1..]);
+            self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);
         }
         self.adus = adus;
         if totals.exchanges > 0 {

@@ -8,7 +8,7 @@
 mod ascii;
 mod rows;
 
-use crate::framer::exchange::Exchange;
+use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::records::Span;
 use crate::session::bus::learn_side;
 use crate::session::bus::FROM_SERVER;
@@ -29,7 +29,7 @@ use rows::ExchangeRows;
 /// A request and its response at the heads of their lines.
 struct MatchedExchange {
     /// The exchange as the request announces it; the response is the one expected.
-    expected: Exchange,
+    expected: ExpectedExchange,
     mode: Mode,
     mbap_id: Option<u16>,
     /// Indices of the lines of request and response.
@@ -42,7 +42,7 @@ impl Session {
     /// Emits exchanges at the heads of the lines of a bus, as long as there is no doubt about each.
     pub(super) fn routine(&mut self, bus: usize) {
         let state = &self.buses[bus];
-        if state.clock_jumped || !state.pairing.idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
+        if state.clock_jumped || !state.pairing.is_idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {
             return;
         }
         match &state.lines[..] {
@@ -66,8 +66,8 @@ impl Session {
         let timing = state.timing_config(0);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
-        let mut last: Option<Exchange> = None;
-        let mut last_answered = state.lines[0].1.framer.routine().and_then(|framer| framer.before());
+        let mut last: Option<ExpectedExchange> = None;
+        let mut last_answered = state.lines[0].1.framer.routine().and_then(|framer| framer.last_answered());
         let arena_start = self.batch.arena.len();
         loop {
             let state = &mut self.buses[bus];
@@ -75,15 +75,16 @@ impl Session {
             let patience = if timing.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
             let Some(framer) = line.framer.routine() else { break };
             let pause = |index| state.pairing.timing.timeout_log_odds(line.input.pause_before(index));
-            let exchange = framer.exchange(&self.functions, &line.input, last_answered, patience, pause);
+            let exchange = framer.next_exchange(&self.functions, &line.input, last_answered, patience, pause);
             let Some(expected) = exchange.filter(may_hold_no_map) else { break };
-            let lengths @ [request_bytes, response_bytes] = [expected.asked + CRC_BYTES, expected.answered + CRC_BYTES];
+            let lengths @ [request_bytes, response_bytes] =
+                [expected.request_bytes + CRC_BYTES, expected.response_bytes + CRC_BYTES];
             let (request, response) = line.input.bytes()[..request_bytes + response_bytes].split_at(request_bytes);
-            if !state.profiles.take(&self.functions, request, expected.block(&response[..expected.answered])) {
+            if !state.profiles.take(&self.functions, request, expected.read_data(&response[..expected.response_bytes])) {
                 break;
             }
             // From here on, the exchange changes the state of the session.
-            framer.again(request, response, expected.mirrored);
+            framer.record_exchange(request, response, expected.echoes_request);
             let matched = MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + totals.bytes, matched.lengths);
@@ -97,10 +98,10 @@ impl Session {
         self.batch.arena.extend_from_slice(line.input.forgotten(totals.bytes));
         self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
         if let Some(framer) = line.framer.routine() {
-            framer.resume(&line.input, &last);
+            framer.sync_after_batch(&line.input, &last);
         }
-        let response = &line.input.forgotten(last.answered + CRC_BYTES)[..last.answered];
-        state.pairing.resume(response[0], &response[1..]);
+        let response = &line.input.forgotten(last.response_bytes + CRC_BYTES)[..last.response_bytes];
+        state.pairing.sync_after_batch(response[0], &response[1..]);
     }
 
     /// Emits the exchanges at the head of a TCP connection, where each side has its own line and each message its own
@@ -116,8 +117,11 @@ impl Session {
             let state = &mut self.buses[bus];
             let (client_input, server_input) = (&state.lines[client].1.input, &state.lines[server].1.input);
             let Some((header, request)) = client_input.bytes().split_first_chunk::<MBAP>() else { break };
-            let Some(expected) = Exchange::of(&self.functions, Mode::Tcp, request).filter(may_hold_no_map) else { break };
-            let lengths = [MBAP + expected.asked, MBAP + expected.answered];
+            let Some(expected) = ExpectedExchange::from_request(&self.functions, Mode::Tcp, request).filter(may_hold_no_map)
+            else {
+                break;
+            };
+            let lengths = [MBAP + expected.request_bytes, MBAP + expected.response_bytes];
             let packets = client_input.packet(lengths[0]).zip(server_input.packet(lengths[1]));
             let Some(((requested_at, next_request_at), (answered_at, _))) = packets else { break };
             // The response comes behind the request, in time, and before the next request.
@@ -125,28 +129,28 @@ impl Session {
                 && answered_at - requested_at < state.pairing.request_timeout()
                 && next_request_at.is_none_or(|time| time > answered_at);
             // A packet always has all of its bytes.
-            let (request, response) = (&request[..expected.asked], &server_input.bytes()[..lengths[1]]);
+            let (request, response) = (&request[..expected.request_bytes], &server_input.bytes()[..lengths[1]]);
             let id = [header[0], header[1]];
             let has_header = |mbap: &[u8], length: usize| *mbap == [id[0], id[1], 0, 0, 0, length as u8];
-            let are_framed = has_header(header, expected.asked) && has_header(&response[..MBAP], expected.answered);
+            let are_framed = has_header(header, expected.request_bytes) && has_header(&response[..MBAP], expected.response_bytes);
             let response = &response[MBAP..];
-            if !(is_in_turn && are_framed && expected.is_answered(request, response)) {
+            if !(is_in_turn && are_framed && expected.is_answered_by(request, response)) {
                 break;
             }
-            if !state.profiles.take(&self.functions, request, expected.block(response)) {
+            if !state.profiles.take(&self.functions, request, expected.read_data(response)) {
                 break;
             }
             let mbap_id = Some(u16::from_be_bytes(id));
             let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
             let wires = [0, 1].map(|at| self.batch.keep(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
             self.exchange(bus, &matched, wires, None, &timing, min_measurable_ns, &mut totals);
-            last_response_bytes = Some(expected.answered);
+            last_response_bytes = Some(expected.response_bytes);
         }
         let Some(response_bytes) = last_response_bytes else { return };
         let state = &mut self.buses[bus];
         self.stats.record_batch(state.counts, Mode::Tcp, totals.exchanges, totals.bytes as u64);
         let response = state.lines[server].1.input.forgotten(response_bytes);
-        state.pairing.resume(response[0], &response[1..]);
+        state.pairing.sync_after_batch(response[0], &response[1..]);
     }
 
     /// Emits the rows of an exchange at the heads of its lines and consumes its bytes; pairing and statistics learn from it.
@@ -173,7 +177,7 @@ impl Session {
         learn_side(&mut state.side_votes, response_moment.side, Direction::Response);
         let response_time =
             state.pairing.measurable_interval(request_moment.end, response_moment.start, response_moment.clean_start);
-        state.pairing.again(expected.unit, *mbap_id, expected.mirrored, response_time);
+        state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, response_time);
         let unit = usize::from(expected.unit);
         (state.known_units[unit], state.paired_units[unit]) = (true, true);
         let rows = ExchangeRows {
@@ -202,7 +206,8 @@ impl Session {
             self.batch.frames.push(rows.frame(Direction::Response, no_findings));
         }
         if self.wanted.transactions {
-            let binary_pdus = || [pdu_span(*mode, wires[0], expected.asked), pdu_span(*mode, wires[1], expected.answered)];
+            let binary_pdus =
+                || [pdu_span(*mode, wires[0], expected.request_bytes), pdu_span(*mode, wires[1], expected.response_bytes)];
             let points = state.profiles.of(expected.unit);
             self.held.push(rows.transaction(points, pdus.unwrap_or_else(binary_pdus), no_findings));
         }
@@ -218,7 +223,7 @@ struct BatchTotals {
 
 /// Whether no self-describing register map (`points::sunspec`) can begin in the registers that are read. If one can, the
 /// exchange has to take the slow path, which looks for the map.
-fn may_hold_no_map(expected: &Exchange) -> bool {
+fn may_hold_no_map(expected: &ExpectedExchange) -> bool {
     expected.kind != StandardLayout::ReadRegisters || !may_begin_in(expected.address, usize::from(expected.quantity))
 }
 

@@ -1,7 +1,7 @@
 //! The state of the search over one line, what it has committed, and the frames that the fast path commits past it.
 
+use crate::fast_path::frame_check::{expected_response, FrameLength};
 use crate::framer::rtu::answerable::{Answerable, AnswerableRequests, HeldRequest, RequestPool};
-use crate::framer::rtu::certain::{answer, Length};
 use crate::framer::rtu::crc_scan::CrcScanner;
 use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
@@ -112,11 +112,11 @@ impl Search {
 impl Search {
     /// Whether no hypothesis speaks against a fast-path frame behind the root and some stray bytes: there is none, or the best
     /// path begins with that very frame.
-    pub fn allows_fast_path(&self, stray_bytes: usize, length: Length) -> bool {
+    pub fn allows_fast_path(&self, stray_bytes: usize, length: FrameLength) -> bool {
         if self.lattice.len() == 1 {
             return true;
         }
-        let direction = if length.request() { REQUEST } else { RESPONSE };
+        let direction = if length.is_request() { REQUEST } else { RESPONSE };
         let first = self.lattice[self.best_path().0].first_on_path;
         let frame = &self.lattice[first];
         let start = self.committed_offset() + stray_bytes as u64;
@@ -132,7 +132,7 @@ impl Search {
 
     /// Commits a frame that the fast path found behind the root and some stray bytes. `bytes` begin behind the root.
     #[inline]
-    pub fn commit_fast_path_frame(&mut self, context: &Context<'_>, bytes: &[u8], stray_bytes: usize, length: Length) {
+    pub fn commit_fast_path_frame(&mut self, context: &Context<'_>, bytes: &[u8], stray_bytes: usize, length: FrameLength) {
         if self.lattice.len() > 1 {
             self.lattice.truncate(1);
         }
@@ -140,11 +140,11 @@ impl Search {
         let frame = &bytes[..length.bytes()];
         let request_outstanding = self.lattice[ROOT].answerable.outstanding.is_some();
         let mut copy = RequestCopy::Unclear;
-        let direction = if length.request() { REQUEST } else { RESPONSE };
-        if length.request() {
+        let direction = if length.is_request() { REQUEST } else { RESPONSE };
+        if length.is_request() {
             self.reserve_request();
             let row = context.functions.row(frame[1], &frame[2..]);
-            let expected_response = row.and_then(|row| answer(row, &frame[1..frame.len() - 2]));
+            let expected_response = row.and_then(|row| expected_response(row, &frame[1..frame.len() - 2]));
             if row.is_some_and(|row| !row.mirrored) {
                 copy = RequestCopy::First;
             }

@@ -5,8 +5,8 @@
 
 use std::ops::Range;
 
+use crate::fast_path::frame_check::{FrameCheck, FrameLength};
 use crate::framer::rtu::announced_length::announced_lengths;
-use crate::framer::rtu::certain::{Certain, Length};
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
@@ -163,7 +163,7 @@ impl Search {
 
     /// A frame that begins with one of some stray bytes and would outscore the unambiguous frame of this length behind them,
     /// if there is one.
-    pub fn rival_in_stray_bytes(&self, input: &Input, context: &Context<'_>, stray_bytes: usize, length: usize) -> Certain {
+    pub fn rival_in_stray_bytes(&self, input: &Input, context: &Context<'_>, stray_bytes: usize, length: usize) -> FrameCheck {
         let outstanding = self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id));
         for at in 0..stray_bytes {
             let seen = &input.bytes()[at..stray_bytes + length];
@@ -173,7 +173,7 @@ impl Search {
                 || context.known_units[usize::from(seen[0])] && announced_lengths(context, seen).into_iter().any(is_open);
             // Nearly always no such frame is complete.
             let found = complete_frame_beyond(input, context, at, stray_bytes + length);
-            if matches!(found, Certain::No) {
+            if matches!(found, FrameCheck::NoFrame) {
                 continue;
             }
             let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.between(at as u64);
@@ -183,7 +183,7 @@ impl Search {
                 return found;
             }
         }
-        Certain::No
+        FrameCheck::NoFrame
     }
 }
 
@@ -196,7 +196,7 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
 
 /// The frame with a valid CRC that begins at this index of the input and reaches beyond index `to`, in a length that its
 /// header admits.
-fn complete_frame_beyond(input: &Input, context: &Context<'_>, at: usize, to: usize) -> Certain {
+fn complete_frame_beyond(input: &Input, context: &Context<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let max_length = max_frame_length(input, at);
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {
@@ -212,10 +212,10 @@ fn complete_frame_beyond(input: &Input, context: &Context<'_>, at: usize, to: us
             Extent::Open(_) => first_valid_length(&bytes[..max_length.min(bytes.len())], to - at),
         };
         match found {
-            Some(length) => return Certain::Frame(Length::exactly(length)),
-            None if needed > bytes.len() && !input.closed => return Certain::Wait,
+            Some(length) => return FrameCheck::Frame(FrameLength::exactly(length)),
+            None if needed > bytes.len() && !input.closed => return FrameCheck::NeedsMoreBytes,
             None => {}
         }
     }
-    Certain::No
+    FrameCheck::NoFrame
 }

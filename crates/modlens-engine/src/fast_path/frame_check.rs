@@ -1,0 +1,95 @@
+//! The result of the fast path's check of one frame, and what a request determines of its response.
+
+use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
+use modlens_protocol::direction::expected_block;
+use modlens_protocol::functions::{Extent, FunctionRow};
+
+/// Threshold of the log2 odds timeout : response. At or below -10, the pause before a repeated request-like frame is at
+/// least 1000 times more likely before a response than after a timeout, so the frame is taken as the response.
+pub(crate) const RESPONSE_LOG_ODDS_BITS: f32 = -10.0;
+
+/// The result of checking the next header.
+pub enum FrameCheck {
+    /// A frame: the response to the outstanding request, or a request.
+    Frame(FrameLength),
+    /// More bytes are needed to tell.
+    NeedsMoreBytes,
+    /// No frame that is beyond doubt: the search has to decide.
+    NoFrame,
+}
+
+/// How many of the first bytes are a frame if their CRC is valid, whether their header announces exactly that number, and
+/// whether they are a request.
+///
+/// All of it is packed into one number, because it passes from function to function for every frame.
+#[derive(Clone, Copy)]
+pub struct FrameLength(u32);
+
+impl FrameLength {
+    const EXACT: u32 = 1;
+    const REQUEST: u32 = 2;
+
+    /// A length in bytes that the header announces.
+    pub fn exactly(bytes: usize) -> Self {
+        Self((bytes as u32) << 2 | Self::EXACT)
+    }
+
+    /// The least length in bytes that the header admits; the frame may be longer.
+    pub fn at_least(bytes: usize) -> Self {
+        Self((bytes as u32) << 2)
+    }
+
+    /// The same length, of a frame that is a request.
+    pub fn as_request(self) -> Self {
+        Self(self.0 | Self::REQUEST)
+    }
+
+    /// The length of a frame whose body has this extent, if the extent bounds it.
+    pub fn of(extent: Extent) -> Option<Self> {
+        match extent {
+            Extent::Exactly(length) => Some(Self::exactly(length + ENVELOPE_BYTES)),
+            Extent::AtLeast(length) => Some(Self::at_least(length + ENVELOPE_BYTES)),
+            Extent::Open(_) => None,
+        }
+    }
+
+    /// The length in bytes.
+    pub fn bytes(self) -> usize {
+        (self.0 >> 2) as usize
+    }
+
+    /// Whether the frame is a request.
+    pub fn is_request(self) -> bool {
+        self.0 & Self::REQUEST != 0
+    }
+
+    /// Whether the header announces exactly this length.
+    pub fn is_exact(self) -> bool {
+        self.0 & Self::EXACT != 0
+    }
+}
+
+/// The byte count that the response to this request begins with, and the length of the whole response frame in bytes, if
+/// the request determines them and the request cannot be taken for its own response.
+#[inline]
+pub fn expected_response(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
+    let count = expected_block(row, pdu).filter(|_| !row.mirrored)?;
+    let count = u8::try_from(count).ok()?;
+    match row.response.extent(&[count]) {
+        // For instance 24 inputs from an address 0x03xx on: the request has the length and the first bytes of its response.
+        Extent::Exactly(length) if length == pdu.len() - 1 && pdu.get(1) == Some(&count) => None,
+        Extent::Exactly(length) if length + ENVELOPE_BYTES <= MAX_CANDIDATE_BYTES => Some((count, length + ENVELOPE_BYTES)),
+        _ => None,
+    }
+}
+
+/// Whether the bytes begin with the same frame of this length twice; `None` if more bytes are needed to tell.
+pub(crate) fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
+    let second = bytes.get(length..).unwrap_or(&[]);
+    let compared = second.len().min(length);
+    if second[..compared] != bytes[..compared] {
+        return Some(false);
+    }
+    (compared == length).then_some(true)
+}
