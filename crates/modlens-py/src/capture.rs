@@ -6,10 +6,10 @@ use modlens_writers::recording;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::arguments::value_error;
+use crate::batch::Batch;
 use crate::lines::{as_bytes, PIECE};
-use crate::session::Batch;
 use crate::table::Table;
-use crate::wrong;
 
 /// Frames as pcapng or pcap.
 #[pyclass(module = "_modlens")]
@@ -25,7 +25,7 @@ impl Capture {
         let found = Encapsulation::ALL.iter().find(|(name, _)| *name == style).map(|(_, style)| *style);
         let style = found.ok_or_else(|| {
             let known: Vec<&str> = Encapsulation::ALL.iter().map(|(name, _)| *name).collect();
-            wrong(format!("style {style:?} is none of {}", known.join(", ")))
+            value_error(format!("style {style:?} is none of {}", known.join(", ")))
         })?;
         let application = format!("modlens {}", env!("CARGO_PKG_VERSION"));
         Ok(Self { core: Core::new(CaptureOptions { style, classic, live, context, application }) })
@@ -84,7 +84,7 @@ pub fn recording_port(
 }
 
 fn describe((port, bus, name, line, settings): &RecordedPort, out: &mut Vec<u8>) -> PyResult<()> {
-    let settings = settings.as_deref().map(str::parse::<LineSettings>).transpose().map_err(wrong)?;
+    let settings = settings.as_deref().map(str::parse::<LineSettings>).transpose().map_err(value_error)?;
     recording::port(port, (*bus, name), line.as_deref(), settings.as_ref(), out);
     Ok(())
 }

@@ -7,8 +7,7 @@ use modlens_readers::text::{detect, Dialects as Core, Reader};
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
-use crate::session::hex;
-use crate::wrong;
+use crate::arguments::{hex, value_error};
 
 /// A byte string of a log: line number, who sent it, when, the bytes.
 type Found = (u64, Option<&'static str>, Option<i64>, Vec<u8>);
@@ -40,7 +39,7 @@ impl Dialects {
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
         let core = Arc::make_mut(&mut self.core);
         let mut changed = core.clone();
-        changed.load(text, origin).map_err(wrong)?;
+        changed.load(text, origin).map_err(value_error)?;
         *core = changed;
         Ok(())
     }
@@ -57,7 +56,7 @@ impl Dialects {
     }
 
     fn read(&self, format: &str, text: &[u8]) -> PyResult<(Vec<Found>, Vec<LeftOut>, u64)> {
-        let mut reader = Reader::new(self.core.named(format).map_err(wrong)?, None, Arc::default());
+        let mut reader = Reader::new(self.core.named(format).map_err(value_error)?, None, Arc::default());
         reader.look_ahead(text);
         reader.push(text);
         let mut found = Vec::new();

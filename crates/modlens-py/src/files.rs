@@ -8,9 +8,9 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::arguments::value_error;
 use crate::lines::as_bytes;
 use crate::table::Table;
-use crate::wrong;
 
 /// A Parquet or Arrow file of rows of one table.
 #[pyclass(frozen, module = "_modlens")]
@@ -28,20 +28,20 @@ fn broken(error: impl std::fmt::Display) -> PyErr {
 impl RowFile {
     #[new]
     fn new(format: &str, table: &str, columns: Vec<String>) -> PyResult<Self> {
-        let kind = TableKind::from_name(table).ok_or_else(|| wrong(format!("no table {table:?}")))?;
-        let columns = columns.iter().map(|key| kind.column(key)).collect::<Result<_, _>>().map_err(wrong)?;
+        let kind = TableKind::from_name(table).ok_or_else(|| value_error(format!("no table {table:?}")))?;
+        let columns = columns.iter().map(|key| kind.column(key)).collect::<Result<_, _>>().map_err(value_error)?;
         let version = env!("CARGO_PKG_VERSION");
         let core = match format {
             "arrow" => Core::arrow(kind, columns, version),
             "parquet" => Core::parquet(kind, columns, version),
-            other => return Err(wrong(format!("format {other:?} is neither arrow nor parquet"))),
+            other => return Err(value_error(format!("format {other:?} is neither arrow nor parquet"))),
         };
         Ok(Self { kind, core: Mutex::new(core.map_err(broken)?) })
     }
 
     fn rows<'py>(&self, py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyBytes>> {
         if table.core.kind != self.kind {
-            return Err(wrong(format!("a file of {} got {}", self.kind.name(), table.core.kind.name())));
+            return Err(value_error(format!("a file of {} got {}", self.kind.name(), table.core.kind.name())));
         }
         let mut done = Ok(());
         let bytes = as_bytes(py, |out| done = self.core.lock().unwrap_or_else(PoisonError::into_inner).rows(&table.core, out));

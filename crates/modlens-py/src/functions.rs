@@ -7,7 +7,7 @@ use modlens_protocol::pdu;
 use pyo3::prelude::*;
 use serde_json::Value as Json;
 
-use crate::wrong;
+use crate::arguments::value_error;
 
 /// The embedded rows and further ones.
 #[pyclass(module = "_modlens")]
@@ -25,13 +25,13 @@ impl Functions {
     fn load(&mut self, text: &str, origin: &str) -> PyResult<()> {
         let core = Arc::make_mut(&mut self.core);
         let mut changed = core.clone();
-        changed.load(text, origin, None).map_err(wrong)?;
+        changed.load(text, origin, None).map_err(value_error)?;
         *core = changed;
         Ok(())
     }
 
     fn load_vendor(&mut self, name: &str) -> PyResult<()> {
-        Arc::make_mut(&mut self.core).load_vendor(name).map_err(wrong)
+        Arc::make_mut(&mut self.core).load_vendor(name).map_err(value_error)
     }
 
     fn rows(&self) -> String {
@@ -43,9 +43,9 @@ impl Functions {
     }
 
     fn encode(&self, function: u8, direction: &str, values: &str) -> PyResult<Vec<u8>> {
-        let values: Json = serde_json::from_str(values).map_err(|e| wrong(e.to_string()))?;
-        let values = values.as_object().ok_or_else(|| wrong("values must be a JSON object".into()))?;
-        pdu::encode(&self.core, function, response(direction)?, values).map_err(wrong)
+        let values: Json = serde_json::from_str(values).map_err(|e| value_error(e.to_string()))?;
+        let values = values.as_object().ok_or_else(|| value_error("values must be a JSON object".into()))?;
+        pdu::encode(&self.core, function, response(direction)?, values).map_err(value_error)
     }
 }
 
@@ -53,6 +53,6 @@ fn response(direction: &str) -> PyResult<bool> {
     match direction {
         "request" => Ok(false),
         "response" => Ok(true),
-        other => Err(wrong(format!("direction {other:?} is neither request nor response"))),
+        other => Err(value_error(format!("direction {other:?} is neither request nor response"))),
     }
 }

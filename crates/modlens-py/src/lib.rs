@@ -1,5 +1,8 @@
 //! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
 
+mod arguments;
+mod batch;
+mod capsule;
 mod capture;
 mod dialects;
 #[cfg(feature = "files")]
@@ -16,15 +19,10 @@ mod view;
 use modlens_protocol::checksum;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, VENDORS, VOCABULARY};
-use modlens_protocol::line::LineSettings;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value as Json};
 
-/// A mistake of the caller.
-fn wrong(message: String) -> PyErr {
-    PyValueError::new_err(message)
-}
+use crate::arguments::{line_settings, value_error};
 
 /// The texts that the core embeds, as one JSON object.
 #[pyfunction]
@@ -53,7 +51,7 @@ fn vocabulary() -> PyResult<String> {
 }
 
 fn toml_to_json(text: &str) -> PyResult<Json> {
-    modlens_protocol::functions::parse_toml(text).map_err(wrong)
+    modlens_protocol::functions::parse_toml(text).map_err(value_error)
 }
 
 fn finding_json(finding: Finding) -> Json {
@@ -79,14 +77,8 @@ fn lrc(data: &[u8]) -> u8 {
 /// Character time, t1.5 and t3.5 in nanoseconds.
 #[pyfunction]
 fn line_timing(baud: u32, data_bits: u8, parity: &str, stop_bits: f64) -> PyResult<(i64, i64, i64)> {
-    let line = line((baud, data_bits, parity.to_owned(), stop_bits))?;
+    let line = line_settings((baud, data_bits, parity.to_owned(), stop_bits))?;
     Ok((line.char_ns(), line.t15_ns(), line.t35_ns()))
-}
-
-/// Line settings as Python gives them.
-fn line((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResult<LineSettings> {
-    let stop = if stop_bits.fract() == 0.0 { format!("{stop_bits:.0}") } else { format!("{stop_bits}") };
-    format!("{baud}-{data_bits}{parity}{stop}").parse().map_err(wrong)
 }
 
 #[pymodule]
@@ -120,7 +112,7 @@ fn _modlens(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<inbox::Inbox>()?;
     module.add_class::<view::Lines>()?;
     module.add_function(wrap_pyfunction!(view::carried, module)?)?;
-    module.add_class::<session::Batch>()?;
+    module.add_class::<batch::Batch>()?;
     module.add_class::<session::Session>()?;
     Ok(())
 }

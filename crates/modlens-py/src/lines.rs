@@ -9,7 +9,7 @@ use modlens_writers::lines::LineWriter;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::wrong;
+use crate::arguments::value_error;
 
 /// Bytes after which a piece ends with its row: it stays in the processor's cache until it is written, and its memory
 /// is used again for the next one.
@@ -47,7 +47,8 @@ pub struct Pieces {
 impl Pieces {
     /// For these columns; `header` puts their names in front, where the format has a place for them.
     pub fn new(table: &Core, format: &str, columns: &[String], header: bool) -> PyResult<Self> {
-        let places: Vec<usize> = columns.iter().map(|key| table.kind.column(key)).collect::<Result<_, _>>().map_err(wrong)?;
+        let places: Vec<usize> =
+            columns.iter().map(|key| table.kind.column(key)).collect::<Result<_, _>>().map_err(value_error)?;
         let mut names = Vec::new();
         let format = match format {
             "csv" => {
@@ -57,7 +58,7 @@ impl Pieces {
                 Format::Csv(LineWriter::new(table, &places))
             }
             "jsonl" => Format::Jsonl(LineWriter::new(table, &places)),
-            other => return Err(wrong(format!("format {other:?} is neither csv nor jsonl"))),
+            other => return Err(value_error(format!("format {other:?} is neither csv nor jsonl"))),
         };
         Ok(Self { table: table.clone(), format, header: names, next: 0 })
     }

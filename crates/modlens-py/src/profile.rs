@@ -10,8 +10,8 @@ use modlens_tables::register_survey::RegisterSurvey as CoreSurvey;
 use pyo3::prelude::*;
 use serde_json::{json, Value as Json};
 
-use crate::session::Batch;
-use crate::wrong;
+use crate::arguments::value_error;
+use crate::batch::Batch;
 
 /// A device profile that has no mistakes.
 #[pyclass(frozen, module = "_modlens")]
@@ -23,9 +23,9 @@ pub struct Profile {
 impl Profile {
     #[new]
     fn new(text: &str, form: &str) -> PyResult<Self> {
-        let form =
-            ProfileFormat::from_word(form).ok_or_else(|| wrong(format!("form {form:?} is none of toml, csv, tree, json")))?;
-        let core = Core::parse(text, form).map_err(|mistakes| wrong(list(&mistakes)))?;
+        let form = ProfileFormat::from_word(form)
+            .ok_or_else(|| value_error(format!("form {form:?} is none of toml, csv, tree, json")))?;
+        let core = Core::parse(text, form).map_err(|mistakes| value_error(list(&mistakes)))?;
         Ok(Self { plan: Arc::new(Plan::new(core)) })
     }
 
@@ -54,11 +54,11 @@ pub fn shipped_profiles() -> Vec<(&'static str, &'static str)> {
 /// Registers as one value of a type: the number, where a float holds it, and its exact text.
 #[pyfunction]
 pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>, Option<String>)> {
-    let kind = Type::from_word(r#type).ok_or_else(|| wrong(format!("no type {type:?}")))?;
-    let order = Order::from_word(order).ok_or_else(|| wrong(format!("no order {order:?}")))?;
+    let kind = Type::from_word(r#type).ok_or_else(|| value_error(format!("no type {type:?}")))?;
+    let order = Order::from_word(order).ok_or_else(|| value_error(format!("no order {order:?}")))?;
     let needed = usize::from(kind.registers()) * 2;
     if data.is_empty() || !data.len().is_multiple_of(2) || (needed > 0 && data.len() != needed) {
-        return Err(wrong(format!("{} bytes are no {}", data.len(), kind.word())));
+        return Err(value_error(format!("{} bytes are no {}", data.len(), kind.word())));
     }
     let value = Conversion::of_type(kind, order).value(data, None);
     Ok((value.number(), value.text()))

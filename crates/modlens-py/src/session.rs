@@ -1,9 +1,9 @@
 //! The session.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use modlens_engine::framer::silence::Rule;
-use modlens_engine::records::{Batch as CoreBatch, Bus};
+use modlens_engine::records::Bus;
 use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::{Clock, Place};
@@ -11,16 +11,16 @@ use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::logic::Wiring;
 use modlens_readers::pcap::Ports;
 use modlens_readers::text::{day_of, ClockSettings, Reader};
-use modlens_tables::columns::{Table as CoreTable, TableKind};
+use modlens_tables::columns::TableKind;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use serde_json::json;
 
+use crate::arguments::{hex, line_settings, value_error};
+use crate::batch::Batch;
 use crate::dialects::Dialects;
 use crate::functions::Functions;
 use crate::profile::Profile;
-use crate::table::{table, Table};
-use crate::wrong;
 
 /// The framing of that name; `auto` is to be found out.
 fn framing(name: &str) -> PyResult<Option<Mode>> {
@@ -29,7 +29,7 @@ fn framing(name: &str) -> PyResult<Option<Mode>> {
         "rtu" => Some(Mode::Rtu),
         "ascii" => Some(Mode::Ascii),
         "tcp" => Some(Mode::Tcp),
-        other => return Err(wrong(format!("mode {other:?} is none of auto, rtu, ascii, tcp"))),
+        other => return Err(value_error(format!("mode {other:?} is none of auto, rtu, ascii, tcp"))),
     })
 }
 
@@ -38,38 +38,6 @@ fn clock_name(clock: Clock) -> &'static str {
         Clock::Utc => "utc",
         Clock::Relative => "relative",
         Clock::None => "none",
-    }
-}
-
-/// What was decided since the last `take`.
-#[pyclass(frozen, module = "_modlens")]
-pub struct Batch {
-    pub(crate) core: Arc<CoreBatch>,
-    readings: OnceLock<CoreTable>,
-}
-
-#[pymethods]
-impl Batch {
-    #[getter]
-    fn frames(&self) -> Table {
-        table(&self.core, TableKind::Frames)
-    }
-
-    #[getter]
-    fn transactions(&self) -> Table {
-        table(&self.core, TableKind::Transactions)
-    }
-
-    #[getter]
-    fn readings(&self) -> Table {
-        // Its rows are counted to make it: once is enough.
-        let made = || CoreTable::new(Arc::clone(&self.core), TableKind::Readings);
-        Table { core: self.readings.get_or_init(made).clone() }
-    }
-
-    #[getter]
-    fn findings(&self) -> Table {
-        table(&self.core, TableKind::Findings)
     }
 }
 
@@ -87,7 +55,7 @@ impl Session {
     fn new(functions: &Functions, live: bool, timeout_ns: Option<i64>, tables: Option<Vec<String>>) -> PyResult<Self> {
         let mut wanted = Wanted { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         for name in tables.unwrap_or_default() {
-            match TableKind::from_name(&name).ok_or_else(|| wrong(format!("no table {name:?}")))? {
+            match TableKind::from_name(&name).ok_or_else(|| value_error(format!("no table {name:?}")))? {
                 TableKind::Frames => wanted.frames = true,
                 TableKind::Transactions | TableKind::Readings => wanted.transactions = true,
                 TableKind::Findings => wanted.findings = true,
@@ -118,11 +86,11 @@ impl Session {
             "utc" => Clock::Utc,
             "relative" => Clock::Relative,
             "none" => Clock::None,
-            other => return Err(wrong(format!("clock {other:?} is none of utc, relative, none"))),
+            other => return Err(value_error(format!("clock {other:?} is none of utc, relative, none"))),
         };
         let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
         let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };
-        let line = line.map(crate::line).transpose()?;
+        let line = line.map(line_settings).transpose()?;
         let number = self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule });
         self.buses = number + 1; // captures and logs of several devices have added theirs
         Ok(number)
@@ -145,7 +113,7 @@ impl Session {
             None => 0,
             Some("A") => 1,
             Some("B") => 2,
-            Some(other) => return Err(wrong(format!("line {other:?} is neither A nor B"))),
+            Some(other) => return Err(value_error(format!("line {other:?} is neither A nor B"))),
         };
         let errors = errors.unwrap_or_default();
         let times = time_ns.map_or(Times::None, Times::Read);
@@ -168,11 +136,11 @@ impl Session {
     ) -> PyResult<()> {
         self.check(bus)?;
         let day = date
-            .map(|date| day_of(date).ok_or_else(|| wrong(format!("date {date:?} is not written as 2026-11-21"))))
+            .map(|date| day_of(date).ok_or_else(|| value_error(format!("date {date:?} is not written as 2026-11-21"))))
             .transpose()?;
         let table =
             dialects.map_or_else(|| Arc::new(modlens_readers::text::Dialects::default()), |dialects| Arc::clone(&dialects.core));
-        let rows = table.named(format).map_err(wrong)?;
+        let rows = table.named(format).map_err(value_error)?;
         let clock = Arc::new(ClockSettings { zone: zone.unwrap_or_default(), day });
         let reader = Reader::new(rows, (!ordered).then_some(table), clock);
         self.core.open_text(bus, reader, sample.unwrap_or_default());
@@ -206,7 +174,7 @@ impl Session {
             Some(ports) if ports.is_empty() => Ports::Any,
             Some(ports) => Ports::Listed(ports),
         };
-        let line = line.map(crate::line).transpose()?;
+        let line = line.map(line_settings).transpose()?;
         let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
         Ok(self.core.add_capture(CaptureOptions { source, ports, mode: framing(mode)?, line, rule }))
     }
@@ -244,7 +212,7 @@ impl Session {
         mode: &str,
         line: Option<(u32, u8, String, f64)>,
     ) -> PyResult<usize> {
-        let line = line.map(crate::line).transpose()?;
+        let line = line.map(line_settings).transpose()?;
         let wiring = Wiring { rate, unit, channels, line, inverted };
         Ok(self.core.add_logic(source, framing(mode)?, wiring))
     }
@@ -285,7 +253,7 @@ impl Session {
     }
 
     fn take(&mut self) -> Batch {
-        Batch { core: Arc::new(self.core.take()), readings: OnceLock::new() }
+        Batch::new(self.core.take())
     }
 
     fn stats(&self) -> String {
@@ -314,11 +282,6 @@ impl Session {
         })
         .to_string())
     }
-}
-
-/// Bytes as hex digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |text, b| text + &format!("{b:02x}"))
 }
 
 impl Session {

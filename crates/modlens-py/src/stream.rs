@@ -1,41 +1,31 @@
-//! Arrow C streams.
+//! Arrow C streams over an iterator of tables.
 
 use std::sync::Arc;
 
-use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{RecordBatch, RecordBatchReader};
 use modlens_tables::columns::TableKind;
 use modlens_writers::arrow::{batch, schema};
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 
+use crate::arguments::value_error;
+use crate::capsule::stream_capsule;
 use crate::table::Table;
-use crate::wrong;
 
-/// Where a stream's batches come from.
-pub enum Batches {
-    /// One that is there.
-    One(Option<RecordBatch>),
-    /// An iterator of tables.
-    Iterator(Py<PyAny>),
-}
-
-struct Reader {
+/// Reads record batches from a Python iterator of tables.
+struct TableReader {
     kind: TableKind,
-    batches: Batches,
+    tables: Py<PyAny>,
 }
 
-impl Iterator for Reader {
+impl Iterator for TableReader {
     type Item = Result<RecordBatch, arrow_schema::ArrowError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        match &mut self.batches {
-            Batches::One(one) => one.take().map(Ok),
-            Batches::Iterator(iterator) => Python::attach(|py| {
-                let found = next_table(iterator.bind(py), self.kind);
-                found.map_err(|error| arrow_schema::ArrowError::ExternalError(Box::new(error))).transpose()
-            }),
-        }
+        Python::attach(|py| {
+            let found = next_table(self.tables.bind(py), self.kind);
+            found.map_err(|error| arrow_schema::ArrowError::ExternalError(Box::new(error))).transpose()
+        })
     }
 }
 
@@ -44,21 +34,15 @@ fn next_table(iterator: &Bound<'_, PyAny>, kind: TableKind) -> PyResult<Option<R
     let item = item?;
     let table = item.cast::<Table>()?.get();
     if table.core.kind != kind {
-        return Err(wrong(format!("a stream of {} got {}", kind.name(), table.core.kind.name())));
+        return Err(value_error(format!("a stream of {} got {}", kind.name(), table.core.kind.name())));
     }
     Ok(Some(batch(&table.core)))
 }
 
-impl RecordBatchReader for Reader {
+impl RecordBatchReader for TableReader {
     fn schema(&self) -> arrow_schema::SchemaRef {
         Arc::new(schema(self.kind))
     }
-}
-
-/// A capsule with a stream of these batches.
-pub fn stream_capsule(py: Python<'_>, kind: TableKind, batches: Batches) -> PyResult<Bound<'_, PyCapsule>> {
-    let stream = FFI_ArrowArrayStream::new(Box::new(Reader { kind, batches }));
-    PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
 }
 
 /// A lazy Arrow stream over an iterator of tables.
@@ -72,7 +56,7 @@ pub struct ArrowStream {
 impl ArrowStream {
     #[new]
     fn new(name: &str, tables: Py<PyAny>) -> PyResult<Self> {
-        let kind = TableKind::from_name(name).ok_or_else(|| wrong(format!("no table {name:?}")))?;
+        let kind = TableKind::from_name(name).ok_or_else(|| value_error(format!("no table {name:?}")))?;
         Ok(Self { kind, tables })
     }
 
@@ -83,6 +67,6 @@ impl ArrowStream {
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
-        stream_capsule(py, self.kind, Batches::Iterator(self.tables.clone_ref(py)))
+        stream_capsule(py, TableReader { kind: self.kind, tables: self.tables.clone_ref(py) })
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema};
-use arrow_array::{Array, RecordBatch, StructArray};
+use arrow_array::{Array, RecordBatch, RecordBatchIterator, StructArray};
 use modlens_engine::records::Frame;
 use modlens_tables::cell_text::{cell_text, source_text};
 use modlens_tables::columns::{Cell, ColumnType, RowRef, Table as Core, TableKind};
@@ -15,9 +15,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict, PyList, PyString, PyTuple};
 use pyo3::IntoPyObjectExt;
 
+use crate::arguments::value_error;
+use crate::capsule::stream_capsule;
 use crate::lines::{as_bytes, Pieces};
-use crate::stream::{stream_capsule, Batches};
-use crate::wrong;
 
 /// A compiled filter for one table.
 #[pyclass(frozen, module = "_modlens")]
@@ -29,7 +29,7 @@ pub struct Predicate {
 impl Predicate {
     #[new]
     fn new(table: &str, tree: &str) -> PyResult<Self> {
-        Ok(Self { core: CorePredicate::new(table, tree).map_err(wrong)? })
+        Ok(Self { core: CorePredicate::new(table, tree).map_err(value_error)? })
     }
 }
 
@@ -40,7 +40,7 @@ pub struct Table {
 }
 
 fn places(kind: TableKind, columns: &[String]) -> PyResult<Vec<usize>> {
-    columns.iter().map(|key| kind.column(key).map_err(wrong)).collect()
+    columns.iter().map(|key| kind.column(key).map_err(value_error)).collect()
 }
 
 #[pymethods]
@@ -70,7 +70,7 @@ impl Table {
     #[pyo3(name = "where")]
     fn filter(&self, py: Python<'_>, predicate: &Predicate) -> PyResult<Self> {
         if predicate.core.kind != self.core.kind {
-            return Err(wrong(format!("a filter for {} on {}", predicate.core.kind.name(), self.core.kind.name())));
+            return Err(value_error(format!("a filter for {} on {}", predicate.core.kind.name(), self.core.kind.name())));
         }
         let core = py.detach(|| predicate.core.filter(&self.core));
         Ok(Self { core })
@@ -123,7 +123,7 @@ impl Table {
         let log = match log {
             "modbus" => zeek::Log::Modbus,
             "modbus_detailed" => zeek::Log::Detailed,
-            other => return Err(wrong(format!("log {other:?} is neither modbus nor modbus_detailed"))),
+            other => return Err(value_error(format!("log {other:?} is neither modbus nor modbus_detailed"))),
         };
         Ok(as_bytes(py, |out| {
             if header && !json {
@@ -161,7 +161,8 @@ impl Table {
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
-        stream_capsule(py, self.core.kind, Batches::One(Some(self.arrow(py))))
+        let schema = Arc::new(arrow::schema(self.core.kind));
+        stream_capsule(py, RecordBatchIterator::new([Ok(self.arrow(py))], schema))
     }
 }
 

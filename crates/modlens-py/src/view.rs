@@ -7,14 +7,14 @@ use modlens_writers::view as lines;
 use modlens_writers::view::{AddressNotation, StyledText, TableOptions, TimeDisplay, Zone};
 use pyo3::prelude::*;
 
+use crate::arguments::value_error;
 use crate::table::{Row, Table};
-use crate::wrong;
 
 /// A text and the name of its style.
 type Named = (String, &'static str);
 
 fn base(name: &str) -> PyResult<AddressNotation> {
-    AddressNotation::from_name(name).ok_or_else(|| wrong(format!("address {name:?} is none of wire, 5digit, 6digit, hex")))
+    AddressNotation::from_name(name).ok_or_else(|| value_error(format!("address {name:?} is none of wire, 5digit, 6digit, hex")))
 }
 
 /// A function of Python's as one of the core's; what it cannot tell is UTC.
@@ -58,11 +58,11 @@ impl Lines {
             "clock" => TimeDisplay::Clock,
             "elapsed" => TimeDisplay::Elapsed,
             "delta" => TimeDisplay::Delta,
-            other => return Err(wrong(format!("times {other:?} are none of clock, elapsed, delta"))),
+            other => return Err(value_error(format!("times {other:?} are none of clock, elapsed, delta"))),
         };
-        let kind = rows.first().ok_or_else(|| wrong("a table begins with a row".into()))?.table.kind;
+        let kind = rows.first().ok_or_else(|| value_error("a table begins with a row".into()))?.table.kind;
         if rows.iter().any(|row| row.table.kind != kind) {
-            return Err(wrong("rows of several tables".into()));
+            return Err(value_error("rows of several tables".into()));
         }
         let first: Vec<RowRef<'_>> = rows.iter().map(|row| row.core()).collect();
         let look = TableOptions { base: base(address)?, times, zone: zone(shift), width, labels };
@@ -100,7 +100,7 @@ impl Lines {
         if kind == self.kind {
             Ok(())
         } else {
-            Err(wrong(format!("lines of {}, a row of {kind}", self.kind)))
+            Err(value_error(format!("lines of {}, a row of {kind}", self.kind)))
         }
     }
 
@@ -115,7 +115,7 @@ impl Lines {
 #[pyfunction]
 pub fn carried(row: &Row, address: &str, width: usize) -> PyResult<String> {
     if row.table.kind.name() != "transactions" {
-        return Err(wrong(format!("a row of {} carries no values", row.table.kind.name())));
+        return Err(value_error(format!("a row of {} carries no values", row.table.kind.name())));
     }
     Ok(lines::carried(&row.core(), base(address)?, width))
 }

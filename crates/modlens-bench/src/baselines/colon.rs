@@ -1,6 +1,6 @@
 //! ASCII as the specification describes it: a colon begins a frame, CR LF ends it (2.5.2).
 
-use crate::baselines::by_line;
+use crate::baselines::lines::by_line;
 use crate::baselines::pairing::Pairing;
 use crate::checksum::{crc, lrc};
 use crate::model::Framing;

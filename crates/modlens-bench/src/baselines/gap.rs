@@ -1,6 +1,6 @@
 //! The rule of the specification: a silence ends a frame (serial line specification, 2.5.1.1).
 
-use crate::baselines::is_rtu;
+use crate::baselines::lines::is_rtu;
 use crate::baselines::pairing::{pair_lines, Pairing};
 use crate::checksum::crc_fits;
 use crate::reported::{Algorithm, Reported};

@@ -1,8 +1,8 @@
 //! Greedy finders that go by the CRC: predicted lengths, and all lengths.
 
 use crate::baselines::layout::{request_length, response_length};
+use crate::baselines::lines::{by_line, is_rtu};
 use crate::baselines::pairing::Pairing;
-use crate::baselines::{by_line, is_rtu};
 use crate::checksum::{crc_fits, step};
 use crate::model::Direction;
 use crate::reported::{Algorithm, Reported};

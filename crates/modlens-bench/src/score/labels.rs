@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use crate::model::Label;
 use crate::reported::Reported;
 use crate::score::matching::Matching;
-use crate::score::Tally;
+use crate::score::tally::Tally;
 use crate::sim::case::Case;
 use crate::sim::truth::TruthFrame;
 

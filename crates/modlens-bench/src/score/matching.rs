@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::reported::Reported;
-use crate::score::Tally;
+use crate::score::tally::Tally;
 use crate::sim::case::Case;
 
 /// Reported frames matched with valid ones of the truth.

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use crate::model::Direction;
 use crate::reported::Reported;
 use crate::score::matching::Matching;
-use crate::score::{is_request, Tally};
+use crate::score::tally::Tally;
 use crate::sim::case::Case;
 use crate::sim::truth::TruthFrame;
 
@@ -58,4 +58,8 @@ pub(crate) fn wanted(case: &Case) -> impl Iterator<Item = &TruthFrame> {
     let asked: HashSet<u32> = requests.map(|frame| frame.txn).collect();
     let responses = case.truth.iter().filter(|frame| frame.valid && !frame.unpaired && frame.direction == Direction::Response);
     responses.filter(move |frame| asked.contains(&frame.txn) || frame.alt_txn.is_some_and(|txn| asked.contains(&txn)))
+}
+
+fn is_request(frame: &Reported) -> bool {
+    frame.direction == Direction::Request
 }

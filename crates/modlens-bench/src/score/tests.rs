@@ -1,6 +1,7 @@
 //! The scorer against hand-made answers.
 
 use super::*;
+use crate::model::Direction;
 use crate::model::Labels;
 use crate::sim::case::Traffic;
 use crate::sim::scenario::Scenario;

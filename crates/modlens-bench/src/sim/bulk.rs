@@ -8,8 +8,9 @@ use crate::model::{Direction, Framing, Settings};
 use crate::rng::Rng;
 use crate::sim::case::{Case, CaseLine};
 use crate::sim::damage::Damage;
+use crate::sim::reads::body;
 use crate::sim::registers::content;
-use crate::sim::requests::{body, mask_padding};
+use crate::sim::requests::mask_padding;
 use crate::sim::tap::{Read, TapMode};
 use crate::sim::truth::TruthFrame;
 

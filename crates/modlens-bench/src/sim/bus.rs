@@ -2,55 +2,16 @@
 
 use crate::model::{Framing, Settings};
 use crate::rng::Rng;
+use crate::sim::reads;
 use crate::sim::registers::Registers;
-use crate::sim::requests;
 use crate::sim::scenario::Scenario;
+use crate::sim::slave::{Custom, PollItem, Slave, Style};
 
 /// Codes that vendors use: user-defined, reserved and legacy ones (application protocol, 5 and annex A).
 const VENDOR_CODES: [u8; 30] = [
     65, 66, 67, 68, 69, 70, 71, 72, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 90, 91, 125, 126, 9, 10, 13, 14, 40,
     0x2E, 0x31,
 ];
-
-/// One device.
-#[derive(Debug)]
-pub(crate) struct Slave {
-    pub(crate) unit: u8,
-    /// Typical time to answer, in ns.
-    pub(crate) answer_ns: f64,
-    /// Answers 4 bytes per register.
-    pub(crate) enron: bool,
-    /// Does not keep to the specification.
-    pub(crate) quirk: bool,
-    /// ASCII: writes lower-case hex.
-    pub(crate) lower_case: bool,
-    pub(crate) registers: Registers,
-}
-
-/// How long the bodies of a vendor's function are.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Style {
-    /// Always the same.
-    Fixed { request: usize, response: usize },
-    /// The first byte counts the rest.
-    Counted,
-    /// Nobody knows.
-    Random,
-}
-
-/// A vendor's function.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Custom {
-    pub(crate) code: u8,
-    pub(crate) style: Style,
-}
-
-/// One entry of the poll list.
-#[derive(Clone, Debug)]
-pub(crate) struct PollItem {
-    pub(crate) slave: usize,
-    pub(crate) pdu: Vec<u8>,
-}
 
 /// The bus.
 #[derive(Debug)]
@@ -72,7 +33,7 @@ impl Bus {
         for (slave, device) in slaves.iter().enumerate() {
             for _ in 0..rng.range(2, 5) {
                 let function = [1, 2, 3, 4][rng.weighted(&[10, 10, 55, 25])];
-                poll.push(PollItem { slave, pdu: requests::read(function, device, rng) });
+                poll.push(PollItem { slave, pdu: reads::read(function, device, rng) });
             }
         }
         Self { settings, slaves, poll, customs, turn: 0 }

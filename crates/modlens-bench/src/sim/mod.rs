@@ -13,8 +13,10 @@ pub mod truth;
 
 mod bus;
 mod master;
+mod reads;
 mod registers;
 mod requests;
 mod responses;
+mod slave;
 mod uart;
 mod wire;

@@ -2,15 +2,14 @@
 
 use crate::checksum::rtu;
 use crate::rng::Rng;
-use crate::sim::bus::{Bus, Slave, Style};
+use crate::sim::bus::Bus;
+use crate::sim::reads::{address, bits, body, read, registers};
 use crate::sim::registers::{anything, draw, payload};
 use crate::sim::scenario::Scenario;
+use crate::sim::slave::Style;
 
 /// Share of transactions that go to all slaves.
 const BROADCAST_SHARE: f64 = 0.01;
-
-/// The most registers that fit into an answer with four bytes each.
-const ENRON_LIMIT: u16 = 62;
 
 /// Ad-hoc functions and their weights; 0x0E2B and 0x0D2B are the two kinds of 43, 0 a vendor's function.
 const AD_HOC: [(u16, u32); 20] = [
@@ -162,18 +161,6 @@ impl Bus {
     }
 }
 
-/// A read of coils or registers, as poll items are and ad-hoc reads too.
-pub(crate) fn read(function: u8, slave: &Slave, rng: &mut Rng) -> Vec<u8> {
-    let over_the_limit = slave.quirk && rng.chance(0.1);
-    let quantity = match (function, over_the_limit) {
-        (1 | 2, true) => 2001,
-        (1 | 2, false) => bits(2000, rng),
-        (_, true) => rng.pick(&[126, 127]),
-        (_, false) => registers(if slave.enron { ENRON_LIMIT } else { 125 }, rng),
-    };
-    body(function, &[address(rng), quantity])
-}
-
 fn diagnostics(zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
     if rng.chance(3.0 / 17.0) {
         let length = if rng.chance(0.7) { 2 } else { 2 * rng.range(1, 40) };
@@ -202,33 +189,11 @@ fn file_group(count: usize, rng: &mut Rng) -> Vec<u8> {
     body(6, &[rng.range(1, 10) as u16, rng.range(0, 9999) as u16, count as u16])
 }
 
-fn address(rng: &mut Rng) -> u16 {
-    let (low, high) = rng.pick(&[(0, 0), (0, 200), (0, 5000), (0x1000, 0xF000)]);
-    rng.range(low, high) as u16
-}
-
-fn bits(most: u16, rng: &mut Rng) -> u16 {
-    let (low, high) = rng.pick(&[(1, 1), (8, 8), (16, 16), (24, 24), (1, 200), (1, 2000)]);
-    rng.range(low, high.min(usize::from(most))) as u16
-}
-
-fn registers(most: u16, rng: &mut Rng) -> u16 {
-    let (low, high) = rng.pick(&[(1, 1), (2, 2), (2, 2), (4, 4), (10, 10), (1, 40), (1, 125)]);
-    rng.range(low, high.min(usize::from(most))) as u16
-}
-
 /// Bits behind the last one are zero (application protocol, 6.1).
 pub(crate) fn mask_padding(data: &mut [u8], count: u16) {
     if let (Some(last), used @ 1..) = (data.last_mut(), count % 8) {
         *last &= (1 << used) - 1;
     }
-}
-
-/// A code and big-endian words behind it.
-pub(crate) fn body(code: u8, words: &[u16]) -> Vec<u8> {
-    let mut pdu = vec![code];
-    pdu.extend(words.iter().flat_map(|word| word.to_be_bytes()));
-    pdu
 }
 
 fn join(mut head: Vec<u8>, parts: &[&[u8]]) -> Vec<u8> {

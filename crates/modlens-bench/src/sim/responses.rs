@@ -1,10 +1,11 @@
 //! What a slave answers (application protocol, section 6).
 
 use crate::rng::Rng;
-use crate::sim::bus::{Bus, Slave, Style};
+use crate::sim::bus::Bus;
 use crate::sim::registers::{anything, character, draw, COILS};
 use crate::sim::requests::mask_padding;
 use crate::sim::scenario::Scenario;
+use crate::sim::slave::{Slave, Style};
 
 /// Exception codes, as often as they are met.
 const EXCEPTIONS: [u8; 12] = [1, 2, 2, 2, 3, 3, 4, 5, 6, 8, 10, 11];

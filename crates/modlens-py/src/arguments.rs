@@ -1,0 +1,21 @@
+//! Conversion of arguments and errors between Python and the core.
+
+use modlens_protocol::line::LineSettings;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// A `ValueError` with this message: the caller has passed something invalid.
+pub fn value_error(message: String) -> PyErr {
+    PyValueError::new_err(message)
+}
+
+/// Line settings from the tuple that Python passes: baud, data bits, parity, stop bits.
+pub fn line_settings((baud, data_bits, parity, stop_bits): (u32, u8, String, f64)) -> PyResult<LineSettings> {
+    let stop = if stop_bits.fract() == 0.0 { format!("{stop_bits:.0}") } else { format!("{stop_bits}") };
+    format!("{baud}-{data_bits}{parity}{stop}").parse().map_err(value_error)
+}
+
+/// Bytes as hex digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |text, b| text + &format!("{b:02x}"))
+}
