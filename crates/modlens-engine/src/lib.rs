@@ -1,8 +1,8 @@
 //! Bytes and times in, rows out: framing, pairing, findings, statistics. No I/O, no clock, no failure on bytes.
 
-pub mod check;
 pub mod damage;
 pub mod fast_path;
+pub mod findings;
 pub mod framer;
 pub mod input;
 pub mod pairing;

@@ -1,100 +1,80 @@
-//! Checks of a whole frame and of a pair: what the specification says and the bytes do not do.
+//! Findings on one frame by itself: its content, its reception, and its damage.
 
-use crate::framer::silence::Rule;
+use crate::damage::kind::DamageKind;
+use crate::findings::{words, Found};
+use crate::framer::{Cut, FramingFault};
 use crate::input::Input;
-use crate::pairing::{ObservedFrame, PendingTransaction};
-use modlens_protocol::checksum::{correctable_bit, crc16};
-use modlens_protocol::direction::{block_length, consistent, echo_differences, expected_block, readings, Direction};
+use crate::pairing::ObservedFrame;
+use modlens_protocol::checksum::{correctable_bit, crc16, lrc};
+use modlens_protocol::direction::{consistent, readings, Direction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-use modlens_protocol::hex::hex;
-use modlens_protocol::pdu::u16_at;
-use modlens_protocol::status::Status;
-use modlens_protocol::Ns;
-
-/// Findings with what was frame, in words.
-pub type Found = Vec<(Finding, String)>;
 
 /// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
 const LAST_UNIT: u8 = 247;
 
-/// Checks a frame's content.
-pub fn frame(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
+/// Finds what is odd about the content of a frame: a good one against the specification, a damaged one against its
+/// checksum.
+pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
     if !frame.verdict.good() {
-        damage(frame, found);
+        checksum(frame, found);
         return;
     }
     let (Some((&unit, pdu)), true) = (frame.adu.split_first(), frame.adu.len() >= 2) else { return };
     let (code, body) = (pdu[0], &pdu[1..]);
     if unit > LAST_UNIT && frame.mode != Mode::Tcp {
-        found.push((Finding::ReservedUnit, format!("unit {unit}")));
+        found.push((Finding::ReservedUnit, words::unit(unit)));
     }
     let Some(row) = functions.row(code & !EXCEPTION_BIT, body) else {
-        found.push((Finding::UnknownFunction, format!("function {0} (0x{0:02X})", code & !EXCEPTION_BIT)));
+        found.push((Finding::UnknownFunction, words::unknown_function(code & !EXCEPTION_BIT)));
         return;
     };
     if code & EXCEPTION_BIT != 0 {
         return;
     }
-    let response = frame.direction == Direction::Response;
-    for permit in &row.permits[usize::from(response)] {
+    let is_response = frame.direction == Direction::Response;
+    for permit in &row.permits[usize::from(is_response)] {
         if let Some(value) = permit.violated_by(body) {
-            let ranges: Vec<String> = permit
-                .ranges
-                .iter()
-                .map(|(low, high)| if low == high { format!("{low}") } else { format!("{low} to {high}") })
-                .collect();
-            found.push((
-                Finding::QuantityLimit,
-                format!("{} is {value}, the specification has {}", permit.name, ranges.join(" or ")),
-            ));
+            found.push((Finding::QuantityLimit, words::quantity_limit(&permit.name, value, &permit.ranges)));
         }
     }
     let (as_request, as_response) = readings(functions, pdu);
-    if !(as_request || as_response) && frame.mode != Mode::Tcp || (!response && !consistent(row, body)) {
-        found.push((
-            Finding::LengthMismatch,
-            format!("{} bytes behind the function code do not fit the announced length", body.len()),
-        ));
+    let fits_no_layout = !(as_request || as_response) && frame.mode != Mode::Tcp;
+    if fits_no_layout || (!is_response && !consistent(row, body)) {
+        found.push((Finding::LengthMismatch, words::length_mismatch(body.len())));
     }
 }
 
-fn damage(frame: &ObservedFrame<'_>, found: &mut Found) {
+/// Finds what is wrong with the checksum of a damaged frame, and whether one change would make it right.
+fn checksum(frame: &ObservedFrame<'_>, found: &mut Found) {
     match frame.verdict {
-        Verdict::Incomplete => found.push((Finding::Incomplete, format!("{} bytes", frame.wire.len()))),
+        Verdict::Incomplete => found.push((Finding::Incomplete, words::incomplete(frame.wire.len()))),
         Verdict::BadChecksum if frame.mode == Mode::Rtu => {
             let (content, sent) = frame.wire.split_at(frame.wire.len() - 2);
-            let expected = crc16(content).to_le_bytes();
-            found.push((Finding::BadChecksum, format!("found {}, expected {}", hex(sent), hex(&expected))));
+            found.push((Finding::BadChecksum, words::bad_crc(sent, crc16(content).to_le_bytes())));
             if let Some((at, bit)) = correctable_bit(frame.wire) {
-                found.push((
-                    Finding::BitFlip,
-                    format!("byte {at}, bit {bit}: {:02x} should be {:02x}", frame.wire[at], frame.wire[at] ^ (1 << bit)),
-                ));
-            } else if let Some(other) = sibling(content, sent) {
-                found.push((Finding::OtherChecksum, format!("{} is the checksum of {}", hex(sent), hex(&other))));
+                found.push((Finding::BitFlip, words::bit_flip(frame.wire[at], at, bit)));
+            } else if let Some(other) = frame_of_checksum(content, sent) {
+                found.push((Finding::OtherChecksum, words::other_checksum(sent, &other)));
             }
         }
-        Verdict::BadChecksum => {
-            let sum = modlens_protocol::checksum::lrc(frame.adu);
-            found.push((Finding::BadChecksum, format!("the LRC of the bytes is {sum:02X}")));
-        }
+        Verdict::BadChecksum => found.push((Finding::BadChecksum, words::bad_lrc(lrc(frame.adu)))),
         _ => {}
     }
 }
 
-/// The same frame with another unit or function code, if that is what the checksum belongs to.
+/// The content with another unit or function code, if that is the frame to which the checksum belongs.
 ///
-/// Only short frames: with every further byte tried, chance makes one fit.
-fn sibling(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
+/// No further bytes are tried, because with each one the chance grows that some value fits by accident.
+fn frame_of_checksum(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
     for at in [1, 0] {
         for byte in 0..=255 {
             let mut other = content.to_vec();
             other[at] = byte;
             let same_kind = at == 0 || (byte ^ content[1]) & EXCEPTION_BIT == 0;
-            if same_kind && Functions::embedded().name(other[1] & !EXCEPTION_BIT).is_some() && crc16(&other).to_le_bytes() == sent
-            {
+            let is_known = same_kind && Functions::embedded().name(other[1] & !EXCEPTION_BIT).is_some();
+            if is_known && crc16(&other).to_le_bytes() == sent {
                 return Some(other);
             }
         }
@@ -102,48 +82,47 @@ fn sibling(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
     None
 }
 
-/// Checks a frame's times against the silences of the specification, or those that were given.
-pub fn timing(input: &Input, rule: Option<Rule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
-    let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.good()) else { return };
-    if input.coarse || 4 * resolution > rule.t15_ns {
+/// Finds what the receiver has marked in a frame, the first `length` bytes of the input: line errors, and bytes that it
+/// has lost.
+#[inline]
+pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
+    if !input.marked() {
         return;
     }
-    let us = |ns: Ns| format!("{} us", ns / 1000);
-    if let Some(gap) = input.pause_before(0).filter(|&gap| gap < rule.t35_ns) {
-        found.push((Finding::ShortSilence, format!("{} of silence, t3.5 is {}", us(gap.max(0)), us(rule.t35_ns))));
+    if input.line_error(0, length) {
+        found.push((Finding::LineError, words::line_error(input.errors_in(0, length), length)));
     }
-    if let Some(pause) = input.longest_pause(0, frame.wire.len()).filter(|&pause| pause > rule.t15_ns) {
-        found.push((Finding::GapInside, format!("{} of silence inside, t1.5 is {}", us(pause), us(rule.t15_ns))));
+    if input.hole(0, length) {
+        found.push((Finding::LostBytes, words::receiver_lost_bytes()));
     }
 }
 
-/// Checks a response against its request.
-pub fn pair(functions: &Functions, transaction: &PendingTransaction, found: &mut Found) {
-    let (request, response) = (transaction.request.pdu(), transaction.response.pdu());
-    let damaged = matches!(transaction.status, Status::BadRequest | Status::BadResponse);
-    if damaged || request.is_empty() || response.is_empty() || response[0] & EXCEPTION_BIT != 0 {
-        return;
+/// Finds what the framer says of a frame: that it may be an accident of noise, how it was damaged, and how it breaks the
+/// rules of its framing.
+#[inline]
+pub(crate) fn framing(cut: &Cut, found: &mut Found) {
+    if cut.tentative {
+        found.push((Finding::Tentative, words::tentative()));
     }
-    let Some(row) = functions.row(request[0], &request[1..]) else { return };
-    for (name, asked, answered) in echo_differences(row, request, response) {
-        found.push((Finding::EchoMismatch, format!("{name}: asked {asked}, answered {answered}")));
+    if let Some((damage, finding)) = cut.damage.and_then(|damage| Some((damage, finding_of(damage)?))) {
+        found.push((finding, words::damage(damage)));
     }
-    if let (Some(expected), Some(length)) = (expected_block(row, request), block_length(row, response)) {
-        if expected != length {
-            found.push((Finding::ResponseLength, format!("{length} bytes, {expected} were asked for")));
-        } else if let Some(bits) = padding(row.roles.response_block, row.roles.quantity, request, response) {
-            found.push((Finding::PaddingBits, bits));
-        }
+    if let Some(fault) = cut.fault {
+        found.push(match fault {
+            FramingFault::BareLineFeed => (Finding::BareLineFeed, words::characters(cut.length)),
+            FramingFault::LowerCaseHex => (Finding::LowerCaseHex, words::characters(cut.length)),
+            FramingFault::MbapLength => (Finding::MbapLength, words::mbap_length(cut.length)),
+        });
     }
 }
 
-fn padding(block: Option<(usize, bool)>, quantity: Option<usize>, request: &[u8], response: &[u8]) -> Option<String> {
-    let (_, bits) = block?;
-    let quantity = usize::from(u16_at(&request[1..], quantity?)?);
-    let last = *response.last()?;
-    if !bits || quantity % 8 == 0 {
-        return None;
+/// The finding on a damaged frame; `None` where the verdict `incomplete` already says it.
+fn finding_of(damage: DamageKind) -> Option<Finding> {
+    match damage {
+        DamageKind::LostBytes { .. } => Some(Finding::LostBytes),
+        DamageKind::Collision { .. } => Some(Finding::Collision),
+        DamageKind::DoubledByte { .. } => Some(Finding::DoubledByte),
+        DamageKind::Glitch => Some(Finding::Glitch),
+        DamageKind::Truncated { .. } => None,
     }
-    let padding = last >> (quantity % 8);
-    (padding != 0).then(|| format!("last byte 0x{last:02X}: only its {} lowest bits were asked for", quantity % 8))
 }

@@ -4,11 +4,10 @@ use memchr::{memchr, memchr3_iter};
 
 use crate::damage::ascii;
 use crate::damage::kind::DamageKind;
-use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
+use crate::framer::{Context, Cut, Framer, FramingFault, NOISE_LIMIT};
 use crate::input::Input;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::judge;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::hex::{byte_at, decode_pairs};
 use modlens_protocol::line::LineSettings;
@@ -44,8 +43,8 @@ struct MessageEnd {
     hex_end: usize,
     /// The evidence that ended it.
     cut_by: CutBy,
-    /// A finding on how it ended.
-    finding: Option<Finding>,
+    /// What is wrong with how it ended.
+    fault: Option<FramingFault>,
 }
 
 impl Ascii {
@@ -55,11 +54,11 @@ impl Ascii {
         let bytes = input.bytes();
         let edge = input.edge_after(0, bytes.len().min(LIMIT), CHARACTER_TIMEOUT_NS);
         let there = &bytes[..edge.unwrap_or(bytes.len()).min(LIMIT)];
-        let end = |frame_end, hex_end, cut_by, finding| Some(MessageEnd { frame_end, hex_end, cut_by, finding });
+        let end = |frame_end, hex_end, cut_by, fault| Some(MessageEnd { frame_end, hex_end, cut_by, fault });
         if let Some(i) = memchr3_iter(b':', b'\n', b'\r', there).find(|&at| at > 0) {
             match there[i] {
                 b':' => return end(i, i, CutBy::Restart, None),
-                b'\n' => return end(i + 1, i, CutBy::Delimiter, Some(Finding::BareLineFeed)),
+                b'\n' => return end(i + 1, i, CutBy::Delimiter, Some(FramingFault::BareLineFeed)),
                 _ => match there.get(i + 1) {
                     Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, CutBy::Delimiter, None),
                     Some(_) => return end(i + 1, i, CutBy::Delimiter, None),
@@ -112,7 +111,7 @@ impl Ascii {
         let text = &input.bytes()[1..end.hex_end];
         let is_hex = decode_hex(text, adu);
         let mut cut = Cut { verdict: Verdict::Incomplete, ..Cut::noise(end.frame_end, end.cut_by) };
-        cut.finding = end.finding;
+        cut.fault = end.fault;
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
         if !no_checksum && end.cut_by != CutBy::Delimiter && !has_valid_lrc {
@@ -149,10 +148,10 @@ impl Ascii {
         cut
     }
 
-    /// Adds the direction, the confidence and the findings of a valid message, and adopts the delimiter that it sets.
+    /// Adds the direction, the confidence and the faults of a valid message, and adopts the delimiter that it sets.
     fn complete_valid(&mut self, cut: &mut Cut, input: &Input, context: &Context<'_>, text: &[u8], adu: &[u8]) {
         if text.iter().any(u8::is_ascii_lowercase) {
-            cut.finding = cut.finding.or(Some(Finding::LowerCaseHex));
+            cut.fault = cut.fault.or(Some(FramingFault::LowerCaseHex));
         }
         let pause = (context.pause)(input.pause_before(0));
         cut.direction = judge(context.functions, context.asked, adu[0], &adu[1..], context.said_at(input, 0), pause);

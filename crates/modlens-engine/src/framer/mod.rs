@@ -12,7 +12,6 @@ pub mod tcp;
 use crate::damage::kind::DamageKind;
 use crate::input::Input;
 use modlens_protocol::direction::{Asked, Direction, Pause};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
@@ -20,6 +19,17 @@ use modlens_protocol::Ns;
 
 /// A noise row ends after so many bytes at the latest.
 pub const NOISE_LIMIT: usize = 4096;
+
+/// A rule of its framing that a frame breaks, although it can be decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FramingFault {
+    /// An ASCII frame ends with LF instead of CR LF (serial line specification, 2.5.2.1).
+    BareLineFeed,
+    /// An ASCII frame has hex digits in lower case (serial line specification, 2.5.2).
+    LowerCaseHex,
+    /// The length in the MBAP header is not that of the PDU (messaging on TCP/IP, 3.1.3).
+    MbapLength,
+}
 
 /// What the first bytes of the input are.
 #[derive(Clone, Copy, Debug)]
@@ -38,8 +48,8 @@ pub struct Cut {
     pub tentative: bool,
     /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
-    /// A finding on the framing itself.
-    pub finding: Option<Finding>,
+    /// A rule of its framing that it breaks.
+    pub fault: Option<FramingFault>,
     /// What happened to a frame that did not arrive whole.
     pub damage: Option<DamageKind>,
 }
@@ -55,7 +65,7 @@ impl Cut {
             confidence: 0,
             tentative: false,
             mbap_id: None,
-            finding: None,
+            fault: None,
             damage: None,
         }
     }

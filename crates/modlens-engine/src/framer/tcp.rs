@@ -1,10 +1,9 @@
 //! Modbus/TCP: frames by the MBAP header (messaging on TCP/IP, 3.1.3).
 
-use crate::framer::{Context, Cut, Framer, NOISE_LIMIT};
+use crate::framer::{Context, Cut, Framer, FramingFault, NOISE_LIMIT};
 use crate::input::{Input, NO_TIME};
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::judge;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::line::LineSettings;
@@ -121,8 +120,8 @@ impl Tcp {
             Length::Undecided => return None,
             Length::Lies(end) => {
                 adu.extend_from_slice(&bytes[HEADER..end]);
-                let finding = Some(Finding::MbapLength);
-                return Some(Cut { verdict: Verdict::Incomplete, mbap_id, finding, ..Cut::noise(end, CutBy::Frame) });
+                let fault = Some(FramingFault::MbapLength);
+                return Some(Cut { verdict: Verdict::Incomplete, mbap_id, fault, ..Cut::noise(end, CutBy::Frame) });
             }
         }
         if bytes.len() < length {
@@ -136,10 +135,10 @@ impl Tcp {
         let judged = || judge(context.functions, context.asked, adu[0], pdu, context.said_at(input, 0), (context.pause)(None));
         let direction = context.certain.unwrap_or_else(judged);
         let left_in = checksum_behind(input, length);
-        let finding = (!fits || left_in).then_some(Finding::MbapLength);
+        let fault = (!fits || left_in).then_some(FramingFault::MbapLength);
         let length = if left_in { length + CRC_BYTES } else { length };
         let confidence = if fits { AGREES } else { 16 };
-        Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, finding, ..Cut::noise(length, CutBy::Length) })
+        Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, fault, ..Cut::noise(length, CutBy::Length) })
     }
 }
 

@@ -6,7 +6,7 @@
 //! master does: one that was seen to retry after time-outs does not turn to another unit instead. One such overlap is
 //! never reported, because a false alarm sends somebody to the site.
 
-use crate::pairing::result::FrameLocation;
+use crate::pairing::result::Overlap;
 
 /// Overlaps before two masters are reported, where the clock excludes a time-out.
 const MIN_TIMED_OVERLAPS: u32 = 2;
@@ -20,17 +20,6 @@ const MIN_RETRIES_PER_SKIP: u32 = 4;
 
 /// Overlaps that wait for further evidence. Those beyond it are counted, but get no finding.
 const MAX_UNDECIDED_OVERLAPS: usize = 64;
-
-/// Two transactions that overlap: the response to the first came after the request of the second.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Overlap {
-    /// The response to the first request.
-    pub response: FrameLocation,
-    /// The transaction of the second request.
-    pub later_txn: u64,
-    /// By the clock, the master cannot have given up the first request before the second one was sent.
-    pub timeout_excluded: bool,
-}
 
 /// What the recording has shown of the masters' habits.
 #[derive(Clone, Debug, Default)]
@@ -101,6 +90,7 @@ impl MasterEvidence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pairing::result::FrameLocation;
 
     fn overlap(txn: u64, timeout_excluded: bool) -> Overlap {
         let response = FrameLocation { txn, frame: 2 * txn, unit: 1, start: None, origin: 0 };

@@ -20,12 +20,13 @@ mod routine;
 mod timing;
 pub(crate) mod transaction;
 
-pub use result::{DelayedFinding, FrameLocation, PairingResult};
+pub use result::{DelayedFinding, FrameLocation, Overlap, PairingResult};
 pub use timing::TimingModel;
 pub use transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 
+use crate::findings::order;
+use crate::findings::transaction::note_no_response;
 use modlens_protocol::direction::{Asked, Direction};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
@@ -33,7 +34,7 @@ use modlens_protocol::Ns;
 
 use echo::EchoStatistics;
 use history::History;
-use masters::{MasterEvidence, Overlap};
+use masters::MasterEvidence;
 use transaction::{EarlyResponse, UnitMismatch};
 
 /// A request is given up after this time at the latest (records.md).
@@ -195,9 +196,7 @@ impl Pairing {
         } else if !transaction.expects_no_response {
             self.history.add_unanswered(&transaction, had_no_response && !transaction.has_late_response);
         }
-        if had_no_response && !transaction.expects_no_response {
-            transaction.findings.push(Finding::NoResponse);
-        }
+        note_no_response(&mut transaction);
         done.push(transaction);
     }
 
@@ -241,10 +240,6 @@ impl Pairing {
             self.close(transaction, status, done);
         }
         let unproven = self.masters.take_undecided().into_iter().filter(|overlap| !overlap.timeout_excluded);
-        self.delayed_findings.extend(unproven.map(|overlap| DelayedFinding {
-            finding: Finding::LateResponse,
-            location: overlap.response,
-            other_txn: overlap.later_txn,
-        }));
+        self.delayed_findings.extend(unproven.map(|overlap| order::unproven_overlap(&overlap)));
     }
 }

@@ -1,14 +1,14 @@
 //! Pairing of a request: new, repeated, echoed by the adapter, or sent while another one still waits for its response.
 
+use crate::findings::order;
 use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::history::PastRequest;
 use crate::pairing::transaction::OverlappingRequest;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::Direction;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::BROADCAST;
 use modlens_protocol::framing::{Mode, Verdict};
-use modlens_protocol::functions::{Functions, Layout, Operation};
+use modlens_protocol::functions::{Functions, Layout};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
@@ -51,7 +51,7 @@ impl Pairing {
         let truncated = self.truncated_request.take();
         let same = self.compare_with_open(functions, frame);
         if let SameRequest::Echo(txn) = same {
-            return PairingResult { txn: Some(txn), finding: Some(Finding::LocalEcho), other: Some(txn) };
+            return order::echo(txn);
         }
         self.resolve_unit_mismatch(Some(frame), done);
         if self.early_response.is_some() {
@@ -77,18 +77,13 @@ impl Pairing {
         let mut result = PairingResult { txn: Some(txn), ..PairingResult::default() };
         if let Some(repeated) = self.history.take_repeated(frame) {
             transaction.retry_of = Some(repeated.txn);
-            transaction.findings.push(Finding::Retry);
-            result.finding = Some(Finding::Retry);
-            result.other = Some(repeated.txn);
+            order::retry(&mut transaction, &mut result, repeated.txn);
         }
         self.history.last_broadcast = None;
         if transaction.unit == BROADCAST && frame.mode != Mode::Tcp {
             transaction.status = Status::Broadcast;
             self.history.last_broadcast = Some(PastRequest::of(&transaction));
-            if is_read(functions, &transaction) {
-                transaction.findings.push(Finding::BroadcastRead);
-                result.finding = Some(Finding::BroadcastRead);
-            }
+            order::broadcast(functions, &mut transaction, &mut result);
             done.push(transaction);
         } else {
             transaction.expects_no_response = has_no_response(functions, &transaction);
@@ -177,7 +172,7 @@ impl Pairing {
         match same {
             SameRequest::Echo(_) => {
                 open.echo_seen = true;
-                open.findings.push(Finding::LocalEcho);
+                order::note_echo(open);
                 // The response time counts from the last byte of the request, whichever copy of it that is.
                 open.request.end = frame.end.or(open.request.end);
             }
@@ -290,11 +285,6 @@ fn truncated_request(frame: &ObservedFrame<'_>) -> Box<PendingTransaction> {
     request.request.fill(frame);
     request.findings.extend_from_slice(frame.codes);
     request
-}
-
-fn is_read(functions: &Functions, transaction: &PendingTransaction) -> bool {
-    let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
-    functions.row(transaction.function, body).is_some_and(|row| row.operation == Operation::Read)
 }
 
 /// Whether the specification wants no response to this request (6.8, sub-function 4, force listen only mode).

@@ -1,11 +1,12 @@
 //! Pairing of a response: requested, late, sent twice, damaged, or from a unit that was not asked.
 
+use crate::findings::order;
+use crate::findings::transaction::note_exception;
 use crate::pairing::history::UnexpectedResponse;
-use crate::pairing::masters::Overlap;
+use crate::pairing::result::Overlap;
 use crate::pairing::transaction::{EarlyResponse, UnitMismatch};
-use crate::pairing::{DelayedFinding, FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
+use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::{answers, Asked, Direction, Match};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
@@ -44,19 +45,14 @@ impl Pairing {
             transaction.status = if transaction.exception.is_some() { Status::Exception } else { Status::Ok };
             self.answering_units[transaction.unit as usize] |= transaction.confirms_unit;
         }
-        if transaction.exception.is_some() {
-            transaction.findings.push(Finding::Exception);
-        }
+        note_exception(&mut transaction);
         self.learn_response_time(&mut transaction, frame);
         let mut result = PairingResult { txn: Some(transaction.txn), ..PairingResult::default() };
         // Where the order of frames is inferred, an overlap of transactions proves nothing.
         if frame.mode != Mode::Tcp && self.is_wire_order {
             self.record_overlap(&mut transaction, frame, &mut result);
         }
-        if transaction.mbap_id != frame.mbap_id {
-            transaction.findings.push(Finding::TransactionId);
-            result.finding = Some(Finding::TransactionId);
-        }
+        order::transaction_id(&mut transaction, &mut result, frame.mbap_id);
         done.push(transaction);
         result
     }
@@ -125,18 +121,7 @@ impl Pairing {
             self.masters.add_overlap(overlap);
         }
         for overlap in self.masters.take_proven() {
-            let (first_txn, later_txn) = (overlap.response.txn, overlap.later_txn);
-            if first_txn != transaction.txn && later_txn != transaction.txn {
-                self.delayed_findings.push(DelayedFinding {
-                    finding: Finding::TwoMasters,
-                    location: overlap.response,
-                    other_txn: later_txn,
-                });
-            } else if result.finding.is_none() {
-                transaction.findings.push(Finding::TwoMasters);
-                result.finding = Some(Finding::TwoMasters);
-                result.other = (later_txn == transaction.txn).then_some(first_txn);
-            }
+            self.delayed_findings.extend(order::two_masters(&overlap, transaction, result));
         }
     }
 
@@ -162,31 +147,30 @@ impl Pairing {
         transaction.status = Status::Unrequested;
         transaction.exception = exception_code(frame);
         transaction.gap = frame.gap;
-        let mut result = PairingResult { txn: Some(transaction.txn), finding: Some(Finding::Unrequested), other: None };
+        let mut result = order::unrequested(transaction.txn);
         let explained = self.explain_unrequested(functions, frame, transaction.txn);
         let is_unexplained = matches!(explained, Explanation::None);
         match explained {
             Explanation::Late { txn, request_end } => {
                 transaction.late_for = Some(txn);
                 transaction.late_response = self.measurable_interval(request_end, frame.start, frame.clean_start);
-                result = PairingResult { finding: Some(Finding::LateResponse), other: Some(txn), ..result };
+                result = order::late(transaction.txn, txn);
             }
-            Explanation::Duplicate => result.finding = Some(Finding::Duplicate),
+            Explanation::Duplicate => result = order::duplicate(transaction.txn),
             Explanation::Ambiguous | Explanation::None => {
                 if let (true, None, Some(start)) = (is_unexplained && !self.is_wire_order, &self.early_response, frame.start) {
                     self.early_response = Some(EarlyResponse { unit: frame.unit(), pdu: frame.pdu().to_vec(), start });
                 }
                 if let Some(request_txn) = self.find_request_to_other_unit(functions, frame) {
                     self.resolve_unit_mismatch(None, done);
-                    transaction.findings.push(Finding::Unrequested);
+                    transaction.findings.extend(result.finding);
                     self.unit_mismatch = Some(UnitMismatch { transaction, request_txn });
                     return result;
                 }
                 let has_other_function =
                     |open: &PendingTransaction| open.unit == transaction.unit && open.function != transaction.function;
                 if let Some(open) = self.open.back().filter(|open| has_other_function(open)) {
-                    result.other = Some(open.txn);
-                    result.finding = Some(Finding::WrongFunction);
+                    result = order::wrong_function(transaction.txn, open.txn);
                 } else if is_unexplained {
                     self.history.note_missing_requests(transaction.txn);
                 }
@@ -243,11 +227,7 @@ impl Pairing {
             is_retried || open.is_timed_out || waited.is_some_and(|waited| !self.is_before_timeout(waited))
         });
         if is_wrong_unit {
-            transaction.findings.push(Finding::WrongUnit);
-            let (frame, start) = (transaction.response.number, transaction.response.start);
-            let (txn, unit, origin) = (transaction.txn, transaction.unit, transaction.origin);
-            let location = FrameLocation { txn, frame, unit, start, origin };
-            self.delayed_findings.push(DelayedFinding { finding: Finding::WrongUnit, location, other_txn: request_txn });
+            self.delayed_findings.push(order::wrong_unit(&mut transaction, request_txn));
         } else {
             self.history.note_missing_requests(transaction.txn);
         }

@@ -39,3 +39,14 @@ pub struct FrameLocation {
     /// Line or packet number in the recording, or the stream offset.
     pub origin: u64,
 }
+
+/// Two transactions that overlap: the response to the first came after the request of the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Overlap {
+    /// The response to the first request.
+    pub response: FrameLocation,
+    /// The transaction of the second request.
+    pub later_txn: u64,
+    /// By the clock, the master cannot have given up the first request before the second one was sent.
+    pub timeout_excluded: bool,
+}

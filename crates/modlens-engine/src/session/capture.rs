@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
+use crate::findings;
 use crate::pairing::Pairing;
 use crate::records::{Bus, FindingRow, Network};
 use crate::session::bus::{BusState, FROM_CLIENT, FROM_SERVER};
@@ -89,9 +90,10 @@ impl Session {
                     self.feed_stream(bus, from_client, &chunk, is_whole_message);
                 }
             }
-            Event::Finding { slot, finding, detail, packet, time } => {
+            Event::Repetition { slot, kind, packet, time } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
-                    self.emit_connection_finding(bus, finding, detail, packet, time);
+                    let finding = findings::connection::repetition(kind, packet);
+                    self.emit_connection_finding(bus, finding, packet, time);
                 }
             }
             Event::Closed { slot } => {
@@ -150,8 +152,8 @@ impl Session {
     fn feed_stream(&mut self, bus: usize, from_client: bool, piece: &StreamChunk<'_>, is_whole_message: bool) {
         if piece.missing > 0 {
             self.buses[bus].pairing.note_missing_bytes();
-            let detail = format!("{} bytes are missing before packet {}", piece.missing, piece.packet);
-            self.emit_connection_finding(bus, Finding::MissingSegment, detail, piece.packet, piece.time);
+            let finding = findings::connection::missing_bytes(piece.missing, piece.packet);
+            self.emit_connection_finding(bus, finding, piece.packet, piece.time);
         }
         let chunk = Chunk {
             bytes: piece.bytes,
@@ -236,7 +238,7 @@ impl Session {
     }
 
     /// Emits a finding that is about a connection, not about one of its frames.
-    fn emit_connection_finding(&mut self, bus: usize, finding: Finding, detail: String, packet: u64, time: Option<Ns>) {
+    fn emit_connection_finding(&mut self, bus: usize, (finding, detail): (Finding, String), packet: u64, time: Option<Ns>) {
         self.stats.finding(finding);
         if self.wanted.findings {
             let elapsed = super::rows::elapsed(self.origin, time);

@@ -1,6 +1,6 @@
 //! Emission of frames: each is checked, paired and written to the tables, and the bus learns from it.
 
-use crate::check;
+use crate::findings::{self, words, Found};
 use crate::framer::silence::Rule;
 use crate::framer::Cut;
 use crate::input::Input;
@@ -9,10 +9,9 @@ use crate::records::{FindingRow, Frame, Span};
 use crate::session::bus::{learn, BusState};
 use crate::session::frame_timing::{FrameTiming, TimingConfig};
 use crate::session::line::add_vote;
-use crate::session::rows::{elapsed, framing_detail, marked_detail, placed_detail};
+use crate::session::rows::elapsed;
 use crate::session::Session;
 use crate::stats::Stats;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
@@ -45,7 +44,7 @@ impl Session {
         }
         let result = state.pairing.add_frame(&self.functions, &frame, &mut self.next_txn, &mut self.done);
         if let Some(finding) = result.finding {
-            self.found.push((finding, placed_detail(finding, &result, &frame)));
+            self.found.push((finding, words::order(finding, &result, &frame)));
         }
         let elapsed = elapsed(self.origin, timing.start);
         for (finding, detail) in &self.found {
@@ -128,31 +127,13 @@ fn find_on_frame(
     cut: &Cut,
     frame: &ObservedFrame<'_>,
     (config, rule): (&TimingConfig, Option<Rule>),
-    found: &mut check::Found,
+    found: &mut Found,
 ) {
-    check::frame(functions, frame, found);
-    check::timing(input, rule, config.resolution, frame, found);
-    if input.marked() && input.line_error(0, cut.length) {
-        found.push((Finding::LineError, marked_detail(input.errors_in(0, cut.length), cut.length)));
-    }
-    if input.marked() && input.hole(0, cut.length) {
-        found.push((Finding::LostBytes, String::from("the receiver lost bytes before this frame")));
-    }
-    if config.clock_jumped {
-        found.push((Finding::ClockJumped, String::from("this read is older than the one before")));
-    }
-    if cut.tentative {
-        found.push((
-            Finding::Tentative,
-            String::from("between bytes that are no frames, and the unit was in no paired transaction yet"),
-        ));
-    }
-    if let Some((finding, damage)) = cut.damage.and_then(|damage| Some((damage.finding()?, damage))) {
-        found.push((finding, damage.detail()));
-    }
-    if let Some(finding) = cut.finding {
-        found.push((finding, framing_detail(finding, frame.wire)));
-    }
+    findings::frame::content(functions, frame, found);
+    findings::timing::silences(input, rule, config.resolution, frame, found);
+    findings::frame::reception(input, cut.length, found);
+    findings::timing::clock(config.clock_jumped, found);
+    findings::frame::framing(cut, found);
 }
 
 /// Counts whether a receiver that goes by silences of t3.5 alone would have cut this frame like the framer did: whether

@@ -22,7 +22,7 @@ mod two_lines;
 
 use std::sync::Arc;
 
-use crate::check;
+use crate::findings::Found;
 use crate::pairing::{Pairing, PendingTransaction};
 use crate::records::{Batch, Buses, Span, Spare, Transaction};
 use crate::stats::Stats;
@@ -95,7 +95,7 @@ pub struct Session {
     /// Scratch: transactions that are closed and not emitted yet.
     done: Vec<Box<PendingTransaction>>,
     /// Scratch: findings on the frame or transaction at hand.
-    found: check::Found,
+    found: Found,
     /// Scratch: their codes.
     codes: Vec<Finding>,
     captures: Vec<Option<CaptureState>>,

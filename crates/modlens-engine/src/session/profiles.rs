@@ -3,12 +3,11 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use crate::check::Found;
+use crate::findings::{self, Found};
 use crate::pairing::PendingTransaction;
 use modlens_profiles::points::sunspec::{marker, Chain};
 use modlens_profiles::points::watch::OrderCheck;
 use modlens_profiles::points::{Plan, PlanInstance};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::pdu::u16_at;
 use modlens_protocol::register_type::Space;
@@ -65,23 +64,12 @@ impl Profiles {
             }
         }
         let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
-        let listed = &bound.plan.profile.device.functions;
-        // A damaged request may have had any function code.
-        if !listed.is_empty() && !listed.contains(&transaction.function) && transaction.status != Status::BadRequest {
-            let listed: Vec<String> = listed.iter().map(u8::to_string).collect();
-            found.push((
-                Finding::UnsupportedFunction,
-                format!("function {}; the profile has {}", transaction.function, listed.join(", ")),
-            ));
-        }
+        findings::profile::function(&bound.plan, transaction, found);
         let watch = &mut self.watches[usize::from(unit)];
         if bound.has_factors() || !watch.done(&bound.plan) {
             if let Some((space, first, bytes)) = read() {
                 for mismatch in watch.see(&bound.plan, space, first, bytes) {
-                    let compiled = bound.plan.compiled(mismatch.compiled);
-                    let declared = bound.plan.point(compiled).order.word();
-                    let text = format!("{}: {}, not {declared}: {}", compiled.name, mismatch.order.word(), mismatch.reason);
-                    found.push((Finding::OrderMismatch, text));
+                    findings::profile::order(&bound.plan, &mismatch, found);
                 }
                 if let Some(changed) = bound.learn(space, first, bytes) {
                     *bound = Arc::new(changed);

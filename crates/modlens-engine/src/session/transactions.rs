@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::check;
+use crate::findings::{self, words};
 use crate::pairing::PendingTransaction;
 use crate::records::{FindingRow, Transaction};
-use crate::session::rows::{elapsed, keep_half, note_detail};
+use crate::session::rows::{elapsed, keep_half};
 use crate::session::Session;
 use modlens_profiles::points::PlanInstance;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::status::Status;
 
 impl Session {
@@ -50,7 +49,7 @@ impl Session {
                     elapsed: elapsed(self.origin, location.start),
                     unit: Some(location.unit),
                     finding: delayed.finding,
-                    detail: note_detail(&delayed),
+                    detail: words::delayed(&delayed),
                     origin: location.origin,
                 });
             }
@@ -63,17 +62,7 @@ impl Session {
     fn find_on_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) -> Option<Arc<PlanInstance>> {
         self.found.clear();
         self.found.append(&mut transaction.imported_findings);
-        if !transaction.is_reimported {
-            check::pair(&self.functions, transaction, &mut self.found);
-        }
-        if transaction.findings.contains(&Finding::NoResponse) && !transaction.is_reimported {
-            let waited =
-                transaction.waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
-            self.found.push((Finding::NoResponse, format!("unit {}{waited}", transaction.unit)));
-        }
-        if let Some(code) = transaction.exception.filter(|_| transaction.findings.contains(&Finding::Exception)) {
-            self.found.push((Finding::Exception, format!("exception {code}")));
-        }
+        findings::transaction::find(&self.functions, transaction, &mut self.found);
         let before = self.found.len();
         let points = self.buses[bus].profiles.apply(&self.functions, transaction, &mut self.found);
         let are_known = self.found[before..].iter().all(|(finding, _)| transaction.findings.contains(finding));

@@ -6,10 +6,9 @@ use std::collections::HashMap;
 use foldhash::fast::RandomState;
 
 use crate::pcap::classify::{classify, BufferedChunk, Classification};
-use crate::pcap::event::{Event, SkipCounts};
+use crate::pcap::event::{Event, Repetition, SkipCounts};
 use crate::pcap::net::{Endpoint, Segment};
 use crate::pcap::stream::{ArrivedSegment, Outcome, Stream, StreamChunk};
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -314,25 +313,24 @@ impl Conversation {
         }
     }
 
-    /// Counts a duplicate or a retransmission, and reports it as a finding of the connection.
+    /// Counts a duplicate or a retransmission, and reports it: of the duplicates of a connection only the first.
     fn note_repetition(&mut self, outcome: Outcome, packet: u64, time: Option<Ns>, context: &mut CaptureContext<'_, '_>) {
-        let (finding, detail) = match outcome {
+        let kind = match outcome {
             Outcome::Duplicate => {
                 context.skipped.duplicates += 1;
                 if std::mem::replace(&mut self.has_reported_duplicates, true) {
                     return;
                 }
-                let detail = format!("packet {packet} is one of those before, captured again; further ones are counted");
-                (Finding::PacketTwice, detail)
+                Repetition::Duplicate
             }
             Outcome::Retransmission => {
                 context.skipped.retransmissions += 1;
-                (Finding::Retransmission, format!("packet {packet} repeats bytes that had come"))
+                Repetition::Retransmission
             }
             _ => return,
         };
         if matches!(self.state, ConversationState::Modbus) {
-            (context.each)(Event::Finding { slot: self.slot, finding, detail, packet, time });
+            (context.each)(Event::Repetition { slot: self.slot, kind, packet, time });
         }
     }
 

@@ -5,9 +5,17 @@ use crate::pcap::metadata::PacketMetadata;
 use crate::pcap::net::Endpoint;
 use crate::pcap::serial::SerialContent;
 use crate::pcap::stream::StreamChunk;
-use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
+
+/// Who repeats a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repetition {
+    /// The capture: it holds the same packet twice. Only the first one of a connection is reported.
+    Duplicate,
+    /// The sender: TCP has sent the bytes again.
+    Retransmission,
+}
 
 /// What is found in a capture, in order. A slot is the number of a connection; it is reused once the connection is closed.
 #[derive(Debug)]
@@ -38,15 +46,13 @@ pub enum Event<'a> {
         /// Anything that the server has sent was captured, so that a missing response means something.
         server_side_recorded: bool,
     },
-    /// A finding about a Modbus connection.
-    Finding {
+    /// A packet of a Modbus connection repeats what was captured before.
+    Repetition {
         /// Slot of the connection.
         slot: usize,
-        /// The finding.
-        finding: Finding,
-        /// Its detail, as shown to users.
-        detail: String,
-        /// Number of the packet that it is about.
+        /// Who repeats it.
+        kind: Repetition,
+        /// Number of the packet.
         packet: u64,
         /// Time of the packet.
         time: Option<Ns>,

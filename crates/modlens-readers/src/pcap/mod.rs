@@ -17,7 +17,7 @@ mod serial;
 mod stream;
 
 pub use connections::Ports;
-pub use event::{Event, SkipCounts};
+pub use event::{Event, Repetition, SkipCounts};
 pub use file::{signature, Interface};
 pub use net::Endpoint;
 pub use serial::SerialContent;

@@ -1,0 +1,18 @@
+//! Findings on a connection in a packet capture: what the capture lacks or repeats. They are about no frame.
+
+use crate::findings::words;
+use modlens_protocol::finding::Finding;
+use modlens_readers::pcap::Repetition;
+
+/// Bytes of the connection are missing before this packet.
+pub(crate) fn missing_bytes(count: u32, packet: u64) -> (Finding, String) {
+    (Finding::MissingSegment, words::missing_segment(count, packet))
+}
+
+/// This packet repeats one before it, or bytes that had been sent.
+pub(crate) fn repetition(kind: Repetition, packet: u64) -> (Finding, String) {
+    match kind {
+        Repetition::Duplicate => (Finding::PacketTwice, words::packet_twice(packet)),
+        Repetition::Retransmission => (Finding::Retransmission, words::retransmission(packet)),
+    }
+}

@@ -1,0 +1,24 @@
+//! Findings on a transaction that contradicts the profile of its unit.
+
+use crate::findings::{words, Found};
+use crate::pairing::PendingTransaction;
+use modlens_profiles::points::watch::Mismatch;
+use modlens_profiles::points::Plan;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::status::Status;
+
+/// Finds a function that the profile does not list. A damaged request may have had any function code, so it is left out.
+pub(crate) fn function(plan: &Plan, transaction: &PendingTransaction, found: &mut Found) {
+    let listed = &plan.profile.device.functions;
+    if !listed.is_empty() && !listed.contains(&transaction.function) && transaction.status != Status::BadRequest {
+        found.push((Finding::UnsupportedFunction, words::unsupported_function(transaction.function, listed)));
+    }
+}
+
+/// Words a point whose values make sense only in another order of bytes than the profile declares.
+pub(crate) fn order(plan: &Plan, mismatch: &Mismatch, found: &mut Found) {
+    let compiled = plan.compiled(mismatch.compiled);
+    let declared = plan.point(compiled).order.word();
+    let detail = words::order_mismatch(&compiled.name, mismatch.order.word(), declared, &mismatch.reason);
+    found.push((Finding::OrderMismatch, detail));
+}

@@ -1,0 +1,35 @@
+//! Findings on the times of a frame: the silences before and inside it, and the clock.
+
+use crate::findings::{words, Found};
+use crate::framer::silence::Rule;
+use crate::input::Input;
+use crate::pairing::ObservedFrame;
+use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::Ns;
+
+/// The clock must be so many times finer than t1.5 before silences are compared with it.
+const MIN_STEPS_PER_T15: Ns = 4;
+
+/// Compares the silences of a good RTU frame with those of the specification (serial line, 2.5.1.1), or with those that
+/// the user gave. It stands at the head of the input; `resolution` is the step of the clock.
+pub(crate) fn silences(input: &Input, rule: Option<Rule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
+    let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.good()) else { return };
+    if input.coarse || MIN_STEPS_PER_T15 * resolution > rule.t15_ns {
+        return;
+    }
+    if let Some(silence) = input.pause_before(0).filter(|&silence| silence < rule.t35_ns) {
+        found.push((Finding::ShortSilence, words::short_silence(silence, rule.t35_ns)));
+    }
+    if let Some(silence) = input.longest_pause(0, frame.wire.len()).filter(|&silence| silence > rule.t15_ns) {
+        found.push((Finding::GapInside, words::gap_inside(silence, rule.t15_ns)));
+    }
+}
+
+/// Finds a clock that went back with the reads of a frame.
+#[inline]
+pub(crate) fn clock(jumped: bool, found: &mut Found) {
+    if jumped {
+        found.push((Finding::ClockJumped, words::clock_jumped()));
+    }
+}

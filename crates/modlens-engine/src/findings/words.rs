@@ -1,0 +1,191 @@
+//! The details of findings: what was seen this time, worded for the user. All of them stand here, and nowhere else.
+//!
+//! Title, reason and advice, which are the same every time, are in `modlens_protocol::finding`.
+
+use crate::damage::kind::DamageKind;
+use crate::pairing::{DelayedFinding, ObservedFrame, PairingResult};
+use modlens_protocol::finding::Finding;
+use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::hex::hex;
+use modlens_protocol::Ns;
+
+// One frame: its content.
+
+pub(crate) fn unit(unit: u8) -> String {
+    format!("unit {unit}")
+}
+
+pub(crate) fn unknown_function(function: u8) -> String {
+    format!("function {function} (0x{function:02X})")
+}
+
+/// `ranges`: the permitted values, both ends included.
+pub(crate) fn quantity_limit(field: &str, value: u32, ranges: &[(u32, u32)]) -> String {
+    let range = |&(low, high): &(u32, u32)| if low == high { format!("{low}") } else { format!("{low} to {high}") };
+    let ranges: Vec<String> = ranges.iter().map(range).collect();
+    format!("{field} is {value}, the specification has {}", ranges.join(" or "))
+}
+
+pub(crate) fn length_mismatch(body_bytes: usize) -> String {
+    format!("{body_bytes} bytes behind the function code do not fit the announced length")
+}
+
+pub(crate) fn incomplete(bytes: usize) -> String {
+    format!("{bytes} bytes")
+}
+
+pub(crate) fn bad_crc(sent: &[u8], expected: [u8; 2]) -> String {
+    format!("found {}, expected {}", hex(sent), hex(&expected))
+}
+
+pub(crate) fn bad_lrc(sum: u8) -> String {
+    format!("the LRC of the bytes is {sum:02X}")
+}
+
+/// `byte` is the value received at index `at`.
+pub(crate) fn bit_flip(byte: u8, at: usize, bit: u8) -> String {
+    format!("byte {at}, bit {bit}: {byte:02x} should be {:02x}", byte ^ (1 << bit))
+}
+
+pub(crate) fn other_checksum(sent: &[u8], other: &[u8]) -> String {
+    format!("{} is the checksum of {}", hex(sent), hex(other))
+}
+
+// One frame: its reception and its framing.
+
+/// Receivers mark single bytes, or a read as a whole (then `marked_bytes` is 0).
+pub(crate) fn line_error(marked_bytes: usize, length: usize) -> String {
+    match marked_bytes {
+        0 => String::from("marked by the receiver"),
+        _ => format!("the receiver marked {marked_bytes} of {length} bytes"),
+    }
+}
+
+pub(crate) fn receiver_lost_bytes() -> String {
+    String::from("the receiver lost bytes before this frame")
+}
+
+pub(crate) fn tentative() -> String {
+    String::from("between bytes that are no frames, and the unit was in no paired transaction yet")
+}
+
+/// What happened to a damaged frame, and where in it.
+pub(crate) fn damage(damage: DamageKind) -> String {
+    let bytes = |count: usize| match count {
+        0 => String::from("bytes"),
+        1 => String::from("1 byte"),
+        _ => format!("{count} bytes"),
+    };
+    match damage {
+        DamageKind::LostBytes { at: 0, count } => format!("{} missing at the start", bytes(count)),
+        DamageKind::LostBytes { at, count } => format!("{} missing behind byte {}", bytes(count), at - 1),
+        DamageKind::Truncated { count } => format!("{} never came", bytes(count)),
+        DamageKind::Collision { at } => format!("wrong from byte {at} on, where more bits are 0 than were sent"),
+        DamageKind::DoubledByte { at } => format!("byte {at} repeats the one before it"),
+        DamageKind::Glitch => String::from("one value next to a frame, as drivers give when they are switched"),
+    }
+}
+
+/// The length of an ASCII frame.
+pub(crate) fn characters(length: usize) -> String {
+    format!("{length} characters")
+}
+
+pub(crate) fn mbap_length(bytes: usize) -> String {
+    format!("{bytes} bytes on the wire do not fit the layout of the function")
+}
+
+// One frame: its times.
+
+pub(crate) fn short_silence(silence: Ns, t35: Ns) -> String {
+    format!("{} of silence, t3.5 is {}", microseconds(silence.max(0)), microseconds(t35))
+}
+
+pub(crate) fn gap_inside(silence: Ns, t15: Ns) -> String {
+    format!("{} of silence inside, t1.5 is {}", microseconds(silence), microseconds(t15))
+}
+
+pub(crate) fn clock_jumped() -> String {
+    String::from("this read is older than the one before")
+}
+
+fn microseconds(ns: Ns) -> String {
+    format!("{} us", ns / 1000)
+}
+
+// The order of frames.
+
+/// A finding that pairing has on the frame at hand.
+pub(crate) fn order(finding: Finding, result: &PairingResult, frame: &ObservedFrame<'_>) -> String {
+    let unit = frame.adu.first().copied().unwrap_or(0);
+    let function = frame.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT);
+    let other = result.other.map_or(String::new(), |txn| format!(" {txn}"));
+    match finding {
+        Finding::Retry => format!("repeats transaction{other}"),
+        Finding::LateResponse => format!("answers transaction{other}"),
+        Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
+        Finding::TwoMasters if result.other.is_some() => format!("asked while transaction{other} waited for its answer"),
+        Finding::TwoMasters => String::from("answered after a later request"),
+        Finding::WrongFunction => format!("function {function}; transaction{other} asked for another"),
+        _ => self::unit(unit),
+    }
+}
+
+/// A finding that pairing has on an earlier frame.
+pub(crate) fn delayed(delayed: &DelayedFinding) -> String {
+    let (unit, other) = (delayed.location.unit, delayed.other_txn);
+    match delayed.finding {
+        Finding::TwoMasters => format!("answered after the request of transaction {other}"),
+        Finding::WrongUnit => format!("unit {unit} answered; transaction {other} asked another"),
+        _ => format!("answered after the request of transaction {other}; one master that gave up, or two"),
+    }
+}
+
+// A transaction.
+
+/// `waited`: how long after the request the next one came.
+pub(crate) fn no_response(unit: u8, waited: Option<Ns>) -> String {
+    let waited = waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
+    format!("unit {unit}{waited}")
+}
+
+pub(crate) fn exception(code: u8) -> String {
+    format!("exception {code}")
+}
+
+pub(crate) fn echo_mismatch(field: &str, requested: u32, answered: u32) -> String {
+    format!("{field}: asked {requested}, answered {answered}")
+}
+
+pub(crate) fn response_length(bytes: usize, expected: usize) -> String {
+    format!("{bytes} bytes, {expected} were asked for")
+}
+
+/// `requested_bits`: how many bits of the last byte were requested.
+pub(crate) fn padding_bits(last: u8, requested_bits: u16) -> String {
+    format!("last byte 0x{last:02X}: only its {requested_bits} lowest bits were asked for")
+}
+
+pub(crate) fn unsupported_function(function: u8, listed: &[u8]) -> String {
+    let listed: Vec<String> = listed.iter().map(u8::to_string).collect();
+    format!("function {function}; the profile has {}", listed.join(", "))
+}
+
+/// The values of a point make sense in the order `found` only, for this `reason`.
+pub(crate) fn order_mismatch(point: &str, found: &str, declared: &str, reason: &str) -> String {
+    format!("{point}: {found}, not {declared}: {reason}")
+}
+
+// A connection in a capture.
+
+pub(crate) fn missing_segment(bytes: u32, packet: u64) -> String {
+    format!("{bytes} bytes are missing before packet {packet}")
+}
+
+pub(crate) fn packet_twice(packet: u64) -> String {
+    format!("packet {packet} is one of those before, captured again; further ones are counted")
+}
+
+pub(crate) fn retransmission(packet: u64) -> String {
+    format!("packet {packet} repeats bytes that had come")
+}
