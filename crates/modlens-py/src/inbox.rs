@@ -1,7 +1,7 @@
-//! Readers of ports: a thread each that does nothing but wait, read, look at the clock and queue.
+//! Reads live ports: each port has a thread that only waits for bytes, reads them, takes the time and queues them.
 //!
-//! They are threads of the system and take no part in Python's lock, so a time is that of the read whatever the
-//! interpreter does meanwhile, and nothing is lost while decoding, a file or the screen stalls. There is no way to write.
+//! These threads do not need Python's lock. So the times are those of the reads, whatever the interpreter is doing, and
+//! no bytes are lost while decoding, a file or the screen is slow. Nothing here can write to a port.
 
 use std::collections::VecDeque;
 use std::io::{pipe, PipeWriter, Write};
@@ -18,115 +18,132 @@ use pyo3::types::PyBytes;
 
 use crate::session::Session;
 
-/// Bytes that a read takes at most.
-const READ_SIZE: usize = 4096;
+/// The most bytes of one read.
+const MAX_READ_BYTES: usize = 4096;
 
-/// What a queued read costs beside its bytes.
-const ITEM_COST: usize = 96;
+/// What a queued read counts towards the limit of the queue beside its bytes.
+const READ_OVERHEAD_BYTES: usize = 96;
 
-/// (port, time, bytes or None at the end, places of marked bytes or the error's number, hole)
-type Arrival<'py> = (usize, i64, Option<Bound<'py, PyBytes>>, Vec<u32>, bool);
+/// A read as Python gets it: port, time in ns, bytes (`None` if the port has ended), positions of marked bytes (or the
+/// number of the error with which the port has ended), and whether bytes were lost before.
+type ReadTuple<'py> = (usize, i64, Option<Bound<'py, PyBytes>>, Vec<u32>, bool);
 
-/// Bus and line of a session; None where Python wants the reads.
+/// The bus and line of a session to which the reads of a port go; `None` if Python wants them.
 type Route = Option<(usize, u8)>;
 
-struct Item {
+/// One read of a port, or its end.
+struct QueuedRead {
     port: usize,
+    /// When the read returned.
     time: Ns,
+    /// The bytes; `None` if the port has ended.
     data: Option<Vec<u8>>,
-    errors: Vec<u32>,
-    hole: bool,
-    /// The port is read so seldom that each read is worth a look.
-    seldom: bool,
+    /// Positions of marked bytes; at the end of a port the number of the error, 0 for none.
+    error_positions: Vec<u32>,
+    /// Bytes were lost before.
+    follows_loss: bool,
+    /// The reader sleeps after this read, so that reads are rare and each may wake the consumer.
+    reader_sleeps: bool,
 }
 
-impl Item {
-    fn new(port: usize, time: Ns, data: Option<Vec<u8>>, errors: Vec<u32>) -> Self {
-        Self { port, time, data, errors, hole: false, seldom: false }
+impl QueuedRead {
+    fn new(port: usize, time: Ns, data: Option<Vec<u8>>, error_positions: Vec<u32>) -> Self {
+        Self { port, time, data, error_positions, follows_loss: false, reader_sleeps: false }
     }
 }
 
+/// The reads that have not been taken yet.
 #[derive(Default)]
 struct Queue {
-    items: VecDeque<Item>,
+    reads: VecDeque<QueuedRead>,
+    /// The memory of the reads, as `READ_OVERHEAD_BYTES` counts it.
     size: usize,
+    /// Bytes that did not fit.
     lost: u64,
-    /// Ports of which something is missing since their last item.
-    holes: Vec<usize>,
-    /// Where the reads of each port go: bus and line.
+    /// Ports of which bytes were lost since their last queued read.
+    ports_with_loss: Vec<usize>,
+    /// Where the reads of each port go.
     routes: Vec<Route>,
-    /// How long a character takes at each of these ports.
-    chars: Vec<Ns>,
-    /// Somebody waits for the first item; to wake a thread costs more than all else that a reader does.
-    awaited: bool,
-    /// When items were last taken.
-    taken: Option<Instant>,
+    /// The time of a character at each of these ports, in ns.
+    char_times_ns: Vec<Ns>,
+    /// The consumer waits for a read. It is woken only then, because waking a thread costs more than all else that a
+    /// reader does.
+    has_waiter: bool,
+    /// When reads were last taken.
+    last_taken: Option<Instant>,
     /// The time of the newest read.
     newest: Ns,
-    /// Ports whose last read was one of those.
-    seldom: Vec<usize>,
+    /// Ports whose reader sleeps between reads.
+    sleeping_ports: Vec<usize>,
 }
 
+/// What readers and consumer share.
 struct Shared {
     queue: Mutex<Queue>,
+    /// Signalled when a read is queued that the consumer waits for.
     arrived: Condvar,
+    /// The most memory of queued reads, in bytes.
     limit: usize,
 }
 
 impl Shared {
-    /// How long a character takes at a port with a route; 0 where that is not known.
+    /// The time of a character at a port with a route, in ns; 0 if it is not known.
     fn char_ns(&self, port: usize) -> Ns {
-        self.queue().chars.get(port).copied().unwrap_or(0)
+        self.queue().char_times_ns.get(port).copied().unwrap_or(0)
     }
 
     fn queue(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Queues it; what does not fit any more is counted, and the port's next item says that something is missing.
-    fn push(&self, mut item: Item) {
+    /// Queues a read. If it does not fit, its bytes are counted as lost, and the next read of the port says that bytes are
+    /// missing before it. The end of a port always fits.
+    fn push(&self, mut read: QueuedRead) {
         let mut queue = self.queue();
-        queue.newest = queue.newest.max(item.time);
-        if queue.seldom.contains(&item.port) != item.seldom {
-            queue.seldom.retain(|&port| port != item.port);
-            queue.seldom.extend(item.seldom.then_some(item.port));
+        queue.newest = queue.newest.max(read.time);
+        if queue.sleeping_ports.contains(&read.port) != read.reader_sleeps {
+            queue.sleeping_ports.retain(|&port| port != read.port);
+            queue.sleeping_ports.extend(read.reader_sleeps.then_some(read.port));
         }
-        let cost = item.data.as_ref().map_or(0, Vec::len) + ITEM_COST;
-        if item.data.is_some() && queue.size + cost > self.limit {
-            queue.lost += item.data.map_or(0, |data| data.len() as u64);
-            if !queue.holes.contains(&item.port) {
-                queue.holes.push(item.port);
+        let cost = read.data.as_ref().map_or(0, Vec::len) + READ_OVERHEAD_BYTES;
+        if read.data.is_some() && queue.size + cost > self.limit {
+            queue.lost += read.data.map_or(0, |data| data.len() as u64);
+            if !queue.ports_with_loss.contains(&read.port) {
+                queue.ports_with_loss.push(read.port);
             }
             return;
         }
-        if let Some(at) = queue.holes.iter().position(|&port| port == item.port) {
-            queue.holes.swap_remove(at);
-            item.hole = true;
+        if let Some(at) = queue.ports_with_loss.iter().position(|&port| port == read.port) {
+            queue.ports_with_loss.swap_remove(at);
+            read.follows_loss = true;
         }
         queue.size += cost;
-        queue.items.push_back(item);
-        let awaited = std::mem::take(&mut queue.awaited);
+        queue.reads.push_back(read);
+        let had_waiter = std::mem::take(&mut queue.has_waiter);
         drop(queue);
-        if awaited {
+        if had_waiter {
             self.arrived.notify_one();
         }
     }
 }
 
+/// The thread of one port.
 struct Listener {
     port: usize,
+    /// Writing to this pipe stops the thread.
     stop: PipeWriter,
     thread: JoinHandle<()>,
 }
 
 impl Listener {
+    /// Stops the thread and waits for its end.
     fn end(mut self) {
         let _ = self.stop.write_all(b"s");
         let _ = self.thread.join();
     }
 }
 
-/// What has come in at any of several ports, in order of arrival.
+/// The reads of all ports, in order of arrival.
 #[pyclass(module = "_modlens")]
 pub struct Inbox {
     shared: Arc<Shared>,
@@ -144,8 +161,8 @@ impl Inbox {
 
     #[pyo3(signature = (port, fd, *, marked=false))]
     fn listen(&self, port: usize, fd: i32, marked: bool) -> PyResult<()> {
-        let (stopped, stop) = pipe()?;
-        let thread = reader::start(Arc::clone(&self.shared), port, fd, stopped, marked)?;
+        let (stop_signal, stop) = pipe()?;
+        let thread = reader::start(Arc::clone(&self.shared), port, fd, stop_signal, marked)?;
         self.listeners().push(Listener { port, stop, thread });
         Ok(())
     }
@@ -163,12 +180,12 @@ impl Inbox {
     }
 
     fn put(&self, port: usize, time_ns: i64, data: Option<Vec<u8>>) {
-        self.shared.push(Item::new(port, time_ns, data, Vec::new()));
+        self.shared.push(QueuedRead::new(port, time_ns, data, Vec::new()));
     }
 
     #[pyo3(signature = (timeout, every=0.0))]
-    fn take<'py>(&self, py: Python<'py>, timeout: f64, every: f64) -> Vec<Arrival<'py>> {
-        arrivals(py, py.detach(|| self.wait(Instant::now() + seconds(timeout), every)))
+    fn take<'py>(&self, py: Python<'py>, timeout: f64, every: f64) -> Vec<ReadTuple<'py>> {
+        read_tuples(py, py.detach(|| self.wait(Instant::now() + seconds(timeout), every)))
     }
 
     #[pyo3(signature = (port, bus, line, char_ns=0))]
@@ -176,9 +193,9 @@ impl Inbox {
         let mut queue = self.shared.queue();
         let ports = queue.routes.len().max(port + 1);
         queue.routes.resize(ports, None);
-        queue.chars.resize(ports, 0);
+        queue.char_times_ns.resize(ports, 0);
         queue.routes[port] = Some((bus, line));
-        queue.chars[port] = char_ns;
+        queue.char_times_ns[port] = char_ns;
     }
 
     #[pyo3(signature = (session, shift_ns, told_ns, timeout, every=0.0))]
@@ -190,34 +207,34 @@ impl Inbox {
         told_ns: i64,
         timeout: f64,
         every: f64,
-    ) -> PyResult<Vec<Arrival<'py>>> {
+    ) -> PyResult<Vec<ReadTuple<'py>>> {
         let routes = self.shared.queue().routes.clone();
-        routes.iter().flatten().try_for_each(|(bus, _)| session.check(*bus))?;
+        routes.iter().flatten().try_for_each(|(bus, _)| session.check_bus(*bus))?;
         let core = session.core();
         let rest = py.detach(|| {
             let begun = Instant::now();
             let until = begun + seconds(timeout);
             loop {
-                let mut items = self.wait(until, every);
-                while let Some(item) = items.front() {
-                    let (Some(data), Some(Some(route))) = (&item.data, routes.get(item.port)) else { return items };
-                    pass(core, *route, item, data, shift_ns);
-                    items.pop_front();
+                let mut reads = self.wait(until, every);
+                while let Some(read) = reads.front() {
+                    let (Some(data), Some(Some(route))) = (&read.data, routes.get(read.port)) else { return reads };
+                    feed_read(core, *route, read, data, shift_ns);
+                    reads.pop_front();
                 }
                 core.poll(told_ns + begun.elapsed().as_nanos() as Ns);
-                // Python is not asked for anything until there is something to show: its waking costs more than all of this.
+                // The interpreter is entered only once there are rows to show, because that costs more than all of this.
                 if core.pending_rows() > 0 || Instant::now() >= until {
-                    return items;
+                    return reads;
                 }
             }
         });
-        Ok(arrivals(py, rest))
+        Ok(read_tuples(py, rest))
     }
 
     fn hole(&self, port: usize) {
         let mut queue = self.shared.queue();
-        if !queue.holes.contains(&port) {
-            queue.holes.push(port);
+        if !queue.ports_with_loss.contains(&port) {
+            queue.ports_with_loss.push(port);
         }
     }
 
@@ -237,26 +254,35 @@ impl Inbox {
     }
 }
 
-/// Gives a read to the session.
-fn pass(core: &mut Core, (bus, line): (usize, u8), item: &Item, data: &[u8], shift_ns: Ns) {
-    let times = Times::Read(item.time + shift_ns);
-    if item.hole {
-        // What time alone decides is decided before what came before is closed; `analyzer.live` does the same.
+/// Feeds a read to the session.
+fn feed_read(core: &mut Core, (bus, line): (usize, u8), read: &QueuedRead, data: &[u8], shift_ns: Ns) {
+    let times = Times::Read(read.time + shift_ns);
+    if read.follows_loss {
+        // The loss is fed first, without bytes: it closes what came before only after everything has been decided that time
+        // alone decides. `analyzer.live` does the same.
         core.feed(bus, &Chunk { line, times, follows_loss: true, ..Chunk::default() });
     }
     core.feed(
         bus,
-        &Chunk { bytes: data, line, times, error_positions: &item.errors, follows_loss: item.hole, ..Chunk::default() },
+        &Chunk {
+            bytes: data,
+            line,
+            times,
+            error_positions: &read.error_positions,
+            follows_loss: read.follows_loss,
+            ..Chunk::default()
+        },
     );
 }
 
+/// A time-out in seconds, of at most an hour.
 fn seconds(number: f64) -> Duration {
     Duration::from_secs_f64(number.clamp(0.0, 3600.0))
 }
 
-fn arrivals(py: Python<'_>, items: VecDeque<Item>) -> Vec<Arrival<'_>> {
+fn read_tuples(py: Python<'_>, reads: VecDeque<QueuedRead>) -> Vec<ReadTuple<'_>> {
     let bytes = |data: Vec<u8>| PyBytes::new(py, &data);
-    items.into_iter().map(|item| (item.port, item.time, item.data.map(bytes), item.errors, item.hole)).collect()
+    reads.into_iter().map(|read| (read.port, read.time, read.data.map(bytes), read.error_positions, read.follows_loss)).collect()
 }
 
 impl Inbox {
@@ -264,30 +290,31 @@ impl Inbox {
         self.listeners.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A busy line is looked at every so many seconds, which wakes one thread once, unless its reader waits as long; the first bytes after a silence
-    /// are handed over as they come.
-    fn wait(&self, until: Instant, every: f64) -> VecDeque<Item> {
+    /// Waits for reads until `until` and takes all of them. Reads are taken at most every `every` seconds, so that a busy
+    /// line wakes the consumer once for several reads, unless all readers sleep between reads anyway. The first bytes after
+    /// a silence are taken at once.
+    fn wait(&self, until: Instant, every: f64) -> VecDeque<QueuedRead> {
         let listening = self.listeners().len();
         let mut queue = self.shared.queue();
-        let seldom = listening > 0 && queue.seldom.len() == listening;
-        let due = queue.taken.filter(|_| !seldom).map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
+        let all_sleep = listening > 0 && queue.sleeping_ports.len() == listening;
+        let due = queue.last_taken.filter(|_| !all_sleep).map(|taken| taken + Duration::from_secs_f64(every.clamp(0.0, 1.0)));
         if let Some(left) = due.and_then(|due| due.checked_duration_since(Instant::now())) {
             drop(queue);
             std::thread::sleep(left);
             queue = self.shared.queue();
         }
-        while queue.items.is_empty() {
+        while queue.reads.is_empty() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return VecDeque::new();
             }
-            queue.awaited = true;
+            queue.has_waiter = true;
             queue = self.shared.arrived.wait_timeout(queue, left).unwrap_or_else(PoisonError::into_inner).0;
         }
-        queue.awaited = false;
-        queue.taken = Some(Instant::now());
+        queue.has_waiter = false;
+        queue.last_taken = Some(Instant::now());
         queue.size = 0;
-        std::mem::take(&mut queue.items)
+        std::mem::take(&mut queue.reads)
     }
 }
 
@@ -309,25 +336,25 @@ mod reader {
     use rustix::io::Errno;
     use rustix::time::{clock_gettime, ClockId};
 
-    use super::{Arc, Item, JoinHandle, Ns, ParmrkDecoder, PyResult, Shared, READ_SIZE};
+    use super::{Arc, JoinHandle, Ns, ParmrkDecoder, PyResult, QueuedRead, Shared, MAX_READ_BYTES};
 
-    /// Starts the thread; it has a descriptor of its own, so that nobody can close it under its hands.
+    /// Starts the thread of a port. It gets a duplicate of the descriptor, so that closing `fd` does not affect it.
     pub fn start(shared: Arc<Shared>, port: usize, fd: i32, stop: PipeReader, marked: bool) -> PyResult<JoinHandle<()>> {
-        // SAFETY: the caller keeps `fd` open during this call; it is duplicated before it returns. A number that is
-        // not open is told by `dup` as an error.
+        // SAFETY: the caller keeps `fd` open during this call, and it is duplicated before the call returns. For a number
+        // that is not open `dup` returns an error.
         #[allow(unsafe_code)]
         let file = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned()?;
         let decoder = marked.then(ParmrkDecoder::default);
         let run = move || {
-            let number = listen(&shared, port, &file, &stop, decoder);
-            if let Some(number) = number {
-                shared.push(Item::new(port, now(), None, vec![number]));
+            let error_number = listen(&shared, port, &file, &stop, decoder);
+            if let Some(error_number) = error_number {
+                shared.push(QueuedRead::new(port, now(), None, vec![error_number]));
             }
         };
         Ok(std::thread::Builder::new().name(format!("modlens port {port}")).spawn(run)?)
     }
 
-    /// Reads until the port ends (gives the error's number, 0 for none) or it is told to stop (None).
+    /// Reads until the port ends (returns the number of the error, 0 for none) or until it is stopped (returns `None`).
     fn listen(
         shared: &Shared,
         port: usize,
@@ -335,7 +362,7 @@ mod reader {
         stop: &PipeReader,
         mut decoder: Option<ParmrkDecoder>,
     ) -> Option<u32> {
-        let mut buffer = [0u8; READ_SIZE];
+        let mut buffer = [0u8; MAX_READ_BYTES];
         let mut pace = ReadPacer::default();
         loop {
             let mut ready = [PollFd::new(file, PollFlags::IN), PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
@@ -354,17 +381,20 @@ mod reader {
                 Ok(length) => length,
             };
             let time = now();
-            let (mut data, mut errors) = (Vec::with_capacity(length), Vec::new());
+            let (mut data, mut error_positions) = (Vec::with_capacity(length), Vec::new());
             match &mut decoder {
-                Some(decoder) => decoder.push(&buffer[..length], &mut data, &mut errors),
+                Some(decoder) => decoder.push(&buffer[..length], &mut data, &mut error_positions),
                 None => data.extend_from_slice(&buffer[..length]),
             }
-            let rest = pace.sleep_after(length, time, shared.char_ns(port));
+            let sleep = pace.sleep_after(length, time, shared.char_ns(port));
             if !data.is_empty() {
-                shared.push(Item { seldom: !rest.is_zero(), ..Item::new(port, time, Some(data), errors) });
+                shared.push(QueuedRead {
+                    reader_sleeps: !sleep.is_zero(),
+                    ..QueuedRead::new(port, time, Some(data), error_positions)
+                });
             }
-            if !rest.is_zero() {
-                std::thread::sleep(rest);
+            if !sleep.is_zero() {
+                std::thread::sleep(sleep);
             }
         }
     }
@@ -381,7 +411,7 @@ mod reader {
 
     use super::{Arc, JoinHandle, PyResult, Shared};
 
-    /// Where there are no descriptors to wait for, Python reads and calls `put`.
+    /// Descriptors cannot be waited for on this system, so Python reads the port and calls `put`.
     pub fn start(_: Arc<Shared>, _: usize, _: i32, _: PipeReader, _: bool) -> PyResult<JoinHandle<()>> {
         Err(pyo3::exceptions::PyNotImplementedError::new_err("descriptors can be read on POSIX only"))
     }
