@@ -1,4 +1,4 @@
-//! Captures and raw recordings.
+//! Writes captures of decoded frames, and raw recordings of the reads of a tap.
 
 use modlens_protocol::line::LineSettings;
 use modlens_writers::capture::{Capture as Core, CaptureOptions, Encapsulation};
@@ -8,10 +8,10 @@ use pyo3::types::PyBytes;
 
 use crate::arguments::value_error;
 use crate::batch::Batch;
-use crate::lines::{as_bytes, PIECE};
+use crate::lines::{as_bytes, BLOCK_BYTES};
 use crate::table::Table;
 
-/// Frames as pcapng or pcap.
+/// A writer of frames as pcapng or pcap.
 #[pyclass(module = "_modlens")]
 pub struct Capture {
     core: Core,
@@ -37,7 +37,7 @@ impl Capture {
     }
 
     fn more<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        as_bytes(py, |out| self.core.more(PIECE, out))
+        as_bytes(py, |out| self.core.more(BLOCK_BYTES, out))
     }
 
     fn end<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
@@ -50,10 +50,10 @@ impl Capture {
     }
 }
 
-/// Port, bus number, bus name, line, settings.
+/// A port of a raw recording: name of the port, number of its bus, name of the bus, line (A or B), line settings.
 type RecordedPort = (String, usize, String, Option<String>, Option<String>);
 
-/// The beginning of a segment of a raw recording: `ports` are (port, bus number, bus name, line, settings).
+/// The beginning of a file of a raw recording, with the descriptions of its ports.
 #[pyfunction]
 pub fn recording_head<'py>(
     py: Python<'py>,
@@ -63,11 +63,11 @@ pub fn recording_head<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let mut out = Vec::new();
     recording::head(&format!("modlens {}", env!("CARGO_PKG_VERSION")), session, segment, &mut out);
-    ports.iter().try_for_each(|port| describe(port, &mut out))?;
+    ports.iter().try_for_each(|port| push_port(port, &mut out))?;
     Ok(PyBytes::new(py, &out))
 }
 
-/// One more port of a raw recording that has begun.
+/// The description of a further port for a raw recording that has begun.
 #[pyfunction]
 #[pyo3(signature = (port, bus, name, line=None, settings=None))]
 pub fn recording_port(
@@ -79,17 +79,18 @@ pub fn recording_port(
     settings: Option<String>,
 ) -> PyResult<Bound<'_, PyBytes>> {
     let mut out = Vec::new();
-    describe(&(port, bus, name, line, settings), &mut out)?;
+    push_port(&(port, bus, name, line, settings), &mut out)?;
     Ok(PyBytes::new(py, &out))
 }
 
-fn describe((port, bus, name, line, settings): &RecordedPort, out: &mut Vec<u8>) -> PyResult<()> {
+/// Appends the description of a port.
+fn push_port((port, bus, name, line, settings): &RecordedPort, out: &mut Vec<u8>) -> PyResult<()> {
     let settings = settings.as_deref().map(str::parse::<LineSettings>).transpose().map_err(value_error)?;
     recording::port(port, (*bus, name), line.as_deref(), settings.as_ref(), out);
     Ok(())
 }
 
-/// One read as a block of a raw recording.
+/// The block of a raw recording for one read.
 #[pyfunction]
 #[pyo3(signature = (port, time_ns, data, *, errors=None, hole=false))]
 pub fn recording_read<'py>(

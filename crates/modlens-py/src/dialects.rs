@@ -1,4 +1,4 @@
-//! The table of dialects.
+//! The table of dialects, by which recordings in text are read.
 
 use std::sync::Arc;
 
@@ -9,21 +9,22 @@ use serde_json::{json, Value as Json};
 
 use crate::arguments::{hex, value_error};
 
-/// A byte string of a log: line number, who sent it, when, the bytes.
-type Found = (u64, Option<&'static str>, Option<i64>, Vec<u8>);
+/// Bytes read from a log: line number, sender, time in ns, the bytes.
+type EntryTuple = (u64, Option<&'static str>, Option<i64>, Vec<u8>);
 
-/// One that is not delivered: line number, the bytes, why.
-type LeftOut = (u64, Vec<u8>, &'static str);
+/// Bytes that were not delivered: line number, the bytes, the reason.
+type SkippedTuple = (u64, Vec<u8>, &'static str);
 
-fn side(side: Option<Side>) -> &'static str {
-    match side {
+/// The word by which Python knows a sender.
+fn side_name(side_name: Option<Side>) -> &'static str {
+    match side_name {
         Some(Side::Sent) => "sent",
         Some(Side::Received) => "received",
         None => "either",
     }
 }
 
-/// The embedded rows and further ones.
+/// The embedded dialects and those that users have added.
 #[pyclass(module = "_modlens")]
 pub struct Dialects {
     pub(crate) core: Arc<Core>,
@@ -46,7 +47,7 @@ impl Dialects {
 
     fn rows(&self) -> String {
         let row = |row: &modlens_readers::text::Dialect| {
-            let bytes: Vec<(&str, String)> = row.bytes.iter().map(|(who, bytes)| (side(*who), hex(bytes))).collect();
+            let bytes: Vec<(&str, String)> = row.bytes.iter().map(|(who, bytes)| (side_name(*who), hex(bytes))).collect();
             json!({
                 "name": row.name, "title": row.title, "clock": row.clock, "sample": row.sample.trim_matches('\n'), "bytes": bytes,
                 "generic": row.generic, "checksum": !row.no_checksum,
@@ -55,13 +56,13 @@ impl Dialects {
         self.core.rows().map(|one| row(one)).collect::<Json>().to_string()
     }
 
-    fn read(&self, format: &str, text: &[u8]) -> PyResult<(Vec<Found>, Vec<LeftOut>, u64)> {
+    fn read(&self, format: &str, text: &[u8]) -> PyResult<(Vec<EntryTuple>, Vec<SkippedTuple>, u64)> {
         let mut reader = Reader::new(self.core.named(format).map_err(value_error)?, None, Arc::default());
         reader.look_ahead(text);
         reader.push(text);
         let mut found = Vec::new();
         while let Some((record, bytes)) = reader.next(true) {
-            found.push((record.number, record.side.map(|who| side(Some(who))), record.time, bytes.to_vec()));
+            found.push((record.number, record.side.map(|who| side_name(Some(who))), record.time, bytes.to_vec()));
         }
         let left_out = reader.skipped().iter().map(|(line, bytes, reason)| (*line, bytes.clone(), *reason)).collect();
         Ok((found, left_out, reader.unparsed))

@@ -1,4 +1,4 @@
-//! Parquet and Arrow files.
+//! Writes Parquet and Arrow files.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -16,11 +16,12 @@ use crate::table::Table;
 #[pyclass(frozen, module = "_modlens")]
 pub struct RowFile {
     kind: TableKind,
-    /// arrow-rs' writers may not be looked at by two threads at once, which Python demands of its objects.
+    /// The writers of arrow-rs are not `Sync`, as Python demands of its objects, so they stand behind a lock.
     core: Mutex<Core>,
 }
 
-fn broken(error: impl std::fmt::Display) -> PyErr {
+/// The error of a writer, which is a fault of the program.
+fn runtime_error(error: impl std::fmt::Display) -> PyErr {
     PyRuntimeError::new_err(error.to_string())
 }
 
@@ -36,7 +37,7 @@ impl RowFile {
             "parquet" => Core::parquet(kind, columns, version),
             other => return Err(value_error(format!("format {other:?} is neither arrow nor parquet"))),
         };
-        Ok(Self { kind, core: Mutex::new(core.map_err(broken)?) })
+        Ok(Self { kind, core: Mutex::new(core.map_err(runtime_error)?) })
     }
 
     fn rows<'py>(&self, py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyBytes>> {
@@ -45,12 +46,12 @@ impl RowFile {
         }
         let mut done = Ok(());
         let bytes = as_bytes(py, |out| done = self.core.lock().unwrap_or_else(PoisonError::into_inner).rows(&table.core, out));
-        done.map(|()| bytes).map_err(broken)
+        done.map(|()| bytes).map_err(runtime_error)
     }
 
     fn end<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let mut out = Vec::new();
-        py.detach(|| self.core.lock().unwrap_or_else(PoisonError::into_inner).end(&mut out)).map_err(broken)?;
+        py.detach(|| self.core.lock().unwrap_or_else(PoisonError::into_inner).end(&mut out)).map_err(runtime_error)?;
         Ok(PyBytes::new(py, &out))
     }
 }

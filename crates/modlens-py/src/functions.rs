@@ -1,4 +1,4 @@
-//! The table of functions.
+//! The table of functions, by which PDUs are decoded and encoded.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 
 use crate::arguments::value_error;
 
-/// The embedded rows and further ones.
+/// The embedded functions and those that users have added.
 #[pyclass(module = "_modlens")]
 pub struct Functions {
     pub(crate) core: Arc<Core>,
@@ -39,17 +39,18 @@ impl Functions {
     }
 
     fn decode(&self, pdu: &[u8], direction: &str) -> PyResult<String> {
-        Ok(pdu::describe(&self.core, pdu, response(direction)?).to_string())
+        Ok(pdu::describe(&self.core, pdu, is_response(direction)?).to_string())
     }
 
     fn encode(&self, function: u8, direction: &str, values: &str) -> PyResult<Vec<u8>> {
         let values: Json = serde_json::from_str(values).map_err(|e| value_error(e.to_string()))?;
         let values = values.as_object().ok_or_else(|| value_error("values must be a JSON object".into()))?;
-        pdu::encode(&self.core, function, response(direction)?, values).map_err(value_error)
+        pdu::encode(&self.core, function, is_response(direction)?, values).map_err(value_error)
     }
 }
 
-fn response(direction: &str) -> PyResult<bool> {
+/// Whether a direction is that of responses.
+fn is_response(direction: &str) -> PyResult<bool> {
     match direction {
         "request" => Ok(false),
         "response" => Ok(true),

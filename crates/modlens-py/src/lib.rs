@@ -1,4 +1,5 @@
-//! The border: what Python sees of the core. No logic of its own; `_modlens.pyi` documents it.
+//! The border: the extension module `_modlens`, through which Python uses the core. It has no logic of its own, and its
+//! classes and functions are documented in `_modlens.pyi`.
 
 mod arguments;
 mod batch;
@@ -24,7 +25,7 @@ use serde_json::{json, Map, Value as Json};
 
 use crate::arguments::{line_settings, value_error};
 
-/// The texts that the core embeds, as one JSON object.
+/// The tables that the core embeds (functions, columns, findings and names of codes), as one JSON object.
 #[pyfunction]
 fn vocabulary() -> PyResult<String> {
     let words: Json = toml_to_json(VOCABULARY)?;
@@ -62,19 +63,19 @@ fn finding_json(finding: Finding) -> Json {
     })
 }
 
-/// CRC-16/MODBUS; sent low byte first.
+/// The CRC-16/MODBUS of these bytes, which is transmitted low byte first.
 #[pyfunction]
 fn crc16(data: &[u8]) -> u16 {
     checksum::crc16(data)
 }
 
-/// LRC of the binary bytes of an ASCII frame.
+/// The LRC of the binary bytes of an ASCII frame.
 #[pyfunction]
 fn lrc(data: &[u8]) -> u8 {
     checksum::lrc(data)
 }
 
-/// Character time, t1.5 and t3.5 in nanoseconds.
+/// Character time, t1.5 and t3.5 of a serial line, in nanoseconds.
 #[pyfunction]
 fn line_timing(baud: u32, data_bits: u8, parity: &str, stop_bits: f64) -> PyResult<(i64, i64, i64)> {
     let line = line_settings((baud, data_bits, parity.to_owned(), stop_bits))?;

@@ -1,4 +1,4 @@
-//! Rows as lines of text, piece by piece.
+//! Rows as lines of CSV or JSON, in blocks.
 
 use std::cell::RefCell;
 
@@ -11,16 +11,16 @@ use pyo3::types::PyBytes;
 
 use crate::arguments::value_error;
 
-/// Bytes after which a piece ends with its row: it stays in the processor's cache until it is written, and its memory
-/// is used again for the next one.
-pub const PIECE: usize = 1 << 16;
+/// A block ends with the row that makes it longer than this. Blocks of this size stay in the processor's cache until they
+/// are written, and their memory is reused.
+pub const BLOCK_BYTES: usize = 1 << 16;
 
 thread_local! {
-    /// What pieces are made in: fresh memory costs more than the text.
+    /// Memory in which blocks are made. It is reused, because allocating it costs more than writing the text.
     static SCRATCH: RefCell<Vec<u8>> = RefCell::default();
 }
 
-/// Gives `fill` an empty buffer that is used again, and what is then in it to Python.
+/// Calls `fill` with an empty buffer, without the lock of the interpreter, and returns a copy of its content as `bytes`.
 pub fn as_bytes(py: Python<'_>, fill: impl FnOnce(&mut Vec<u8>) + Send) -> Bound<'_, PyBytes> {
     let mut out = SCRATCH.take();
     py.detach(|| fill(&mut out));
@@ -30,6 +30,7 @@ pub fn as_bytes(py: Python<'_>, fill: impl FnOnce(&mut Vec<u8>) + Send) -> Bound
     bytes
 }
 
+/// The writer of one format.
 enum Format {
     Csv(LineWriter<Csv>),
     Jsonl(LineWriter<Jsonl>),
@@ -45,9 +46,9 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// For these columns; `header` puts their names in front, where the format has a place for them.
+    /// The lines of a table with these columns. `header` puts the names of the columns in front, if the format is CSV.
     pub fn new(table: &Core, format: &str, columns: &[String], header: bool) -> PyResult<Self> {
-        let places: Vec<usize> =
+        let columns_by_index: Vec<usize> =
             columns.iter().map(|key| table.kind.column(key)).collect::<Result<_, _>>().map_err(value_error)?;
         let mut names = Vec::new();
         let format = match format {
@@ -55,9 +56,9 @@ impl Pieces {
                 if header {
                     csv::header(&columns.iter().map(String::as_str).collect::<Vec<_>>(), &mut names);
                 }
-                Format::Csv(LineWriter::new(table, &places))
+                Format::Csv(LineWriter::new(table, &columns_by_index))
             }
-            "jsonl" => Format::Jsonl(LineWriter::new(table, &places)),
+            "jsonl" => Format::Jsonl(LineWriter::new(table, &columns_by_index)),
             other => return Err(value_error(format!("format {other:?} is neither csv nor jsonl"))),
         };
         Ok(Self { table: table.clone(), format, header: names, next: 0 })
@@ -67,8 +68,8 @@ impl Pieces {
         out.append(&mut self.header);
         let (table, rows) = (&self.table, self.next..self.table.len());
         self.next = match &mut self.format {
-            Format::Csv(lines) => lines.rows(table, rows, PIECE, out),
-            Format::Jsonl(lines) => lines.rows(table, rows, PIECE, out),
+            Format::Csv(lines) => lines.rows(table, rows, BLOCK_BYTES, out),
+            Format::Jsonl(lines) => lines.rows(table, rows, BLOCK_BYTES, out),
         };
     }
 }

@@ -1,4 +1,4 @@
-//! Profiles.
+//! Device profiles, the register map that traffic shows, and the inference of register types.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use serde_json::{json, Value as Json};
 use crate::arguments::value_error;
 use crate::batch::Batch;
 
-/// A device profile that has no mistakes.
+/// A device profile without errors.
 #[pyclass(frozen, module = "_modlens")]
 pub struct Profile {
     pub(crate) plan: Arc<Plan>,
@@ -25,7 +25,7 @@ impl Profile {
     fn new(text: &str, form: &str) -> PyResult<Self> {
         let form = ProfileFormat::from_word(form)
             .ok_or_else(|| value_error(format!("form {form:?} is none of toml, csv, tree, json")))?;
-        let core = Core::parse(text, form).map_err(|mistakes| value_error(list(&mistakes)))?;
+        let core = Core::parse(text, form).map_err(|mistakes| value_error(errors_json(&mistakes)))?;
         Ok(Self { plan: Arc::new(Plan::new(core)) })
     }
 
@@ -34,24 +34,25 @@ impl Profile {
     }
 }
 
-fn list(mistakes: &[Mistake]) -> String {
+/// Errors of a profile as JSON.
+fn errors_json(mistakes: &[Mistake]) -> String {
     let row = |mistake: &Mistake| json!({"line": Some(mistake.line).filter(|&line| line > 0), "key": mistake.key, "message": mistake.message, "hint": mistake.hint});
     mistakes.iter().map(row).collect::<Json>().to_string()
 }
 
-/// The JSON Schema of profiles.
+/// The JSON Schema of device profiles.
 #[pyfunction]
 pub fn profile_schema() -> String {
     format!("{:#}\n", profile::schema())
 }
 
-/// The shipped profiles: name, TOML text.
+/// The shipped profiles, as (name, TOML text).
 #[pyfunction]
 pub fn shipped_profiles() -> Vec<(&'static str, &'static str)> {
     SHIPPED.to_vec()
 }
 
-/// Registers as one value of a type: the number, where a float holds it, and its exact text.
+/// Converts the bytes of registers to one value: the number, if a float can hold it, and its exact text.
 #[pyfunction]
 pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>, Option<String>)> {
     let kind = Type::from_word(r#type).ok_or_else(|| value_error(format!("no type {type:?}")))?;
@@ -64,7 +65,7 @@ pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>,
     Ok((value.number(), value.text()))
 }
 
-/// The register map as last seen.
+/// The last value of every register, as traffic shows it.
 #[pyclass(module = "_modlens")]
 #[derive(Default)]
 pub struct RegisterMap {
@@ -87,7 +88,7 @@ impl RegisterMap {
     }
 }
 
-/// What traffic tells of the registers of each unit.
+/// Statistics of the registers of each unit, from which their types are inferred.
 #[pyclass(module = "_modlens")]
 #[derive(Default)]
 pub struct Survey {
@@ -118,7 +119,7 @@ pub fn judge(rows: Vec<Vec<u16>>) -> String {
     learn::rank_types(&rows, 0.0, None).iter().map(claim).collect::<Json>().to_string()
 }
 
-/// The `SunSpec` models that are shipped: number, TOML text.
+/// The shipped `SunSpec` models, as (number, TOML text).
 #[pyfunction]
 pub fn sunspec_models() -> Vec<(u16, &'static str)> {
     SUNSPEC.to_vec()

@@ -1,4 +1,4 @@
-//! The session.
+//! The session: bytes of any source go in, batches of rows come out.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use crate::dialects::Dialects;
 use crate::functions::Functions;
 use crate::profile::Profile;
 
-/// The framing of that name; `auto` is to be found out.
+/// The framing of this name; `None` stands for `auto`, which lets the engine detect it.
 fn framing(name: &str) -> PyResult<Option<Mode>> {
     Ok(match name {
         "auto" => None,
@@ -33,6 +33,7 @@ fn framing(name: &str) -> PyResult<Option<Mode>> {
     })
 }
 
+/// The word by which Python knows a clock.
 fn clock_name(clock: Clock) -> &'static str {
     match clock {
         Clock::Utc => "utc",
@@ -92,7 +93,7 @@ impl Session {
         let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };
         let line = line.map(line_settings).transpose()?;
         let number = self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule });
-        self.buses = number + 1; // captures and logs of several devices have added theirs
+        self.buses = number + 1; // Captures and logs of several devices may have added buses, too.
         Ok(number)
     }
 
@@ -108,7 +109,7 @@ impl Session {
         errors: Option<Vec<u32>>,
         hole: bool,
     ) -> PyResult<()> {
-        self.check(bus)?;
+        self.check_bus(bus)?;
         let line = match line {
             None => 0,
             Some("A") => 1,
@@ -134,7 +135,7 @@ impl Session {
         zone: Option<Vec<(i64, i64)>>,
         date: Option<&str>,
     ) -> PyResult<()> {
-        self.check(bus)?;
+        self.check_bus(bus)?;
         let day = date
             .map(|date| day_of(date).ok_or_else(|| value_error(format!("date {date:?} is not written as 2026-11-21"))))
             .transpose()?;
@@ -149,13 +150,13 @@ impl Session {
 
     #[pyo3(signature = (bus, data, *, r#final=false))]
     fn feed_text(&mut self, py: Python<'_>, bus: usize, data: &[u8], r#final: bool) -> PyResult<()> {
-        self.check(bus)?;
+        self.check_bus(bus)?;
         py.detach(|| self.core.feed_text(bus, data, r#final));
         Ok(())
     }
 
     fn settle_text(&mut self, py: Python<'_>, bus: usize) -> PyResult<()> {
-        self.check(bus)?;
+        self.check_bus(bus)?;
         py.detach(|| self.core.settle_text(bus));
         Ok(())
     }
@@ -261,7 +262,7 @@ impl Session {
     }
 
     fn reading(&self, bus: usize) -> PyResult<String> {
-        self.check(bus)?;
+        self.check_bus(bus)?;
         let mode = self.core.mode(bus).map(Mode::text);
         let Some(reader) = self.core.reader(bus) else {
             return Ok(json!({
@@ -285,12 +286,13 @@ impl Session {
 }
 
 impl Session {
-    /// The engine, for those who feed it without Python.
+    /// The engine, for the inbox, which feeds it without the interpreter.
     pub(crate) fn core(&mut self) -> &mut Core {
         &mut self.core
     }
 
-    pub(crate) fn check(&self, bus: usize) -> PyResult<()> {
+    /// Raises `IndexError` for a bus that was not added.
+    pub(crate) fn check_bus(&self, bus: usize) -> PyResult<()> {
         if bus < self.buses {
             Ok(())
         } else {

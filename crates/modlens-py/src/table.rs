@@ -1,4 +1,4 @@
-//! Tables, rows and filters.
+//! Tables, their rows, and filters.
 
 use std::sync::Arc;
 
@@ -39,7 +39,8 @@ pub struct Table {
     pub(crate) core: Core,
 }
 
-fn places(kind: TableKind, columns: &[String]) -> PyResult<Vec<usize>> {
+/// The indices of columns given by name.
+fn column_indices(kind: TableKind, columns: &[String]) -> PyResult<Vec<usize>> {
     columns.iter().map(|key| kind.column(key).map_err(value_error)).collect()
 }
 
@@ -89,9 +90,9 @@ impl Table {
         start: usize,
         count: usize,
     ) -> PyResult<Vec<Bound<'py, PyTuple>>> {
-        let places = places(self.core.kind, &columns)?;
+        let indices = column_indices(self.core.kind, &columns)?;
         let end = self.core.len().min(start.saturating_add(count));
-        (start..end).map(|row| PyTuple::new(py, places.iter().map(|&column| self.plain(py, row, column)))).collect()
+        (start..end).map(|row| PyTuple::new(py, indices.iter().map(|&column| self.database_value(py, row, column)))).collect()
     }
 
     fn origins(&self) -> Vec<(String, u64, Option<u64>, Vec<u64>)> {
@@ -167,8 +168,8 @@ impl Table {
 }
 
 impl Table {
-    /// A value as databases take it: lists and maps as text, as CSV spells them.
-    fn plain(&self, py: Python<'_>, row: usize, column: usize) -> Py<PyAny> {
+    /// A value in a form that databases accept: lists and maps become text, as CSV spells them.
+    fn database_value(&self, py: Python<'_>, row: usize, column: usize) -> Py<PyAny> {
         let cell = self.core.cell(row, column);
         let kind = self.core.kind.columns()[column].kind;
         let number = match (&cell, kind) {
@@ -193,7 +194,7 @@ fn schema_capsule(py: Python<'_>, kind: TableKind) -> PyResult<Bound<'_, PyCapsu
     PyCapsule::new_with_value(py, schema, c"arrow_schema")
 }
 
-/// Iterates over rows.
+/// An iterator over the rows of a table.
 #[pyclass(module = "_modlens")]
 pub struct Rows {
     table: Core,
@@ -215,7 +216,7 @@ impl Rows {
     }
 }
 
-/// One row; every column is an attribute.
+/// One row of a table, whose columns are attributes.
 #[pyclass(frozen, module = "_modlens")]
 pub struct Row {
     pub(crate) table: Core,
@@ -224,7 +225,8 @@ pub struct Row {
 
 #[pymethods]
 impl Row {
-    /// Columns first: to look for a name among the methods, in vain, costs more than a column.
+    /// Looks for the name among the columns first, because a search among the methods that finds nothing costs more than
+    /// reading a column.
     fn __getattribute__<'py>(slf: &Bound<'py, Self>, name: &Bound<'py, PyString>) -> PyResult<Bound<'py, PyAny>> {
         let row = slf.get();
         let found = row.table.kind.columns().iter().position(|column| name == column.key.as_str());
@@ -297,7 +299,7 @@ impl Row {
     }
 }
 
-/// A `datetime` in UTC; it has microseconds, the columns of files have more.
+/// A `datetime` in UTC, which has microseconds, while the columns of files have nanoseconds.
 fn datetime(py: Python<'_>, ns: i64) -> PyResult<Bound<'_, PyAny>> {
     let module = py.import("datetime")?;
     let utc = module.getattr("timezone")?.getattr("utc")?;
@@ -306,7 +308,7 @@ fn datetime(py: Python<'_>, ns: i64) -> PyResult<Bound<'_, PyAny>> {
     epoch.call_method1("__add__", (delta,))
 }
 
-/// Makes a table of a batch.
+/// One table of a batch.
 pub fn table(batch: &Arc<modlens_engine::records::Batch>, kind: TableKind) -> Table {
     Table { core: Core::new(Arc::clone(batch), kind) }
 }

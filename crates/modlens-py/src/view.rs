@@ -1,4 +1,4 @@
-//! Rows as lines for people.
+//! Rows as lines for the terminal.
 
 use std::ops::Range;
 
@@ -11,13 +11,15 @@ use crate::arguments::value_error;
 use crate::table::{Row, Table};
 
 /// A text and the name of its style.
-type Named = (String, &'static str);
+type TextAndStyle = (String, &'static str);
 
-fn base(name: &str) -> PyResult<AddressNotation> {
+/// The notation of addresses by name.
+fn address_notation(name: &str) -> PyResult<AddressNotation> {
     AddressNotation::from_name(name).ok_or_else(|| value_error(format!("address {name:?} is none of wire, 5digit, 6digit, hex")))
 }
 
-/// A function of Python's as one of the core's; what it cannot tell is UTC.
+/// A function of Python that returns the offset to UTC for a time in ns, as a function of Rust. If it raises an exception,
+/// the exception is reported and the time counts as UTC.
 fn zone(shift: Option<Py<PyAny>>) -> Zone {
     let Some(shift) = shift else { return Box::new(|_| 0) };
     Box::new(move |ns| {
@@ -31,11 +33,12 @@ fn zone(shift: Option<Py<PyAny>>) -> Zone {
     })
 }
 
-fn named(parts: Vec<StyledText>) -> Vec<Named> {
+/// Parts of a line with the names of their styles.
+fn styled(parts: Vec<StyledText>) -> Vec<TextAndStyle> {
     parts.into_iter().map(|(text, style)| (text, style.name())).collect()
 }
 
-/// The lines of one table, while it grows.
+/// The lines of one table that grows during a live session.
 #[pyclass(module = "_modlens")]
 pub struct Lines {
     core: lines::TableLines,
@@ -65,7 +68,7 @@ impl Lines {
             return Err(value_error("rows of several tables".into()));
         }
         let first: Vec<RowRef<'_>> = rows.iter().map(|row| row.core()).collect();
-        let look = TableOptions { base: base(address)?, times, zone: zone(shift), width, labels };
+        let look = TableOptions { base: address_notation(address)?, times, zone: zone(shift), width, labels };
         Ok(Self { core: lines::TableLines::new(kind, &first, look), kind: kind.name() })
     }
 
@@ -78,20 +81,20 @@ impl Lines {
     }
 
     #[pyo3(signature = (table, start=0, count=usize::MAX))]
-    fn parts(&mut self, table: &Table, start: usize, count: usize) -> PyResult<Vec<Vec<Named>>> {
+    fn parts(&mut self, table: &Table, start: usize, count: usize) -> PyResult<Vec<Vec<TextAndStyle>>> {
         let mut out = Vec::new();
         let range = self.range(table, start, count)?;
-        self.core.rows(&table.core, range, |line| out.push(named(line)));
+        self.core.rows(&table.core, range, |line| out.push(styled(line)));
         Ok(out)
     }
 
-    fn head(&self) -> Vec<Named> {
-        named(self.core.head())
+    fn head(&self) -> Vec<TextAndStyle> {
+        styled(self.core.head())
     }
 
-    fn row(&mut self, row: &Row) -> PyResult<Vec<Named>> {
+    fn row(&mut self, row: &Row) -> PyResult<Vec<TextAndStyle>> {
         self.check(row.table.kind.name())?;
-        Ok(named(self.core.row(&row.core())))
+        Ok(styled(self.core.row(&row.core())))
     }
 }
 
@@ -111,11 +114,11 @@ impl Lines {
     }
 }
 
-/// The values that a transaction carried, as many as fit.
+/// The register values of a transaction, as many as fit into the width.
 #[pyfunction]
 pub fn carried(row: &Row, address: &str, width: usize) -> PyResult<String> {
     if row.table.kind.name() != "transactions" {
         return Err(value_error(format!("a row of {} carries no values", row.table.kind.name())));
     }
-    Ok(lines::carried(&row.core(), base(address)?, width))
+    Ok(lines::carried(&row.core(), address_notation(address)?, width))
 }
