@@ -23,11 +23,12 @@ import _modlens
 from analyzer.line import Line
 from analyzer.profiles import Binding
 from analyzer.sources import FORMATS, is_binary
-from analyzer.sources.files import STDIN, Recording, check_readable
+from analyzer.sources.files import RAW, Recording, check_readable
+from analyzer.sources.pipes import STDIN, FirstBytes
 from analyzer.sources.saleae import Levels
 from analyzer.sources.sigrok import Samples
-from analyzer.sources.unpack import RecordingName, expand
-from dissectors.errors import SourceError, UsageError
+from analyzer.sources.unpack import Archives, RecordingName, expand
+from dissectors.errors import CaptureError, SourceError, UsageError
 
 __all__ = ["MODES", "FileRun", "RecordingStatus", "Run", "Settings", "Sink", "pump"]
 
@@ -128,7 +129,7 @@ class RecordingStatus:
 
     `details` has the keys of `_modlens.Session.reading`; `forced` is True where `--from` names the
     format; `ended` is True when the recording has been read to its end. A recording that was
-    skipped has an empty `format`, and the `reason`.
+    skipped has an empty `format`, and the `reason`: it holds no Modbus, or it is `unreadable`.
     """
 
     name: str
@@ -138,6 +139,7 @@ class RecordingStatus:
     forced: bool
     details: dict[str, Any]
     ended: bool
+    unreadable: bool = False
 
 
 class Run(Protocol):
@@ -176,6 +178,9 @@ class FileRun:
     `on_status` gets the status of every recording after its first block and at its end.
     `SourceError` for the first name that cannot be read, before anything is decoded; later, while
     files are read.
+
+    `unreadable` counts the recordings that could not be read, or not to their end: damaged,
+    encrypted, cut off, too deep in archives.
     """
 
     def __init__(  # noqa: PLR0913 - how recordings are read
@@ -188,9 +193,12 @@ class FileRun:
         on_status: Callable[[RecordingStatus], None] | None = None,
         follow: bool = False,
     ) -> None:
-        self._names = expand(list(names))
+        self.unreadable = 0
+        self._names = expand(list(names), unpack=read_as != RAW)
         for name in self._names:
             if not name.found:
+                if name.error is not None:
+                    raise name.error
                 check_readable(name.text)
         self._settings = settings
         self._read_as = read_as
@@ -202,20 +210,33 @@ class FileRun:
     def batches(self) -> Iterator[_modlens.Batch]:
         """The rows that each block decides; after the last block of a file, those still open."""
         troubles = []
-        for i, name in enumerate(self._names):
-            follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
-            try:
-                with self._open(name, follow=follow) as recording:
-                    yield from self._read_recording(recording)
-                self._decoded += 1
-            except SourceError as error:
-                if not name.found:
-                    raise
-                troubles.append(error)
-                self._report_skipped(name.text, error)
+        with Archives() as archives:
+            for i, name in enumerate(self._names):
+                follow = self._follow and i + 1 == len(self._names) and name.text != STDIN
+                try:
+                    yield from self._decode(name, archives, follow=follow)
+                    self._decoded += 1
+                except SourceError as error:
+                    if not name.found:
+                        raise
+                    troubles.append(error)
+                    self.unreadable += isinstance(error, CaptureError)
+                    self._report_skipped(name.text, error)
         if troubles and not self._decoded:
             raise troubles[0]
         yield self.finish()
+
+    def _decode(
+        self, name: RecordingName, archives: Archives, *, follow: bool
+    ) -> Iterator[_modlens.Batch]:
+        if name.error is not None:
+            raise name.error
+        with FirstBytes(name.text) as first_bytes:
+            while not first_bytes.have_come():
+                yield self._core.take()
+            recording = self._open(name, archives, follow=follow)
+        with recording:
+            yield from self._read_recording(recording)
 
     def finish(self) -> _modlens.Batch:
         """Decide what is still open, and give those rows."""
@@ -227,9 +248,13 @@ class FileRun:
         found: dict[str, Any] = json.loads(self._core.stats())
         return found
 
-    def _open(self, name: RecordingName, *, follow: bool) -> Recording:
+    def _open(self, name: RecordingName, archives: Archives, *, follow: bool) -> Recording:
         return Recording(
-            name.text, read_as=self._read_as, dialects=self._settings.dialects, follow=follow
+            name.text,
+            read_as=self._read_as,
+            dialects=self._settings.dialects,
+            follow=follow,
+            archives=archives,
         )
 
     def _read_recording(self, recording: Recording) -> Iterator[_modlens.Batch]:
@@ -330,6 +355,7 @@ class FileRun:
         details = json.loads(reading)
         if ended and recording.damage is not None:
             details["trouble"] = recording.damage
+            self.unreadable += 1
         self._on_status(
             RecordingStatus(
                 recording.name,
@@ -345,7 +371,10 @@ class FileRun:
     def _report_skipped(self, name: str, error: SourceError) -> None:
         if self._on_status is not None:
             reason = error.message.removeprefix(f"{name}: ")
-            self._on_status(RecordingStatus(name, "", 0.0, reason, False, {}, ended=True))
+            unreadable = isinstance(error, CaptureError)
+            self._on_status(
+                RecordingStatus(name, "", 0.0, reason, False, {}, ended=True, unreadable=unreadable)
+            )
 
 
 def _samples_of(recording: Recording) -> Samples | Levels:

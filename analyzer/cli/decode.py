@@ -8,7 +8,8 @@ from itertools import islice
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import TABLE, run_files
 from analyzer.cli.parser import add_decoding, add_input, add_line, add_rows, settings
-from analyzer.sources.files import STDIN, Recording
+from analyzer.sources.files import Recording
+from analyzer.sources.pipes import STDIN
 from analyzer.sources.settings_inference import infer_settings, reads, recorded_settings
 from dissectors.errors import UsageError
 

@@ -45,7 +45,9 @@ class Messages:
 
     def recording_status(self, status: RecordingStatus) -> None:
         """Report a recording: at its beginning the format, at its end what was not read."""
-        if not status.format:
+        if status.unreadable:
+            self.error(f"{status.name}: {status.reason}; skipped")
+        elif not status.format:
             self.info(f"{status.name}: passed over: {status.reason}")
         elif status.ended:
             self._report_unread(status)
@@ -98,7 +100,7 @@ class Messages:
     def _report_unread(self, status: RecordingStatus) -> None:
         details = status.details
         if "trouble" in details:
-            self.info(f"{status.name}: {details['trouble']}")
+            self.error(f"{status.name}: {details['trouble']}")
         later = [
             name for name in details.get("formats", []) if name not in status.format.split("+")
         ]

@@ -34,7 +34,7 @@ from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
 from analyzer.views.table_sink import TableSink
-from dissectors.errors import SourceError, UsageError
+from dissectors.errors import CaptureError, SourceError, UsageError
 
 __all__ = ["DAMAGED", "OutputSink", "Outputs", "run_files", "run_settings", "targets"]
 
@@ -84,7 +84,7 @@ def run_files(
             return SIGNALLED + stop_signals.signal
     if options.strict and (damaged(stats) or messages.unparsed_lines) and not outputs.status:
         return DAMAGED
-    return outputs.status
+    return max(outputs.status, CaptureError.exit_status if run.unreadable else 0)
 
 
 class OutputSink(Sink, Protocol):

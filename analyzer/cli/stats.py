@@ -14,6 +14,7 @@ from analyzer.session import FileRun
 from analyzer.views.screen import stdout
 from analyzer.views.stats import show_stats
 from analyzer.views.summary import damaged
+from dissectors.errors import CaptureError
 
 __all__ = ["add_arguments", "run"]
 
@@ -45,4 +46,6 @@ def run(options: argparse.Namespace) -> int:
         show_stats(stats, stdout())
         if stop_signals.signal is not None:
             return SIGNALLED + stop_signals.signal
+    if files.unreadable:
+        return CaptureError.exit_status
     return DAMAGED if options.strict and (damaged(stats) or messages.unparsed_lines) else 0

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import IO
 
 import _modlens
-from analyzer.sources.unpack import decompressed, open_member
+from analyzer.sources.compression import decompressor
+from analyzer.sources.unpack import Archives
 from dissectors.errors import SourceError
 
 __all__ = ["extract_packets"]
@@ -35,6 +36,9 @@ CLASSIC_MAGIC = {
 }  # fmt: skip
 """Magic number of a classic pcap -> byte order, decimal digits of a second."""
 
+_SAMPLE_BYTES = 4096
+"""Bytes that show whether a file is compressed."""
+
 MAX_BLOCK_BYTES = 1 << 26
 """A block that claims to be longer is damaged."""
 
@@ -47,11 +51,12 @@ def extract_packets(name: str, wanted: Container[int]) -> Iterator[bytes]:
     """
     try:
         with ExitStack() as opened:
-            stored = open_member(name, opened) or opened.enter_context(Path(name).open("rb"))
+            archives = opened.enter_context(Archives())
+            stored = archives.open(name) or opened.enter_context(Path(name).open("rb"))
             digest = _sha256(stored)
-            head = stored.read(6)
+            head = stored.read(_SAMPLE_BYTES)
             stored.seek(0)
-            content = decompressed(stored, head, name)
+            content = decompressor(stored, head, name)
             file = stored if content is None else opened.enter_context(content)
             comment = (
                 f"packets cut out of {name} by modlens {_modlens.__version__}, byte for byte;"

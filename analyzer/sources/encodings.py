@@ -17,6 +17,12 @@ _BOMS = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _MIN_ZERO_SHARE = 0.4
 """Share of zero bytes at every other place from which a text is taken for UTF-16."""
 
+_MIN_ASCII_SHARE = 0.4
+"""Share of ASCII characters in a log, whatever its language: hex digits, spaces, times."""
+
+_MAX_CONTROL_SHARE = 0.02
+"""More control characters than this are no text."""
+
 _MIN_CHARACTERS = 4
 """A text of fewer characters is not judged: a short Modbus frame has zeros at such places, too."""
 
@@ -35,7 +41,8 @@ def is_utf8(sample: bytes) -> bool:
 def detect_encoding(sample: bytes) -> str | None:
     """The encoding of a text that begins with `sample`; None for UTF-8, ASCII and binary data."""
     for bom, name in _BOMS.items():
-        if sample.startswith(bom):
+        # FF FE can be a glitch in front of the first frame of a raw recording.
+        if sample.startswith(bom) and _is_mostly_plain(sample[len(bom) :], name):
             return name
     for name, zeros in (("utf-16-le", sample[1::2]), ("utf-16-be", sample[::2])):
         if (
@@ -53,6 +60,16 @@ def detect_encoding(sample: bytes) -> str | None:
     except UnicodeDecodeError:
         return "cp1251"
     return "gbk"
+
+
+def _is_mostly_plain(sample: bytes, encoding: str) -> bool:
+    """Whether most characters are printable ASCII, as in a log, and hardly any are controls."""
+    text = codecs.getincrementaldecoder(encoding)("replace").decode(sample)
+    ascii_letters = sum(" " <= letter <= "~" or letter in "\t\r\n" for letter in text)
+    controls = sum(letter < " " and letter not in "\t\r\n\x1b" for letter in text)
+    return ascii_letters > _MIN_ASCII_SHARE * len(text) and controls <= _MAX_CONTROL_SHARE * len(
+        text
+    )
 
 
 def _is_plain(sample: bytes, encoding: str) -> bool:

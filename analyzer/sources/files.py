@@ -16,7 +16,6 @@ from __future__ import annotations
 import errno
 import io
 import os
-import select
 import stat
 import sys
 import time
@@ -27,15 +26,18 @@ from typing import Any, BinaryIO, Self
 
 import _modlens
 from analyzer.sources import encodings
+from analyzer.sources.archives import looks_like_archive
+from analyzer.sources.compression import damage_kinds, decompressor
 from analyzer.sources.detect import SAMPLE_BYTES, Detection, detect_format
 from analyzer.sources.encodings import Transcoder
-from analyzer.sources.unpack import decompressed, open_member
-from dissectors.errors import SourceError
+from analyzer.sources.pipes import STDIN, WAIT_S, has_bytes, open_unbuffered
+from analyzer.sources.unpack import Archives
+from dissectors.errors import CaptureError, SourceError
 
-__all__ = ["STDIN", "Recording", "check_readable"]
+__all__ = ["RAW", "Recording", "check_readable"]
 
-STDIN = "-"
-"""The file name that means standard input."""
+RAW = "raw"
+"""The format whose bytes are those of the line, whatever they look like."""
 
 BLOCK_BYTES = 64 * 1024
 """Bytes of one block; a pipe may give fewer."""
@@ -43,18 +45,16 @@ BLOCK_BYTES = 64 * 1024
 _MAX_COMPRESSION_LAYERS = 3
 """How often a file may be compressed: a compressed file may have been compressed again."""
 
-WAIT_S = 0.1
-"""Seconds to wait for data from a pipe before an empty block is given."""
-
 
 class Recording:
     """An open recording; use it in `with`.
 
     `name` is its name in messages, `detection` its format. `read_as` forces a format, `dialects` is
     the table of text formats with those of the user. With `follow` the file may grow: its end is
-    waited at. Compressed files and other encodings than UTF-8 are converted; `damage` says what was
-    wrong with a compressed file, None if nothing was. `SourceError` if the recording cannot be
-    read.
+    waited at. Compressed files and other encodings than UTF-8 are converted, except where `read_as`
+    is `raw`. `archives` are those that stay open from one member to the next; `damage` says
+    what was wrong with a compressed file, None if nothing was. `SourceError` if the recording
+    cannot be read.
     """
 
     def __init__(
@@ -64,6 +64,7 @@ class Recording:
         read_as: str | None = None,
         dialects: _modlens.Dialects | None = None,
         follow: bool = False,
+        archives: Archives | None = None,
     ) -> None:
         self.name = "stdin" if name == STDIN else name
         self.damage: str | None = None
@@ -76,10 +77,14 @@ class Recording:
         # The files that `_file` is read from: archives, and compressed files below their
         # decompressors.
         self._enclosing_files = ExitStack()
+        self._archives = archives or self._enclosing_files.enter_context(Archives())
         try:
             self._file = self._open(name)
             self._may_block = os.name == "posix" and not self._is_regular()
-            self._sample = self._read_plain_sample()
+            # The bytes of a line can begin like any other file: FF FE is a glitch, 1F 8B a refusal.
+            self._sample = self._read_sample() if read_as == RAW else self._read_plain_sample()
+            if not self._sample and self.damage is not None:
+                raise CaptureError(self.damage, path=self.name)
             if not self._sample:
                 raise SourceError(f"{self.name}: empty; there is nothing to decode")
             self.detection: Detection = detect_format(self._sample, self.name, read_as, dialects)
@@ -126,12 +131,12 @@ class Recording:
 
     def _open(self, name: str) -> Any:
         try:
-            if (member := open_member(name, self._enclosing_files)) is not None:
+            if (member := self._archives.open(name)) is not None:
                 return member
             check_readable(name)
             # Unbuffered, because the blocks are large and a read of a pipe must not wait until one
             # is full.
-            return open(0 if name == STDIN else name, "rb", buffering=0, closefd=name != STDIN)
+            return open_unbuffered(name)
         except OSError as error:
             raise _source_error(self.name, error) from error
 
@@ -145,7 +150,7 @@ class Recording:
         """Read the first bytes, decompressed, and converted to UTF-8 where they are text."""
         sample = self._read_sample()
         for _ in range(_MAX_COMPRESSION_LAYERS):
-            plain = decompressed(_PrependedReader(sample, self._file), sample, self.name)
+            plain = decompressor(_PrependedReader(sample, self._file), sample, self.name)
             if plain is None:
                 break
             self._enclosing_files.enter_context(self._file)
@@ -156,6 +161,9 @@ class Recording:
                 False,
             )
             sample = self._read_sample()
+        if looks_like_archive(sample):
+            message = "an archive inside a stream or too deep in others; unpack it first"
+            raise CaptureError(message, path=self.name)
         if (encoding := encodings.detect_encoding(sample)) is not None:
             self._transcode = Transcoder(encoding)
             sample = self._transcode(sample)
@@ -198,19 +206,26 @@ class Recording:
     def _read(self, size: int) -> bytes | None:
         """Read the next bytes: b"" if a pipe has none yet, None at the end."""
         try:
-            if self._may_block and not select.select([self._file], [], [], WAIT_S)[0]:
+            if (
+                self._may_block
+                and not has_bytes(self._file)
+                and os.get_blocking(self._file.fileno())
+            ):
                 return b""
             # `read1` of a decompressor returns the bytes before a damaged place; `read` would lose
             # them.
             read = getattr(self._file, "read1", self._file.read)
-            return bytes(read(size)) or None
+            block = read(size)
+            # None: a FIFO has nothing yet. Its end is told by reading only, not by `select`, where
+            # the writer had left before the FIFO was opened here.
+            return b"" if block is None else bytes(block) or None
         except OSError as error:
             if isinstance(error, _gzip_error()):
                 self._record_damage(error)
                 return None
             raise _source_error(self.name, error) from error
         except Exception as error:
-            if not isinstance(error, _decompression_errors()):
+            if not isinstance(error, damage_kinds()):
                 raise
             self._record_damage(error)
             return None
