@@ -35,7 +35,7 @@ pub fn answers(functions: &Functions, asked: Asked<'_>, unit: u8, pdu: &[u8]) ->
         return if pdu.len() == 2 { Match::Fully } else { Match::No };
     }
     let Some(row) = functions.row(code, &asked.pdu[1..]) else { return Match::Fully };
-    if row.response == Layout::Silent {
+    if row.response == Layout::NoResponse {
         // It should not have answered; if it does, it is this.
         return Match::Partly;
     }
@@ -55,14 +55,14 @@ pub fn answers(functions: &Functions, asked: Asked<'_>, unit: u8, pdu: &[u8]) ->
 
 /// Bytes of registers or bits that the answer to this request holds.
 pub fn expected_block(row: &FunctionRow, request: &[u8]) -> Option<usize> {
-    let (_, bits) = row.roles.response_block?;
-    let quantity = usize::from(u16_at(&request[1..], row.roles.quantity?)?);
+    let (_, bits) = row.offsets.response_block?;
+    let quantity = usize::from(u16_at(&request[1..], row.offsets.quantity?)?);
     Some(if bits { quantity.div_ceil(8) } else { 2 * quantity })
 }
 
 /// Bytes of registers or bits that this response holds.
 pub fn block_length(row: &FunctionRow, response: &[u8]) -> Option<usize> {
-    let (at, _) = row.roles.response_block?;
+    let (at, _) = row.offsets.response_block?;
     response.len().checked_sub(1 + at)
 }
 
@@ -73,8 +73,8 @@ pub fn echo_differences<'a>(
     response: &'a [u8],
 ) -> impl Iterator<Item = (&'a str, u32, u32)> + 'a {
     row.echoes.iter().filter_map(move |echo| {
-        let value = |pdu: &[u8], at: usize| pdu.get(1 + at..1 + at + echo.width).map(crate::pdu::number);
-        let (asked, answered) = value(request, echo.asked).zip(value(response, echo.answered))?;
+        let value = |pdu: &[u8], at: usize| pdu.get(1 + at..1 + at + echo.width).map(crate::pdu::big_endian);
+        let (asked, answered) = value(request, echo.request_offset).zip(value(response, echo.response_offset))?;
         (asked != answered).then_some((echo.name.as_str(), asked, answered))
     })
 }
@@ -86,7 +86,7 @@ fn echoes(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
 /// Lists that are echoed whole (sub-function 0 of diagnostics, file records) stand behind all numbers.
 fn same_echo_tail(row: &FunctionRow, request: &[u8], response: &[u8]) -> bool {
     let last = row.request.shape().and_then(|shape| shape.fields.last());
-    let whole = last.is_some_and(|field| field.word.width() == 0 && row.echo.contains(&field.name));
+    let whole = last.is_some_and(|field| field.field_type.width() == 0 && row.echo.contains(&field.name));
     !whole || request == response
 }
 
@@ -108,8 +108,8 @@ pub fn readings(functions: &Functions, pdu: &[u8]) -> (bool, bool) {
 
 /// Whether quantity and byte count of a write request agree.
 pub fn consistent(row: &FunctionRow, body: &[u8]) -> bool {
-    let Some((at, bits)) = row.roles.request_block else { return true };
-    let quantity = row.roles.write_quantity.or(row.roles.quantity).and_then(|at| u16_at(body, at));
+    let Some((at, bits)) = row.offsets.request_block else { return true };
+    let quantity = row.offsets.write_quantity.or(row.offsets.quantity).and_then(|at| u16_at(body, at));
     let Some(quantity) = quantity.map(usize::from) else { return true };
     body.len().checked_sub(at) == Some(if bits { quantity.div_ceil(8) } else { 2 * quantity })
 }
@@ -117,7 +117,7 @@ pub fn consistent(row: &FunctionRow, body: &[u8]) -> bool {
 /// Whether the specification permits the numbers of this PDU, read as a request.
 fn permitted_as_request(functions: &Functions, pdu: &[u8]) -> bool {
     let row = functions.row(pdu[0], &pdu[1..]);
-    row.is_none_or(|row| row.permits[0].iter().all(|permit| permit.violated_by(&pdu[1..]).is_none()))
+    row.is_none_or(|row| row.field_limits[0].iter().all(|permit| permit.violated_by(&pdu[1..]).is_none()))
 }
 
 /// Bits by which a silence fits this master's time-out better than this bus's answers; 0 without a clock.

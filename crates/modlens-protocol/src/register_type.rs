@@ -30,22 +30,22 @@ impl Space {
     }
 
     /// The short name: `hr`, `ir`, `co` or `di`.
-    pub fn short(self) -> &'static str {
+    pub fn short_name(self) -> &'static str {
         Self::ALL[self as usize].1
     }
 
     /// The name in columns: `holding_register`, for example.
-    pub fn long(self) -> &'static str {
+    pub fn long_name(self) -> &'static str {
         Self::ALL[self as usize].2
     }
 
     /// The leading digit of Modicon addresses: the 4 of 40001.
-    pub fn digit(self) -> u32 {
+    pub fn modicon_digit(self) -> u32 {
         Self::ALL[self as usize].3
     }
 
     /// Whether its items are bits rather than registers.
-    pub fn bits(self) -> bool {
+    pub fn is_bits(self) -> bool {
         matches!(self, Self::Coil | Self::Discrete)
     }
 }

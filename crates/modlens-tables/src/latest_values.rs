@@ -83,7 +83,7 @@ impl LatestValues {
             .map(|((bus, unit, space, address, _), entry)| {
                 let age = self.newest.zip(entry.elapsed).map(|(newest, then)| (newest - then) as f64 / 1000.0);
                 json!({
-                    "bus": bus, "unit": unit, "register_type": space.long(), "address": address, "name": entry.name,
+                    "bus": bus, "unit": unit, "register_type": space.long_name(), "address": address, "name": entry.name,
                     "value": entry.number, "value_text": entry.text, "unit_of_measure": entry.unit_of_measure,
                     "age_us": age, "reads": entry.reads, "writes": entry.writes, "count": entry.reads + entry.writes,
                     "min": entry.low, "max": entry.high, "changes": entry.changes,

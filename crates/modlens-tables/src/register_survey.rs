@@ -89,12 +89,12 @@ fn table(unit: u8, space: Space, blocks: &Blocks) -> Json {
             }
         }
     }
-    if !space.bits() {
+    if !space.is_bits() {
         points = learned_points(blocks, &registers);
     }
     let singles: Vec<Json> = registers.iter().map(|(address, register)| register.json(*address)).collect();
     json!({
-        "unit": unit, "register_type": space.long(), "space": space.short(), "blocks": listed, "registers": singles,
+        "unit": unit, "register_type": space.long_name(), "space": space.short_name(), "blocks": listed, "registers": singles,
         "points": points.iter().map(LearnedPoint::json).collect::<Vec<_>>(), "together": correlated_pairs(blocks),
     })
 }

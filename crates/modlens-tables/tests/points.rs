@@ -73,7 +73,7 @@ prop_compose! {
 /// A block as the documentation of `Plan::block` says it: address, and the number of the value.
 fn slow(plan: &Plan, first: usize, count: usize) -> Vec<(u16, Option<u32>)> {
     let values: Vec<(usize, usize, u32)> = plan
-        .all()
+        .compiled_points()
         .iter()
         .zip(0..)
         .map(|(value, index)| (usize::from(value.address), usize::from(value.width), index))
@@ -108,8 +108,8 @@ proptest! {
     ) {
         let mut bound = PlanInstance::new(Arc::clone(&plan));
         if let Some(factor) = factor {
-            let holder = plan.all().iter().find(|value| value.name == "factor").unwrap();
-            bound = bound.learn(Space::Holding, holder.address, &factor.to_be_bytes()).unwrap_or(bound);
+            let holder = plan.compiled_points().iter().find(|value| value.name == "factor").unwrap();
+            bound = bound.with_factors_from(Space::Holding, holder.address, &factor.to_be_bytes()).unwrap_or(bound);
         }
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
         let mut steps = Vec::new();
@@ -118,7 +118,7 @@ proptest! {
         bound.numbers(&steps, 0, &bytes, &mut NumberBuffer::default(), |some| numbers.extend_from_slice(some));
         for (step, number) in steps.iter().zip(numbers) {
             let at = 2 * usize::from(step.address);
-            let expected = match step.compiled().map(|index| plan.compiled(index)) {
+            let expected = match step.compiled().map(|index| plan.compiled_point(index)) {
                 None => Some(f64::from(words[usize::from(step.address)])),
                 Some(value) => bound.value(value, &bytes[at..at + 2 * usize::from(value.width)]).number(),
             };

@@ -65,7 +65,7 @@ impl LineFormat for Csv {
 impl CellSink for Csv {
     #[inline(always)]
     #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         let out = &mut self.out;
         let cell = ManuallyDrop::new(cell);
         match *cell {
@@ -134,7 +134,7 @@ mod tests {
 
     fn quoted(text: &str) -> String {
         let mut line = Csv::default();
-        line.put(Cell::Text(text));
+        line.put_cell(Cell::Text(text));
         String::from_utf8(line.out).unwrap()
     }
 

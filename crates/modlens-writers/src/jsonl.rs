@@ -85,7 +85,7 @@ impl LineFormat for Jsonl {
 impl CellSink for Jsonl {
     #[inline(always)]
     #[allow(clippy::inline_always)] // Reduces the match to one arm in each caller.
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
         if matches!(*cell, Cell::Null) {
             return;

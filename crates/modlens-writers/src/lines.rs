@@ -76,7 +76,7 @@ impl<F: LineFormat> LineWriter<F> {
         let mut steps: Vec<ColumnGroup<F>> = Vec::with_capacity(columns.len());
         for (at, &column) in columns.iter().enumerate() {
             let reader = table.kind.reader(column);
-            match (steps.last_mut(), table.kind.of_the_bus(column)) {
+            match (steps.last_mut(), table.kind.is_constant_per_bus(column)) {
                 (Some(ColumnGroup::Shared(shared, _)), true) => shared.push((at, reader)),
                 (_, true) => steps.push(ColumnGroup::Shared(vec![(at, reader)], Vec::new())),
                 _ => steps.push(ColumnGroup::Own(at, reader)),
@@ -109,7 +109,7 @@ impl<F: LineFormat> LineWriter<F> {
             match step {
                 ColumnGroup::Own(at, reader) => {
                     format.column(*at);
-                    row.pass(reader, format);
+                    row.emit(reader, format);
                     format.end_value();
                 }
                 ColumnGroup::Shared(_, text) => push_short(text, format.out()),
@@ -127,7 +127,7 @@ impl<F: LineFormat> LineWriter<F> {
             let start = self.format.out().len();
             for (at, reader) in columns.iter() {
                 self.format.column(*at);
-                row.pass(reader, &mut self.format);
+                row.emit(reader, &mut self.format);
                 self.format.end_value();
             }
             text.clear();

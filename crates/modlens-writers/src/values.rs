@@ -34,7 +34,7 @@ impl<T> ColumnBuilder<T> {
         Self: CellSink,
     {
         for row in rows {
-            row.pass(reader, self);
+            row.emit(reader, self);
         }
     }
 
@@ -63,7 +63,7 @@ impl<T: Clone + Default> ColumnBuilder<T> {
 
 impl CellSink for ColumnBuilder<i64> {
     #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         self.push_value(match *ManuallyDrop::new(cell) {
             Cell::Int(n) | Cell::Time(n) => Some(n),
             _ => None,
@@ -73,7 +73,7 @@ impl CellSink for ColumnBuilder<i64> {
 
 impl CellSink for ColumnBuilder<f64> {
     #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         self.push_value(match *ManuallyDrop::new(cell) {
             Cell::Us(ns) => Some(ns as f64 / 1000.0),
             Cell::Float(value) => Some(value),
@@ -85,14 +85,14 @@ impl CellSink for ColumnBuilder<f64> {
 
 impl CellSink for ColumnBuilder<bool> {
     #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         self.push_value(if let Cell::Bool(yes) = *ManuallyDrop::new(cell) { Some(yes) } else { None });
     }
 }
 
 impl CellSink for ColumnBuilder<u8> {
     #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         let cell = ManuallyDrop::new(cell);
         match *cell {
             Cell::Null => return self.end_row(false),
@@ -108,7 +108,7 @@ impl CellSink for ColumnBuilder<u8> {
 /// Lists of numbers. The kind of list is examined once per list, not per number.
 impl CellSink for ColumnBuilder<i32> {
     #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         let Cell::Ints(items) = *ManuallyDrop::new(cell) else { return self.end_row(false) };
         match items {
             Items::Words(bytes) => {
@@ -122,7 +122,7 @@ impl CellSink for ColumnBuilder<i32> {
 
 impl CellSink for ColumnBuilder<&'static str> {
     #[inline(always)]
-    fn put(&mut self, cell: Cell<'_>) {
+    fn put_cell(&mut self, cell: Cell<'_>) {
         if let Cell::Codes(codes) = *ManuallyDrop::new(cell) {
             self.items.extend(codes.iter().map(|code| code.doc().code));
         }

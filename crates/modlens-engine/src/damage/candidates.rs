@@ -114,7 +114,7 @@ impl UnframedRegion<'_, '_> {
             Some(EXCEPTION_BYTES)
         };
         if let Some(row) = row.filter(|_| code == function) {
-            score += row.permits[direction].iter().map(|permit| score::field_score(self.model, permit, body)).sum::<f32>();
+            score += row.field_limits[direction].iter().map(|permit| score::field_score(self.model, permit, body)).sum::<f32>();
         }
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
         score += self.end_bonus(end);

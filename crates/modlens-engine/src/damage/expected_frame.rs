@@ -79,7 +79,7 @@ fn request_of<'a>(region: &UnframedRegion<'a, '_>, response: &[u8]) -> ExpectedF
     let mut length = None;
     if let Some(row) = region.context.functions.row(bytes[1], body) {
         if code & EXCEPTION_BIT == 0 && !row.echo.is_empty() {
-            let echoed = if row.mirrored { body.len() } else { body.len().min(ECHOED_BYTES) };
+            let echoed = if row.has_equal_layouts { body.len() } else { body.len().min(ECHOED_BYTES) };
             bytes.extend_from_slice(&body[..echoed]);
         }
         if let Extent::Exactly(body) = row.request.extent(&bytes[2..]) {
@@ -115,7 +115,7 @@ fn responses<'a>(region: &UnframedRegion<'a, '_>, asked: Asked<'_>) -> Option<[E
     let mut bytes = vec![asked.unit, code];
     let mut length = None;
     if let Some(row) = region.context.functions.row(code, body) {
-        if row.mirrored && !row.echo.is_empty() {
+        if row.has_equal_layouts && !row.echo.is_empty() {
             bytes.extend_from_slice(body);
         } else if let Some(block) = expected_block(row, asked.pdu).and_then(|block| u8::try_from(block).ok()) {
             bytes.push(block);

@@ -64,7 +64,7 @@ impl ExpectedExchange {
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, high, low, ..] = *request;
-        let asks = functions.asks(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
+        let asks = functions.request_limits(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
         let (address, number) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
         if !functions.permits(asks, code, number, &request[2..]) {
             return None;
@@ -78,7 +78,7 @@ impl ExpectedExchange {
             quantity: number,
             request_bytes: SHORT_REQUEST_BYTES,
             response_bytes: SHORT_REQUEST_BYTES,
-            echoes_request: asks.mirrored,
+            echoes_request: asks.has_equal_layouts,
             resembles_response: false,
             response: Response::Echo,
         };

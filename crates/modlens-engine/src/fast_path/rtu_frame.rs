@@ -65,7 +65,7 @@ pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Conte
 fn is_permitted_request(frame: &[u8], context: &Context<'_>) -> bool {
     let body = &frame[2..frame.len() - 2];
     let row = context.functions.row(frame[1], body);
-    let is_permitted = row.is_some_and(|row| row.permits[REQUEST].iter().all(|permit| permit.violated_by(body).is_none()));
+    let is_permitted = row.is_some_and(|row| row.field_limits[REQUEST].iter().all(|permit| permit.violated_by(body).is_none()));
     is_permitted && frame[frame.len() - 1] != 0
 }
 
@@ -128,7 +128,7 @@ fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at
     // A response that repeats its request and a retry of that request have the same bytes. Where neither the clock nor the
     // bytes that follow tell which of the two this is, the search weighs them.
     let repeats_request = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
-    let is_copy = repeats_request && (row.mirrored || length.bytes() == asked.pdu.len() + 3);
+    let is_copy = repeats_request && (row.has_equal_layouts || length.bytes() == asked.pdu.len() + 3);
     let pause = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
     if is_copy && asked.is_tentative {
         return None;
@@ -162,7 +162,7 @@ fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Optio
     if FrameLength::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
         let open = search.answerable();
         let may_be_response = open.superseded.is_some_and(|late| late.matches(unit, code))
-            || (!row.mirrored && open.last_answered.is_some_and(|(last, _)| last.matches(unit, code)));
+            || (!row.has_equal_layouts && open.last_answered.is_some_and(|(last, _)| last.matches(unit, code)));
         if may_be_response {
             return None;
         }

@@ -34,7 +34,7 @@ pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &
         return;
     }
     let is_response = frame.direction == Direction::Response;
-    for permit in &row.permits[usize::from(is_response)] {
+    for permit in &row.field_limits[usize::from(is_response)] {
         if let Some(value) = permit.violated_by(body) {
             found.push((Finding::QuantityLimit, words::quantity_limit(&permit.name, value, &permit.ranges)));
         }

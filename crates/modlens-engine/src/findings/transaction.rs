@@ -50,7 +50,7 @@ fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut
     if let (Some(expected), Some(length)) = (expected_block(row, request), block_length(row, response)) {
         if expected != length {
             found.push((Finding::ResponseLength, words::response_length(length, expected)));
-        } else if let Some((last, bits)) = set_padding(row.roles.response_block, row.roles.quantity, request, response) {
+        } else if let Some((last, bits)) = set_padding(row.offsets.response_block, row.offsets.quantity, request, response) {
             found.push((Finding::PaddingBits, words::padding_bits(last, bits)));
         }
     }

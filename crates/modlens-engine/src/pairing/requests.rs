@@ -290,11 +290,11 @@ fn truncated_request(frame: &ObservedFrame<'_>) -> Box<PendingTransaction> {
 /// Whether the specification wants no response to this request (6.8, sub-function 4, force listen only mode).
 fn has_no_response(functions: &Functions, transaction: &PendingTransaction) -> bool {
     let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
-    functions.row(transaction.function, body).is_some_and(|row| row.response == Layout::Silent)
+    functions.row(transaction.function, body).is_some_and(|row| row.response == Layout::NoResponse)
 }
 
 /// Whether the response to this request repeats it byte by byte, as that to function 6 does. Of functions without a row
 /// nothing is known, and it may.
 fn mirrors_request(functions: &Functions, pdu: &[u8]) -> bool {
-    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.mirrored)
+    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.has_equal_layouts)
 }

@@ -68,10 +68,10 @@ impl Profiles {
         let watch = &mut self.watches[usize::from(unit)];
         if bound.has_factors() || !watch.done(&bound.plan) {
             if let Some((space, first, bytes)) = read() {
-                for mismatch in watch.see(&bound.plan, space, first, bytes) {
+                for mismatch in watch.add_and_judge(&bound.plan, space, first, bytes) {
                     findings::profile::order(&bound.plan, &mismatch, found);
                 }
-                if let Some(changed) = bound.learn(space, first, bytes) {
+                if let Some(changed) = bound.with_factors_from(space, first, bytes) {
                     *bound = Arc::new(changed);
                 }
             }
@@ -96,8 +96,9 @@ impl Profiles {
         }
         let Some(block) = block.filter(|_| bound.has_factors() || !watch.done(plan)) else { return true };
         let space = functions.row(code, &request[2..]).and_then(|row| row.space);
-        let mut changes_nothing = |space| bound.learn(space, first, block).is_none() && watch.take(plan, space, first, block);
-        space.is_some_and(|space| space.bits() || changes_nothing(space))
+        let mut changes_nothing =
+            |space| bound.with_factors_from(space, first, block).is_none() && watch.add_unless_ready(plan, space, first, block);
+        space.is_some_and(|space| space.is_bits() || changes_nothing(space))
     }
 
     /// The profile of a unit.
@@ -116,7 +117,7 @@ impl Profiles {
         if marker(first, bytes).is_none() && (self.chains.is_empty() || !self.chains.contains_key(&unit)) {
             return None;
         }
-        if self.chains.entry(unit).or_default().see(first, bytes) {
+        if self.chains.entry(unit).or_default().follow(first, bytes) {
             let plan = Arc::new(Plan::new(self.chains[&unit].profile()));
             self.make_room();
             let slot = &mut self.by_unit[usize::from(unit)];
@@ -136,7 +137,7 @@ fn registers_read<'t>(functions: &Functions, transaction: &'t PendingTransaction
         return None;
     }
     let space = row.space?;
-    let (at, has_bits) = row.roles.response_block?;
+    let (at, has_bits) = row.offsets.response_block?;
     let bytes = transaction.response.pdu().get(1 + at..).filter(|_| !has_bits)?;
-    Some((space, u16_at(body, row.roles.address?)?, bytes))
+    Some((space, u16_at(body, row.offsets.address?)?, bytes))
 }

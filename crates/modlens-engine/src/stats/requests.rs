@@ -43,8 +43,8 @@ impl RequestKey {
         let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
         let u16_at = |at: usize| Some(u16::from_be_bytes([*body.get(at)?, *body.get(at + 1)?]));
         let range = functions.row(transaction.function, body).and_then(|row| {
-            let address = u16_at(row.roles.address.or(row.roles.write_address)?)?;
-            Some((address, row.roles.quantity.or(row.roles.write_quantity).map_or(Some(1), u16_at)?))
+            let address = u16_at(row.offsets.address.or(row.offsets.write_address)?)?;
+            Some((address, row.offsets.quantity.or(row.offsets.write_quantity).map_or(Some(1), u16_at)?))
         });
         Self(transaction.unit, transaction.function, range)
     }

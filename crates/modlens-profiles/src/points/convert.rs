@@ -65,11 +65,11 @@ impl Conversion {
             Type::Strh => text(TextBytes::High),
             Type::Strl => text(TextBytes::Low),
             Type::Raw => Interpretation::Hex,
-            kind if kind.signed() => Interpretation::Signed,
+            kind if kind.is_signed() => Interpretation::Signed,
             _ => Interpretation::Unsigned,
         };
         let shift = if matches!(kind, Type::U8h | Type::S8h) { 8 } else { 0 };
-        let width = if kind == Type::Bool { 1 } else { kind.width() };
+        let width = if kind == Type::Bool { 1 } else { kind.bits() };
         Self { load: loader(kind.registers(), order), shift, width, interpretation, linear: None, nan: Vec::new() }
     }
 

@@ -91,7 +91,7 @@ impl Plan {
     pub fn new(profile: Profile) -> Self {
         let mut plan = Self { profile, shortcuts: vec![FastDecoder::BARE], ..Self::default() };
         plan.compile();
-        plan.wide = (0..plan.compiled.len() as u32).filter_map(|index| plan.wide_number(index)).collect();
+        plan.wide = (0..plan.compiled.len() as u32).filter_map(|index| plan.multi_register_point(index)).collect();
         for (space, layout) in Space::ALL.iter().zip(&mut plan.layouts) {
             let (start, end) = plan.spaces[space.0 as usize];
             let values = (start..end).map(|index| {
@@ -137,25 +137,25 @@ impl Plan {
 
     /// The value with this index.
     #[inline]
-    pub fn compiled(&self, index: u32) -> &CompiledPoint {
+    pub fn compiled_point(&self, index: u32) -> &CompiledPoint {
         &self.compiled[index as usize]
     }
 
     /// The value as a `MultiRegisterPoint`, if it is a number of several registers.
-    fn wide_number(&self, compiled: u32) -> Option<MultiRegisterPoint> {
-        let value = self.compiled(compiled);
+    fn multi_register_point(&self, compiled: u32) -> Option<MultiRegisterPoint> {
+        let value = self.compiled_point(compiled);
         let point = self.point(value);
         let wide = MultiRegisterPoint { space: point.space, address: value.address, width: value.width, compiled };
-        (value.width > 1 && point.kind.number()).then_some(wide)
+        (value.width > 1 && point.kind.is_number()).then_some(wide)
     }
 
     /// The numbers of several registers, sorted by table and address.
-    pub fn wide(&self) -> &[MultiRegisterPoint] {
+    pub fn multi_register_points(&self) -> &[MultiRegisterPoint] {
         &self.wide
     }
 
     /// All values, sorted by table and address.
-    pub fn all(&self) -> &[CompiledPoint] {
+    pub fn compiled_points(&self) -> &[CompiledPoint] {
         &self.compiled
     }
 
@@ -174,13 +174,13 @@ impl Plan {
     /// Splits a block of `count` registers or bits from address `first` into parts: slices of `steps`, bare registers,
     /// and edges.
     #[inline]
-    pub fn pieces(&self, space: Space, first: u16, count: usize, piece: impl FnMut(LayoutPart)) {
+    pub fn split_block(&self, space: Space, first: u16, count: usize, piece: impl FnMut(LayoutPart)) {
         self.layouts[space as usize].pieces(first, count, piece);
     }
 
     /// Lists the steps of an edge by address: the values that lie completely inside it, and every register that belongs
     /// to none of those.
-    pub fn edge(&self, edge: &PartialBlock, mut step: impl FnMut(LayoutEntry)) {
+    pub fn partial_block(&self, edge: &PartialBlock, mut step: impl FnMut(LayoutEntry)) {
         // Registers before `covered` belong to steps that were passed on already.
         let mut covered = edge.place.start;
         for entry in &self.steps[edge.steps.clone()] {
@@ -199,10 +199,10 @@ impl Plan {
     /// Lists the steps of a block of `count` registers or bits, by address: the values that lie completely inside it,
     /// and every register or bit that belongs to none of those.
     pub fn block(&self, space: Space, first: u16, count: usize, mut step: impl FnMut(LayoutEntry)) {
-        self.pieces(space, first, count, |piece| match piece {
+        self.split_block(space, first, count, |piece| match piece {
             LayoutPart::Bare(place) => place.for_each(|address| step(LayoutEntry::bare(address as u16))),
             LayoutPart::Steps(steps) => self.steps[steps].iter().for_each(|entry| step(*entry)),
-            LayoutPart::PartialBlock(edge) => self.edge(&edge, &mut step),
+            LayoutPart::PartialBlock(edge) => self.partial_block(&edge, &mut step),
         });
     }
 }
@@ -245,8 +245,8 @@ impl PlanInstance {
     pub fn extended(&self, plan: Arc<Plan>) -> Self {
         let mut larger = Self::new(plan);
         for (slot, &holder) in larger.plan.holders.iter().enumerate() {
-            let address = larger.plan.compiled(holder).address;
-            let known = self.plan.holders.iter().position(|&other| self.plan.compiled(other).address == address);
+            let address = larger.plan.compiled_point(holder).address;
+            let known = self.plan.holders.iter().position(|&other| self.plan.compiled_point(other).address == address);
             larger.factors[slot] = known.and_then(|slot| self.factors[slot]);
         }
         larger
@@ -281,7 +281,7 @@ impl PlanInstance {
     /// The number of a step by the general path through a `Value`, for points that the fast decoders do not cover.
     #[cold]
     fn long_number(&self, step: LayoutEntry, bytes: &[u8], at: usize) -> f64 {
-        let compiled = step.compiled().map(|index| self.plan.compiled(index));
+        let compiled = step.compiled().map(|index| self.plan.compiled_point(index));
         let registers = compiled.and_then(|value| Some((value, bytes.get(at..at + 2 * usize::from(value.width))?)));
         registers.and_then(|(value, bytes)| self.value(value, bytes).number()).unwrap_or(NOTHING)
     }
@@ -315,10 +315,10 @@ impl PlanInstance {
 
     /// Takes the scale factors from a block of registers that was read. Returns the plan with them if any has changed,
     /// or `None`.
-    pub fn learn(&self, space: Space, first: u16, bytes: &[u8]) -> Option<Self> {
+    pub fn with_factors_from(&self, space: Space, first: u16, bytes: &[u8]) -> Option<Self> {
         let mut changed: Option<Self> = None;
         for (slot, &holder) in self.plan.holders.iter().enumerate() {
-            let holder = self.plan.compiled(holder);
+            let holder = self.plan.compiled_point(holder);
             let start = usize::from(holder.address).checked_sub(usize::from(first)).map(|item| 2 * item);
             let range = start.map(|start| start..start + 2 * usize::from(holder.width));
             let same = self.plan.point(holder).space == space;
@@ -375,7 +375,7 @@ mod tests {
     fn steps(plan: &Plan, first: u16, count: usize) -> Vec<(u16, Option<String>)> {
         let mut found = Vec::new();
         plan.block(Space::Holding, first, count, |step| {
-            found.push((step.address - first, step.compiled().map(|at| plan.compiled(at).name.clone())));
+            found.push((step.address - first, step.compiled().map(|at| plan.compiled_point(at).name.clone())));
         });
         found
     }
@@ -399,7 +399,7 @@ mod tests {
         let expected = [(0, "run"), (0, "mode"), (1, "t[0]"), (2, "t[1]")];
         assert_eq!(names, expected.map(|(item, name)| (item, name.to_owned())));
         let bound = PlanInstance::new(Arc::clone(&plan));
-        let mode = plan.all().iter().find(|value| value.name == "mode").unwrap();
+        let mode = plan.compiled_points().iter().find(|value| value.name == "mode").unwrap();
         assert_eq!(bound.value(mode, &[0x00, 0b0101_0001]), Value::Decimal(5, 0));
     }
 
@@ -408,11 +408,11 @@ mod tests {
         let plan =
             plan("[[registers]]\nat='hr:1'\nname='w'\nsf='w_sf'\n[[registers]]\nat='hr:2'\nname='w_sf'\ntype='s16'\nnan=0x8000");
         let bound = PlanInstance::new(Arc::clone(&plan));
-        let w = &plan.all()[0];
+        let w = &plan.compiled_points()[0];
         assert_eq!(bound.value(w, &[0, 214]), Value::Missing);
-        let bound = bound.learn(Space::Holding, 1, &[0, 214, 0xFF, 0xFF]).unwrap();
+        let bound = bound.with_factors_from(Space::Holding, 1, &[0, 214, 0xFF, 0xFF]).unwrap();
         assert_eq!(bound.value(w, &[0, 214]), Value::Decimal(214, -1));
-        assert!(bound.learn(Space::Holding, 1, &[0, 7, 0xFF, 0xFF]).is_none());
-        assert_eq!(bound.learn(Space::Holding, 2, &[0x80, 0]).unwrap().value(w, &[0, 214]), Value::Missing);
+        assert!(bound.with_factors_from(Space::Holding, 1, &[0, 7, 0xFF, 0xFF]).is_none());
+        assert_eq!(bound.with_factors_from(Space::Holding, 2, &[0x80, 0]).unwrap().value(w, &[0, 214]), Value::Missing);
     }
 }

@@ -37,7 +37,7 @@ pub struct Chain {
 
 impl Chain {
     /// Follows the chain through a block of holding registers that was read. Returns whether a new model was found.
-    pub fn see(&mut self, first: u16, bytes: &[u8]) -> bool {
+    pub fn follow(&mut self, first: u16, bytes: &[u8]) -> bool {
         if self.next.is_none() && self.models.is_empty() {
             self.next = marker(first, bytes).map(|base| base + 2);
         }
@@ -85,11 +85,11 @@ mod tests {
     #[test]
     fn a_chain_is_followed_over_several_reads() {
         let mut chain = Chain::default();
-        assert!(!chain.see(39_999, b"\0\0Su"));
-        assert!(chain.see(40_000, b"SunS\x00\x01\x00\x42"));
-        assert!(!chain.see(40_002, &[0; 132]));
-        assert!(chain.see(40_070, &[0, 103, 0, 50]));
-        assert!(!chain.see(40_122, &[0xFF, 0xFF, 0, 0]));
+        assert!(!chain.follow(39_999, b"\0\0Su"));
+        assert!(chain.follow(40_000, b"SunS\x00\x01\x00\x42"));
+        assert!(!chain.follow(40_002, &[0; 132]));
+        assert!(chain.follow(40_070, &[0, 103, 0, 50]));
+        assert!(!chain.follow(40_122, &[0xFF, 0xFF, 0, 0]));
         assert_eq!(chain.models, [(1, 40_002), (103, 40_070)]);
         let profile = chain.profile();
         let named = |name: &str| profile.points.iter().find(|point| point.name == name).unwrap().address;

@@ -50,14 +50,14 @@ pub struct Mismatch {
 impl OrderCheck {
     /// Whether all points have been judged, which is the case for most of a recording.
     pub fn done(&self, plan: &Plan) -> bool {
-        self.judged >= plan.wide().len()
+        self.judged >= plan.multi_register_points().len()
     }
 
     /// Adds a block of registers that was read, unless a point can be judged with it. Returns `false` in that case,
-    /// without adding anything: the caller must then call `see`, which is slower.
-    pub fn take(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> bool {
+    /// without adding anything: the caller must then call `add_and_judge`, which is slower.
+    pub fn add_unless_ready(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> bool {
         if self.points.is_empty() {
-            return plan.wide().is_empty();
+            return plan.multi_register_points().is_empty();
         }
         let Self { points, open, .. } = self;
         let ready = |(at, wide, block): (usize, &MultiRegisterPoint, &[u8])| points[at].after_adding(plan, wide, block).1;
@@ -71,7 +71,7 @@ impl OrderCheck {
     }
 
     /// Adds a block of registers that was read, and judges each point that now has enough samples.
-    pub fn see(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> Vec<Mismatch> {
+    pub fn add_and_judge(&mut self, plan: &Plan, space: Space, first: u16, bytes: &[u8]) -> Vec<Mismatch> {
         if self.points.is_empty() {
             self.start(plan);
         }
@@ -86,15 +86,15 @@ impl OrderCheck {
         }
         self.judged += judged.len();
         for at in judged {
-            self.open.close(&plan.wide()[at]);
+            self.open.close(&plan.multi_register_points()[at]);
         }
         mismatches
     }
 
     /// Prepares for all points of the plan, when the first block arrives.
     fn start(&mut self, plan: &Plan) {
-        self.points.resize_with(plan.wide().len(), Samples::default);
-        plan.wide().iter().for_each(|wide| self.open.add(wide));
+        self.points.resize_with(plan.multi_register_points().len(), Samples::default);
+        plan.multi_register_points().iter().for_each(|wide| self.open.add(wide));
     }
 }
 
@@ -120,10 +120,13 @@ impl Open {
     ) -> impl Iterator<Item = (usize, &'a MultiRegisterPoint, &'a [u8])> {
         let end = usize::from(first) + bytes.len() / 2;
         let any = self.any(space, first, end);
-        let first_index =
-            if any { plan.wide().partition_point(|wide| (wide.space, wide.address) < (space, first)) } else { usize::MAX };
+        let first_index = if any {
+            plan.multi_register_points().partition_point(|wide| (wide.space, wide.address) < (space, first))
+        } else {
+            usize::MAX
+        };
         let within = move |(_, wide): &(usize, &MultiRegisterPoint)| wide.space == space && usize::from(wide.address) < end;
-        plan.wide().iter().enumerate().skip(first_index).take_while(within).filter_map(move |(at, wide)| {
+        plan.multi_register_points().iter().enumerate().skip(first_index).take_while(within).filter_map(move |(at, wide)| {
             let start = 2 * usize::from(wide.address - first);
             let block = bytes.get(start..start + 2 * usize::from(wide.width))?;
             self.has(space, wide.address).then_some((at, wide, block))
@@ -153,7 +156,7 @@ impl Samples {
     /// The orders that are ruled out for a float once this sample is added (as in `implausible_orders`), and whether there are then
     /// enough samples to judge.
     fn after_adding(&self, plan: &Plan, wide: &MultiRegisterPoint, block: &[u8]) -> (u8, bool) {
-        let point = plan.point(plan.compiled(wide.compiled));
+        let point = plan.point(plan.compiled_point(wide.compiled));
         let mut implausible_orders = self.implausible_orders;
         if is_float(point.kind) {
             implausible_orders |= 1 << point.order as u8;
@@ -183,7 +186,7 @@ impl Samples {
     fn mismatch(&self, plan: &Plan, wide: &MultiRegisterPoint) -> Option<Mismatch> {
         let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide.width);
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide.width)).filter(|_| enough).collect();
-        let point = plan.point(plan.compiled(wide.compiled));
+        let point = plan.point(plan.compiled_point(wide.compiled));
         let claims = rank_types(&rows, 0.0, None);
         let best = claims.first().filter(|claim| claim.sure && claim.order != point.order)?;
         // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings

@@ -191,7 +191,7 @@ impl Checker<'_> {
         let (sf, unit) = (self.text(&table, "sf"), self.text(&table, "unit"));
         let words = [self.text(&table, "group"), self.text(&table, "note")];
         let PointAddress { space, address, bits } = at?;
-        let single = space.bits() || bits.is_some_and(|(first, last)| first == last);
+        let single = space.is_bits() || bits.is_some_and(|(first, last)| first == last);
         let kind = kind.unwrap_or(if single { Type::Bool } else { Type::U16 });
         let type_registers = kind.registers();
         let point = Point {
@@ -237,29 +237,29 @@ impl Checker<'_> {
         if u32::from(point.address) + u32::from(point.count) > 0x1_0000 {
             report_key("at", format!("{} from wire address {} on reach beyond 65535", point.count, point.address));
         }
-        if point.space.bits() && kind != Type::Bool {
-            report_key("type", format!("{word}, but a {} is a bool", point.space.long().replace('_', " ")));
-        } else if kind == Type::Bool && !point.space.bits() && point.bits.is_none_or(|(first, last)| first != last) {
+        if point.space.is_bits() && kind != Type::Bool {
+            report_key("type", format!("{word}, but a {} is a bool", point.space.long_name().replace('_', " ")));
+        } else if kind == Type::Bool && !point.space.is_bits() && point.bits.is_none_or(|(first, last)| first != last) {
             report_key("type", "bool takes one bit: at = \"hr:10.3\"".into());
         } else if point.bits.is_some() && !matches!(kind, Type::Bool | Type::U16 | Type::S16) {
             report_key("type", format!("{word}, but a part of a register is bool, u16 or s16"));
         }
         for key in ["scale", "offset", "sf"] {
-            if table.node.get(key).is_some() && !kind.number() {
+            if table.node.get(key).is_some() && !kind.is_number() {
                 report_key(key, format!("a {word} is no number to be scaled"));
             }
         }
-        let labelled = kind.whole() || kind == Type::Bool;
+        let labelled = kind.is_integer() || kind == Type::Bool;
         if !point.labels.is_empty() && !labelled {
             report_key("enum", format!("a {word} is no whole number to be labelled"));
         }
-        if let Some((bit, _)) = point.bit_labels.iter().find(|(bit, _)| u32::from(*bit) >= kind.width().max(1)) {
-            report_key("bits", format!("bit {bit}, but a {word} has bits 0 to {}", kind.width().max(1) - 1));
+        if let Some((bit, _)) = point.bit_labels.iter().find(|(bit, _)| u32::from(*bit) >= kind.bits().max(1)) {
+            report_key("bits", format!("bit {bit}, but a {word} has bits 0 to {}", kind.bits().max(1) - 1));
         }
-        if point.nan.iter().any(|nan| matches!(nan, Sentinel::Float(_))) && kind.whole() {
+        if point.nan.iter().any(|nan| matches!(nan, Sentinel::Float(_))) && kind.is_integer() {
             report_key("nan", format!("a {word} is a whole number; raw values that mean no value are, too"));
         }
-        if !point.nan.is_empty() && !kind.number() {
+        if !point.nan.is_empty() && !kind.is_number() {
             report_key("nan", format!("a {word} is no number"));
         }
     }

@@ -28,7 +28,7 @@ pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
                 let message = format!("no point {sf:?} holds the scale factor");
                 mistakes.push(Mistake { line: point.lines.sf, key, message, hint });
             }
-            Some(holder) if !holder.kind.whole() || holder.length() != 1 || holder.sf.is_some() => {
+            Some(holder) if !holder.kind.is_integer() || holder.length() != 1 || holder.sf.is_some() => {
                 let message = format!("{sf:?} is no single whole number, which a scale factor is");
                 mistakes.push(Mistake::new(point.lines.sf, &key, message));
             }
@@ -52,7 +52,7 @@ fn overlaps(points: &[Point], mistakes: &mut Vec<Mistake>) {
         for (start, end, i) in ranges {
             if let Some((end_so_far, other)) = furthest_end.filter(|(end_so_far, _)| *end_so_far > start) {
                 let (point, other) = (&points[i], &points[other]);
-                let message = format!("takes wire address {start} of {}, which belongs to {:?}", space.short(), other.name);
+                let message = format!("takes wire address {start} of {}, which belongs to {:?}", space.short_name(), other.name);
                 mistakes.push(Mistake::new(point.lines.at, &format!("registers[{}].at", point.lines.index), message));
                 furthest_end = Some((end_so_far.max(end), i));
                 continue;
@@ -64,5 +64,5 @@ fn overlaps(points: &[Point], mistakes: &mut Vec<Mistake>) {
 
 /// Whether a point takes only a part of a register.
 fn is_part(point: &Point) -> bool {
-    point.bits.is_some() || point.kind.width() == 8
+    point.bits.is_some() || point.kind.bits() == 8
 }

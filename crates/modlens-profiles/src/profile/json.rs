@@ -54,7 +54,7 @@ fn point(point: &Point, default: Order) -> Json {
         Some((first, last)) if first == last => format!(".{first}"),
         Some((first, last)) => format!(".{first}-{last}"),
     };
-    map.insert("at".into(), format!("{}:{}{bits}", point.space.short(), point.address).into());
+    map.insert("at".into(), format!("{}:{}{bits}", point.space.short_name(), point.address).into());
     map.insert("name".into(), point.name.clone().into());
     map.insert("type".into(), point.kind.word().into());
     let own = point.kind.registers().max(1);

@@ -70,8 +70,8 @@ impl Profile {
     /// Parses a profile. The error lists all mistakes, sorted by line.
     ///
     /// ```
-    /// use modlens_profiles::profile::{Form, Profile};
-    /// let mistakes = Profile::parse("profile = 1\n[[registers]]\nat = 'hr:1'\ntyp = 'u23'\n", Form::Toml).unwrap_err();
+    /// use modlens_profiles::profile::{ProfileFormat, Profile};
+    /// let mistakes = Profile::parse("profile = 1\n[[registers]]\nat = 'hr:1'\ntyp = 'u23'\n", ProfileFormat::Toml).unwrap_err();
     /// assert_eq!((mistakes.len(), mistakes[0].line), (2, 2)); // no name, and no key `typ`
     /// ```
     pub fn parse(text: &str, form: ProfileFormat) -> Result<Self, Vec<Mistake>> {

@@ -39,8 +39,8 @@ fn parse_number(text: &str) -> Option<u64> {
 
 /// A bit (`3`) or a range of bits (`4-7`) of a register.
 fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
-    if space.bits() {
-        return Err(format!("a {} has no bits of its own", space.long().replace('_', " ")));
+    if space.is_bits() {
+        return Err(format!("a {} has no bits of its own", space.long_name().replace('_', " ")));
     }
     let (first, last) = text.split_once('-').unwrap_or((text, text));
     let bit =
@@ -70,9 +70,9 @@ fn to_wire(number: u64, space: Space, base: AddressBase) -> Result<u16, String> 
 /// The wire address of a Modicon address: 40001 to 49999, or 400001 to 465536 for holding registers. Addresses of coils
 /// begin with 0, which a number does not show.
 fn from_modicon(number: u64, space: Space) -> Result<u64, String> {
-    let digit = u64::from(space.digit());
+    let digit = u64::from(space.modicon_digit());
     let (five_digits_base, six_digits_base) = (digit * 10_000, digit * 100_000);
-    let word = space.short();
+    let word = space.short_name();
     if (six_digits_base + 1..=six_digits_base + 65_536).contains(&number) {
         return Ok(number - six_digits_base - 1);
     }

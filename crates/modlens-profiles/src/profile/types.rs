@@ -88,22 +88,22 @@ impl Type {
     }
 
     /// Whether it is an integer, so that values can have labels.
-    pub fn whole(self) -> bool {
-        self.number() && !matches!(self, Self::F16 | Self::F32 | Self::F64)
+    pub fn is_integer(self) -> bool {
+        self.is_number() && !matches!(self, Self::F16 | Self::F32 | Self::F64)
     }
 
     /// Whether it is a number, so that it can be scaled.
-    pub fn number(self) -> bool {
+    pub fn is_number(self) -> bool {
         !matches!(self, Self::Bool | Self::Str | Self::Strh | Self::Strl | Self::Raw)
     }
 
     /// Whether it is a signed integer.
-    pub fn signed(self) -> bool {
+    pub fn is_signed(self) -> bool {
         matches!(self, Self::S8h | Self::S8l | Self::S16 | Self::S32 | Self::S64)
     }
 
     /// The number of bits of one value, if it is a number.
-    pub fn width(self) -> u32 {
+    pub fn bits(self) -> u32 {
         match self {
             Self::U8h | Self::U8l | Self::S8h | Self::S8l => 8,
             other => 16 * u32::from(other.registers()),

@@ -48,7 +48,7 @@ pub struct Functions {
     entries: Vec<Option<Box<FunctionVariants>>>,
     /// For each function code, the checks of a request, if the function is a standard read or write (see `StandardLayout`).
     /// Computed once, because the fast path for request and response pairs needs it for every frame.
-    plain: Vec<Option<RequestLimits>>,
+    request_limits: Vec<Option<RequestLimits>>,
 }
 
 impl Default for Functions {
@@ -62,7 +62,7 @@ impl Functions {
     pub fn embedded() -> &'static Self {
         static EMBEDDED: OnceLock<Functions> = OnceLock::new();
         EMBEDDED.get_or_init(|| {
-            let mut table = Self { entries: vec![None; 256], plain: vec![None; 256] };
+            let mut table = Self { entries: vec![None; 256], request_limits: vec![None; 256] };
             table.load(TABLE, "functions.toml", None).expect("the embedded table is tested");
             table
         })
@@ -97,7 +97,7 @@ impl Functions {
                 }
             }
             let only = slot.as_deref().filter(|entry| entry.width == 0).and_then(|entry| entry.variants.first());
-            self.plain[code] = only.and_then(RequestLimits::of);
+            self.request_limits[code] = only.and_then(RequestLimits::of);
         }
         Ok(())
     }
@@ -127,8 +127,8 @@ impl Functions {
 
     /// The limits of a request with this function code, if it is a standard read or write.
     #[inline]
-    pub fn asks(&self, code: u8) -> Option<RequestLimits> {
-        self.plain[usize::from(code)]
+    pub fn request_limits(&self, code: u8) -> Option<RequestLimits> {
+        self.request_limits[usize::from(code)]
     }
 
     /// Whether the table permits a request with this number (quantity or value) after its address. `limits` are those of
@@ -138,7 +138,7 @@ impl Functions {
     pub fn permits(&self, limits: RequestLimits, code: u8, number: u16, body: &[u8]) -> bool {
         let (least, most) = limits.permitted;
         let row_permits =
-            || self.row(code, body).is_some_and(|row| row.permits[0].iter().all(|limit| limit.violated_by(body).is_none()));
+            || self.row(code, body).is_some_and(|row| row.field_limits[0].iter().all(|limit| limit.violated_by(body).is_none()));
         (least..=most).contains(&number) && (limits.is_complete || row_permits())
     }
 
@@ -150,12 +150,12 @@ impl Functions {
 
     /// The name of a function, as the specification spells it.
     pub fn name(&self, code: u8) -> Option<&str> {
-        self.any(code).map(|row| row.name.as_str())
+        self.first_variant(code).map(|row| row.name.as_str())
     }
 
     /// The first row of this function code. Use it only for properties that all variants share, such as the name.
     #[inline]
-    pub fn any(&self, code: u8) -> Option<&FunctionRow> {
+    pub fn first_variant(&self, code: u8) -> Option<&FunctionRow> {
         self.entries[code as usize].as_deref()?.variants.first()
     }
 
@@ -172,7 +172,7 @@ impl Functions {
 
 /// Size in bytes of the first request field, which is the one that `when` compares.
 fn leading_width(row: &FunctionRow) -> usize {
-    row.request.shape().and_then(|shape| shape.fields.first()).map_or(0, |field| field.word.width())
+    row.request.shape().and_then(|shape| shape.fields.first()).map_or(0, |field| field.field_type.width())
 }
 
 #[cfg(test)]
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(row(24, &[]).response.extent(&[0, 6]), Extent::Exactly(8));
         assert_eq!(row(8, &[0, 0]).request.extent(&[0, 0, 1]), Extent::Open(2));
         assert_eq!(row(8, &[0, 11]).request.extent(&[0, 11]), Extent::Exactly(4));
-        assert_eq!(row(8, &[0, 4]).response, Layout::Silent);
+        assert_eq!(row(8, &[0, 4]).response, Layout::NoResponse);
         let identification = [0x0E, 1, 1, 0, 0, 2, 0, 2, 65, 66, 1];
         assert_eq!(row(43, &[14]).response.extent(&identification), Extent::AtLeast(12));
         assert_eq!(row(43, &[14]).response.extent(&[0x0E, 1, 1, 0, 0, 1, 0, 2, 65, 66]), Extent::Exactly(10));

@@ -80,29 +80,29 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<FunctionRow, String> {
     }
     let mut source = row.clone();
     source["vendor"] = vendor.map_or(Json::Null, Json::from);
-    let roles = roles(&request, &response, operation);
-    let permits = [permits(row, &request)?, permits(row, &response)?];
-    let echo = strings(row.get("echo"))?;
+    let offsets = offsets(&request, &response, operation);
+    let field_limits = [field_limits(row, &request)?, field_limits(row, &response)?];
+    let echo = echo_names(row.get("echo"))?;
     let echoes = echoes(&echo, &request, &response);
-    let limits_end = permits.iter().flatten().map(|permit| permit.offset + permit.width).max();
+    let limits_end = field_limits.iter().flatten().map(|limit| limit.offset + limit.width).max();
     Ok(FunctionRow {
-        judged: limits_end.max(roles.request_block.map(|(at, _)| at)).unwrap_or(0),
+        checked_bytes: limits_end.max(offsets.request_block.map(|(at, _)| at)).unwrap_or(0),
         code,
-        unquoted: name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b" ()/_".contains(&byte)),
+        needs_no_quoting: name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b" ()/_".contains(&byte)),
         name,
         when,
         operation,
         space: register_type.as_deref().and_then(Space::from_word),
         register_type,
-        plain: plain(&request, &response, &roles, &echoes, &permits),
+        standard_layout: standard_layout(&request, &response, &offsets, &echoes, &field_limits),
         echoes,
         echo,
-        permits,
-        mirrored: request == response,
+        field_limits,
+        has_equal_layouts: request == response,
         request,
         response,
         source,
-        roles,
+        offsets,
     })
 }
 
@@ -112,7 +112,7 @@ fn parse_when(row: &Json, request: &Layout) -> Result<Option<u16>, String> {
     let Some(when) = row.get("when") else { return Ok(None) };
     let (key, value) = when.as_object().filter(|o| o.len() == 1).and_then(|o| o.iter().next()).ok_or("when takes one field")?;
     let leading = request.shape().and_then(|shape| shape.fields.first());
-    if leading.is_none_or(|field| field.name != *key || field.word.width() == 0) {
+    if leading.is_none_or(|field| field.name != *key || field.field_type.width() == 0) {
         return Err(format!("when = {{ {key} = .. }}: {key:?} must be the first field of the request"));
     }
     let value = value.as_u64().and_then(|v| u16::try_from(v).ok()).ok_or("when takes a number")?;
@@ -120,7 +120,7 @@ fn parse_when(row: &Json, request: &Layout) -> Result<Option<u16>, String> {
 }
 
 /// A list of strings, empty if the key is absent.
-fn strings(list: Option<&Json>) -> Result<Vec<String>, String> {
+fn echo_names(list: Option<&Json>) -> Result<Vec<String>, String> {
     let Some(list) = list else { return Ok(Vec::new()) };
     list.as_array()
         .and_then(|items| items.iter().map(|item| item.as_str().map(str::to_owned)).collect())
@@ -128,7 +128,7 @@ fn strings(list: Option<&Json>) -> Result<Vec<String>, String> {
 }
 
 /// The permitted values of all fields with a fixed offset in this layout, from the keys `limits` and `allowed`.
-fn permits(row: &Json, layout: &Layout) -> Result<Vec<FieldLimits>, String> {
+fn field_limits(row: &Json, layout: &Layout) -> Result<Vec<FieldLimits>, String> {
     let mut all = Vec::new();
     for (key, wrong) in [("limits", "field = [lowest, highest]"), ("allowed", "field = [values]")] {
         let Some(table) = row.get(key) else { continue };
@@ -156,7 +156,7 @@ fn permits(row: &Json, layout: &Layout) -> Result<Vec<FieldLimits>, String> {
 fn parse_layout(layout: Option<&Json>) -> Result<Layout, String> {
     match layout {
         None => Ok(Layout::Unknown),
-        Some(Json::String(word)) if word == "none" => Ok(Layout::Silent),
+        Some(Json::String(word)) if word == "none" => Ok(Layout::NoResponse),
         Some(Json::Array(fields)) => {
             let fields: Vec<&str> =
                 fields.iter().map(|f| f.as_str().ok_or("a field is \"name:word\"")).collect::<Result<_, _>>()?;
@@ -187,13 +187,13 @@ fn parse_field(text: &str) -> Result<Field, String> {
             let inner = group.strip_prefix("group{").and_then(|rest| rest.strip_suffix('}'));
             let inner = inner.ok_or_else(|| format!("unknown word {word:?} of field {name:?}; known are {WORDS}"))?;
             let fields: Vec<Field> = inner.split_whitespace().map(parse_field).collect::<Result<_, _>>()?;
-            if fields.is_empty() || fields.iter().any(|field| matches!(field.word, FieldType::Group(_))) {
+            if fields.is_empty() || fields.iter().any(|field| matches!(field.field_type, FieldType::Group(_))) {
                 return Err(format!("field {name:?}: a group holds one or more fields, no further groups"));
             }
             FieldType::Group(fields)
         }
     };
-    Ok(Field { name: name.to_owned(), word })
+    Ok(Field { name: name.to_owned(), field_type: word })
 }
 
 /// The standard layout that a row has, if the response can be predicted from the request.
@@ -201,12 +201,12 @@ fn parse_field(text: &str) -> Result<Field, String> {
 /// Three layouts qualify: a read (address and quantity, answered by a byte count and that many bytes), a write of a
 /// block (answered by its address and quantity) and a write of one value (answered by the same bytes). The names of the
 /// fields are not enough, so the lengths of the layouts are tried with sample bytes.
-fn plain(
+fn standard_layout(
     request: &Layout,
     response: &Layout,
-    roles: &FieldOffsets,
+    offsets: &FieldOffsets,
     echoes: &[Echo],
-    permits: &[Vec<FieldLimits>; 2],
+    field_limits: &[Vec<FieldLimits>; 2],
 ) -> Option<StandardLayout> {
     let is_four_bytes = |layout: &Layout| layout.extent(&[0; 4]) == Extent::Exactly(4);
     let has_byte_count_at = |layout: &Layout, at: usize| {
@@ -215,16 +215,17 @@ fn plain(
     };
     // The fast path does not look at the values of a response. So its limits may concern only the byte count, or fields
     // that repeat the request and have the same limits there.
-    let limits_only_byte_count = permits[1].iter().all(|permit| permit.offset + permit.width <= 1);
-    let is_echoed_at = |at: usize| echoes.iter().any(|echo| (echo.asked, echo.answered, echo.width) == (at, at, 2));
+    let limits_only_byte_count = field_limits[1].iter().all(|limit| limit.offset + limit.width <= 1);
+    let is_echoed_at =
+        |at: usize| echoes.iter().any(|echo| (echo.request_offset, echo.response_offset, echo.width) == (at, at, 2));
     let repeats_address_and_number = is_four_bytes(response)
         && is_echoed_at(0)
         && is_echoed_at(2)
-        && permits[1].iter().all(|permit| permits[0].contains(permit));
-    if roles.address != Some(0) {
+        && field_limits[1].iter().all(|limit| field_limits[0].contains(limit));
+    if offsets.address != Some(0) {
         return None;
     }
-    match (roles.quantity, roles.request_block, roles.response_block) {
+    match (offsets.quantity, offsets.request_block, offsets.response_block) {
         (Some(2), None, Some((1, bits)))
             if is_four_bytes(request) && has_byte_count_at(response, 0) && limits_only_byte_count =>
         {
@@ -234,7 +235,7 @@ fn plain(
             Some(if bits { StandardLayout::WriteBits } else { StandardLayout::WriteRegisters })
         }
         (None, None, None)
-            if roles.value == Some(2) && is_four_bytes(request) && request == response && repeats_address_and_number =>
+            if offsets.value == Some(2) && is_four_bytes(request) && request == response && repeats_address_and_number =>
         {
             Some(StandardLayout::WriteOne)
         }
@@ -244,17 +245,17 @@ fn plain(
 
 /// The echoed fields that are numbers with a fixed offset in both bodies.
 fn echoes(names: &[String], request: &Layout, response: &Layout) -> Vec<Echo> {
-    let (Some(asked), Some(answered)) = (request.shape(), response.shape()) else { return Vec::new() };
+    let (Some(request_shape), Some(response_shape)) = (request.shape(), response.shape()) else { return Vec::new() };
     let echo_of = |name: &String| {
-        let width = asked.fields.iter().find(|field| field.name == *name)?.word.width();
-        let (asked, answered) = (asked.offset_of(name)?, answered.offset_of(name)?);
-        Some(Echo { name: name.clone(), asked, answered, width })
+        let width = request_shape.fields.iter().find(|field| field.name == *name)?.field_type.width();
+        let (request_offset, response_offset) = (request_shape.offset_of(name)?, response_shape.offset_of(name)?);
+        Some(Echo { name: name.clone(), request_offset, response_offset, width })
     };
     names.iter().filter_map(echo_of).collect()
 }
 
 /// The offsets of the fields that become columns, found by the names that the tables use for them.
-fn roles(request: &Layout, response: &Layout, operation: Operation) -> FieldOffsets {
+fn offsets(request: &Layout, response: &Layout, operation: Operation) -> FieldOffsets {
     if operation == Operation::Other {
         return FieldOffsets::default();
     }

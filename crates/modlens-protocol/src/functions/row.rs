@@ -58,9 +58,9 @@ pub struct Echo {
     /// Name of the field.
     pub name: String,
     /// Its offset in the body of the request.
-    pub asked: usize,
+    pub request_offset: usize,
     /// Its offset in the body of the response.
-    pub answered: usize,
+    pub response_offset: usize,
     /// Its size in bytes.
     pub width: usize,
 }
@@ -89,7 +89,7 @@ pub struct RequestLimits {
     /// The request and response layout.
     pub kind: StandardLayout,
     /// Whether request and response have the same layout.
-    pub mirrored: bool,
+    pub has_equal_layouts: bool,
     /// The lowest and the highest permitted value of the 16-bit number after the address (quantity or value).
     pub(super) permitted: (u16, u16),
     /// Whether `permitted` is the complete rule. If not (a list of ranges, or limits on other fields),
@@ -104,7 +104,7 @@ impl RequestLimits {
     /// The limits of a row's request; `None` if the row is not a standard read or write.
     pub(super) fn of(row: &FunctionRow) -> Option<Self> {
         let complete = |permitted| (permitted, true);
-        let (permitted, complete) = match &row.permits[0][..] {
+        let (permitted, complete) = match &row.field_limits[0][..] {
             [] => complete((0, u16::MAX)),
             [FieldLimits { offset, width, ranges, .. }] if (*offset, *width) == Self::NUMBER && ranges.len() == 1 => {
                 let clamp_to_u16 = |limit: u32| limit.min(u32::from(u16::MAX)) as u16;
@@ -112,7 +112,7 @@ impl RequestLimits {
             }
             _ => ((0, u16::MAX), false),
         };
-        Some(Self { kind: row.plain?, mirrored: row.mirrored, permitted, is_complete: complete })
+        Some(Self { kind: row.standard_layout?, has_equal_layouts: row.has_equal_layouts, permitted, is_complete: complete })
     }
 }
 
@@ -146,7 +146,7 @@ pub struct FunctionRow {
     /// Name in the specification.
     pub name: String,
     /// Whether the name needs no quoting or escaping in any output format, so that writers can copy it.
-    pub unquoted: bool,
+    pub needs_no_quoting: bool,
     /// The row applies only to bodies whose first field has this value (a sub-function or MEI type).
     pub when: Option<u16>,
     /// Layout of the request.
@@ -160,22 +160,22 @@ pub struct FunctionRow {
     /// `register_type` as an enum, parsed once.
     pub space: Option<Space>,
     /// The standard layout that request and response have, if any.
-    pub plain: Option<StandardLayout>,
+    pub standard_layout: Option<StandardLayout>,
     /// Whether request and response have the same layout, so that the two cannot be told apart by their bytes alone.
-    pub mirrored: bool,
+    pub has_equal_layouts: bool,
     /// The leading part of a body, in bytes, that contains all fields with limits, byte counts and quantities. The
     /// bytes after it are data and cannot prove a frame wrong.
-    pub judged: usize,
+    pub checked_bytes: usize,
     /// Names of the fields that the response repeats.
     pub echo: Vec<String>,
     /// The numeric ones of `echo` with their offsets, computed once.
     pub echoes: Vec<Echo>,
     /// Permitted values: `[request, response]`.
-    pub permits: [Vec<FieldLimits>; 2],
+    pub field_limits: [Vec<FieldLimits>; 2],
     /// The row as it stands in the file, with the name of the vendor it comes from.
     pub source: Json,
     /// Offsets of the fields that become columns.
-    pub roles: FieldOffsets,
+    pub offsets: FieldOffsets,
 }
 
 impl FunctionRow {

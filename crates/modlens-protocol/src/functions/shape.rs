@@ -61,7 +61,7 @@ pub struct Field {
     /// Its name, as columns and `modlens show` print it.
     pub name: String,
     /// Its type on the wire.
-    pub word: FieldType,
+    pub field_type: FieldType,
 }
 
 /// The length of a body, as far as its first bytes determine it.
@@ -100,8 +100,8 @@ impl Shape {
         let mut fixed_bytes = 0;
         let mut length_rule = None;
         for field in &fields {
-            match field.word {
-                FieldType::U8 | FieldType::U16 => fixed_bytes += field.word.width(),
+            match field.field_type {
+                FieldType::U8 | FieldType::U16 => fixed_bytes += field.field_type.width(),
                 FieldType::Len8 => {
                     length_rule = Some(LengthRule::LengthAt(fixed_bytes));
                     break;
@@ -140,8 +140,8 @@ impl Shape {
     /// Whether the repeated groups at the end of a body (file records, for example) end exactly at the end of the body.
     /// True for shapes without groups.
     pub fn groups_fit(&self, body: &[u8]) -> bool {
-        let Some(Field { word: FieldType::Group(inner), .. }) = self.fields.last() else { return true };
-        let mut offset = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum::<usize>();
+        let Some(Field { field_type: FieldType::Group(inner), .. }) = self.fields.last() else { return true };
+        let mut offset = self.fields[..self.fields.len() - 1].iter().map(|field| field.field_type.width()).sum::<usize>();
         while offset < body.len() {
             match walk(inner, &body[offset..]) {
                 Extent::Exactly(length) if length > 0 => offset += length,
@@ -155,7 +155,7 @@ impl Shape {
     pub fn offset_of(&self, name: &str) -> Option<usize> {
         let mut offset = 0;
         for field in &self.fields {
-            let width = field.word.width();
+            let width = field.field_type.width();
             if width == 0 {
                 return None;
             }
@@ -170,13 +170,14 @@ impl Shape {
     /// Offset and size in bytes of a numeric field with a fixed place: before all fields of variable length, or in the
     /// first of the repeated groups that follow them.
     pub fn place_of(&self, name: &str) -> Option<(usize, usize)> {
-        let width_of =
-            |fields: &[Field]| fields.iter().find(|field| field.name == name && field.word.width() > 0).map(|f| f.word.width());
+        let width_of = |fields: &[Field]| {
+            fields.iter().find(|field| field.name == name && field.field_type.width() > 0).map(|f| f.field_type.width())
+        };
         if let Some(offset) = self.offset_of(name) {
             return Some((offset, width_of(&self.fields)?));
         }
-        let Some(Field { word: FieldType::Group(inner), .. }) = self.fields.last() else { return None };
-        let fixed_bytes: usize = self.fields[..self.fields.len() - 1].iter().map(|field| field.word.width()).sum();
+        let Some(Field { field_type: FieldType::Group(inner), .. }) = self.fields.last() else { return None };
+        let fixed_bytes: usize = self.fields[..self.fields.len() - 1].iter().map(|field| field.field_type.width()).sum();
         let group = Self::new(inner.clone());
         Some((fixed_bytes + group.offset_of(name)?, width_of(inner)?))
     }
@@ -185,12 +186,12 @@ impl Shape {
     pub fn block(&self) -> Option<(usize, bool)> {
         let mut offset = 0;
         for field in &self.fields {
-            match field.word {
+            match field.field_type {
                 FieldType::Bits => return Some((offset, true)),
                 FieldType::U16List => return Some((offset, false)),
                 _ => {}
             }
-            let width = field.word.width();
+            let width = field.field_type.width();
             if width == 0 {
                 return None;
             }
@@ -216,13 +217,13 @@ fn walk(fields: &[Field], body: &[u8]) -> Extent {
     let mut offset = 0;
     let mut count = None;
     for field in fields {
-        let width = field.word.width();
+        let width = field.field_type.width();
         if width > 0 {
             let Some(value) = number(body, offset, width) else {
                 return Extent::AtLeast(offset + width);
             };
             offset += width;
-            match field.word {
+            match field.field_type {
                 FieldType::Len8 | FieldType::Len16 => return Extent::Exactly(offset + value),
                 FieldType::Count8 | FieldType::Count16 => count = Some(value),
                 _ => {}
@@ -232,7 +233,7 @@ fn walk(fields: &[Field], body: &[u8]) -> Extent {
         let Some(items) = count.take() else {
             return Extent::Open(offset);
         };
-        match &field.word {
+        match &field.field_type {
             FieldType::U16List => offset += 2 * items,
             FieldType::Bits => offset += items.div_ceil(8),
             FieldType::Group(inner) => {
@@ -256,7 +257,7 @@ pub enum Layout {
     /// The layout is not public (reserved or vendor-specific function without a row).
     Unknown,
     /// The request is not answered, so there is no body.
-    Silent,
+    NoResponse,
     /// The body has these fields.
     Body(Shape),
 }
@@ -283,7 +284,7 @@ impl Layout {
         match self {
             Self::Body(shape) => shape.fits(body),
             Self::Unknown => true,
-            Self::Silent => false,
+            Self::NoResponse => false,
         }
     }
 }

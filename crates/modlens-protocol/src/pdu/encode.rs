@@ -18,7 +18,7 @@ pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<
     let layout = if response { &row.response } else { &row.request };
     let shape = match layout {
         Layout::Body(shape) => shape,
-        Layout::Silent => return Err(format!("function {function} is not answered")),
+        Layout::NoResponse => return Err(format!("function {function} is not answered")),
         Layout::Unknown => return Err(format!("the layout of function {function} is not public: use show or a hex dump")),
     };
     if let Some(name) = values.keys().find(|name| !shape.fields.iter().any(|field| field.name == **name)) {
@@ -48,10 +48,10 @@ fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, J
 fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>) -> Result<(), String> {
     // A length counts all bytes after it, so those are encoded first and appended after the length.
     for (i, field) in fields.iter().enumerate() {
-        let width = field.word.width();
+        let width = field.field_type.width();
         let rest = &fields[i + 1..];
         let value_given = values.get(&field.name);
-        match (&field.word, value_given) {
+        match (&field.field_type, value_given) {
             (_, Some(value)) if width > 0 => push_number(out, take_number(&field.name, value, width)?, width),
             (FieldType::Len8 | FieldType::Len16, None) => {
                 let mut tail = Vec::new();
@@ -68,7 +68,7 @@ fn encode_fields(fields: &[Field], values: &Map<String, Json>, out: &mut Vec<u8>
                 let quantity = quantity_field(&field.name).and_then(|prefix| {
                     rest.iter().find(|list| {
                         let is_counted_list = list.name.strip_prefix(prefix).is_some_and(|name| !name.contains('_'));
-                        matches!(list.word, FieldType::Bits | FieldType::U16List) && is_counted_list
+                        matches!(list.field_type, FieldType::Bits | FieldType::U16List) && is_counted_list
                     })
                 });
                 let Some(list) = quantity.filter(|list| values.contains_key(&list.name)) else {
@@ -101,7 +101,7 @@ fn count_items(list: &Field, values: &Map<String, Json>) -> usize {
         Some(Json::Array(items)) => items.len(),
         Some(Json::String(text)) => {
             let bytes = text.bytes().filter(u8::is_ascii_hexdigit).count() / 2;
-            match list.word {
+            match list.field_type {
                 FieldType::U16List => bytes / 2,
                 FieldType::Bits => bytes * 8,
                 _ => bytes,

@@ -27,11 +27,11 @@ pub struct DecodedField<'a> {
 #[derive(Clone, Debug)]
 pub struct Decoded<'a> {
     /// The fields, in wire order.
-    pub nodes: Vec<DecodedField<'a>>,
+    pub fields: Vec<DecodedField<'a>>,
     /// Whether the body contained all bytes that its lengths, counts and fixed fields announce.
     pub complete: bool,
     /// The number of body bytes that the layout covers; bytes after these are extra.
-    pub used: usize,
+    pub covered_bytes: usize,
 }
 
 /// Decodes a body by its field layout. It never fails: missing bytes make the result incomplete.
@@ -39,7 +39,7 @@ pub fn decode<'a>(shape: &'a Shape, body: &'a [u8]) -> Decoded<'a> {
     let mut complete = true;
     let mut at = 0;
     let nodes = decode_fields(&shape.fields, body, &mut at, body.len(), &mut complete);
-    Decoded { nodes, complete, used: at }
+    Decoded { fields: nodes, complete, covered_bytes: at }
 }
 
 /// Decodes fields from offset `at` on, and moves `at` behind them. `end` is the end of the body or of the part that a
@@ -54,7 +54,7 @@ fn decode_fields<'a>(
     let mut nodes = Vec::with_capacity(fields.len());
     let mut count: Option<usize> = None;
     for field in fields {
-        let width = field.word.width();
+        let width = field.field_type.width();
         let start = *at;
         if width > 0 {
             if start + width > end {
@@ -63,8 +63,8 @@ fn decode_fields<'a>(
             }
             let bytes = &body[start..start + width];
             *at += width;
-            let value = number(bytes);
-            match field.word {
+            let value = big_endian(bytes);
+            match field.field_type {
                 FieldType::Len8 | FieldType::Len16 => {
                     *complete &= *at + value as usize <= end;
                     end = end.min(*at + value as usize);
@@ -77,7 +77,7 @@ fn decode_fields<'a>(
         }
         let items = count.take();
         let mut groups = Vec::new();
-        if let FieldType::Group(inner) = &field.word {
+        if let FieldType::Group(inner) = &field.field_type {
             while *at < end && items.is_none_or(|items| groups.len() < items) {
                 let before = *at;
                 let group = decode_fields(inner, body, at, end, complete);
@@ -90,11 +90,14 @@ fn decode_fields<'a>(
             }
             *complete &= items.is_none_or(|items| groups.len() == items);
         } else {
-            let announced = items.map_or(end - start, |items| list_bytes(&field.word, items));
+            let announced = items.map_or(end - start, |items| list_bytes(&field.field_type, items));
             *complete &= start + announced <= end;
             // An odd byte at the end of a register list belongs to no register. It is left out and shown as extra.
-            let taken =
-                if field.word == FieldType::U16List { (end - start).min(announced) & !1 } else { (end - start).min(announced) };
+            let taken = if field.field_type == FieldType::U16List {
+                (end - start).min(announced) & !1
+            } else {
+                (end - start).min(announced)
+            };
             *at = start + taken;
         }
         nodes.push(DecodedField { field, offset: start, bytes: &body[start..*at], groups });
@@ -112,7 +115,7 @@ fn list_bytes(word: &FieldType, items: usize) -> usize {
 }
 
 /// The big-endian number that these one or two bytes represent.
-pub fn number(bytes: &[u8]) -> u32 {
+pub fn big_endian(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |value, &byte| value << 8 | u32::from(byte))
 }
 
@@ -123,9 +126,9 @@ pub fn u16_at(body: &[u8], at: usize) -> Option<u16> {
 }
 
 /// The numeric values of a list field.
-pub fn items(word: &FieldType, bytes: &[u8]) -> Vec<u32> {
+pub fn list_values(word: &FieldType, bytes: &[u8]) -> Vec<u32> {
     match word {
-        FieldType::U16List => bytes.chunks_exact(2).map(number).collect(),
+        FieldType::U16List => bytes.chunks_exact(2).map(big_endian).collect(),
         FieldType::Bits => (0..bytes.len() * 8).map(|i| u32::from(bytes[i / 8] >> (i % 8) & 1)).collect(),
         _ => bytes.iter().map(|&b| u32::from(b)).collect(),
     }
@@ -134,11 +137,13 @@ pub fn items(word: &FieldType, bytes: &[u8]) -> Vec<u32> {
 impl DecodedField<'_> {
     /// The value as JSON: a number, a list of numbers, hex text for bytes, a list of objects for groups.
     pub fn json(&self) -> Json {
-        match &self.field.word {
+        match &self.field.field_type {
             FieldType::Group(_) => self.groups.iter().map(|group| Json::Object(object(group))).collect(),
             FieldType::Bytes => Json::from(hex(self.bytes)),
-            FieldType::Bits | FieldType::U8List | FieldType::U16List => Json::from(items(&self.field.word, self.bytes)),
-            _ => Json::from(number(self.bytes)),
+            FieldType::Bits | FieldType::U8List | FieldType::U16List => {
+                Json::from(list_values(&self.field.field_type, self.bytes))
+            }
+            _ => Json::from(big_endian(self.bytes)),
         }
     }
 
@@ -153,7 +158,7 @@ impl DecodedField<'_> {
             .and_then(|g| g.last())
             .map_or(self.bytes.len(), |last| last.offset + last.bytes.len() - self.offset);
         json!({
-            "name": self.field.name, "word": self.field.word.spelling(), "offset": self.offset + base, "length": length,
+            "name": self.field.name, "word": self.field.field_type.spelling(), "offset": self.offset + base, "length": length,
             "value": self.json(), "children": children,
         })
     }
@@ -162,7 +167,7 @@ impl DecodedField<'_> {
 impl DecodedField<'_> {
     /// Appends the value as JSON text, equal to the text of `json`, without building a JSON value first.
     fn push(&self, out: &mut Vec<u8>) {
-        match &self.field.word {
+        match &self.field.field_type {
             FieldType::Group(_) => list(&self.groups, out, |group, out| push_object(group, out)),
             FieldType::Bytes => {
                 out.push(b'"');
@@ -170,9 +175,9 @@ impl DecodedField<'_> {
                 out.push(b'"');
             }
             FieldType::Bits | FieldType::U8List | FieldType::U16List => {
-                list(&items(&self.field.word, self.bytes), out, |item, out| push_int(i64::from(*item), out));
+                list(&list_values(&self.field.field_type, self.bytes), out, |item, out| push_int(i64::from(*item), out));
             }
-            _ => push_int(i64::from(number(self.bytes)), out),
+            _ => push_int(i64::from(big_endian(self.bytes)), out),
         }
     }
 }
@@ -230,8 +235,8 @@ pub fn describe(functions: &Functions, pdu: &[u8], response: bool) -> Json {
     let (mut complete, mut used) = (true, 0);
     if let Some(shape) = layout.and_then(Layout::shape) {
         let decoded = decode(shape, body);
-        (complete, used) = (decoded.complete, decoded.used);
-        fields = decoded.nodes.iter().map(|node| node.tree(1)).collect();
+        (complete, used) = (decoded.complete, decoded.covered_bytes);
+        fields = decoded.fields.iter().map(|node| node.tree(1)).collect();
     }
     push_extra(&mut fields, body, used);
     json!({"function": function, "name": name, "exception": null, "complete": complete, "fields": fields})
@@ -267,9 +272,9 @@ mod tests {
                 let Some(shape) = layout.shape() else { continue };
                 assert_eq!(tree["complete"], true, "{text}");
                 let decoded = decode(shape, &pdu[1..]);
-                assert_eq!(decoded.used, pdu.len() - 1, "{text}");
+                assert_eq!(decoded.covered_bytes, pdu.len() - 1, "{text}");
                 assert!(shape.fits(&pdu[1..]), "{text}");
-                assert_eq!(encode(functions, row.code, response, &object(&decoded.nodes)).unwrap(), pdu, "{text}");
+                assert_eq!(encode(functions, row.code, response, &object(&decoded.fields)).unwrap(), pdu, "{text}");
             }
         }
     }
@@ -304,8 +309,8 @@ mod tests {
             if let Some(shape) = layout.shape() {
                 let decoded = decode(shape, &body);
                 let mut text = Vec::new();
-                push_object(&decoded.nodes, &mut text);
-                prop_assert_eq!(String::from_utf8(text).unwrap(), Json::Object(object(&decoded.nodes)).to_string());
+                push_object(&decoded.fields, &mut text);
+                prop_assert_eq!(String::from_utf8(text).unwrap(), Json::Object(object(&decoded.fields)).to_string());
             }
         }
 

@@ -19,8 +19,8 @@ pub(super) trait ColumnValue<'a>: Sized {
 
     /// Passes the value to a writer.
     #[inline(always)]
-    fn pass<S: CellSink>(self, to: &mut S) {
-        to.put(self.cell());
+    fn emit<S: CellSink>(self, to: &mut S) {
+        to.put_cell(self.cell());
     }
 }
 
@@ -31,10 +31,10 @@ impl<'a, T: ColumnValue<'a>> ColumnValue<'a> for Option<T> {
     }
 
     #[inline(always)]
-    fn pass<S: CellSink>(self, to: &mut S) {
+    fn emit<S: CellSink>(self, to: &mut S) {
         match self {
-            Some(value) => value.pass(to),
-            None => to.put(Cell::Null),
+            Some(value) => value.emit(to),
+            None => to.put_cell(Cell::Null),
         }
     }
 }
@@ -56,11 +56,11 @@ impl<'a> ColumnValue<'a> for FunctionName<'a> {
     }
 
     #[inline(always)]
-    fn pass<S: CellSink>(self, to: &mut S) {
-        if self.0.unquoted {
-            to.put(Cell::Word(&self.0.name));
+    fn emit<S: CellSink>(self, to: &mut S) {
+        if self.0.needs_no_quoting {
+            to.put_cell(Cell::Word(&self.0.name));
         } else {
-            to.put(Cell::Text(&self.0.name));
+            to.put_cell(Cell::Text(&self.0.name));
         }
     }
 }

@@ -50,7 +50,7 @@ pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let mut map = Map::new();
     for write in [true, false] {
         each_part(batch, t, write, |items, item, step| {
-            let Some(compiled) = step.compiled().map(|at| bound.plan.compiled(at)) else { return };
+            let Some(compiled) = step.compiled().map(|at| bound.plan.compiled_point(at)) else { return };
             let value = value_of(items, item, bound, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
         });
@@ -93,7 +93,7 @@ fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Half {
 /// The plan and the point of a row, if a profile has one for it.
 fn point_of<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<(&'a PlanInstance, &'a CompiledPoint)> {
     let (index, bound) = (at.step.compiled()?, txn(batch, at).points.as_deref()?);
-    Some((bound, bound.plan.compiled(index)))
+    Some((bound, bound.plan.compiled_point(index)))
 }
 
 fn compiled<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<&'a CompiledPoint> {
@@ -123,7 +123,7 @@ fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p PlanInstance, point: &'
     Some(match slice_of(items, item, point.width)? {
         Items::Words(bytes) => bound.value(point, bytes),
         // The register of a single write is stored as a number.
-        Items::One(number) if !bound.plan.point(point).space.bits() => bound.value(point, &(number as u16).to_be_bytes()),
+        Items::One(number) if !bound.plan.point(point).space.is_bits() => bound.value(point, &(number as u16).to_be_bytes()),
         bit => bound.bit(point, bit.get(0)),
     })
 }
@@ -170,12 +170,12 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for write in [true, false] {
             each_part(batch, t, write, |items, item, step| {
-                let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled(at))));
+                let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
                 let Some(items) = slice_of(items, item, width) else { return };
                 let raw = match items {
                     Items::Words(bytes) => bytes.to_vec(),
-                    Items::One(number) if !space.bits() => (number as u16).to_be_bytes().to_vec(),
+                    Items::One(number) if !space.is_bits() => (number as u16).to_be_bytes().to_vec(),
                     bit => vec![bit.get(0) as u8],
                 };
                 visit(ReadingView { transaction: t, space, address: step.address, write, compiled, raw });

@@ -129,7 +129,7 @@ impl ReadingRows {
                 let data = match items {
                     Items::Words(bytes) => Data::Words(batch.span_of(bytes)),
                     Items::Bits(bytes, count) => Data::Bits(batch.span_of(bytes), count),
-                    Items::One(value) if space.is_some_and(Space::bits) => Data::Coil(value),
+                    Items::One(value) if space.is_some_and(Space::is_bits) => Data::Coil(value),
                     Items::One(value) => Data::Register(value),
                 };
                 all.blocks.push(ReadingBlock { txn: txn as u32, write, first, data });
@@ -207,12 +207,12 @@ impl AllRows {
     /// plan each of them is a row.
     fn add_block_rows(&mut self, plan: Option<(&Plan, Space)>, first: u16, count: usize) {
         let Some((plan, space)) = plan else { return self.add_run(Steps::Bare(first), count) };
-        plan.pieces(space, first, count, |piece| match piece {
+        plan.split_block(space, first, count, |piece| match piece {
             LayoutPart::Bare(Range { start, end }) => self.add_run(Steps::Bare(start as u16), end - start),
             LayoutPart::Steps(Range { start, end }) => self.add_run(Steps::Plan(start as u32), end - start),
             LayoutPart::PartialBlock(edge) => {
                 let from = self.cut_steps.len();
-                plan.edge(&edge, |step| self.cut_steps.push(step));
+                plan.partial_block(&edge, |step| self.cut_steps.push(step));
                 self.add_run(Steps::Own(from as u32), self.cut_steps.len() - from);
             }
         });

@@ -15,7 +15,7 @@ use modlens_engine::records::{Batch, FindingRow, Frame, Half};
 use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// Columns that have the same value in every row of a bus. Writers format these once per bus.
-pub(super) const OF_THE_BUS: [&str; 4] = ["bus", "client", "server", "connection"];
+pub(super) const BUS_COLUMNS: [&str; 4] = ["bus", "client", "server", "connection"];
 
 /// Reads the value of a column from a row.
 pub(super) type Read<R> = for<'a> fn(&'a Batch, &'a R) -> Cell<'a>;
@@ -32,16 +32,16 @@ pub(super) type EmitTransaction<S> = for<'a> fn(&'a Batch, TransactionView<'a>, 
 /// Defines the columns of a table. `READ` returns a value as a `Cell`; `pass` is compiled for each writer, so that the
 /// writer's code for other kinds of values than the column's is removed.
 macro_rules! columns {
-    ($table:ident: $read:ident, $pass:ident<$($row:ident)?>; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
+    ($table:ident: $read:ident, $emit:ident<$($row:ident)?>; $(($key:literal, |$batch:pat_param, $of:pat_param| $value:expr),)*) => {
         pub(super) struct $table;
 
         impl $table {
             pub(super) const KEYS: &[&str] = &[$($key),*];
             pub(super) const READ: &[$read$(<$row>)?] = &[$(|$batch, $of| $value.cell()),*];
 
-            pub(super) fn pass<S: CellSink>(column: usize) -> $pass<$($row,)? S> {
+            pub(super) fn emit<S: CellSink>(column: usize) -> $emit<$($row,)? S> {
                 const COUNT: usize = $table::KEYS.len();
-                let all: [$pass<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.pass(to)),*];
+                let all: [$emit<$($row,)? S>; COUNT] = [$(|$batch, $of, to| $value.emit(to)),*];
                 all[column]
             }
         }
@@ -51,7 +51,7 @@ macro_rules! columns {
 /// The name of a function code, with or without the exception bit.
 #[inline(always)]
 fn name(batch: &Batch, code: Option<u8>) -> Option<FunctionName<'_>> {
-    functions(batch).any(code? & !EXCEPTION_BIT).map(FunctionName)
+    functions(batch).first_variant(code? & !EXCEPTION_BIT).map(FunctionName)
 }
 
 /// The position in the input.

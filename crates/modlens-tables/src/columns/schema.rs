@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use serde_json::Value as Json;
 
 use super::reader::{ColumnReader, RowReader};
-use super::row_columns::{Findings, Frames, Transactions, OF_THE_BUS};
+use super::row_columns::{Findings, Frames, Transactions, BUS_COLUMNS};
 use super::sink::CellSink;
 
 /// The embedded definition of the columns.
@@ -93,16 +93,16 @@ impl TableKind {
     /// The reader of a column for one kind of writer.
     pub fn reader<S: CellSink>(self, column: usize) -> ColumnReader<S> {
         ColumnReader(match self {
-            Self::Frames => RowReader::Frame(Frames::pass(column)),
-            Self::Transactions => RowReader::Transaction(Transactions::pass(column)),
-            Self::Findings => RowReader::Finding(Findings::pass(column)),
+            Self::Frames => RowReader::Frame(Frames::emit(column)),
+            Self::Transactions => RowReader::Transaction(Transactions::emit(column)),
+            Self::Findings => RowReader::Finding(Findings::emit(column)),
             Self::Readings => RowReader::Reading(column),
         })
     }
 
     /// Whether all rows of a bus have the same value in this column.
-    pub fn of_the_bus(self, column: usize) -> bool {
-        self != Self::Readings && OF_THE_BUS.contains(&self.columns()[column].key.as_str())
+    pub fn is_constant_per_bus(self, column: usize) -> bool {
+        self != Self::Readings && BUS_COLUMNS.contains(&self.columns()[column].key.as_str())
     }
 
     /// The index of a column. The error lists the known names.

@@ -6,5 +6,5 @@ use crate::columns::cell::Cell;
 pub trait CellSink {
     /// Takes one value. Each caller passes a known variant of `Cell`, so an implementation should be inlined: its
     /// `match` is then reduced to one arm.
-    fn put(&mut self, cell: Cell<'_>);
+    fn put_cell(&mut self, cell: Cell<'_>);
 }

@@ -53,14 +53,14 @@ impl<'a> RowRef<'a> {
     /// Passes the value of a column to a writer.
     #[inline(always)]
     #[allow(clippy::inline_always)] // A few instructions in the innermost loop of every writer.
-    pub fn pass<S: CellSink>(&self, column: &ColumnReader<S>, to: &mut S) {
+    pub fn emit<S: CellSink>(&self, column: &ColumnReader<S>, to: &mut S) {
         match (self.of, &column.0) {
             (RowOf::Frame(row), RowReader::Frame(pass)) => pass(self.batch, row, to),
             (RowOf::Transaction(row), RowReader::Transaction(pass)) => pass(self.batch, row, to),
             (RowOf::Finding(row), RowReader::Finding(pass)) => pass(self.batch, row, to),
-            (RowOf::Reading(row), RowReader::Reading(column)) => to.put(READINGS[*column].1(self.batch, row)),
+            (RowOf::Reading(row), RowReader::Reading(column)) => to.put_cell(READINGS[*column].1(self.batch, row)),
             // The reader belongs to another table.
-            _ => to.put(Cell::Null),
+            _ => to.put_cell(Cell::Null),
         }
     }
 

@@ -102,14 +102,14 @@ impl<'a> TransactionView<'a> {
             return None;
         }
         let body = self.request_body(batch)?;
-        Some((u16_at(body, row.roles.address?)?, u16_at(body, row.roles.quantity?)?))
+        Some((u16_at(body, row.offsets.address?)?, u16_at(body, row.offsets.quantity?)?))
     }
 
     /// Address and quantity of what the request writes; `None` if the function writes nothing.
     #[inline]
     pub(super) fn write_range(self, batch: &Batch) -> Option<(u16, u16)> {
         let row = self.row?;
-        let (roles, body) = (&row.roles, self.request_body(batch)?);
+        let (roles, body) = (&row.offsets, self.request_body(batch)?);
         let (address, quantity) = match row.operation {
             Operation::Write => (roles.address, roles.quantity),
             Operation::ReadWrite => (roles.write_address, roles.write_quantity),
@@ -126,7 +126,7 @@ impl<'a> TransactionView<'a> {
         if !matches!(self.status, Status::Ok | Status::Unrequested) || self.exception.is_some() {
             return None;
         }
-        let (at, bits) = row.roles.response_block?;
+        let (at, bits) = row.offsets.response_block?;
         let block = self.response(batch).get(1 + at..)?;
         Some(if bits {
             let quantity = self.read_range(batch).map_or(block.len() * 8, |range| usize::from(range.1));
@@ -145,13 +145,13 @@ impl<'a> TransactionView<'a> {
             return None;
         }
         let body = self.request_body(batch)?;
-        if let Some(value) = row.roles.value.and_then(|at| u16_at(body, at)) {
+        if let Some(value) = row.offsets.value.and_then(|at| u16_at(body, at)) {
             // A single coil is written as FF00 for on and 0000 for off (section 6.5); other values are shown as they
             // are.
             let coil = row.register_type.as_deref() == Some("coil");
             return Some(Items::One(if coil && value == 0xFF00 { 1 } else { i32::from(value) }));
         }
-        let (at, bits) = row.roles.request_block?;
+        let (at, bits) = row.offsets.request_block?;
         let block = body.get(at..)?;
         Some(if bits { Items::Bits(block, usize::from(self.write_range(batch)?.1)) } else { Items::Words(block) })
     }
@@ -161,8 +161,8 @@ impl<'a> TransactionView<'a> {
     #[inline]
     pub(super) fn fields(self, batch: &'a Batch) -> Option<Cell<'a>> {
         let Some(row) = self.row else { return Some(self.undecoded(batch)) };
-        let blocks = row.roles.request_block.is_some() || row.roles.response_block.is_some();
-        let is_shown_by_other_columns = row.operation != Operation::Other && (blocks || row.roles.value.is_some());
+        let blocks = row.offsets.request_block.is_some() || row.offsets.response_block.is_some();
+        let is_shown_by_other_columns = row.operation != Operation::Other && (blocks || row.offsets.value.is_some());
         (!is_shown_by_other_columns).then(|| self.decoded(batch, row))
     }
 
@@ -179,7 +179,7 @@ impl<'a> TransactionView<'a> {
             [(self.request_body(batch), &row.request), (response_body.filter(|_| is_valid_response), &row.response)]
         {
             let (Some(body), Some(shape)) = (body, layout.shape()) else { continue };
-            pdu::decode(shape, body).nodes.into_iter().for_each(|node| fields.put(node));
+            pdu::decode(shape, body).fields.into_iter().for_each(|node| fields.put(node));
         }
         if row.operation != Operation::Other {
             fields.remove("address");

@@ -29,7 +29,7 @@ pub fn announced_lengths(context: &Context<'_>, frame: &[u8]) -> [Option<(Direct
         return if code == 0 { [None, None] } else { [Some((Direction::Unknown, Extent::Open(ENVELOPE_BYTES))), None] };
     };
     let request = Some((Direction::Request, whole_frame(&row.request)));
-    let response = (row.response != Layout::Silent).then(|| (Direction::Response, whole_frame(&row.response)));
+    let response = (row.response != Layout::NoResponse).then(|| (Direction::Response, whole_frame(&row.response)));
     if context.asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
         [response, request]
     } else {

@@ -26,7 +26,7 @@ pub fn judged_header_bytes(context: &Context<'_>, frame: &[u8]) -> u64 {
     let &[_, code, ref body @ ..] = frame else { return 2 };
     let function = code & !EXCEPTION_BIT;
     let leading = context.functions.leading_bytes(function);
-    let judged = context.functions.row(function, body).map_or(1, |row| row.judged.max(1));
+    let judged = context.functions.row(function, body).map_or(1, |row| row.checked_bytes.max(1));
     2 + leading.max(judged) as u64
 }
 
@@ -71,8 +71,8 @@ fn header_score(model: &TrafficModel, context: &Context<'_>, row: Option<&Functi
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
     let mut score = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
     if let Some(row) = row {
-        score += row.permits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
-        if direction == REQUEST && row.roles.request_block.is_some_and(|(at, _)| body.len() >= at) {
+        score += row.field_limits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
+        if direction == REQUEST && row.offsets.request_block.is_some_and(|(at, _)| body.len() >= at) {
             score += weights::OPEN_LENGTH_BITS;
         }
     }
@@ -132,9 +132,9 @@ impl TrafficModel {
         let mut request = -OPEN_LENGTH_BITS;
         let mut response = f32::MIN;
         for row in functions.variants(function) {
-            let byte_count = if row.roles.request_block.is_some() { OPEN_LENGTH_BITS } else { 0.0 };
-            request = request.max(fields(&row.permits[REQUEST]) + byte_count);
-            response = response.max(fields(&row.permits[RESPONSE]));
+            let byte_count = if row.offsets.request_block.is_some() { OPEN_LENGTH_BITS } else { 0.0 };
+            request = request.max(fields(&row.field_limits[REQUEST]) + byte_count);
+            response = response.max(fields(&row.field_limits[RESPONSE]));
         }
         if code != function {
             (request, response) = (f32::MIN, response.max(0.0));
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn no_field_is_worth_more_than_its_bound() {
         let model = TrafficModel::default();
-        let permits = Functions::embedded().rows().flat_map(|row| row.permits.iter().flatten());
+        let permits = Functions::embedded().rows().flat_map(|row| row.field_limits.iter().flatten());
         let mut tried = 0;
         for permit in permits {
             for value in 0..=u16::MAX {

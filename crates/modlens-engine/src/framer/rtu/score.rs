@@ -66,7 +66,7 @@ fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction:
     // A frame whose last byte is 00 has a valid CRC without that byte, too: then the hypothesis cuts the frame short.
     let is_cut_short = |layout: &Layout| matches!(layout.extent(body), Extent::Exactly(length) if length == body.len() + 1);
     let mut score = match layout {
-        Layout::Silent => -weights::OPEN_LENGTH_BITS - weights::BROKEN_RULE_BITS,
+        Layout::NoResponse => -weights::OPEN_LENGTH_BITS - weights::BROKEN_RULE_BITS,
         Layout::Unknown => -model.open_length_cost(row.code, direction, body),
         Layout::Body(shape) => match shape.extent(body) {
             Extent::Exactly(length) if length == body.len() && shape.groups_fit(body) => 0.0,
@@ -76,14 +76,14 @@ fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction:
             _ => return -weights::OPEN_LENGTH_BITS - weights::BROKEN_RULE_BITS,
         },
     };
-    score += row.permits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
+    score += row.field_limits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
     if direction == REQUEST {
-        if let Some((at, _)) = row.roles.request_block {
+        if let Some((at, _)) = row.offsets.request_block {
             score += if consistent(row, body) { model.bits(body[at - 1]) } else { -weights::BROKEN_RULE_BITS };
         }
     }
     let half_a_register = |&(at, is_bits): &(usize, bool)| !is_bits && (body.len() - at) % 2 == 1;
-    if direction == RESPONSE && row.roles.response_block.as_ref().is_some_and(half_a_register) {
+    if direction == RESPONSE && row.offsets.response_block.as_ref().is_some_and(half_a_register) {
         score -= weights::BROKEN_RULE_BITS;
     }
     score
@@ -189,7 +189,7 @@ fn response_context_score(
     let mut score = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - weights::ANSWERED_BITS;
     if let Some(row) = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
         let is_last_response = |(_, last): (&HeldRequest, _)| last == fingerprint(frame);
-        if row.response == Layout::Silent || request.is_damaged {
+        if row.response == Layout::NoResponse || request.is_damaged {
             // No response is predicted, or not its fields; if one comes, it is this one all the same.
         } else if matched == Match::Partly {
             score -= weights::BROKEN_RULE_BITS;

@@ -145,7 +145,7 @@ impl Search {
             self.reserve_request();
             let row = context.functions.row(frame[1], &frame[2..]);
             let expected_response = row.and_then(|row| expected_response(row, &frame[1..frame.len() - 2]));
-            if row.is_some_and(|row| !row.mirrored) {
+            if row.is_some_and(|row| !row.has_equal_layouts) {
                 copy = RequestCopy::First;
             }
             let answerable = &mut self.lattice[ROOT].answerable;

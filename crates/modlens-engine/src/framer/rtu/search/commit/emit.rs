@@ -138,8 +138,8 @@ fn learn_open_length(model: &mut TrafficModel, context: &Context<'_>, frame: &[u
 /// What a request is to the one before it. Where the response may look like the request, nothing is learned.
 fn request_copy(context: &Context<'_>, frame: &[u8], is_repeated: bool) -> RequestCopy {
     match context.functions.row(frame[1] & !EXCEPTION_BIT, &frame[2..]) {
-        Some(row) if !row.mirrored && is_repeated => RequestCopy::Repeated,
-        Some(row) if !row.mirrored => RequestCopy::First,
+        Some(row) if !row.has_equal_layouts && is_repeated => RequestCopy::Repeated,
+        Some(row) if !row.has_equal_layouts => RequestCopy::First,
         _ => RequestCopy::Unclear,
     }
 }
