@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use modlens_engine::framer::auto::make;
+use modlens_engine::framer::fixed::FixedFramer;
 use modlens_engine::framer::{Context, Framer};
 use modlens_engine::input::Input;
 use modlens_engine::session::{BusOptions, Session, Wanted};
@@ -137,14 +137,14 @@ fn repeated(part: &[u8], size: usize) -> Vec<u8> {
 /// Frames and noise rows that the RTU framer finds, without anything behind it.
 fn framing(bytes: &[u8]) -> u64 {
     let functions = Functions::embedded();
-    let mut framer = make(Mode::Rtu, None, None);
+    let mut framer = FixedFramer::new(Mode::Rtu, None, None);
     let mut input = Input::new(None);
     input.break_ns = framer.break_ns(None);
     let mut known_units = [false; 256];
     let mut adu = Vec::new();
     let mut count = 0;
     let mut drain = |input: &mut Input| loop {
-        count += exchanges(&mut *framer, functions, input);
+        count += exchanges(&mut framer, functions, input);
         let context = Context {
             ahead: true,
             functions,
@@ -175,9 +175,9 @@ fn framing(bytes: &[u8]) -> u64 {
 }
 
 /// Frames of the exchanges at the head of the input that leave no doubt.
-fn exchanges(framer: &mut dyn Framer, functions: &Functions, input: &mut Input) -> u64 {
+fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input) -> u64 {
     let settled = framer.settled(input.offset());
-    let Some(rtu) = framer.routine().filter(|_| settled) else { return 0 };
+    let Some(rtu) = framer.rtu_mut().filter(|_| settled) else { return 0 };
     let (mut count, mut last, mut before) = (0, None, rtu.last_answered());
     while let Some(known) = rtu.next_exchange(functions, input, before, i64::MAX, |_| 0.0) {
         before = Some((known.unit, known.code));

@@ -1,6 +1,6 @@
 //! The fast path of pairing: a request and its response at once, while nothing else is open.
 //!
-//! Each exchange has to leave pairing in exactly the state in which two calls of `Pairing::take` would leave it.
+//! Each exchange has to leave pairing in exactly the state in which two calls of `Pairing::add_frame` would leave it.
 
 use crate::pairing::Pairing;
 use modlens_protocol::Ns;

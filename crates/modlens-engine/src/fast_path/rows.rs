@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::framer::{ascii, tcp};
 use crate::records::{Frame, Half, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
-use crate::session::routine::MatchedExchange;
 use crate::session::rows::elapsed;
 use crate::weights::MAX_CONFIDENCE_BITS;
 use modlens_profiles::points::PlanInstance;
@@ -13,6 +13,20 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{CutBy, Mode, Verdict};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
+
+/// A request and its response at the heads of their lines.
+pub(super) struct MatchedExchange {
+    /// The exchange as the request announces it; the response is the one expected.
+    pub expected: ExpectedExchange,
+    /// The framing.
+    pub mode: Mode,
+    /// Transaction identifier of the MBAP header.
+    pub mbap_id: Option<u16>,
+    /// Indices of the lines of request and response.
+    pub lines: [usize; 2],
+    /// Lengths of request and response on their lines, in bytes or, for ASCII, characters.
+    pub lengths: [usize; 2],
+}
 
 /// One exchange with all that its rows need.
 pub(super) struct ExchangeRows<'a> {

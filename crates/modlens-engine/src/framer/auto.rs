@@ -2,10 +2,8 @@
 //!
 //! The decision is taken at fixed numbers of bytes, at a silence or at the end, so that chunk sizes change nothing.
 
-use crate::framer::ascii::Ascii;
-use crate::framer::rtu::Rtu;
-use crate::framer::silence::{Rule, Silence};
-use crate::framer::tcp::Tcp;
+use crate::framer::fixed::FixedFramer;
+use crate::framer::silence::Rule;
 use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
 use modlens_protocol::framing::Mode;
@@ -25,9 +23,9 @@ pub struct Auto {
     line: Option<LineSettings>,
     rule: Option<Rule>,
     next_look: usize,
-    chosen: Option<Box<dyn Framer>>,
+    chosen: Option<FixedFramer>,
     /// The framer of records that prove another framing: RTU out and MBAP in are seen in the logs of gateways.
-    other: Option<Box<dyn Framer>>,
+    other: Option<FixedFramer>,
     /// The last frame was the other one's.
     aside: bool,
 }
@@ -38,13 +36,19 @@ impl Auto {
         Self { line, rule, next_look: FIRST_LOOK, chosen: None, other: None, aside: false }
     }
 
+    /// The framer that the next bytes are for, once it is chosen; `None` while a record proves another framing.
+    #[inline]
+    pub fn active_mut(&mut self) -> Option<&mut FixedFramer> {
+        self.chosen.as_mut().filter(|_| !self.aside)
+    }
+
     fn choose(&mut self, input: &Input, functions: &Functions) -> bool {
         let bytes = input.bytes();
         if let Some(mode) = input.read(0).and_then(|read| read.framing) {
             return self.become_mode(mode);
         }
         if input.read(0).is_some_and(|read| read.no_checksum) && bytes.first() != Some(&b':') {
-            self.chosen = Some(make(Mode::Rtu, self.line.as_ref(), self.rule));
+            self.chosen = Some(FixedFramer::new(Mode::Rtu, self.line.as_ref(), self.rule));
             return true;
         }
         while self.next_look <= bytes.len().min(ENOUGH) {
@@ -71,7 +75,7 @@ impl Auto {
         }
         let framer = match &mut self.other {
             Some(framer) if framer.mode() == mode => framer,
-            other => other.insert(make(mode, self.line.as_ref(), self.rule)),
+            other => other.insert(FixedFramer::new(mode, self.line.as_ref(), self.rule)),
         };
         framer.jump(input.offset());
         let cut = framer.next(input, context, adu).filter(|cut| cut.length == length)?;
@@ -83,18 +87,8 @@ impl Auto {
     }
 
     fn become_mode(&mut self, mode: Mode) -> bool {
-        self.chosen = Some(make(mode, self.line.as_ref(), self.rule));
+        self.chosen = Some(FixedFramer::new(mode, self.line.as_ref(), self.rule));
         true
-    }
-}
-
-/// The framer of a framing; RTU goes by the rule of silence where there is one, else by evidence.
-pub fn make(mode: Mode, line: Option<&LineSettings>, rule: Option<Rule>) -> Box<dyn Framer> {
-    match (mode, rule) {
-        (Mode::Rtu, Some(rule)) => Box::new(Silence::new(rule)),
-        (Mode::Rtu, None) => Box::new(Rtu::new(line)),
-        (Mode::Ascii, _) => Box::new(Ascii::default()),
-        (Mode::Tcp, _) => Box::new(Tcp::default()),
     }
 }
 
@@ -114,16 +108,14 @@ impl Framer for Auto {
         !self.aside && self.chosen.as_ref().is_some_and(|framer| framer.settled(offset))
     }
 
-    fn routine(&mut self) -> Option<&mut Rtu> {
-        self.chosen.as_mut().filter(|_| !self.aside)?.routine()
-    }
-
     fn mode(&self) -> Mode {
         let framer = if self.aside { &self.other } else { &self.chosen };
-        framer.as_ref().map_or(Mode::Rtu, |framer| framer.mode())
+        framer.as_ref().map_or(Mode::Rtu, Framer::mode)
     }
 
     fn break_ns(&self, line: Option<&LineSettings>) -> Ns {
-        self.chosen.as_ref().map_or_else(|| make(Mode::Rtu, line, self.rule).break_ns(line), |framer| framer.break_ns(line))
+        self.chosen
+            .as_ref()
+            .map_or_else(|| FixedFramer::new(Mode::Rtu, line, self.rule).break_ns(line), |framer| framer.break_ns(line))
     }
 }

@@ -5,6 +5,8 @@
 
 pub mod ascii;
 pub mod auto;
+pub mod fixed;
+pub mod line_framer;
 pub mod rtu;
 pub mod silence;
 pub mod tcp;
@@ -119,11 +121,6 @@ pub trait Framer: Send + Sync {
     /// Whether nothing is open: the frame at this stream offset is what its own bytes say.
     fn settled(&self, _offset: u64) -> bool {
         false
-    }
-
-    /// The framer that takes whole exchanges, if this is one.
-    fn routine(&mut self) -> Option<&mut rtu::Rtu> {
-        None
     }
 
     /// The silence that ends every frame.

@@ -16,7 +16,7 @@ const MIN_NORMAL_SHARE: f32 = 1e-12;
 /// If the adapter echoes its own transmissions, it is close to 1; if the master merely retries after time-outs, it is far
 /// lower. Requests whose response is identical to the request are not counted.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct EchoStatistics {
+pub(crate) struct EchoStatistics {
     /// The share, without the last request.
     share: f32,
     requests: f32,
@@ -33,7 +33,7 @@ impl Default for EchoStatistics {
 impl EchoStatistics {
     /// Counts a new request. The one before it is final now: it will not appear again.
     #[inline]
-    pub(super) fn add_request(&mut self) {
+    pub(crate) fn add_request(&mut self) {
         let share = self.share_with_last();
         self.share = if share < MIN_NORMAL_SHARE { 0.0 } else { share };
         self.requests += f32::from(u8::from(self.last_appeared_twice.is_some()));

@@ -31,7 +31,7 @@ const PRIOR_OBSERVATIONS: f32 = 4.0;
 
 /// A request of the past.
 #[derive(Clone, Debug)]
-pub(super) struct PastRequest {
+pub(crate) struct PastRequest {
     pub txn: u64,
     pub unit: u8,
     pub pdu: Vec<u8>,
@@ -84,7 +84,7 @@ impl Share {
 
 /// The closed transactions, as far as later frames may refer to them.
 #[derive(Debug, Default)]
-pub(super) struct History {
+pub(crate) struct History {
     /// Requests without any response, the oldest first.
     unanswered: VecDeque<PastRequest>,
     /// Requests without a good response, one of which the next request may repeat.
@@ -150,12 +150,12 @@ impl History {
 
     /// Counts an answered request on the fast path, which is no retry. Its response is set by `sync_after_batch`.
     #[inline]
-    pub(super) fn count_answered(&mut self) {
+    pub(crate) fn count_answered(&mut self) {
         self.duplicates.occasions += 1.0;
     }
 
     /// Sets the last response after a run of the fast path.
-    pub(super) fn sync_after_batch(&mut self, unit: u8, pdu: &[u8]) {
+    pub(crate) fn sync_after_batch(&mut self, unit: u8, pdu: &[u8]) {
         self.set_last_response(unit, pdu, false);
     }
 
@@ -182,7 +182,7 @@ impl History {
     }
 
     /// Whether the next request can be neither a retry nor the echo of a broadcast.
-    pub(super) fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         self.retry_candidates.is_empty() && self.last_broadcast.is_none()
     }
 

@@ -23,7 +23,7 @@ const MAX_UNDECIDED_OVERLAPS: usize = 64;
 
 /// What the recording has shown of the masters' habits.
 #[derive(Clone, Debug, Default)]
-pub(super) struct MasterEvidence {
+pub(crate) struct MasterEvidence {
     /// Overlaps for which the clock excludes a time-out.
     timed_overlaps: u32,
     /// Overlaps for which it does not.
@@ -77,7 +77,7 @@ impl MasterEvidence {
     }
 
     /// Whether `take_proven` has nothing to return.
-    pub(super) fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         !self.has_new_evidence || self.undecided.is_empty()
     }
 

@@ -16,7 +16,6 @@ mod masters;
 mod requests;
 mod responses;
 mod result;
-mod routine;
 mod timing;
 pub(crate) mod transaction;
 
@@ -47,26 +46,26 @@ const MAX_REUSABLE: usize = 8;
 #[derive(Debug)]
 pub struct Pairing {
     /// Requests that wait for their response, the oldest first. A serial line has one, or two that overlap.
-    open: VecDeque<Box<PendingTransaction>>,
-    history: History,
+    pub(crate) open: VecDeque<Box<PendingTransaction>>,
+    pub(crate) history: History,
     /// Transactions whose rows are written: their buffers are used again.
     reusable: Vec<Box<PendingTransaction>>,
     /// Response times and time-outs of the bus.
     pub timing: TimingModel,
     /// The time-out of requests that the user has set; learned where `None`.
     timeout: Option<Ns>,
-    echoes: EchoStatistics,
-    masters: MasterEvidence,
+    pub(crate) echoes: EchoStatistics,
+    pub(crate) masters: MasterEvidence,
     /// Two overlapping transactions of which the later one has no response yet.
     half_answered_overlap: Option<Overlap>,
     /// A response from another unit than the one asked; the next request decides what it was.
-    unit_mismatch: Option<UnitMismatch>,
+    pub(crate) unit_mismatch: Option<UnitMismatch>,
     /// The first unexplained response since the last pair, where the order of two lines is uncertain.
     early_response: Option<EarlyResponse>,
     /// A request that lacks bytes. A response to it would show that the unit could read it.
-    truncated_request: Option<Box<PendingTransaction>>,
+    pub(crate) truncated_request: Option<Box<PendingTransaction>>,
     /// Units that have responded.
-    answering_units: Box<[bool; 256]>,
+    pub(crate) answering_units: Box<[bool; 256]>,
     /// Findings on frames whose rows are written.
     pub delayed_findings: Vec<DelayedFinding>,
     /// The step of the clock: a measured time means something from twice this on.

@@ -120,7 +120,7 @@ impl Pairing {
         overlap
     }
 
-    pub(super) fn remember_id(&mut self, id: u16) {
+    pub(crate) fn remember_id(&mut self, id: u16) {
         if self.ids.len() == MAX_REMEMBERED_IDS {
             self.ids.pop_front();
         }

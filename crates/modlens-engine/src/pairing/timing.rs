@@ -113,7 +113,7 @@ pub struct TimingModel {
 
 impl TimingModel {
     /// Learns from a response time.
-    pub(super) fn record_response_time(&mut self, ns: Ns) {
+    pub(crate) fn record_response_time(&mut self, ns: Ns) {
         update_log_mean(&mut self.response_log_mean, ns);
         self.longest_response = (self.longest_response * LONGEST_DECAY).max(ns as f64);
     }

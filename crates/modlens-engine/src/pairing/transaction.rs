@@ -260,7 +260,7 @@ impl PendingTransaction {
 /// A response that fits the open request but for its unit. The next request shows whether the master took it for the
 /// response; until then the transaction waits here.
 #[derive(Debug)]
-pub(super) struct UnitMismatch {
+pub(crate) struct UnitMismatch {
     pub transaction: Box<PendingTransaction>,
     /// The transaction of the open request.
     pub request_txn: u64,

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::framer::auto::{make, Auto};
+use crate::framer::line_framer::LineFramer;
 use crate::framer::silence::Rule;
 use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
@@ -23,8 +23,8 @@ use modlens_readers::chunk::{Chunk, Side, Times};
 use modlens_readers::text::Reader;
 
 /// The numbers of the two lines of a TCP connection: from the client, and from the server.
-pub(super) const FROM_CLIENT: u8 = 1;
-pub(super) const FROM_SERVER: u8 = 2;
+pub(crate) const FROM_CLIENT: u8 = 1;
+pub(crate) const FROM_SERVER: u8 = 2;
 
 /// Votes beyond which a further frame no longer changes what a log's words `sent` and `received` mean.
 const MAX_SIDE_VOTES: i32 = 100;
@@ -45,36 +45,36 @@ pub struct BusOptions {
 }
 
 /// The state of one bus, or of one TCP connection.
-pub(super) struct BusState {
-    pub(super) options: BusOptions,
+pub(crate) struct BusState {
+    pub(crate) options: BusOptions,
     /// The lines with their numbers, in the order in which they appeared.
-    pub(super) lines: Vec<(u8, LineState)>,
-    pub(super) pairing: Pairing,
+    pub(crate) lines: Vec<(u8, LineState)>,
+    pub(crate) pairing: Pairing,
     /// Index of its counters in the statistics. Connections to one server share them.
-    pub(super) counts: usize,
+    pub(crate) counts: usize,
     /// Units that took part in a good frame.
-    pub(super) known_units: Box<[bool; 256]>,
+    pub(crate) known_units: Box<[bool; 256]>,
     /// Units that took part in a paired transaction.
-    pub(super) paired_units: Box<[bool; 256]>,
+    pub(crate) paired_units: Box<[bool; 256]>,
     /// For each of the words `sent` and `received` of a log: requests less responses seen under it.
-    pub(super) side_votes: [i32; 2],
+    pub(crate) side_votes: [i32; 2],
     /// Time of the last chunk.
-    pub(super) newest: Option<Ns>,
+    pub(crate) newest: Option<Ns>,
     /// The greatest time of all chunks. It differs from `newest` where the clock goes back or segments come out of order.
-    pub(super) latest: Option<Ns>,
+    pub(crate) latest: Option<Ns>,
     /// How far time has advanced, with bytes or without.
-    pub(super) now: Option<Ns>,
+    pub(crate) now: Option<Ns>,
     /// The survey of who speaks on which line is over; see `survey_is_open`.
-    pub(super) is_surveyed: bool,
+    pub(crate) is_surveyed: bool,
     /// The clock went back with the last chunk, and no frame was emitted since.
-    pub(super) clock_jumped: bool,
-    pub(super) profiles: Profiles,
+    pub(crate) clock_jumped: bool,
+    pub(crate) profiles: Profiles,
     /// The reader of a recording in text.
-    pub(super) reader: Option<Box<Reader>>,
+    pub(crate) reader: Option<Box<Reader>>,
     /// Device keys of the text reader, and the bus of each.
-    pub(super) devices: Vec<(usize, usize)>,
+    pub(crate) devices: Vec<(usize, usize)>,
     /// The step of the time stamps in a recording in text.
-    pub(super) stamps_resolution: Option<Ns>,
+    pub(crate) stamps_resolution: Option<Ns>,
     /// The lines of the next frames, where their order is inferred from their content.
     merged_order: VecDeque<usize>,
 }
@@ -94,7 +94,7 @@ impl BusOptions {
 }
 
 impl BusState {
-    pub(super) fn new(options: BusOptions, pairing: Pairing, counts: usize, profiles: Profiles) -> Self {
+    pub(crate) fn new(options: BusOptions, pairing: Pairing, counts: usize, profiles: Profiles) -> Self {
         Self {
             pairing,
             counts,
@@ -117,15 +117,12 @@ impl BusState {
     }
 
     /// The line of this number, which is added if it is new.
-    pub(super) fn line(&mut self, id: u8) -> &mut LineState {
+    pub(crate) fn line(&mut self, id: u8) -> &mut LineState {
         if let Some(at) = self.lines.iter().position(|(line, _)| *line == id) {
             return &mut self.lines[at].1;
         }
         let settings = self.options.line;
-        let framer: Box<dyn Framer> = match self.options.mode {
-            Some(mode) => make(mode, settings.as_ref(), self.options.rule),
-            None => Box::new(Auto::new(settings, self.options.rule)),
-        };
+        let framer = LineFramer::new(self.options.mode, settings, self.options.rule);
         let mut input = Input::new(settings.map(|line| line.char_ns()));
         input.break_ns = framer.break_ns(settings.as_ref());
         let lateness = Lateness::default();
@@ -135,7 +132,7 @@ impl BusState {
 
     /// The line of a chunk. If it is one of two lines without a clock, the order of their frames will be inferred from
     /// their content.
-    pub(super) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
+    pub(crate) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
         let is_new = self.lines.iter().all(|(line, _)| *line != chunk.line);
         let all_unmerged = self.lines.iter().all(|(_, line)| line.unmerged.is_some());
         let is_two_line_tap = chunk.line != 0 && self.options.bus.network.is_none();
@@ -149,19 +146,19 @@ impl BusState {
     }
 
     /// The step of a line's clock: two times that differ by less may be in any order.
-    pub(super) fn resolution(&self, at: usize) -> Ns {
+    pub(crate) fn resolution(&self, at: usize) -> Ns {
         let line = &self.lines[at].1;
         let reads = line.lateness.resolution(&line.input);
         self.options.resolution.unwrap_or_else(|| self.stamps_resolution.map_or(reads, |stamps| reads.max(stamps)))
     }
 
     /// The coarsest step of all lines' clocks, which limits the times from a request to its response.
-    pub(super) fn coarsest_resolution(&self) -> Ns {
+    pub(crate) fn coarsest_resolution(&self) -> Ns {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
     /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided.
-    pub(super) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
+    pub(crate) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
         if !self.lines.iter().all(|(_, line)| line.input.takes_alike(chunk)) {
             return false;
         }
@@ -180,7 +177,7 @@ impl BusState {
 
     /// The parameters from which the times of a line's next frame are computed. Pairing is told the clock on this
     /// occasion, since what has been learned of it changes with every frame.
-    pub(super) fn timing_config(&mut self, at: usize) -> TimingConfig {
+    pub(crate) fn timing_config(&mut self, at: usize) -> TimingConfig {
         let resolution = self.resolution(at);
         let has_several_lines = self.lines.len() > 1;
         let (_, line) = &self.lines[at];
@@ -199,13 +196,13 @@ impl BusState {
 
     /// The next time at which something is decided without further bytes: a silence that ends a frame, a time-out, or
     /// the end of the wait for the other line.
-    pub(super) fn deadline(&self) -> Option<Ns> {
+    pub(crate) fn deadline(&self) -> Option<Ns> {
         let silences = self.lines.iter().filter_map(|(_, line)| line.input.deadline());
         silences.chain(self.pairing.deadline()).chain(self.turn_deadline()).min()
     }
 
     /// Lets time advance to `now` on all lines, so that silences end their frames.
-    pub(super) fn advance_silence(&mut self, now: Ns) {
+    pub(crate) fn advance_silence(&mut self, now: Ns) {
         self.now = self.now.max(Some(now));
         for (_, line) in &mut self.lines {
             line.input.wait(now);
@@ -215,7 +212,7 @@ impl BusState {
     /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed.
     ///
     /// Of two lines, the one is asked whose frame was on the wire first.
-    pub(super) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+    pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_merged(functions, live, adu);
         }
@@ -303,7 +300,7 @@ fn connection_side(line: u8) -> Option<Direction> {
 
 /// Learns what a log's words `sent` and `received` mean, from a frame whose direction is certain.
 #[inline]
-pub(super) fn learn_side(side_votes: &mut [i32; 2], side: Option<Side>, direction: Direction) {
+pub(crate) fn learn_side(side_votes: &mut [i32; 2], side: Option<Side>, direction: Direction) {
     let Some(side) = side else { return };
     let vote = match direction {
         Direction::Request => 1,
@@ -315,7 +312,7 @@ pub(super) fn learn_side(side_votes: &mut [i32; 2], side: Option<Side>, directio
 }
 
 /// Learns from a good frame which units there are, and what the log's words mean.
-pub(super) fn learn(known_units: &mut [bool; 256], side_votes: &mut [i32; 2], frame: &ObservedFrame<'_>, side: Option<Side>) {
+pub(crate) fn learn(known_units: &mut [bool; 256], side_votes: &mut [i32; 2], frame: &ObservedFrame<'_>, side: Option<Side>) {
     if !frame.verdict.good() || frame.adu.len() < 2 {
         return;
     }
@@ -325,7 +322,7 @@ pub(super) fn learn(known_units: &mut [bool; 256], side_votes: &mut [i32; 2], fr
 
 /// The direction that a log's word stands for. Until its frames have shown otherwise, the process that writes the log is
 /// taken to be the master, so that `sent` means requests.
-pub(super) fn declared_direction(side_votes: [i32; 2], side: Side) -> Direction {
+pub(crate) fn declared_direction(side_votes: [i32; 2], side: Side) -> Direction {
     let is_log_of_master = side_votes[0] - side_votes[1] >= 0;
     if (side == Side::Sent) == is_log_of_master {
         Direction::Request
@@ -336,6 +333,7 @@ pub(super) fn declared_direction(side_votes: [i32; 2], side: Side) -> Direction 
 
 #[cfg(test)]
 mod tests {
+    use crate::framer::Framer;
     use crate::input::Input;
     use crate::session::{BusOptions, Session};
     use modlens_protocol::checksum::crc16;

@@ -147,7 +147,7 @@ impl Session {
     pub(super) fn emit_frames(&mut self, bus: usize) {
         let mut adu = std::mem::take(&mut self.adu);
         loop {
-            self.routine(bus);
+            self.emit_exchanges(bus);
             let Some((at, cut)) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
             self.emit_frame(bus, at, &cut, &adu);
         }

@@ -8,7 +8,7 @@ use modlens_readers::chunk::Side;
 
 /// The parameters from which the times of a frame are computed, beside the reads that it came in.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct TimingConfig {
+pub(crate) struct TimingConfig {
     /// The bus has a clock.
     pub has_clock: bool,
     /// The step of the clock; a silence is reported from twice this on.
@@ -25,7 +25,7 @@ pub(super) struct TimingConfig {
 
 /// When a frame was on the line, and its place in the recording.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FrameTiming {
+pub(crate) struct FrameTiming {
     /// Start of the first character.
     pub start: Option<Ns>,
     /// End of the last character.
@@ -46,14 +46,14 @@ pub(super) struct FrameTiming {
 
 impl FrameTiming {
     /// Start and end, where both are known.
-    pub(super) fn span(&self) -> Option<(Ns, Ns)> {
+    pub(crate) fn span(&self) -> Option<(Ns, Ns)> {
         self.start.zip(self.end)
     }
 
     /// Adds the packets to `to` that hold neither the first nor the last byte of frame `number`, with that number. There
     /// are some where a frame came in more than two packets.
     #[inline]
-    pub(super) fn list_inner_packets(
+    pub(crate) fn list_inner_packets(
         &self,
         input: &Input,
         (number, length): (u64, usize),
@@ -70,7 +70,7 @@ impl FrameTiming {
     /// Without a clock, `start`, `end` and `gap` are `None`.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
-    pub(super) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {
+    pub(crate) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {
         let has_clock = setting.has_clock && input.timed;
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
         let first = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::framer::line_framer::LineFramer;
 use crate::framer::{Cut, Framer};
 use crate::input::Input;
 use crate::session::lateness::Lateness;
@@ -14,43 +15,43 @@ use modlens_protocol::Ns;
 const MAX_LINE_VOTES: i32 = 50;
 
 /// One line of a bus: a serial line has one, a two-line tap and a TCP connection have one for each direction.
-pub(super) struct LineState {
+pub(crate) struct LineState {
     /// Frames seen on the line that only a master can send, less those that only a unit can send.
-    pub(super) request_votes: i32,
-    pub(super) input: Input,
-    pub(super) framer: Box<dyn Framer>,
+    pub(crate) request_votes: i32,
+    pub(crate) input: Input,
+    pub(crate) framer: LineFramer,
     /// End of the last frame that was emitted.
-    pub(super) last_end: Option<Ns>,
-    pub(super) lateness: Lateness,
+    pub(crate) last_end: Option<Ns>,
+    pub(crate) lateness: Lateness,
     /// Frames that wait for their place among those of the other line, where no clock gives their order.
-    pub(super) unmerged: Option<Box<UnmergedFrames>>,
+    pub(crate) unmerged: Option<Box<UnmergedFrames>>,
 }
 
 impl LineState {
     /// Whether the framer holds nothing back: the next frame is decided by its own bytes alone.
-    pub(super) fn is_settled(&self) -> bool {
+    pub(crate) fn is_settled(&self) -> bool {
         self.unmerged.is_none() && self.framer.settled(self.input.offset())
     }
 }
 
 /// The frames of a line that wait for their place among those of the other line.
-pub(super) struct UnmergedFrames {
-    pub(super) cuts: VecDeque<Cut>,
+pub(crate) struct UnmergedFrames {
+    pub(crate) cuts: VecDeque<Cut>,
     /// For each of `cuts`, what its place depends on.
-    pub(super) frames: VecDeque<LineFrame>,
+    pub(crate) frames: VecDeque<LineFrame>,
     /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
-    pub(super) input: Input,
+    pub(crate) input: Input,
 }
 
 impl UnmergedFrames {
-    pub(super) fn new(input: Input) -> Self {
+    pub(crate) fn new(input: Input) -> Self {
         Self { cuts: VecDeque::new(), frames: VecDeque::new(), input }
     }
 }
 
 /// The votes of a line after one more frame: +1 for a frame that only a master can send, -1 for one that only a unit can
 /// send, 0 for one that may be either.
-pub(super) fn add_vote(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
+pub(crate) fn add_vote(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
     let vote = match readings(functions, adu.get(1..).unwrap_or(&[])) {
         (true, false) => 1,
         (false, true) => -1,

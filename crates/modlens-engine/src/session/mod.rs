@@ -3,18 +3,17 @@
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]
 
-mod bus;
+pub(crate) mod bus;
 mod capture;
 mod feed;
-mod frame_timing;
+pub(crate) mod frame_timing;
 mod frames;
-mod lateness;
-mod line;
+pub(crate) mod lateness;
+pub(crate) mod line;
 mod logic;
-mod profiles;
+pub(crate) mod profiles;
 mod reimport;
-mod routine;
-mod rows;
+pub(crate) mod rows;
 mod sources;
 mod text;
 mod transactions;
@@ -23,6 +22,7 @@ mod two_lines;
 use std::sync::Arc;
 
 use crate::findings::Found;
+use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
 use crate::records::{Batch, Buses, Span, Spare, Transaction};
 use crate::stats::Stats;
@@ -66,30 +66,30 @@ pub struct Wanted {
 /// assert_eq!(session.take().frames.len(), 1);
 /// ```
 pub struct Session {
-    functions: Arc<Functions>,
-    buses: Vec<BusState>,
+    pub(crate) functions: Arc<Functions>,
+    pub(crate) buses: Vec<BusState>,
     /// For each bus, what its rows share.
     bus_rows: Arc<Buses>,
     /// The rows emitted since the last `take`, without the transactions.
-    batch: Batch,
+    pub(crate) batch: Batch,
     /// Memory of batches that were dropped.
     spare: Spare,
     /// Rows of transactions. In a recording they wait here for older transactions that are still open.
-    held: Vec<Transaction>,
-    wanted: Wanted,
+    pub(crate) held: Vec<Transaction>,
+    pub(crate) wanted: Wanted,
     live: bool,
     /// The time-out of requests that the user has set.
     timeout: Option<Ns>,
-    next_frame: u64,
-    next_txn: u64,
+    pub(crate) next_frame: u64,
+    pub(crate) next_txn: u64,
     /// When the recording began.
-    origin: Option<Ns>,
-    stats: Stats,
+    pub(crate) origin: Option<Ns>,
+    pub(crate) stats: Stats,
     assignments: Vec<Assignment>,
     /// Scratch: unit and PDU of the frame at hand.
     adu: Vec<u8>,
     /// Scratch of the fast path: unit and PDU of a request and of its response.
-    adus: [Vec<u8>; 2],
+    pub(crate) adus: [Vec<u8>; 2],
     /// Scratch: the bytes of a record of text.
     text: Vec<u8>,
     /// Scratch: transactions that are closed and not emitted yet.

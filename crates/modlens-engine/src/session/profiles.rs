@@ -23,7 +23,7 @@ pub(super) struct Assignment {
 
 /// The profiles of the units of one bus.
 #[derive(Default)]
-pub(super) struct Profiles {
+pub(crate) struct Profiles {
     /// The profile of each unit with the scale factors known by now; empty while no unit has one.
     by_unit: Vec<Option<Arc<PlanInstance>>>,
     /// The `SunSpec` models of units that the user gave no profile for, as far as they have been read.
@@ -82,7 +82,7 @@ impl Profiles {
     /// Learns from a transaction on the fast path; `false` if it would give a finding or change the profile, so that it
     /// has to go through `apply`. `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
-    pub(super) fn take(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
+    pub(crate) fn take(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         self.by_unit.is_empty() || self.take_block(functions, request, block)
     }
 
@@ -103,7 +103,7 @@ impl Profiles {
 
     /// The profile of a unit.
     #[inline]
-    pub(super) fn of(&self, unit: u8) -> Option<Arc<PlanInstance>> {
+    pub(crate) fn of(&self, unit: u8) -> Option<Arc<PlanInstance>> {
         self.by_unit.get(usize::from(unit))?.clone()
     }
 

@@ -5,7 +5,7 @@ use crate::records::{Batch, Half, Span};
 use modlens_protocol::Ns;
 
 /// Time since the beginning of the recording.
-pub(super) fn elapsed(recording_start: Option<Ns>, time: Option<Ns>) -> Option<Ns> {
+pub(crate) fn elapsed(recording_start: Option<Ns>, time: Option<Ns>) -> Option<Ns> {
     Some(time? - recording_start?)
 }
 

@@ -325,10 +325,6 @@ impl Framer for Rtu {
         self.decision.is_none() && self.fast_path_failed_at != Some(offset) && self.search.is_settled_at(offset)
     }
 
-    fn routine(&mut self) -> Option<&mut Rtu> {
-        Some(self)
-    }
-
     fn break_ns(&self, line: Option<&LineSettings>) -> Ns {
         line.map_or(FRAME_BREAK_NS, |line| FRAME_BREAK_NS.max(FRAME_BREAK_CHARACTERS_FACTOR * line.char_ns()))
     }

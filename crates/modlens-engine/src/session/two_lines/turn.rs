@@ -7,6 +7,7 @@
 
 use std::cmp::Ordering;
 
+use crate::framer::Framer;
 use crate::session::bus::BusState;
 use crate::session::two_lines::peek::{first_frame, response_fit, Fit};
 use modlens_protocol::direction::{Asked, Direction};

@@ -3,7 +3,7 @@
 //! Each line is framed by itself. Its frames wait here until `merge_order` has found their place among those of the other
 //! line.
 
-use crate::framer::{Context, Cut};
+use crate::framer::{Context, Cut, Framer};
 use crate::input::Input;
 use crate::session::line::{add_vote, LineState};
 use crate::session::two_lines::alignment::{merge_order, LineFrame, WINDOW_FRAMES};

@@ -1,11 +1,12 @@
-//! The fast path for ASCII (serial line specification, 2.5.2).
+//! The fast path on an ASCII line (serial line specification, 2.5.2).
 
 use memchr::memchr;
 
+use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals};
 use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::rows::MatchedExchange;
 use crate::framer::ascii::LIMIT;
 use crate::session::bus::{declared_direction, BusState};
-use crate::session::routine::{adjacent_spans, may_hold_no_map, BatchTotals, MatchedExchange};
 use crate::session::Session;
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::Direction;
@@ -70,7 +71,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adu
 
 impl Session {
     /// Emits the ASCII exchanges at the head of the only line of a bus.
-    pub(super) fn routine_ascii(&mut self, bus: usize) {
+    pub(super) fn emit_ascii_exchanges(&mut self, bus: usize) {
         let mut adus = std::mem::take(&mut self.adus);
         let state = &mut self.buses[bus];
         let timing = state.timing_config(0);
@@ -83,7 +84,7 @@ impl Session {
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.keep(wire).start as usize, matched.lengths);
             let pdus = adus.each_ref().map(|adu| self.batch.keep(&adu[1..]));
-            self.exchange(bus, &matched, wires, Some(pdus), &timing, min_measurable_ns, &mut totals);
+            self.emit_exchange(bus, &matched, wires, Some(pdus), &timing, min_measurable_ns, &mut totals);
             let response = &adus[1];
             self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);
         }

@@ -1,0 +1,59 @@
+//! The fast path on an RTU line: request and response follow each other on the only line of a bus.
+
+use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals};
+use crate::fast_path::expected_exchange::ExpectedExchange;
+use crate::fast_path::rows::MatchedExchange;
+use crate::session::Session;
+use modlens_protocol::checksum::CRC_BYTES;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::Ns;
+
+impl Session {
+    /// Emits the RTU exchanges at the head of the only line of a bus.
+    pub(super) fn emit_rtu_exchanges(&mut self, bus: usize) {
+        let state = &mut self.buses[bus];
+        // Where frames are checked against a rule of silence, the statistics of silences need each frame by itself.
+        if state.lines[0].1.input.timed && state.options.rule().is_some() {
+            return;
+        }
+        let timing = state.timing_config(0);
+        let min_measurable_ns = 2 * state.coarsest_resolution();
+        let mut totals = BatchTotals::default();
+        let mut last: Option<ExpectedExchange> = None;
+        let mut last_answered = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
+        let arena_start = self.batch.arena.len();
+        loop {
+            let state = &mut self.buses[bus];
+            let line = &mut state.lines[0].1;
+            let patience = if timing.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
+            let Some(framer) = line.framer.rtu_mut() else { break };
+            let pause = |index| state.pairing.timing.timeout_log_odds(line.input.pause_before(index));
+            let exchange = framer.next_exchange(&self.functions, &line.input, last_answered, patience, pause);
+            let Some(expected) = exchange.filter(may_hold_no_map) else { break };
+            let lengths @ [request_bytes, response_bytes] =
+                [expected.request_bytes + CRC_BYTES, expected.response_bytes + CRC_BYTES];
+            let (request, response) = line.input.bytes()[..request_bytes + response_bytes].split_at(request_bytes);
+            if !state.profiles.take(&self.functions, request, expected.read_data(&response[..expected.response_bytes])) {
+                break;
+            }
+            // From here on, the exchange changes the state of the session.
+            framer.record_exchange(request, response, expected.echoes_request);
+            let matched = MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths };
+            // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
+            let wires = adjacent_spans(arena_start + totals.bytes, matched.lengths);
+            self.emit_exchange(bus, &matched, wires, None, &timing, min_measurable_ns, &mut totals);
+            last_answered = Some((expected.unit, expected.code));
+            last = Some(expected);
+        }
+        let Some(last) = last else { return };
+        let state = &mut self.buses[bus];
+        let line = &mut state.lines[0].1;
+        self.batch.arena.extend_from_slice(line.input.forgotten(totals.bytes));
+        self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
+        if let Some(framer) = line.framer.rtu_mut() {
+            framer.sync_after_batch(&line.input, &last);
+        }
+        let response = &line.input.forgotten(last.response_bytes + CRC_BYTES)[..last.response_bytes];
+        state.pairing.sync_after_batch(response[0], &response[1..]);
+    }
+}

@@ -1,0 +1,74 @@
+//! The framer of one line of a session: of the framing that is given, or of the one that is detected.
+
+use crate::framer::auto::Auto;
+use crate::framer::fixed::FixedFramer;
+use crate::framer::rtu::Rtu;
+use crate::framer::silence::Rule;
+use crate::framer::{Context, Cut, Framer};
+use crate::input::Input;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::line::LineSettings;
+use modlens_protocol::Ns;
+
+/// The framer of one line.
+pub enum LineFramer {
+    /// The framing is known.
+    Fixed(FixedFramer),
+    /// The framing is detected on the first bytes.
+    Detected(Auto),
+}
+
+impl LineFramer {
+    /// A framer for a line with these settings. Its framing is detected where `mode` is `None`.
+    pub fn new(mode: Option<Mode>, line: Option<LineSettings>, rule: Option<Rule>) -> Self {
+        match mode {
+            Some(mode) => Self::Fixed(FixedFramer::new(mode, line.as_ref(), rule)),
+            None => Self::Detected(Auto::new(line, rule)),
+        }
+    }
+
+    /// The RTU framer, if the next bytes are for one that goes by joint evidence: the fast path takes whole exchanges from it.
+    #[inline]
+    pub fn rtu_mut(&mut self) -> Option<&mut Rtu> {
+        match self {
+            Self::Fixed(framer) => framer.rtu_mut(),
+            Self::Detected(framer) => framer.active_mut()?.rtu_mut(),
+        }
+    }
+
+    fn get(&self) -> &dyn Framer {
+        match self {
+            Self::Fixed(framer) => framer,
+            Self::Detected(framer) => framer,
+        }
+    }
+}
+
+impl Framer for LineFramer {
+    #[inline]
+    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+        match self {
+            Self::Fixed(framer) => framer.next(input, context, adu),
+            Self::Detected(framer) => framer.next(input, context, adu),
+        }
+    }
+
+    fn mode(&self) -> Mode {
+        self.get().mode()
+    }
+
+    fn jump(&mut self, offset: u64) {
+        match self {
+            Self::Fixed(framer) => framer.jump(offset),
+            Self::Detected(framer) => framer.jump(offset),
+        }
+    }
+
+    fn settled(&self, offset: u64) -> bool {
+        self.get().settled(offset)
+    }
+
+    fn break_ns(&self, line: Option<&LineSettings>) -> Ns {
+        self.get().break_ns(line)
+    }
+}
