@@ -1,4 +1,5 @@
-//! What must hold for any bytes in any pieces at any times; the fuzz targets only hand their bytes on.
+//! The properties that have to hold for any bytes, however they are split and timed. The fuzz targets only pass on their
+//! input.
 
 use modlens_engine::records::Batch;
 use modlens_engine::session::{BusOptions, Session};
@@ -7,27 +8,28 @@ use modlens_protocol::source::Clock;
 use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::text::{Dialects, Reader};
 
-/// Pauses between reads, in ns: none, in frames, between them, time-outs, and a clock that runs back.
-const PAUSES: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
+/// Pauses between reads, in ns: none, inside frames, between frames, time-outs, and a clock that runs backwards.
+const PAUSES_NS: [i64; 8] = [0, 600_000, 2_100_000, 9_000_000, 33_000_000, 120_000_000, 1_500_000_000, -2_000_000];
 
-/// Reads with times, in a mode.
+/// A live or recorded session of one framing, as reads with the pause before each.
 struct Script<'a> {
     mode: Option<Mode>,
     live: bool,
     reads: Vec<(i64, &'a [u8])>,
 }
 
-/// The first byte says how; then a byte of length and pause before each read.
-fn script(data: &[u8]) -> Script<'_> {
-    let (&how, mut rest) = data.split_first().unwrap_or((&0, &[]));
-    let mode = [None, Some(Mode::Rtu), Some(Mode::Ascii), Some(Mode::Tcp)][usize::from(how % 4)];
+/// Decodes the input of a fuzz target: the first byte chooses the framing and whether the session is live; then each read
+/// is preceded by a byte with its length (upper five bits) and the pause before it (lower three bits).
+fn parse_script(data: &[u8]) -> Script<'_> {
+    let (&options, mut rest) = data.split_first().unwrap_or((&0, &[]));
+    let mode = [None, Some(Mode::Rtu), Some(Mode::Ascii), Some(Mode::Tcp)][usize::from(options % 4)];
     let mut reads = Vec::new();
-    while let Some((&head, after)) = rest.split_first() {
-        let (bytes, left) = after.split_at(usize::from(head >> 3).min(after.len()));
-        reads.push((PAUSES[usize::from(head % 8)], bytes));
+    while let Some((&header, after)) = rest.split_first() {
+        let (bytes, left) = after.split_at(usize::from(header >> 3).min(after.len()));
+        reads.push((PAUSES_NS[usize::from(header % 8)], bytes));
         rest = left;
     }
-    Script { mode, live: how & 4 != 0, reads }
+    Script { mode, live: options & 4 != 0, reads }
 }
 
 fn session(mode: Option<Mode>, clock: Clock, live: bool) -> (Session, usize) {
@@ -42,15 +44,17 @@ fn session(mode: Option<Mode>, clock: Clock, live: bool) -> (Session, usize) {
     (session, bus)
 }
 
+/// Checks that every byte belongs to exactly one frame: the frames, joined, are the input.
 fn assert_tiles(batch: &Batch, data: &[u8]) {
     let joined: Vec<u8> = batch.frames.iter().flat_map(|frame| frame.wire.of(&batch.arena)).copied().collect();
     assert_eq!(joined, data, "frames are not the bytes");
     assert!(batch.frames.iter().all(|frame| frame.wire.length > 0), "an empty frame");
 }
 
-fn untimed(script: &Script<'_>, bytes: &[u8], piece: usize) -> Vec<(u64, u32, Option<u64>, u8)> {
+/// The frames of a session without times that is fed so many bytes at once.
+fn frames_without_times(script: &Script<'_>, bytes: &[u8], block: usize) -> Vec<(u64, u32, Option<u64>, u8)> {
     let (mut session, bus) = session(script.mode, Clock::None, script.live);
-    for bytes in bytes.chunks(piece) {
+    for bytes in bytes.chunks(block) {
         session.feed(bus, &Chunk { bytes, ..Chunk::default() });
     }
     session.flush();
@@ -59,9 +63,10 @@ fn untimed(script: &Script<'_>, bytes: &[u8], piece: usize) -> Vec<(u64, u32, Op
     batch.frames.iter().map(|frame| (frame.offset, frame.wire.length, frame.txn, frame.confidence)).collect()
 }
 
-/// Frames tile the bytes, with times and without; without, the pieces change nothing.
+/// Every byte belongs to exactly one frame, with times and without them; without times, the frames do not depend on how the
+/// input is split.
 pub fn session_holds(data: &[u8]) {
-    let script = script(data);
+    let script = parse_script(data);
     let bytes: Vec<u8> = script.reads.iter().flat_map(|(_, bytes)| *bytes).copied().collect();
     let (mut session, bus) = session(script.mode, Clock::Utc, script.live);
     let mut now = 1_700_000_000_000_000_000;
@@ -71,22 +76,22 @@ pub fn session_holds(data: &[u8]) {
     }
     session.flush();
     assert_tiles(&session.take(), &bytes);
-    let whole = untimed(&script, &bytes, usize::MAX);
-    assert_eq!(untimed(&script, &bytes, 1), whole, "single bytes");
-    assert_eq!(untimed(&script, &bytes, 7), whole, "pieces of seven");
+    let whole = frames_without_times(&script, &bytes, usize::MAX);
+    assert_eq!(frames_without_times(&script, &bytes, 1), whole, "single bytes");
+    assert_eq!(frames_without_times(&script, &bytes, 7), whole, "pieces of seven");
 }
 
-/// Text of any format, cut anywhere: nothing panics, and where it was cut changes nothing.
+/// Text is read in any dialect without a panic, and the frames do not depend on how the text is split.
 pub fn text_holds(data: &[u8]) {
-    let (&how, text) = data.split_first().unwrap_or((&0, &[]));
+    let (&options, text) = data.split_first().unwrap_or((&0, &[]));
     let rows: Vec<_> = Dialects::embedded().rows().collect();
-    let row = rows[usize::from(how) % rows.len()];
-    let read = |piece: usize| {
+    let row = rows[usize::from(options) % rows.len()];
+    let read = |block: usize| {
         let (mut session, bus) = session(None, Clock::None, false);
         let reader = Reader::new(vec![std::sync::Arc::clone(row)], None, std::sync::Arc::default());
         session.open_text(bus, reader, text);
-        for piece in text.chunks(piece) {
-            session.feed_text(bus, piece, false);
+        for block in text.chunks(block) {
+            session.feed_text(bus, block, false);
         }
         session.feed_text(bus, b"", true);
         session.flush();
