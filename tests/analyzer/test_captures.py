@@ -275,7 +275,7 @@ def test_other_ports(tmp_path: Path, modlens: Modlens) -> None:
     assert modlens("decode", path, "--port", "70000").status == 2
 
 
-def test_what_is_left_out_is_said(tmp_path: Path, modlens: Modlens) -> None:
+def test_what_is_left_out_is_reported(tmp_path: Path, modlens: Modlens) -> None:
     """Encrypted Modbus, other traffic, a packet that the file ends in."""
     secure = ip(True) / scapy.TCP(sport=50_000, dport=802, flags="PA") / scapy.Raw(b"\x16\x03\x03")
     web = ip(True) / scapy.TCP(sport=50_000, dport=443, flags="PA") / scapy.Raw(b"hello")

@@ -30,7 +30,7 @@ def test_columns_are_picked_in_the_order_asked_for() -> None:
         (" , ", "--columns names no column"),
     ],
 )
-def test_unknown_columns_are_told(text: str, message: str) -> None:
+def test_unknown_columns_are_reported(text: str, message: str) -> None:
     """With the near name, or all of them."""
     with pytest.raises(UsageError, match=message.replace("?", r"\?")):
         pick("frames", text)

@@ -155,7 +155,7 @@ def test_the_core_takes_the_tree(text: str, tree: Tree) -> None:
 
 
 @pytest.mark.parametrize(("text", "message", "more"), MISTAKES)
-def test_a_mistake_is_told(text: str, message: str, more: str) -> None:
+def test_a_mistake_is_reported(text: str, message: str, more: str) -> None:
     """What is wrong, where, and what may be meant; on one line."""
     with pytest.raises(FilterError) as caught:
         filters.parse(text)

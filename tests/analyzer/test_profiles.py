@@ -85,7 +85,7 @@ def test_a_bus_file(tmp_path: Path) -> None:
         choose_bus(f"{path}:pump")
 
 
-def test_mistakes_in_a_bus_file_are_told_at_once(tmp_path: Path) -> None:
+def test_mistakes_in_a_bus_file_are_reported_at_once(tmp_path: Path) -> None:
     """With their keys."""
     path = tmp_path / "plant.toml"
     path.write_text(

@@ -94,13 +94,13 @@ def test_what_was_decided_before_an_error_is_written(recording: str, tmp_path: P
     assert sink.frames > 0
 
 
-def test_a_missing_file_is_told_before_anything_is_decoded(recording: str) -> None:
+def test_a_missing_file_is_reported_before_anything_is_decoded(recording: str) -> None:
     """Also if it is the last one."""
     with pytest.raises(SourceError, match=r"no\.hex: no such file"):
         FileRun([recording, "no.hex"], Settings())
 
 
-def test_a_recording_is_told_at_its_beginning_and_end(recording: str) -> None:
+def test_a_recording_is_reported_at_its_beginning_and_end(recording: str) -> None:
     """With what its reader has seen."""
     heard: list[RecordingStatus] = []
     run_through(FileRun([recording], Settings(), on_status=heard.append), Counter("sink"))

@@ -31,7 +31,7 @@ def test_a_mark_belongs_to_its_byte() -> None:
     assert codes(session) == [(REQUEST, ()), (RESPONSE, ("line_error",))]
 
 
-def test_a_hole_is_told_and_excuses_the_unit() -> None:
+def test_a_hole_is_reported_and_excuses_the_unit() -> None:
     """The answer was lost, not missing: `not_seen`, whatever the time."""
     session, bus = live()
     session.feed(bus, REQUEST, 10 * MS)
@@ -55,7 +55,7 @@ def test_a_hole_ends_a_frame() -> None:
     assert b"".join(data for data, _ in frames) == REQUEST * 2
 
 
-def test_a_descriptor_that_is_not_open_is_told() -> None:
+def test_a_descriptor_that_is_not_open_is_reported() -> None:
     """By Python's usual error."""
     with pytest.raises(OSError, match="Bad file"):
         _modlens.Inbox().listen(0, 99_999)

@@ -73,7 +73,7 @@ def test_frames_equal_the_second_source(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_damaged_frames_are_said_to_be_damaged(name: str) -> None:
+def test_damaged_frames_are_reported_as_damaged(name: str) -> None:
     bad = {row["hex"].hex() for row in decoded(name) if row["verdict"] != "ok"}
     for frame in expected(name):
         if frame["verdict"] in ("bad_checksum", "incomplete"):

@@ -136,7 +136,7 @@ def test_wrong_answers_get_a_finding(row: dict[str, Any], request_frame: bytes) 
         assert [finding.code for finding in batch.findings] != []
 
 
-def test_document_mistakes_are_said() -> None:
+def test_document_mistakes_are_reported() -> None:
     by_hex = {row["hex"]: row for row in load("seed_documents")}
     assert by_hex["01 86 04 40 F3"]["checksum_ok"] is False
     batch = decode("rtu", bytes.fromhex("01 86 04 40 F3"))

@@ -101,7 +101,7 @@ def test_vendors_functions_are_explained() -> None:
     assert "36 Login Challenge" in str(explain("0x41", source=table))
 
 
-def test_layouts_are_said_in_words() -> None:
+def test_layouts_are_described_in_words() -> None:
     """Fields, limits, echoes, and what there is not."""
     text = "\n".join(explain("16").text)
     assert "Request: address (2 bytes), quantity (2 bytes), byte_count (1 byte: how many" in text

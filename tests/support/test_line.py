@@ -62,7 +62,7 @@ def test_only_another_sender_keeps_the_turnaround(sender: str, start_ns: int) ->
     assert (second.start_ns, second.end_ns) == (start_ns, start_ns + CHAR_NS)
 
 
-def test_noise_keeps_no_turnaround_and_is_heard_by_all() -> None:
+def test_noise_keeps_no_turnaround_and_is_received_by_all() -> None:
     """Noise starts when the line is free and does not count as a sender."""
     line = HalfDuplexLine({"master": ("unit",), "unit": ()}, CHAR_NS, turnaround_ns=3_500)
     line.submit(sent("unit", b"a", 0))

@@ -67,7 +67,7 @@ def test_wireshark_lists_the_interfaces_until_they_are_taken_away(tmp_path: Path
     assert done.stdout.count(": not installed\n") == 2
 
 
-def test_another_python_is_told(tmp_path: Path) -> None:
+def test_another_python_is_reported(tmp_path: Path) -> None:
     """A file of an installation that has moved away."""
     env = installed(tmp_path)
     path = tmp_path / ".config" / "wireshark" / "extcap" / "modlens"

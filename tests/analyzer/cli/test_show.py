@@ -35,14 +35,14 @@ def test_words_may_come_one_by_one(modlens: Modlens) -> None:
     assert modlens("show", *REQUEST.split()).out == modlens("show", REQUEST).out
 
 
-def test_a_wrong_checksum_is_told(modlens: Modlens) -> None:
+def test_a_wrong_checksum_is_reported(modlens: Modlens) -> None:
     """Expected and found, and the finding with what to check."""
     done = modlens("show", "01 03 00 6B 00 03 74 18")
     assert "CRC-16 wrong: 0x1774 expected, 0x1874 found" in done.out
     assert "error: bad_checksum" in done.out
 
 
-def test_a_checksum_of_another_frame_is_told(modlens: Modlens) -> None:
+def test_a_checksum_of_another_frame_is_reported(modlens: Modlens) -> None:
     """A handbook's example with the checksum of the example before it (01 83 04)."""
     assert "checksum_of_another_frame" in modlens("show", "01 86 04 40 F3").out
 

@@ -205,7 +205,7 @@ def test_what_was_written_can_be_read_after_a_kill(tmp_path: Path) -> None:
     assert all(row["status"] == "ok" for row in found)
 
 
-def test_a_lost_port_is_told_after_the_summary(tmp_path: Path) -> None:
+def test_a_lost_port_is_reported_after_the_summary(tmp_path: Path) -> None:
     """Exit status 4, and the outputs are complete."""
     rows = tmp_path / "txns.csv"
     with polling("rtu") as (bus, client):

@@ -74,7 +74,7 @@ def check(done: Done, status: int, message: str) -> None:
 
 
 @pytest.mark.parametrize(("status", "message", "words"), WRONG)
-def test_wrong_use_is_told_in_one_line(
+def test_wrong_use_is_reported_in_one_line(
     status: int, message: str, words: list[str | Path], modlens: Modlens
 ) -> None:
     """What is wrong and what to do."""

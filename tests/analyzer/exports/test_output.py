@@ -103,7 +103,7 @@ def test_what_cannot_be_written(kind: type[AtomicFile | GrowingFile], tmp_path: 
 
 @pytest.mark.skipif(not FULL.exists(), reason="/dev/full")
 @pytest.mark.parametrize("kind", [AtomicFile, GrowingFile])
-def test_a_full_disk_is_told_once(kind: type[AtomicFile | GrowingFile], tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once(kind: type[AtomicFile | GrowingFile], tmp_path: Path) -> None:
     """And nothing more is written."""
     link = tmp_path / "out.csv"
     link.symlink_to(FULL)

@@ -272,7 +272,7 @@ def test_text_without_modbus_is_refused(frames: Decode) -> None:
         frames("Tx: 10 40 05 45 16\nRx: E5 E5 E5 E5\n" * 4)
 
 
-def test_the_table_reads_what_it_is_told() -> None:
+def test_the_table_reads_what_each_dialect_writes() -> None:
     """Without a session: line, side, time, bytes."""
     table = _modlens.Dialects()
     found, left_out, unparsed = table.read("hex", f"hello\n{LOG}".encode())

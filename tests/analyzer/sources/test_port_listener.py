@@ -117,7 +117,7 @@ def test_the_far_end_closes_and_returns_twenty_times(
     other.pull()
 
 
-def test_without_waiting_the_loss_of_one_port_is_told(tmp_path: Path) -> None:
+def test_without_waiting_the_loss_of_one_port_is_reported(tmp_path: Path) -> None:
     """By its name, whichever it is."""
     end, other = FarEnd(tmp_path / "ttyA"), FarEnd(tmp_path / "ttyB")
     tapped = [TappedPort(str(other.link), LINE), TappedPort(str(end.link), LINE)]
@@ -138,7 +138,7 @@ def test_a_port_that_cannot_be_opened_leaves_none_open(tmp_path: Path) -> None:
     end.pull()
 
 
-def test_overruns_are_told_and_marked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_overruns_are_reported_and_marked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The driver's counter grows: bytes are missing. Counts from before the tap do not count."""
     monkeypatch.setattr(live_module, "CHECK_INTERVAL_NS", 0)
     counts = [{"overrun": 7, "parity": 2}, {"overrun": 7, "parity": 3}, {"overrun": 9, "parity": 3}]

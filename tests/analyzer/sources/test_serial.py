@@ -145,7 +145,7 @@ def test_a_port_is_opened_exclusively(wire: tuple[int, str]) -> None:
     Port(name, LINE).close()
 
 
-def test_a_lost_port_is_told(wire: tuple[int, str]) -> None:
+def test_a_lost_port_is_reported(wire: tuple[int, str]) -> None:
     """The adapter is pulled out: the reader hears of it at once."""
     far, near = pty.openpty()
     with Hearing(os.ttyname(near), LINE) as hearing:

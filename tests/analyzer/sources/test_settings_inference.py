@@ -43,7 +43,7 @@ def recorded(path: Path, real: str, read_at: str) -> bytes:
         ("19200-8E1", "115200-8E1", "look like 19200"),
     ],
 )
-def test_the_settings_are_told(real: str, read_at: str, words: str, tmp_path: Path) -> None:
+def test_the_settings_are_reported(real: str, read_at: str, words: str, tmp_path: Path) -> None:
     """Parity from the marks, the rate from checksums, or from pulses where nothing fits."""
     data = recorded(tmp_path / "r.pcapng", real, read_at)
     assert str(recorded_settings(data)) == read_at

@@ -59,7 +59,7 @@ def test_other_receivers_find_them_too(settings: str, resync: bool, seed: int) -
 
 
 @pytest.mark.parametrize(("settings", "said"), [("9600-8E2", "9600-8E1"), ("9600-8O2", "9600-8O1")])
-def test_a_second_stop_bit_behind_parity_is_heard_as_silence(settings: str, said: str) -> None:
+def test_a_second_stop_bit_behind_parity_is_received_as_silence(settings: str, said: str) -> None:
     """Characters of twelve bits: receivers look at one stop bit, and read them whole."""
     tuner = SettingsSearch()
     seconds = listen(tuner, traffic(parse_line(settings), "rtu", 8))
@@ -82,7 +82,7 @@ def test_marks_of_whole_packets_are_enough(settings: str) -> None:
     ("settings", "said"),
     [("9600-8E1", "9600-8E1"), ("9600-8O1", "9600-8E1"), ("19200-8N1", "19200-8N1")],
 )
-def test_without_marks_parity_stays_open_and_is_said_so(settings: str, said: str) -> None:
+def test_without_marks_parity_stays_open_and_is_reported(settings: str, said: str) -> None:
     """The rate and the number of bits are found; frames come through."""
     tuner = SettingsSearch(marks_errors=False)
     seconds = listen(tuner, traffic(parse_line(settings), "rtu", 4), marks_errors=False)
@@ -115,7 +115,7 @@ def test_noise_is_no_evidence() -> None:
     assert tuner.found is None
 
 
-def test_what_was_heard_with_the_right_settings_is_kept() -> None:
+def test_what_was_received_with_the_right_settings_is_kept() -> None:
     """The frames that were the evidence are the first of the tap."""
     tuner = SettingsSearch()
     listen(tuner, traffic(parse_line("9600-8E1"), "rtu", 7))

@@ -54,7 +54,7 @@ def test_who_did_not_answer_and_how_long_the_master_waits() -> None:
     )
 
 
-def test_damage_in_the_wait_is_told() -> None:
+def test_damage_during_the_wait_is_reported() -> None:
     """Bytes that are no answer came while the master waited."""
     ask = framed("020300100004")
     bus = timeouts(

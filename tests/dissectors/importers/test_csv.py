@@ -588,7 +588,7 @@ def test_orders_have_one_table() -> None:
         ("modicon", "addresses count 40001 or 400001 (as told; --base 0, 1 or modicon says it)"),
     ],
 )
-def test_the_base_is_said(base: int | str | None, said: str) -> None:
+def test_the_assumed_base_is_noted(base: int | str | None, said: str) -> None:
     """Assumed or told; and that no column names the table."""
     found = importers.read("csv", "Address,Name\n40008,x\n", "map", Options(base=base))
     assert said in found.notes
@@ -607,7 +607,7 @@ def test_the_base_is_said(base: int | str | None, said: str) -> None:
         ("floatbe,", Options(), False),
     ],
 )
-def test_an_assumed_order_is_said(line: str, options: Options, said: bool) -> None:
+def test_an_assumed_order_is_noted(line: str, options: Options, said: bool) -> None:
     """Where a value takes several registers and neither the file nor an option says the order."""
     found = importers.read("csv", one("Type,Byte order", line), "map", options)
     note = "values of several registers: highest register first, ABCD (assumed; --order says it)"

@@ -340,7 +340,7 @@ def test_two_importers_give_the_same_profile(one: str, other: str) -> None:
     assert profile(one, names) == profile(other, names) == expected
 
 
-def test_every_point_is_said_by_two_programs() -> None:
+def test_every_point_is_the_same_from_two_programs() -> None:
     """A point of one program alone would compare nothing."""
     for name, point in POINTS.items():
         assert sum(bool(getattr(point, program)) for program in WRITERS) > 1, name

@@ -37,7 +37,7 @@ def test_the_smallest_file_is_read(form: str) -> None:
 
 @pytest.mark.parametrize("form", READERS)
 @pytest.mark.parametrize("text", ["", "\n\n", "\ufeff"])
-def test_an_empty_file_is_said_to_be_empty(form: str, text: str) -> None:
+def test_an_empty_file_is_reported_as_empty(form: str, text: str) -> None:
     """With its name."""
     with pytest.raises(ProfileError, match=r"^map: the file is empty$"):
         importers.read(form, text, "map")
@@ -55,7 +55,7 @@ def test_a_file_of_another_format_names_it(form: str, other: str) -> None:
 
 
 @pytest.mark.parametrize("form", READERS)
-def test_what_is_none_of_it_is_said(form: str) -> None:
+def test_a_text_of_another_format_is_reported(form: str) -> None:
     """An error that names the file."""
     with pytest.raises(ProfileError, match=r"^map"):
         importers.read(form, "x: [1]\n" if form in ("homeassistant", "esphome") else "{", "map")

@@ -222,7 +222,7 @@ scale = 1e-5
 """
 
 
-def test_texts_that_a_cell_cannot_hold_are_mended_with_a_note() -> None:
+def test_texts_that_a_cell_cannot_hold_are_altered_with_a_note() -> None:
     """Semicolons part labels, a setting is one line; quotation marks, commas and lines may stay."""
     profile = parse(EDGES, "x.toml")
     written = importers.write("csv", profile)
