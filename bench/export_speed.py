@@ -1,4 +1,4 @@
-"""What exports cost, beside tshark on the same traffic: CPU seconds of whole processes.
+"""What exports cost, compared with tshark on the same traffic: CPU seconds of whole processes.
 
 `make bench-exports`, or `python -m bench.export_speed [MEGABYTES]`. Of a few runs the cheapest one
 counts, because whatever else goes on in the machine only adds. Each output has a line with three
@@ -46,11 +46,11 @@ EXPORTS = {
     "arrow": ("arrow",),
     "zeek": ("zeek",),
 }
-"""What is written, and how: format, further options."""
+"""The exports that are timed: format, and further options."""
 
 FIRST_PACKET = 1_700_000_000_000_000_000
 TURN = 5_000_000
-"""ns since 1970, and from packet to packet."""
+"""Time of the first packet in ns since 1970, and ns from packet to packet."""
 
 PEERS = (
     ("-T fields, eight", ("-T", "fields", *(f"-e{field}" for field in FIELDS)), "csv", EIGHT),
@@ -69,18 +69,19 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """Where files go, and how often a program runs."""
+    """Runs programs: the folder for their files, and how often each is run."""
 
     folder: Path
     runs: int
 
     def cost(self, *words: str | Path, out: Path | None = None) -> Cost:
-        """The cheapest of some runs of a program; what it prints goes nowhere.
+        """The cheapest of several runs of a program, whose output is discarded.
 
         `out` is taken away before each: to free the pages of an old file is no work of the new one.
         """
         quiet = subprocess.DEVNULL
-        # Bytecode is kept, as in any installation: else half of a short run is Python's compiler.
+        # Python may write its bytecode, as in any installation; otherwise half of a short run is
+        # its compiler.
         environment = {**os.environ}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         found = []
@@ -154,7 +155,7 @@ def on_a_network(path: Path, pairs: list[tuple[bytes, bytes]]) -> None:
 
 
 def alone(recording: Path) -> dict[str, str]:
-    """Million rows a second of each writer alone; nothing where there is no cargo."""
+    """Million rows per second of each writer alone; empty where there is no cargo."""
     cargo = shutil.which("cargo")
     if cargo is None:
         return {}
@@ -190,7 +191,10 @@ def against(
     frames: int,
     peers: tuple[tuple[str, tuple[str, ...], str, tuple[str, ...]], ...],
 ) -> None:
-    """Both programs on the same frames: `ours` and `theirs` are the whole and its first frame."""
+    """Both programs on the same frames.
+
+    `ours` and `theirs` are a file, and its first frame alone.
+    """
     started = bench.export(ours[1], "csv")[0].cpu
     peer_started = bench.cost("tshark", "-r", theirs[1]).cpu
     for title, how, suffix, words in peers:

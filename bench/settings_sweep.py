@@ -1,4 +1,4 @@
-"""Are the settings of a line found by listening? Every standard rate, every shape of a character.
+"""Whether line settings are found by listening: every standard rate and character format.
 
     python -m bench.settings_sweep              # each case once: minutes
     python -m bench.settings_sweep --seeds 3    # and with other traffic
@@ -18,21 +18,21 @@ import time
 
 from analyzer.line import parse_line
 from analyzer.sources.settings_search import BAUDS, SettingsSearch
-from tests.support.settings_search import ASCII, MOST_S, RTU, listen, traffic
+from tests.support.settings_search import ASCII, MAX_S, RTU, search_settings, traffic
 
 SHAPES = [(shape, "rtu") for shape in RTU] + [(shape, "ascii") for shape in ASCII]
 
 
 def heard_as(shape: str) -> str:
-    """What a receiver can know of a shape."""
+    """The character format as a receiver can know it: 8M1 and 8N2 are the same on the line."""
     return shape.replace("2", "1") if shape[:2] in ("8E", "8O") else shape
 
 
 def case(baud: int, shape: str, mode: str, seed: int) -> tuple[bool, float]:
     """Whether the right settings were found, and after how many seconds of traffic."""
-    tuner = SettingsSearch()
-    seconds = listen(tuner, traffic(parse_line(f"{baud}-{shape}"), mode, seed))
-    found = tuner.found
+    search = SettingsSearch()
+    seconds = search_settings(search, traffic(parse_line(f"{baud}-{shape}"), mode, seed))
+    found = search.found
     right = found is not None and (str(found.line), found.mode) == (
         f"{baud}-{heard_as(shape)}",
         mode,
@@ -41,7 +41,7 @@ def case(baud: int, shape: str, mode: str, seed: int) -> tuple[bool, float]:
 
 
 def main() -> int:
-    """A line for each shape, then what all of it came to."""
+    """Print a line for each character format, then the totals."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
     parser.add_argument("--seeds", type=int, default=1)
     seeds, begun = parser.parse_args().seeds, time.process_time()
@@ -53,7 +53,7 @@ def main() -> int:
             for seed in range(1, seeds + 1):
                 right, seconds = case(baud, shape, mode, seed)
                 here.append(seconds)
-                if not right or seconds >= MOST_S:
+                if not right or seconds >= MAX_S:
                     failed.append(f"{baud}-{shape} {mode}, seed {seed}, {seconds:.1f} s")
         taken += here
         sys.stdout.write(

@@ -40,20 +40,20 @@ TICK_S = 0.001
 CHAR_BITS = 11
 MB = 1024
 SCREEN_S = 10.0
-"""A screen hides the note that the tap listens; by then it does."""
+"""Seconds to wait until a tap with a screen listens: its message is hidden by the screen."""
 
 SIZE = struct.pack("4H", 50, 160, 0, 0)
 
 BARE = "import os, sys\nfd = os.open(sys.argv[1], os.O_RDONLY)\nwhile os.read(fd, 4096): pass"
-"""The least that can be done with a line: each read wakes the process once."""
+"""A program that only reads the line: the least CPU time possible, one wake-up for each read."""
 
 
 @dataclass(slots=True)
-class Outcome:
-    """What a run came to: bytes, the share of one core, milliseconds, kB of memory over time.
+class LoadResult:
+    """The result of a run: bytes, share of one core, latencies in ms, kB of memory over time.
 
-    `received_bytes` are the bytes of all frames; a machine that stalls may cut one in two, which
-    loses none.
+    `received_bytes` are the bytes of all frames; a machine that stalls may cut a frame in two,
+    which loses no byte.
     """
 
     sent: int
@@ -66,11 +66,11 @@ class Outcome:
     floor: float | None = None
 
 
-class Bare:
-    """A process that reads the same bytes and does nothing with them."""
+class BareReader:
+    """A process that reads the same bytes and does nothing with them, as the floor of CPU time."""
 
     def __init__(self) -> None:
-        """Begin to read."""
+        """Start reading."""
         self.far, self._near = pty.openpty()
         tty.setraw(self._near)
         words = [sys.executable, "-c", BARE, os.ttyname(self._near)]
@@ -81,7 +81,7 @@ class Bare:
         return cpu_s(self._process.pid)
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
         os.close(self.far)
@@ -89,7 +89,7 @@ class Bare:
 
 
 def traffic() -> list[bytes]:
-    """Requests and responses of a poll list, in turn."""
+    """Requests and responses of a poll list, alternating."""
     frames = []
     for unit in range(1, 9):
         count = (2, 10, 30, 60)[unit % 4]
@@ -111,7 +111,7 @@ class Lines:
         self._thread.start()
 
     def join(self) -> None:
-        """When the tap has ended: the rest."""
+        """Read the rest, when the tap has ended."""
         self._ended.set()
         self._thread.join(30)
 
@@ -130,9 +130,9 @@ class Lines:
 
 
 def feed(  # noqa: PLR0913, PLR0917 - what a line is
-    far: int, baud: int, load: float, seconds: float, pid: int, bare: Bare | None = None
+    far: int, baud: int, load: float, seconds: float, pid: int, bare: BareReader | None = None
 ) -> tuple[int, list[float], list[int]]:
-    """Write at the line's pace; bytes, when each response was complete, samples of memory."""
+    """Write frames at the line's pace; gives bytes, times of complete responses, memory samples."""
     frames = traffic()
     stream, ends = b"".join(frames), [0]
     for frame in frames:
@@ -180,8 +180,8 @@ def run(
     view: str | None = None,
     *,
     floor: bool = False,
-) -> Outcome:
-    """One tap, one line, so long."""
+) -> LoadResult:
+    """Run one tap on one line for `seconds`."""
     far, near = pty.openpty()
     tty.setraw(near)
     words = [sys.executable, "-m", "analyzer", "tap", os.ttyname(near), "--line", f"{baud}-8E1"]
@@ -204,7 +204,7 @@ def run(
     if view is None:
         tap.stderr.readline()  # it listens
     time.sleep(1.0 if view is None else SCREEN_S)
-    bare = Bare() if floor else None
+    bare = BareReader() if floor else None
     time.sleep(1.0 if floor else 0.0)
     before, idle = cpu_s(tap.pid), bare.cpu_s() if bare else 0.0
     sent, done, memory = feed(far, baud, load, seconds, tap.pid, bare)
@@ -221,7 +221,7 @@ def run(
     counted = re.search(r"([\d,]+) transactions?", said)
     shown = lines.times[1:]
     latencies = [1e3 * (line - end) for end, line in zip(done, shown, strict=False)]
-    return Outcome(
+    return LoadResult(
         sent,
         int(found[1].replace(",", "")) if found else 0,
         int(found[2].replace(",", "")) if found else 0,
@@ -234,7 +234,7 @@ def run(
 
 
 def main() -> None:
-    """Run, and print what came of it."""
+    """Run the bench and print its results."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--baud", type=int, default=115200)

@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 from bench.decode_speed import measured, traffic
-from tests.support.logs import NOON, SINGLE_LINE, WRITERS, Said, write
+from tests.support.logs import NOON, SINGLE_LINE, WRITERS, LogEntry, write
 
 ROOT = Path(__file__).resolve().parent.parent
 CARGO = ("cargo", "build", "--release", "--locked", "--package", "modlens-writers")
@@ -28,13 +28,13 @@ STEP_NS = 21_000_000
 PLAIN = "hex"
 
 
-def said(dialect: str) -> list[Said]:
+def said(dialect: str) -> list[LogEntry]:
     """Exchanges, each 21 ms after the one before; in dialects without that of RTU without it."""
     end = -2 if dialect in NO_CHECKSUM else None
     records = []
     for number, (request, response) in enumerate(traffic(UNIQUE // 3)):
-        records.append(Said(NOON + number * STEP_NS, True, request[:end]))
-        records.append(Said(NOON + number * STEP_NS + 9_000_000, False, response[:end]))
+        records.append(LogEntry(NOON + number * STEP_NS, True, request[:end]))
+        records.append(LogEntry(NOON + number * STEP_NS + 9_000_000, False, response[:end]))
     return records
 
 

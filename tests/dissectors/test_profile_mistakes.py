@@ -303,7 +303,9 @@ TEN = [
         ("meter.csv", TEN_CSV, [1, 2, 4, 5, 6, 7, 8, 9, 10, 11]),
     ],
 )
-def test_ten_different_mistakes_are_reported_at_once(name: str, text: str, lines: list[int]) -> None:
+def test_ten_different_mistakes_are_reported_at_once(
+    name: str, text: str, lines: list[int]
+) -> None:
     """In each spelling: each with its line and its key, a line a mistake."""
     with pytest.raises(ProfileError) as raised:
         parse(text, name)

@@ -1,10 +1,10 @@
 r"""Logs as the programs of the table of dialects write them, from bytes, times and sides.
 
-Written from the rows' samples alone: nothing in here is shared with the reader. `write(name, said)`
-gives a text, `WRITERS` the names; `text_of_bytes` what the reader has to give back where a dialect
-does not hold the bytes themselves.
+Written from the rows' samples alone: nothing in here is shared with the reader. `write(name,
+entries)` gives a text, `WRITERS` the names; `text_of_bytes` what the reader has to give back where
+a dialect does not hold the bytes themselves.
 
->>> print(write("qmodmaster", [Said(NOON, True, b"\x05\x03")]), end="")
+>>> print(write("qmodmaster", [LogEntry(NOON, True, b"\x05\x03")]), end="")
 [RTU]>Tx > 12:00:00:000 - 05  03
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-__all__ = ["NOON", "SINGLE_LINE", "WRITERS", "Said", "delivered", "write"]
+__all__ = ["NOON", "SINGLE_LINE", "WRITERS", "LogEntry", "delivered", "write"]
 
 NOON = 1_795_262_400_000_000_000
 """2026-11-21T12:00:00Z in ns since 1970; `date -ud 2026-11-21T12:00 +%s`."""
@@ -25,15 +25,15 @@ _MS, _US = 1_000_000, 1_000
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
-    """What one side put on the line at a time, relative to the program that logs."""
+class LogEntry:
+    """A frame in a log: time in ns, whether the logging program sent it, its bytes."""
 
     ns: int
     sent: bool
     data: bytes
 
     def time(self, form: str, digits: int = 3) -> str:
-        """The time; `%f` in the form is the fraction with so many digits."""
+        """The time in a `strftime` format, where `%f` is the fraction with `digits` digits."""
         fraction = f"{self.ns % 1_000_000_000:09d}"[:digits]
         return datetime.fromtimestamp(self.ns // 1_000_000_000, UTC).strftime(
             form.replace("%f", fraction)
@@ -57,7 +57,10 @@ def _visible(data: bytes) -> str:
 
 
 def _python(data: bytes) -> str:
-    """A literal; all of it in escapes where it would have none, which is text for people."""
+    """A Python literal.
+
+    Wholly in escapes if it would have none, because readers skip plain text.
+    """
     text = repr(data)
     return text if "\\" in text else "b'" + "".join(f"\\x{byte:02x}" for byte in data) + "'"
 
@@ -138,16 +141,16 @@ _TIMES: dict[str, tuple[str, int]] = {
 class _Fields(dict[str, str]):
     """What stands in a template, made when it is asked for."""
 
-    def __init__(self, said: Said) -> None:
+    def __init__(self, entry: LogEntry) -> None:
         super().__init__()
-        self._said = said
+        self._entry = entry
 
     def __missing__(self, key: str) -> str:
         if key in _TIMES:
-            return self._said.time(*_TIMES[key])
+            return self._entry.time(*_TIMES[key])
         if key == "ms":
-            return str(self._said.ns // 1_000_000 % 10**9)
-        return _NOTATIONS[key](self._said.data)
+            return str(self._entry.ns // 1_000_000 % 10**9)
+        return _NOTATIONS[key](self._entry.data)
 
 
 _MINIMAL = "MinimalModbus debug mode. "
@@ -216,128 +219,130 @@ _LINES: dict[str, tuple[str, str]] = {
 }
 
 
-def _line(name: str, said: Said) -> str:
+def _line(name: str, entry: LogEntry) -> str:
     sent, received = _LINES[name]
-    return (sent if said.sent else received).format_map(_Fields(said)) + "\n"
+    return (sent if entry.sent else received).format_map(_Fields(entry)) + "\n"
 
 
-def _head(said: Said, sent: str, received: str = "") -> str:
-    return (sent if said.sent or not received else received).format_map(_Fields(said))
+def _head(entry: LogEntry, sent: str, received: str = "") -> str:
+    return (sent if entry.sent or not received else received).format_map(_Fields(entry))
 
 
-def _array(said: Said) -> str:
-    rows = (", ".join(f"0x{byte:02x}" for byte in row) for _, row in _lines(said.data, 12))
+def _array(entry: LogEntry) -> str:
+    rows = (", ".join(f"0x{byte:02x}" for byte in row) for _, row in _lines(entry.data, 12))
     body = ",\n".join(f"  {row}" for row in rows)
-    end = f"unsigned int data_len = {len(said.data)};"
+    end = f"unsigned int data_len = {len(entry.data)};"
     return f"unsigned char data[] = {{\n{body}\n}};\n{end}\n"
 
 
-def _text2pcap(said: Said) -> str:
-    rows = _dump(said.data, lambda at, row: f"{at:04x}  {_low(row):47}  {_visible(row)}")
-    return _head(said, "O {day6}\n", "I {day6}\n") + rows
+def _text2pcap(entry: LogEntry) -> str:
+    rows = _dump(entry.data, lambda at, row: f"{at:04x}  {_low(row):47}  {_visible(row)}")
+    return _head(entry, "O {day6}\n", "I {day6}\n") + rows
 
 
-def _packet(said: Said) -> str:
+def _packet(entry: LogEntry) -> str:
     there = (b"\x0a\0\0\1\x0a\0\0\2", b"\xc3\x50\x01\xf6")
     back = (b"\x0a\0\0\2\x0a\0\0\1", b"\x01\xf6\xc3\x50")
-    ends, ports = there if said.sent else back
-    ip = struct.pack(">BBHHHBBH", 0x45, 0, 40 + len(said.data), 1, 0x4000, 64, 6, 0) + ends
-    packet = ip + ports + struct.pack(">IIBBHHH", 1, 1, 0x50, 0x18, 502, 0, 0) + said.data
-    flags = f"Flags [P.], seq 1:{1 + len(said.data)}, ack 1, win 9, length {len(said.data)}"
-    names = ("10.0.0.1.50000 > 10.0.0.2.502", "10.0.0.2.502 > 10.0.0.1.50000")[not said.sent]
+    ends, ports = there if entry.sent else back
+    ip = struct.pack(">BBHHHBBH", 0x45, 0, 40 + len(entry.data), 1, 0x4000, 64, 6, 0) + ends
+    packet = ip + ports + struct.pack(">IIBBHHH", 1, 1, 0x50, 0x18, 502, 0, 0) + entry.data
+    flags = f"Flags [P.], seq 1:{1 + len(entry.data)}, ack 1, win 9, length {len(entry.data)}"
+    names = ("10.0.0.1.50000 > 10.0.0.2.502", "10.0.0.2.502 > 10.0.0.1.50000")[not entry.sent]
     rows = _dump(packet, lambda at, row: f"\t0x{at:04x}:  {row.hex(' ', -2):39}  {_visible(row)}")
-    return _head(said, f"{{day6}} IP {names}: {flags}\n") + rows
+    return _head(entry, f"{{day6}} IP {names}: {flags}\n") + rows
 
 
-def _socat(said: Said) -> str:
-    head = _head(said, "> {socat}", "< {socat}")
-    return f"{head}  length={len(said.data)} from=0 to=9\n {_low(said.data)}\n--\n"
+def _socat(entry: LogEntry) -> str:
+    head = _head(entry, "> {socat}", "< {socat}")
+    return f"{head}  length={len(entry.data)} from=0 to=9\n {_low(entry.data)}\n--\n"
 
 
-def _interceptty(said: Said) -> str:
-    mark = "< " if said.sent else "> \t"
+def _interceptty(entry: LogEntry) -> str:
+    mark = "< " if entry.sent else "> \t"
     seen = {byte: f" ({chr(byte)})" for byte in range(0x21, 0x7F)}
-    return "".join(f"{mark}0x{byte:02x}{seen.get(byte, '')}\n" for byte in said.data)
+    return "".join(f"{mark}0x{byte:02x}{seen.get(byte, '')}\n" for byte in entry.data)
 
 
-def _jpnevulator(said: Said) -> str:
-    rows = _dump(said.data, lambda _, row: f"{_hex(row):48}\t{_visible(row)}")
-    return _head(said, "{iso6}: SEND\n", "{iso6}: RECEIVE\n") + rows
+def _jpnevulator(entry: LogEntry) -> str:
+    rows = _dump(entry.data, lambda _, row: f"{_hex(row):48}\t{_visible(row)}")
+    return _head(entry, "{iso6}: SEND\n", "{iso6}: RECEIVE\n") + rows
 
 
-def _node(said: Said) -> str:
-    action = "send serial rtu buffered" if said.sent else "receive serial rtu buffered port"
+def _node(entry: LogEntry) -> str:
+    action = "send serial rtu buffered" if entry.sent else "receive serial rtu buffered port"
     head = f"  modbus-serial {{ action: '{action}',\n"
-    return head + f"  modbus-serial   data: <Buffer {_low(said.data)}> }} +4ms\n"
+    return head + f"  modbus-serial   data: <Buffer {_low(entry.data)}> }} +4ms\n"
 
 
-def _esphome(said: Said) -> str:
-    if said.sent:
-        size = len(said.data)
-        line = f"[modbus:184]: Modbus write: {_hex(said.data, '.')} ({size})\n"
-        return _head(said, "[{second}][V]") + line
-    head = _head(said, "[{second}][V][modbus:058]: Modbus received Byte ")
-    return "".join(f"{head} {byte} (0X{byte:x})\n" for byte in said.data)
+def _esphome(entry: LogEntry) -> str:
+    if entry.sent:
+        size = len(entry.data)
+        line = f"[modbus:184]: Modbus write: {_hex(entry.data, '.')} ({size})\n"
+        return _head(entry, "[{second}][V]") + line
+    head = _head(entry, "[{second}][V][modbus:058]: Modbus received Byte ")
+    return "".join(f"{head} {byte} (0X{byte:x})\n" for byte in entry.data)
 
 
-def _emodbus(said: Said) -> str:
-    head = f"{'Sent packet' if said.sent else 'Raw buffer received'}: @3FFB1E40/{len(said.data)}:\n"
-    rows = _dump(said.data, lambda at, row: f"  | {at:04x}: {_hex(row):48} |{_visible(row):16}|")
+def _emodbus(entry: LogEntry) -> str:
+    head = (
+        f"{'Sent packet' if entry.sent else 'Raw buffer received'}: @3FFB1E40/{len(entry.data)}:\n"
+    )
+    rows = _dump(entry.data, lambda at, row: f"  | {at:04x}: {_hex(row):48} |{_visible(row):16}|")
     return f"[D] {head}{rows}"
 
 
-def _eltima(said: Said) -> str:
-    head = _head(said, "[{dmy}] Written data (COM3)\n", "[{dmy}] Read data (COM3)\n")
-    return head + _dump(said.data, lambda _, row: f"    {_low(row):49} {_visible(row)}")
+def _eltima(entry: LogEntry) -> str:
+    head = _head(entry, "[{dmy}] Written data (COM3)\n", "[{dmy}] Read data (COM3)\n")
+    return head + _dump(entry.data, lambda _, row: f"    {_low(row):49} {_visible(row)}")
 
 
-def _serialtool(said: Said) -> str:
-    size = f"{'Sent' if said.sent else 'Received'} {len(said.data)} bytes."
-    head = _head(said, "{at}") + f"::Packet[00000001l]>>Serial [1] COM3 {size}\n"
-    return head + _hex(said.data, "|") + "|\n"
+def _serialtool(entry: LogEntry) -> str:
+    size = f"{'Sent' if entry.sent else 'Received'} {len(entry.data)} bytes."
+    head = _head(entry, "{at}") + f"::Packet[00000001l]>>Serial [1] COM3 {size}\n"
+    return head + _hex(entry.data, "|") + "|\n"
 
 
-def _epics(said: Said) -> str:
+def _epics(entry: LogEntry) -> str:
     head = _head(
-        said, "{slashes3} meters:502 write {count}\n", "{slashes3} meters:502 read {count}\n"
+        entry, "{slashes3} meters:502 write {count}\n", "{slashes3} meters:502 read {count}\n"
     )
-    return f"{head}\n{_dump(said.data, lambda _, row: _low(row), 20)}"
+    return f"{head}\n{_dump(entry.data, lambda _, row: _low(row), 20)}"
 
 
-def _solarman(said: Said) -> str:
-    control, head = (b"\x10\x45", bytes(15)) if said.sent else (b"\x10\x15", bytes(14))
-    frame = b"\xa5" + struct.pack("<H", len(head) + len(said.data)) + control + b"\1\0\4\3\2\1"
-    frame += head + said.data
+def _solarman(entry: LogEntry) -> str:
+    control, head = (b"\x10\x45", bytes(15)) if entry.sent else (b"\x10\x15", bytes(14))
+    frame = b"\xa5" + struct.pack("<H", len(head) + len(entry.data)) + control + b"\1\0\4\3\2\1"
+    frame += head + entry.data
     text = _low(frame + bytes([sum(frame[1:]) & 0xFF, 0x15]))
-    return f"DEBUG:pysolarmanv5.pysolarmanv5:{'SENT' if said.sent else 'RECD'}: {text}\n"
+    return f"DEBUG:pysolarmanv5.pysolarmanv5:{'SENT' if entry.sent else 'RECD'}: {text}\n"
 
 
-def _tracer(said: Said) -> str:
-    return _dump(said.data, lambda at, row: f"  {at:04x} | {_hex(row)} | {_visible(row)}")
+def _tracer(entry: LogEntry) -> str:
+    return _dump(entry.data, lambda at, row: f"  {at:04x} | {_hex(row)} | {_visible(row)}")
 
 
-def _saleae(said: Said) -> str:
-    start = said.ns % 10**12 / 1e9
-    rows = enumerate(said.data)
+def _saleae(entry: LogEntry) -> str:
+    start = entry.ns % 10**12 / 1e9
+    rows = enumerate(entry.data)
     return "".join(f"{start + at * 0.001:.15f},0x{byte:02X},,\n" for at, byte in rows)
 
 
-def _logic2(said: Said) -> str:
-    start = said.ns % 10**12 / 1e9
+def _logic2(entry: LogEntry) -> str:
+    start = entry.ns % 10**12 / 1e9
     head = 'name,type,start_time,duration,"data"\n'
-    rows = enumerate(said.data)
+    rows = enumerate(entry.data)
     return head + "".join(
         f'"Async Serial","data",{start + at * 0.001:.6f},0.000104,0x{byte:02X}\n'
         for at, byte in rows
     )
 
 
-def _sigrok(said: Said) -> str:
-    return "".join(f"{at}-{at + 834} uart-1: {byte:02X}\n" for at, byte in enumerate(said.data))
+def _sigrok(entry: LogEntry) -> str:
+    return "".join(f"{at}-{at + 834} uart-1: {byte:02X}\n" for at, byte in enumerate(entry.data))
 
 
-def _table(said: Said) -> str:
-    return "".join(f"byte {at} 0x{byte:02X}\n" for at, byte in enumerate(said.data))
+def _table(entry: LogEntry) -> str:
+    return "".join(f"byte {at} 0x{byte:02X}\n" for at, byte in enumerate(entry.data))
 
 
 def _name(byte: int) -> str:
@@ -345,7 +350,7 @@ def _name(byte: int) -> str:
     return chr(byte) if 0x21 <= byte < 0x7F else f"C{byte:02X}"
 
 
-_BLOCKS: dict[str, Callable[[Said], str]] = {
+_BLOCKS: dict[str, Callable[[LogEntry], str]] = {
     "c-array": _array,
     "text2pcap": _text2pcap,
     "tcpdump": _packet,
@@ -367,9 +372,9 @@ _BLOCKS: dict[str, Callable[[Said], str]] = {
 }
 
 
-def _spy(said: Iterable[Said]) -> str:
+def _spy(entries: Iterable[LogEntry]) -> str:
     text = ""
-    for one in said:
+    for one in entries:
         seconds, ms = divmod(one.ns // 1_000_000 % 10**9, 1000)
         head = f"{seconds:06d}.{ms:03d} {'TX' if one.sent else 'RX'}   "
         for at, row in _lines(one.data):
@@ -378,9 +383,9 @@ def _spy(said: Iterable[Said]) -> str:
     return text
 
 
-def _stamped_dump(said: Iterable[Said]) -> str:
+def _stamped_dump(entries: Iterable[LogEntry]) -> str:
     text, offset = "", 0
-    for one in said:
+    for one in entries:
         head = _head(one, "{iso}")
         for at, row in _lines(one.data):
             text += f"{head}  {offset + at:08x}  {_hex(row):49}  |{_visible(row)}|\n"
@@ -388,9 +393,9 @@ def _stamped_dump(said: Iterable[Said]) -> str:
     return text
 
 
-def _joined(line: Callable[[int, bytes], str], end: str) -> Callable[[Iterable[Said]], str]:
-    def whole(said: Iterable[Said]) -> str:
-        data = b"".join(one.data for one in said)
+def _joined(line: Callable[[int, bytes], str], end: str) -> Callable[[Iterable[LogEntry]], str]:
+    def whole(entries: Iterable[LogEntry]) -> str:
+        data = b"".join(one.data for one in entries)
         return _dump(data, line) + (format(len(data), end) + "\n" if end else "")
 
     return whole
@@ -400,7 +405,7 @@ def _canonical(at: int, row: bytes) -> str:
     return f"{at:08x}  {_low(row[:8])}  {_low(row[8:])}".ljust(60) + f"|{_visible(row)}|"
 
 
-_WHOLE: dict[str, Callable[[Iterable[Said]], str]] = {
+_WHOLE: dict[str, Callable[[Iterable[LogEntry]], str]] = {
     "hexdump": _joined(_canonical, "08x"),
     "xxd": _joined(lambda at, row: f"{at:08x}: {row.hex(' ', -2):40} {_visible(row)}", ""),
     "hexdump-words": _joined(lambda at, row: f"{at:07x} {_words(row, '04x')}", "07x"),
@@ -430,13 +435,13 @@ RESOLUTION = {
 """The steps of the clock of those that print times."""
 
 
-def write(name: str, said: Sequence[Said]) -> str:
+def write(name: str, entries: Sequence[LogEntry]) -> str:
     """The log in this dialect."""
     if name in _WHOLE:
-        return _WHOLE[name](said)
+        return _WHOLE[name](entries)
     if name in _BLOCKS:
-        return "".join(map(_BLOCKS[name], said))
-    return "".join(_line(name, one) for one in said)
+        return "".join(map(_BLOCKS[name], entries))
+    return "".join(_line(name, one) for one in entries)
 
 
 def delivered(name: str, data: bytes) -> bytes:

@@ -11,11 +11,11 @@ from analyzer.line import Line
 from analyzer.sources.serial import Port, lost_port_error
 from dissectors.errors import PortError
 
-PATIENCE_S = 1.0
+TIMEOUT_S = 1.0
 
 
-class Hearing:
-    """A port and its inbox; used by `with`."""
+class PortReader:
+    """An open port and its inbox; use it in `with`."""
 
     def __init__(self, name: str, line: Line) -> None:
         """Open the port and begin to read."""
@@ -24,8 +24,8 @@ class Hearing:
         self._waiting: list[tuple[bytes | None, int, list[int]]] = []
         self.port.listen(self._inbox, 0)
 
-    def read(self, timeout: float = PATIENCE_S) -> tuple[bytes, int, list[int]] | None:
-        """The next read: bytes, its monotonic time, marked places; None when nothing came.
+    def read(self, timeout: float = TIMEOUT_S) -> tuple[bytes, int, list[int]] | None:
+        """The next read: bytes, monotonic time in ns, offsets of marked bytes; None on time-out.
 
         `PortError` when the port has ended.
         """
@@ -39,18 +39,18 @@ class Hearing:
             raise lost_port_error(self.port.name, errors[0])
         return data, time_ns, errors
 
-    def all_of(self, count: int) -> bytes:
-        """So many bytes, however they were cut; fewer when they do not come."""
+    def read_up_to(self, count: int) -> bytes:
+        """Read `count` bytes in as many reads as it takes; fewer on time-out."""
         data = b""
         while len(data) < count:
-            more = [one[2] or b"" for one in self._inbox.take(PATIENCE_S)]
+            more = [one[2] or b"" for one in self._inbox.take(TIMEOUT_S)]
             if not more:
                 break
             data += b"".join(more)
         return data
 
-    def until_lost(self) -> PortError:
-        """The error that the port ends with."""
+    def wait_until_lost(self) -> PortError:
+        """Wait until the port ends; gives its error."""
         with closing(self._inbox):
             while True:
                 try:

@@ -35,7 +35,7 @@ START_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Play:
+class BusScenario:
     """Who is on the bus and what happens there.
 
     `units` maps participants to their devices; `script` yields the master's steps; `noise` is put
@@ -58,7 +58,7 @@ class Play:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ScenarioResult:
     """What came of it: the line's truth, each participant's own account, and the tap's bytes.
 
     `traced` maps a participant to what its pymodbus handed to its port, one item per frame.
@@ -69,44 +69,44 @@ class Outcome:
     heard: bytes
 
 
-def play(what: Play, log_path: Path) -> Outcome:
+def run_scenario(scenario: BusScenario, log_path: Path) -> ScenarioResult:
     """Run the script to its end and record the tap's chunk log at `log_path`.
 
     Raises TimeoutError when the bus does not come to rest, BusError when it broke down.
     """
     prime_counters()
-    traced: dict[str, list[bytes]] = {name: [] for name in (MASTER, *what.units)}
+    traced: dict[str, list[bytes]] = {name: [] for name in (MASTER, *scenario.units)}
     bus = PtyBus(
-        [MASTER, *what.units, TAP],
-        what.baud,
-        what.char_bits,
-        trigger=what.trigger,
-        turnaround_chars=what.turnaround_chars,
-        hears=what.hears,
-        disturb=what.disturb,
+        [MASTER, *scenario.units, TAP],
+        scenario.baud,
+        scenario.char_bits,
+        trigger=scenario.trigger,
+        turnaround_chars=scenario.turnaround_chars,
+        hears=scenario.hears,
+        disturb=scenario.disturb,
     )
-    with bus, ChunkLogRecorder(bus.path(TAP), log_path) as recorder, Servers(what, bus, traced):
+    with bus, ChunkLogRecorder(bus.path(TAP), log_path) as recorder, Servers(scenario, bus, traced):
         client = ModbusSerialClient(
             bus.path(MASTER),
-            framer=what.framer,
-            baudrate=what.baud,
-            timeout=what.timeout_s,
-            retries=what.retries,
+            framer=scenario.framer,
+            baudrate=scenario.baud,
+            timeout=scenario.timeout_s,
+            retries=scenario.retries,
             trace_packet=_tracer(traced[MASTER]),
         )
         with contextlib.closing(client):
-            _follow(what, client, bus)
+            _follow(scenario, client, bus)
         bus.wait_idle()
         recorder.wait_for(sum(len(sent.data) for sent in bus.truth))
-    return Outcome(bus.truth, traced, recorder.data)
+    return ScenarioResult(bus.truth, traced, recorder.data)
 
 
-def _follow(what: Play, client: ModbusSerialClient, bus: PtyBus) -> None:
+def _follow(scenario: BusScenario, client: ModbusSerialClient, bus: PtyBus) -> None:
     """Take the script's steps; what pymodbus raises is part of the recording."""
     client.connect()  # before any noise: a pty keeps what nobody reads
-    for number, step in enumerate(what.script(client)):
-        if number in what.noise:
-            bus.inject(what.noise[number])
+    for number, step in enumerate(scenario.script(client)):
+        if number in scenario.noise:
+            bus.inject(scenario.noise[number])
             time.sleep(SILENCE_S)
         with contextlib.suppress(ModbusException):
             step()
@@ -116,9 +116,11 @@ def _follow(what: Play, client: ModbusSerialClient, bus: PtyBus) -> None:
 class Servers:
     """pymodbus' serial servers, one for each unit, in a loop of their own; used by `with`."""
 
-    def __init__(self, what: Play, bus: PtyBus, traced: Mapping[str, list[bytes]]) -> None:
+    def __init__(
+        self, scenario: BusScenario, bus: PtyBus, traced: Mapping[str, list[bytes]]
+    ) -> None:
         """Name the units and the bus; nothing is opened yet."""
-        self._what = what
+        self._what = scenario
         self._bus = bus
         self._traced = traced
         self._loop = asyncio.new_event_loop()

@@ -1,7 +1,7 @@
-"""Devices that chance has made: registers of every kind, in blocks and orders of a seed's own.
+"""Randomly generated devices: registers of every kind, in blocks and orders that a seed decides.
 
-For `modlens learn`: what it claims has to be right on devices that nobody had before his eyes when
-he wrote it. Nothing here was changed to suit it.
+For `modlens learn`: what it learns has to be right on devices that its author had never seen.
+Nothing here was changed to suit it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pymodbus.pdu.register_message import (
 )
 from pymodbus.simulator import DataType, SimAction, SimData, SimDevice
 
-__all__ = ["Item", "Plant"]
+__all__ = ["Item", "RandomDevice"]
 
 CODES = {"f32": ">f", "f64": ">d", "u32": ">I", "s32": ">i", "u64": ">Q", "s64": ">q"}
 WIDTHS = {"f32": 2, "f64": 4, "u32": 2, "s32": 2, "u64": 4, "s64": 4}
@@ -34,12 +34,12 @@ MIX = {
     "f64": 1, "s64": 1, "text": 2, "parameter": 1,
     "word": 6, "signed": 3, "enum": 4, "constant": 3, "ticks": 2, "flags": 2,
 }  # fmt: skip
-"""How many of each kind a plant has; all but the last two lines take several registers."""
+"""Kind of value -> how many a device has; all but the last two lines take several registers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A value: type, order, value in turn n; `wide` if it takes several registers."""
+    """A value of a device: type, order, and a function from the poll number to the value."""
 
     kind: str
     order: str
@@ -51,7 +51,7 @@ class Item:
         return self.kind not in ("u16", "s16")
 
     def words(self, turn: int) -> list[int]:
-        """Its registers in turn n."""
+        """The registers of the value in poll `turn`."""
         value = self.value(turn)
         if isinstance(value, str):
             data = value.encode().ljust(2 * self.width(value), b"\0")
@@ -71,7 +71,7 @@ class Item:
         return (len(text) + 2) // 2
 
 
-class Plant:
+class RandomDevice:
     """The device of a seed.
 
     Its values by address, the blocks in which it is polled, and what it answers.

@@ -30,8 +30,8 @@ from tests.support import master_scripts
 from tests.support.devices import ANY_ADDRESS, PROFILE_ADDRESS, Behaviour, demo_device
 from tests.support.expected import DisagreementError, Frame, Mode, expected_frames
 from tests.support.ptybus import flip_bit
-from tests.support.pymodbus_buses import Play, play
-from tests.support.random_devices import Plant
+from tests.support.pymodbus_buses import BusScenario, run_scenario
+from tests.support.random_devices import RandomDevice
 from tests.support.typed_device import poll_types, typed_device
 
 CAPTURES = Path(__file__).parents[2] / "captures"
@@ -47,63 +47,63 @@ class Recipe:
     """A recording: what it shows, in words, and the play, made anew for each recording."""
 
     shows: str
-    play: Callable[[], Play]
+    run_scenario: Callable[[], BusScenario]
     line: str = "19200-8E1"
     mode: Mode = "rtu"
 
 
-def _all_functions() -> Play:
-    return Play({"unit17": demo_device(17)}, master_scripts.all_functions)
+def _all_functions() -> BusScenario:
+    return BusScenario({"unit17": demo_device(17)}, master_scripts.all_functions)
 
 
-def _ascii() -> Play:
+def _ascii() -> BusScenario:
     units = {"unit10": demo_device(10)}
-    return Play(units, master_scripts.mixed_ascii, framer=FramerType.ASCII, char_bits=10)
+    return BusScenario(units, master_scripts.mixed_ascii, framer=FramerType.ASCII, char_bits=10)
 
 
-def _broadcast() -> Play:
-    return Play(_two_devices(), master_scripts.broadcast, hears=FOUR_WIRE)
+def _broadcast() -> BusScenario:
+    return BusScenario(_two_devices(), master_scripts.broadcast, hears=FOUR_WIRE)
 
 
-def _disturbed() -> Play:
+def _disturbed() -> BusScenario:
     noise = {5: b"\x00\xff\x00", 17: bytes.fromhex("fffefcf0")}
     units = {"unit1": demo_device(1)}
-    return Play(units, master_scripts.plain_polls, disturb=_trouble(), noise=noise)
+    return BusScenario(units, master_scripts.plain_polls, disturb=_trouble(), noise=noise)
 
 
-def _exceptions() -> Play:
+def _exceptions() -> BusScenario:
     codes = [ExcCodes(code) for code in (1, 2, 3, 4, 5, 6, 7, 8, 10)]
     refusals = {(6, address): code for address, code in enumerate(codes, start=1)}
     refusals[23, ANY_ADDRESS] = ExcCodes.ILLEGAL_FUNCTION
     refusals[4, ANY_ADDRESS] = ExcCodes.GATEWAY_NO_RESPONSE
-    return Play({"unit1": demo_device(1, Behaviour(refusals))}, master_scripts.exceptions)
+    return BusScenario({"unit1": demo_device(1, Behaviour(refusals))}, master_scripts.exceptions)
 
 
-def _late_answers() -> Play:
+def _late_answers() -> BusScenario:
     device = demo_device(1, Behaviour(slow_s={PROFILE_ADDRESS: 0.37}))
-    return Play({"unit1": device}, master_scripts.late_answers, retries=1)
+    return BusScenario({"unit1": device}, master_scripts.late_answers, retries=1)
 
 
-def _no_silence() -> Play:
+def _no_silence() -> BusScenario:
     device = demo_device(1, Behaviour(work_s=(0.0,)))
-    return Play({"unit1": device}, master_scripts.plain_polls, turnaround_chars=0.0)
+    return BusScenario({"unit1": device}, master_scripts.plain_polls, turnaround_chars=0.0)
 
 
-def _timeouts() -> Play:
-    return Play({"unit1": demo_device(1)}, master_scripts.timeouts)
+def _timeouts() -> BusScenario:
+    return BusScenario({"unit1": demo_device(1)}, master_scripts.timeouts)
 
 
-def _two_units() -> Play:
-    return Play(_two_devices(), master_scripts.two_units, trigger=8, hears=FOUR_WIRE)
+def _two_units() -> BusScenario:
+    return BusScenario(_two_devices(), master_scripts.two_units, trigger=8, hears=FOUR_WIRE)
 
 
-def _types() -> Play:
-    return Play({"unit5": typed_device(5)}, poll_types, baud=57600, trigger=14)
+def _types() -> BusScenario:
+    return BusScenario({"unit5": typed_device(5)}, poll_types, baud=57600, trigger=14)
 
 
-def _plant() -> Play:
-    plant = Plant(303)
-    return Play(
+def _plant() -> BusScenario:
+    plant = RandomDevice(303)
+    return BusScenario(
         {"unit9": plant.device(9)},
         partial(plant.poll, unit=9),
         baud=57600,
@@ -227,7 +227,7 @@ def record(name: str, into: Path = CAPTURES) -> Path:
     folder = into / name
     with tempfile.TemporaryDirectory() as scratch:
         log = Path(scratch) / "recording.jsonl"
-        outcome = play(recipe.play(), log)
+        outcome = run_scenario(recipe.run_scenario(), log)
         frames = expected_frames(outcome.truth, outcome.traced, recipe.mode)
         if outcome.heard.hex() != "".join(str(frame["hex"]) for frame in frames):
             raise DisagreementError(f"{name}: the tap did not hear what was sent")

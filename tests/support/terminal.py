@@ -17,7 +17,7 @@ from typing import Self
 
 from tests.conftest import ROOT, TIMEOUT_S, environment, need_program
 
-PATIENCE_S = 20.0
+SCREEN_TIMEOUT_S = 20.0
 
 
 class Terminal:
@@ -42,7 +42,7 @@ class Terminal:
 
     def wait_for(self, wanted: str | Callable[[str], bool]) -> str:
         """The screen, once it shows that; AssertionError if it never does."""
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + SCREEN_TIMEOUT_S
         while True:
             shown = self.screen()
             if wanted in shown if isinstance(wanted, str) else wanted(shown):

@@ -16,7 +16,7 @@ from pymodbus.client import ModbusSerialClient
 from pymodbus.constants import ExcCodes
 from pymodbus.simulator import DataType, SimAction, SimData, SimDevice
 
-__all__ = ["BLOCK", "SINGLES", "TRUTH", "Wide", "poll_types", "typed_device"]
+__all__ = ["BLOCK", "SINGLES", "TRUTH", "MultiRegisterValue", "poll_types", "typed_device"]
 
 BLOCK = 66
 """Registers that the master reads at once; the counter at 47 it also reads alone."""
@@ -27,7 +27,7 @@ CODES = {"f32": ">f", "f64": ">d", "u32": ">I", "s32": ">i", "u64": ">Q"}
 
 
 @dataclass(frozen=True, slots=True)
-class Wide:
+class MultiRegisterValue:
     """A value of several registers: its type, its order, its value in turn n."""
 
     kind: str
@@ -54,27 +54,27 @@ def _count(start: int, step: int) -> Callable[[int], int]:
 
 
 TRUTH = {
-    2: Wide("f32", "ABCD", _tenths(_wave(230, 3, 9), 2)),
-    4: Wide("f32", "ABCD", _wave(50, 0.05, 5)),
-    6: Wide("f32", "CDAB", _wave(1500, 300, 12)),
-    8: Wide("f32", "CDAB", _wave(0.93, 0.05, 7)),
-    10: Wide("u32", "ABCD", _count(1_234_567, 1_931)),
-    12: Wide("u32", "CDAB", _count(77_000_123, 7_321)),
-    14: Wide("s32", "ABCD", _whole(_wave(0, 90_000, 6))),
-    16: Wide("s32", "CDAB", _whole(_wave(5_000, 70_000, 8))),
-    18: Wide("f64", "ABCD", _wave(8_123.5, 40, 10)),
-    22: Wide("u64", "ABCD", _count(1_700_000_000_000_000_000, 100_003_217)),
-    26: Wide("str", "ABCD", lambda _: "modlens typed device"),
-    37: Wide("f32", "ABCD", lambda _: 0.1),
-    39: Wide("u32", "ABCD", lambda _: 100_000),
-    41: Wide("f32", "BADC", _wave(21, 4, 11)),
-    43: Wide("f32", "DCBA", _tenths(_wave(-12, 6, 8), 1)),
-    45: Wide("f32", "CDAB", _tenths(_wave(4.2, 0.4, 9), 3)),
-    47: Wide("u32", "ABCD", _count(1_180_000, 1)),
-    49: Wide("f32", "CDAB", _wave(98_000, 2_000, 13)),
-    51: Wide("f32", "ABCD", _tenths(_wave(7.1, 0.2, 6), 2)),
-    53: Wide("u32", "CDAB", _count(400_000, 911)),
-    55: Wide("f32", "ABCD", _wave(-3.3, 9.0, 7)),
+    2: MultiRegisterValue("f32", "ABCD", _tenths(_wave(230, 3, 9), 2)),
+    4: MultiRegisterValue("f32", "ABCD", _wave(50, 0.05, 5)),
+    6: MultiRegisterValue("f32", "CDAB", _wave(1500, 300, 12)),
+    8: MultiRegisterValue("f32", "CDAB", _wave(0.93, 0.05, 7)),
+    10: MultiRegisterValue("u32", "ABCD", _count(1_234_567, 1_931)),
+    12: MultiRegisterValue("u32", "CDAB", _count(77_000_123, 7_321)),
+    14: MultiRegisterValue("s32", "ABCD", _whole(_wave(0, 90_000, 6))),
+    16: MultiRegisterValue("s32", "CDAB", _whole(_wave(5_000, 70_000, 8))),
+    18: MultiRegisterValue("f64", "ABCD", _wave(8_123.5, 40, 10)),
+    22: MultiRegisterValue("u64", "ABCD", _count(1_700_000_000_000_000_000, 100_003_217)),
+    26: MultiRegisterValue("str", "ABCD", lambda _: "modlens typed device"),
+    37: MultiRegisterValue("f32", "ABCD", lambda _: 0.1),
+    39: MultiRegisterValue("u32", "ABCD", lambda _: 100_000),
+    41: MultiRegisterValue("f32", "BADC", _wave(21, 4, 11)),
+    43: MultiRegisterValue("f32", "DCBA", _tenths(_wave(-12, 6, 8), 1)),
+    45: MultiRegisterValue("f32", "CDAB", _tenths(_wave(4.2, 0.4, 9), 3)),
+    47: MultiRegisterValue("u32", "ABCD", _count(1_180_000, 1)),
+    49: MultiRegisterValue("f32", "CDAB", _wave(98_000, 2_000, 13)),
+    51: MultiRegisterValue("f32", "ABCD", _tenths(_wave(7.1, 0.2, 6), 2)),
+    53: MultiRegisterValue("u32", "CDAB", _count(400_000, 911)),
+    55: MultiRegisterValue("f32", "ABCD", _wave(-3.3, 9.0, 7)),
 }
 """Address -> value of several registers."""
 

@@ -21,7 +21,7 @@ from analyzer.line import Line
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class ReceivedCharacter:
     """A byte that a receiver made of the line, when its stop bit was sampled, and its mark."""
 
     time_s: float
@@ -60,18 +60,18 @@ class Wire:
         bits.append((1, round(2 * line.stop_bits)))
         return [(0 if level else 1, halves) for level, halves in bits]
 
-    def high(self, time_s: float) -> bool:
+    def is_high(self, time_s: float) -> bool:
         """The level at a moment, as the receiver sees it."""
         return (bisect_right(self._edges, time_s) % 2 == 0) != self.inverted
 
-    def falls(self, after_s: float) -> float | None:
+    def next_falling_edge(self, after_s: float) -> float | None:
         """The next moment at which the receiver sees it fall."""
         index = bisect_left(self._edges, after_s)
         if index % 2 != int(self.inverted):
             index += 1
         return self._edges[index] if index < len(self._edges) else None
 
-    def rises(self, after_s: float) -> float | None:
+    def next_rising_edge(self, after_s: float) -> float | None:
         """The next moment at which the receiver sees it rise."""
         index = bisect_left(self._edges, after_s)
         if index % 2 == int(self.inverted):
@@ -87,36 +87,36 @@ class Uart:
         self.line = line
         self._resync = resync
 
-    def receive(self, wire: Wire, from_s: float) -> Iterator[Heard]:
+    def receive(self, wire: Wire, from_s: float) -> Iterator[ReceivedCharacter]:
         """Everything from a moment on, in the order of time."""
-        at = wire.falls(from_s)
+        at = wire.next_falling_edge(from_s)
         bit = 1 / self.line.baud
         while at is not None:
-            if wire.high(at + bit / 2):  # a spike, no start bit
-                at = wire.falls(at + bit / 2)
+            if wire.is_high(at + bit / 2):  # a spike, no start bit
+                at = wire.next_falling_edge(at + bit / 2)
                 continue
             one, stop_s, low = self._character(wire, at)
             yield one
-            stopped = wire.high(stop_s)
+            stopped = wire.is_high(stop_s)
             if stopped:
-                at = wire.falls(stop_s)
+                at = wire.next_falling_edge(stop_s)
             elif self._resync and not low:
                 at = stop_s - bit / 2
             else:
-                up = wire.rises(stop_s)
-                at = None if up is None else wire.falls(up)
+                up = wire.next_rising_edge(stop_s)
+                at = None if up is None else wire.next_falling_edge(up)
 
-    def _character(self, wire: Wire, start_s: float) -> tuple[Heard, float, bool]:
+    def _character(self, wire: Wire, start_s: float) -> tuple[ReceivedCharacter, float, bool]:
         line, bit = self.line, 1 / self.line.baud
-        levels = [wire.high(start_s + (place + 1.5) * bit) for place in range(line.data_bits)]
+        levels = [wire.is_high(start_s + (place + 1.5) * bit) for place in range(line.data_bits)]
         places = line.data_bits + 1
         byte = sum(level << place for place, level in enumerate(levels))
         error = False
         if line.parity != "N":
-            parity = wire.high(start_s + (places + 0.5) * bit)
+            parity = wire.is_high(start_s + (places + 0.5) * bit)
             places += 1
             odd = sum(levels) & 1
             error = parity != bool({"E": odd, "O": 1 - odd, "M": 1, "S": 0}[line.parity])
         stop_s = start_s + (places + 0.5) * bit
-        stop = wire.high(stop_s)
-        return Heard(stop_s, byte, error or not stop), stop_s, byte == 0 and not stop
+        stop = wire.is_high(stop_s)
+        return ReceivedCharacter(stop_s, byte, error or not stop), stop_s, byte == 0 and not stop

@@ -1,8 +1,8 @@
 """`modlens learn` on devices that nobody had looked at before: chance makes them, seed by seed.
 
 Nine of ten of all values of several registers have to be found with type and order, those among
-them whose registers the recording alone does not show to be one (`Plant.decidable`: every fifth)
-too; of all claims, one of twenty may be wrong.
+them whose registers the recording alone does not show to be one (`RandomDevice.decidable`: every
+fifth) too; of all claims, one of twenty may be wrong.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 
 from tests.conftest import CAPTURES, Modlens
-from tests.support.random_devices import Plant
+from tests.support.random_devices import RandomDevice
 
 SEEDS = range(201, 217)
 
@@ -20,7 +20,7 @@ RECORDED = 303
 """The seed of the device in `captures/pymodbus_plant`."""
 
 
-def count(plant: Plant, toml: str) -> Counter[str]:
+def count(plant: RandomDevice, toml: str) -> Counter[str]:
     """Values, claims, right and wrong ones."""
     claims = {}
     for point in tomllib.loads(toml)["registers"]:
@@ -40,7 +40,7 @@ def test_devices_that_chance_has_made(tmp_path: Path, modlens: Modlens) -> None:
     """Polls as pymodbus frames them."""
     total: Counter[str] = Counter()
     for seed in SEEDS:
-        plant = Plant(seed)
+        plant = RandomDevice(seed)
         path = tmp_path / f"{seed}.hex"
         path.write_text(plant.recording())
         done = modlens("learn", str(path))
@@ -55,7 +55,7 @@ def test_devices_that_chance_has_made(tmp_path: Path, modlens: Modlens) -> None:
 def test_one_of_them_on_a_line(modlens: Modlens) -> None:
     """Recorded from pymodbus' client and server on a paced pty bus."""
     path = CAPTURES / "pymodbus_plant" / "recording.jsonl"
-    found = count(Plant(RECORDED), modlens("learn", str(path), "--line", "57600-8E1").out)
+    found = count(RandomDevice(RECORDED), modlens("learn", str(path), "--line", "57600-8E1").out)
     assert found["right"] >= 0.9 * found["all"], found
     assert found["found"] >= 0.9 * found["shown"], found
     assert found["wrong"] <= 2, found

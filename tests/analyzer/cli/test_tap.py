@@ -29,7 +29,7 @@ from tests.conftest import ROOT, command, environment, need_program
 from tests.support import master_scripts
 from tests.support.devices import demo_device
 from tests.support.ptybus import PtyBus, Sent
-from tests.support.pymodbus_buses import Play, Servers
+from tests.support.pymodbus_buses import BusScenario, Servers
 
 UNIT = 17
 LINE = "19200-8E1"
@@ -78,10 +78,10 @@ class Tap:
 def polling(mode: str) -> Iterator[tuple[PtyBus, ModbusSerialClient]]:
     """A bus with a server at unit 17, a client, and a place for the tap."""
     framer = FramerType.RTU if mode == "rtu" else FramerType.ASCII
-    what = Play({"unit": demo_device(UNIT)}, master_scripts.plain_polls, framer=framer)
+    scenario = BusScenario({"unit": demo_device(UNIT)}, master_scripts.plain_polls, framer=framer)
     with (
         PtyBus(["master", "unit", "tap"], turnaround_chars=3.5) as bus,
-        Servers(what, bus, {"unit": []}),
+        Servers(scenario, bus, {"unit": []}),
     ):
         client = ModbusSerialClient(
             bus.path("master"), framer=framer, baudrate=19200, timeout=1, retries=0

@@ -30,7 +30,7 @@ from tests.conftest import ROOT, command, environment
 from tests.support import master_scripts
 from tests.support.devices import demo_device
 from tests.support.ptybus import PtyBus, flip_bit
-from tests.support.pymodbus_buses import Play, Servers
+from tests.support.pymodbus_buses import BusScenario, Servers
 
 TABLES = ("frames", "transactions", "findings", "readings")
 
@@ -106,13 +106,13 @@ def polls(bus: PtyBus, client: ModbusSerialClient, rounds: int) -> None:
 def test_a_replay_gives_the_rows_of_the_tap(mode: str, tmp_path: Path) -> None:
     """RTU and ASCII, whole and damaged frames."""
     framer = FramerType.RTU if mode == "rtu" else FramerType.ASCII
-    what = Play(
+    scenario = BusScenario(
         {"unit": demo_device(17)}, master_scripts.plain_polls, framer=framer, disturb=disturbance(3)
     )
     names = ["master", "unit", "tap"]
     with (
-        PtyBus(names, 19200, turnaround_chars=3.5, disturb=what.disturb, trigger=5) as bus,
-        Servers(what, bus, {"unit": []}),
+        PtyBus(names, 19200, turnaround_chars=3.5, disturb=scenario.disturb, trigger=5) as bus,
+        Servers(scenario, bus, {"unit": []}),
         tapped(tmp_path, [bus.path("tap")], "--line", "19200-8E1"),
     ):
         client = ModbusSerialClient(

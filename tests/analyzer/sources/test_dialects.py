@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import _modlens
-from tests.support.logs import NOON, RESOLUTION, SINGLE_LINE, WRITERS, Said, delivered, write
+from tests.support.logs import NOON, RESOLUTION, SINGLE_LINE, WRITERS, LogEntry, delivered, write
 
 TABLE = _modlens.Dialects()
 ROWS = {row["name"]: row for row in json.loads(TABLE.rows())}
@@ -28,11 +28,11 @@ records = st.lists(
 )
 
 
-def said(drawn: list[tuple[int, bool, bytes]]) -> list[Said]:
+def said(drawn: list[tuple[int, bool, bytes]]) -> list[LogEntry]:
     """Records with rising times, at least one second apart."""
     moments, now = [], NOON
     for pause, sent, data in drawn:
-        moments.append(Said(now, sent, data))
+        moments.append(LogEntry(now, sent, data))
         now += STEP + pause
     return moments
 
@@ -48,7 +48,7 @@ def runs(strings: list[tuple[str | None, bytes]]) -> list[tuple[str | None, byte
     return joined
 
 
-def side_of(name: str, one: Said) -> str | None:
+def side_of(name: str, one: LogEntry) -> str | None:
     """What the dialect says of the sender."""
     if name in NO_SIDES:
         return None

@@ -16,11 +16,11 @@ import _modlens
 from analyzer import decode
 from dissectors.errors import SourceError
 from tests.conftest import Modlens, command, environment
-from tests.support.logs import NOON, Said, write
+from tests.support.logs import NOON, LogEntry, write
 
 # The example of section 6.3 of the specification, with the checksums that go with unit 1.
 ASK, ANSWER = bytes.fromhex("0103006b00037417"), bytes.fromhex("010306022b00000064057a")
-EXCHANGE = [Said(NOON, True, ASK), Said(NOON + 20_000_000, False, ANSWER)]
+EXCHANGE = [LogEntry(NOON, True, ASK), LogEntry(NOON + 20_000_000, False, ANSWER)]
 WIRE = [ASK.hex(), ANSWER.hex()]
 SPACED = [ASK.hex(" "), ANSWER.hex(" ")]
 LOG = "2026-11-21 12:00:00.250 Tx: {}\n2026-11-21 12:00:00.270 Rx: {}\n".format(*SPACED)
@@ -119,7 +119,7 @@ def test_placeholders_mean_no_checksum(mark: str, tmp_path: Path) -> None:
 def test_programs_that_print_no_checksum(name: str, tmp_path: Path) -> None:
     """Their rows say so, and requests and responses are found by layout."""
     path = tmp_path / "bus.log"
-    bare = [Said(one.ns, one.sent, one.data[:-2]) for one in EXCHANGE]
+    bare = [LogEntry(one.ns, one.sent, one.data[:-2]) for one in EXCHANGE]
     path.write_text(write(name, bare), encoding="utf-8")
     (txn,) = decode(path)
     assert (txn.status, txn.data) == ("ok", [555, 0, 100])
@@ -291,7 +291,7 @@ def test_a_growing_log_is_followed(name: str, tmp_path: Path) -> None:
     """What came last is told, though no further line shows that it is whole; then it goes on."""
     path = tmp_path / "bus.log"
     end = -2 if name == "emodbus" else None
-    text = write(name, [Said(one.ns, one.sent, one.data[:end]) for one in EXCHANGE])
+    text = write(name, [LogEntry(one.ns, one.sent, one.data[:end]) for one in EXCHANGE])
     path.write_text(text, encoding="utf-8")
     words = ("decode", path, "--follow", "--to", "csv", "--columns", "status,data")
     run = subprocess.Popen(

@@ -22,7 +22,7 @@ from analyzer.line import Line
 from analyzer.sources import serial as serial_module
 from analyzer.sources.clock import monotonic_ns
 from analyzer.sources.serial import Port
-from tests.support.port_reader import Hearing
+from tests.support.port_reader import PortReader
 
 if sys.platform == "win32":
     pytest.skip("pseudo terminals", allow_module_level=True)
@@ -59,7 +59,7 @@ def nothing_arrived(far: int) -> bool:
 def test_bytes_arrive_with_the_time_of_their_read(wire: tuple[int, str]) -> None:
     """All 256 of them, unchanged, FF among them; the time is that of the read."""
     far, name = wire
-    with Hearing(name, LINE) as hearing:
+    with PortReader(name, LINE) as hearing:
         before = monotonic_ns()
         os.write(far, DATA)
         read = hearing.read()
@@ -73,7 +73,7 @@ def test_a_time_does_not_wait_for_python(wire: tuple[int, str]) -> None:
     """The interpreter is kept busy while bytes come in; their times are those of their writes."""
     far, name = wire
     written: list[int] = []
-    with Hearing(name, LINE) as hearing:
+    with PortReader(name, LINE) as hearing:
         until = monotonic_ns() + 200_000_000
         writer = subprocess.Popen(
             [sys.executable, "-c", WRITER, str(far)], pass_fds=[far], stdout=subprocess.PIPE
@@ -92,7 +92,7 @@ def test_a_time_does_not_wait_for_python(wire: tuple[int, str]) -> None:
 
 def test_silence_is_nothing(wire: tuple[int, str]) -> None:
     """After as long as one is willing to wait."""
-    with Hearing(wire[1], LINE) as hearing:
+    with PortReader(wire[1], LINE) as hearing:
         start = time.monotonic()
         assert hearing.read(0.05) is None
         assert time.monotonic() - start >= 0.05
@@ -101,7 +101,7 @@ def test_silence_is_nothing(wire: tuple[int, str]) -> None:
 def test_nothing_is_ever_sent(wire: tuple[int, str]) -> None:
     """Not on opening, not while reading, not on closing; not even an echo of what comes in."""
     far, name = wire
-    with Hearing(name, LINE) as hearing:
+    with PortReader(name, LINE) as hearing:
         assert nothing_arrived(far)
         for _ in range(3):
             os.write(far, DATA + b"\r\n\x11\x13\x03\x04")
@@ -148,10 +148,10 @@ def test_a_port_is_opened_exclusively(wire: tuple[int, str]) -> None:
 def test_a_lost_port_is_reported(wire: tuple[int, str]) -> None:
     """The adapter is pulled out: the reader hears of it at once."""
     far, near = pty.openpty()
-    with Hearing(os.ttyname(near), LINE) as hearing:
+    with PortReader(os.ttyname(near), LINE) as hearing:
         os.close(near)
         os.close(far)
-        assert "the port was lost" in str(hearing.until_lost())
+        assert "the port was lost" in str(hearing.wait_until_lost())
 
 
 def refused(name: str) -> str:
@@ -182,13 +182,13 @@ def test_a_socket_is_a_port() -> None:
     """A device server: bytes in, nothing out, and its end is told."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         name = f"socket://127.0.0.1:{server.getsockname()[1]}"
-        with Hearing(name, LINE) as hearing:
+        with PortReader(name, LINE) as hearing:
             peer, _ = server.accept()
             peer.sendall(DATA)
-            assert hearing.all_of(len(DATA)) == DATA
+            assert hearing.read_up_to(len(DATA)) == DATA
             assert not select.select([peer], [], [], 0.05)[0]
             peer.close()
-            assert "lost" in str(hearing.until_lost())
+            assert "lost" in str(hearing.wait_until_lost())
     assert "refused" in refused(name)
 
 
@@ -198,9 +198,9 @@ def test_a_port_without_a_descriptor_is_read_by_a_thread(
     """As RFC 2217 and Windows are; its end is told, and no thread stays."""
     monkeypatch.setattr(serial_module, "_descriptor", lambda port: None)
     before = threading.active_count()
-    with Hearing(wire[1], LINE) as hearing:
+    with PortReader(wire[1], LINE) as hearing:
         os.write(wire[0], DATA)
-        assert hearing.all_of(len(DATA)) == DATA
+        assert hearing.read_up_to(len(DATA)) == DATA
     assert threading.active_count() == before
 
 
