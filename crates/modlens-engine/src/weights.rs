@@ -292,6 +292,17 @@ weights! {
         FRAME_BREAK_CHARACTERS_FACTOR: Ns = 10;
     }
 
+    "Fast path" {
+        /// Threshold of the log2 odds timeout : response. At or below it, the pause before a repeated request-like frame is at
+        /// least 1000 times more likely before a response than after a timeout, so the frame is taken as the response.
+        RESPONSE_LOG_ODDS_BITS: f32 = -10.0;
+        /// The most stray bytes to skip in front of a frame: fewer than the shortest frame has.
+        MAX_SKIPPED_STRAY_BYTES: usize = 3;
+        /// The longest request that is accepted while another one is outstanding. Requests of a poll cycle are short, so nobody
+        /// has to wait long for the rest of one.
+        MAX_POLL_REQUEST_BYTES: usize = 16;
+    }
+
     "Noise or a damaged frame" {
         /// Score that a damaged frame needs to be reported. Noise looks like one with a probability of about 2 to the minus this.
         MIN_DAMAGED_FRAME_BITS: f32 = 10.0;
@@ -335,6 +346,8 @@ weights! {
         THREE_FLIPS_BITS: f32 = 17.0;
         /// The most flipped bits in unit and function code together at which the two are still recognised.
         MAX_HEADER_FLIPS: u32 = 3;
+        /// The most bits in which a damaged colon of an ASCII message differs from a colon.
+        MAX_COLON_FLIPS: u32 = 1;
         /// Gain for a CRC that is valid once the damage is corrected.
         CRC_MATCH_BITS: f32 = 16.0;
         /// Gain for a single flipped bit that explains the wrong CRC. The bits that say which one it is are subtracted from it.

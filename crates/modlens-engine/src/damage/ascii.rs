@@ -8,6 +8,7 @@ use memchr::{memchr, memchr2_iter};
 
 use crate::damage::kind::DamageKind;
 use crate::framer::Context;
+use crate::weights::{MAX_COLON_FLIPS, MAX_GLITCH_BYTES};
 use modlens_protocol::checksum::lrc;
 use modlens_protocol::direction::{judge, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
@@ -15,12 +16,6 @@ use modlens_protocol::hex::decode_pairs;
 
 /// Hex characters of unit, function code and LRC: no message has fewer.
 const MIN_HEX_CHARACTERS: usize = 6;
-
-/// The most stray bytes that a line driver leaves in front of a message.
-const MAX_STRAY_BYTES: usize = 3;
-
-/// The most bits in which a damaged colon differs from a colon.
-const MAX_COLON_FLIPS: u32 = 1;
 
 /// A message without a colon. Indices count from the first byte that was searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +80,7 @@ fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_uni
     }
     // Right behind another message, this is the rest of one that lost more than its colon: an odd number of characters
     // shows that, or an LRC that becomes valid with a known unit in front.
-    let may_be_rest = lost_colon && line_start == 0 && hex <= MAX_STRAY_BYTES && digits > MIN_HEX_CHARACTERS;
+    let may_be_rest = lost_colon && line_start == 0 && hex <= MAX_GLITCH_BYTES && digits > MIN_HEX_CHARACTERS;
     let lacks_known_unit = || missing_byte(&bytes[hex..line_end]).is_some_and(|unit| known_units[usize::from(unit)]);
     if may_be_rest && (digits % 2 == 1 || lacks_known_unit()) {
         return message(hex, hex, false, Some(DamageKind::LostBytes { at: 0, count: 0 }));

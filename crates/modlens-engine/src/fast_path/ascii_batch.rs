@@ -5,7 +5,7 @@ use memchr::memchr;
 use crate::fast_path::emit::{adjacent_spans, may_hold_no_map, BatchTotals};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
-use crate::framer::ascii::LIMIT;
+use crate::framer::ascii::MAX_MESSAGE_CHARACTERS;
 use crate::session::bus::{declared_direction, BusState};
 use crate::session::Session;
 use modlens_protocol::checksum::lrc;
@@ -37,11 +37,16 @@ fn decode_clean(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
 
 /// The exchange at the head of a line, if there is no doubt and no finding about it. `adus` gets unit and PDU of the request
 /// and of its response.
-fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adus: &mut [Vec<u8>; 2]) -> Option<MatchedExchange> {
+fn match_exchange(
+    state: &mut BusState,
+    functions: &Functions,
+    request_timeout: Ns,
+    adus: &mut [Vec<u8>; 2],
+) -> Option<MatchedExchange> {
     let input = &state.lines[0].1.input;
     let text = input.bytes();
     let [request, response] = adus;
-    let request_length = 2 + memchr(b'\r', &text[..text.len().min(LIMIT)])?;
+    let request_length = 2 + memchr(b'\r', &text[..text.len().min(MAX_MESSAGE_CHARACTERS)])?;
     let expected = decode_clean(text, request_length, request)
         .then(|| ExpectedExchange::from_request(functions, Mode::Ascii, request))?
         .filter(|expected| may_hold_no_map(expected) && !expected.resembles_response)?;
@@ -49,7 +54,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adu
     let are_valid = request.len() == expected.request_bytes && decode_clean(&text[request_length..], response_length, response);
     if !are_valid
         || !expected.is_answered_by(request, response)
-        || !input.holds_exchange(Mode::Ascii, request_length, response_length, patience)
+        || !input.holds_exchange(Mode::Ascii, request_length, response_length, request_timeout)
     {
         return None;
     }
@@ -64,7 +69,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, patience: Ns, adu
             return None;
         }
     }
-    let is_settled = state.profiles.take(functions, request, expected.read_data(response));
+    let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
     let lengths = [request_length, response_length];
     is_settled.then_some(MatchedExchange { expected, mode: Mode::Ascii, mbap_id: None, lines: [0, 0], lengths })
 }
@@ -74,17 +79,17 @@ impl Session {
     pub(super) fn emit_ascii_exchanges(&mut self, bus: usize) {
         let mut adus = std::mem::take(&mut self.adus);
         let state = &mut self.buses[bus];
-        let timing = state.timing_config(0);
+        let config = state.timing_config(0);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
         loop {
             let state = &mut self.buses[bus];
-            let patience = if timing.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
-            let Some(matched) = match_exchange(state, &self.functions, patience, &mut adus) else { break };
+            let request_timeout = if config.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
+            let Some(matched) = match_exchange(state, &self.functions, request_timeout, &mut adus) else { break };
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
             let wires = adjacent_spans(self.batch.keep(wire).start as usize, matched.lengths);
             let pdus = adus.each_ref().map(|adu| self.batch.keep(&adu[1..]));
-            self.emit_exchange(bus, &matched, wires, Some(pdus), &timing, min_measurable_ns, &mut totals);
+            self.emit_exchange(bus, &matched, wires, Some(pdus), &config, min_measurable_ns, &mut totals);
             let response = &adus[1];
             self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);
         }

@@ -28,18 +28,18 @@ impl Session {
         matched: &MatchedExchange,
         wires: [Span; 2],
         pdus: Option<[Span; 2]>,
-        timing: &TimingConfig,
+        config: &TimingConfig,
         min_measurable_ns: Ns,
         totals: &mut BatchTotals,
     ) {
         let state = &mut self.buses[bus];
         let MatchedExchange { expected, mode, mbap_id, lines: [client, server], lengths } = matched;
-        let request_moment = consume(&mut state.lines[*client].1, lengths[0], timing);
-        let response_moment = consume(&mut state.lines[*server].1, lengths[1], timing);
-        learn_side(&mut state.side_votes, request_moment.side, Direction::Request);
-        learn_side(&mut state.side_votes, response_moment.side, Direction::Response);
+        let request_timing = consume(&mut state.lines[*client].1, lengths[0], config);
+        let response_timing = consume(&mut state.lines[*server].1, lengths[1], config);
+        learn_side(&mut state.side_votes, request_timing.side, Direction::Request);
+        learn_side(&mut state.side_votes, response_timing.side, Direction::Response);
         let response_time =
-            state.pairing.measurable_interval(request_moment.end, response_moment.start, response_moment.clean_start);
+            state.pairing.measurable_interval(request_timing.end, response_timing.start, response_timing.clean_start);
         state.pairing.record_exchange(expected.unit, *mbap_id, expected.echoes_request, response_time);
         let unit = usize::from(expected.unit);
         (state.known_units[unit], state.paired_units[unit]) = (true, true);
@@ -51,12 +51,12 @@ impl Session {
             matched,
             request_wire: wires[0],
             response_wire: wires[1],
-            request_moment,
-            response_moment,
+            request_timing,
+            response_timing,
             response_time: response_time.filter(|&ns| ns >= min_measurable_ns),
             recording_start: self.origin,
         };
-        let spans = [request_moment.span(), response_moment.span()];
+        let spans = [request_timing.span(), response_timing.span()];
         let key = RequestKey::plain(expected.unit, expected.code, expected.address, expected.quantity);
         self.stats.record_exchange(state.counts, key, spans, rows.response_time);
         totals.exchanges += 1;
@@ -105,9 +105,9 @@ pub(super) fn adjacent_spans(start: usize, [request_length, response_length]: [u
 /// Consumes the first bytes of a line as a frame; returns when and where it was.
 #[inline(always)]
 #[allow(clippy::inline_always)] // The result is large, and `Session::emit_exchange` takes it apart at once.
-fn consume(line: &mut LineState, length: usize, timing: &TimingConfig) -> FrameTiming {
-    let moment = FrameTiming::of(&line.input, length, &TimingConfig { last_end: line.last_end, ..*timing });
+fn consume(line: &mut LineState, length: usize, config: &TimingConfig) -> FrameTiming {
+    let frame = FrameTiming::of(&line.input, length, &TimingConfig { last_end: line.last_end, ..*config });
     line.input.consume(length);
-    line.last_end = moment.end.or(line.last_end);
-    moment
+    line.last_end = frame.end.or(line.last_end);
+    frame
 }

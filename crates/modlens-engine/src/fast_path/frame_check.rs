@@ -5,10 +5,6 @@ use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use modlens_protocol::direction::expected_block;
 use modlens_protocol::functions::{Extent, FunctionRow};
 
-/// Threshold of the log2 odds timeout : response. At or below -10, the pause before a repeated request-like frame is at
-/// least 1000 times more likely before a response than after a timeout, so the frame is taken as the response.
-pub(crate) const RESPONSE_LOG_ODDS_BITS: f32 = -10.0;
-
 /// The result of checking the next header.
 pub enum FrameCheck {
     /// A frame: the response to the outstanding request, or a request.

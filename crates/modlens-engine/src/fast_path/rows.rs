@@ -34,15 +34,20 @@ pub(super) struct ExchangeRows<'a> {
     pub txn: u64,
     /// Number of the request's frame; the response's frame has the next one.
     pub request_frame: u64,
+    /// Number of the bus.
     pub bus: u32,
     /// Lines of the request and of the response.
     pub lines: [u8; 2],
+    /// The exchange itself.
     pub matched: &'a MatchedExchange,
-    /// Places of the request and of the response in the arena of the batch.
+    /// Place of the request's bytes in the arena of the batch.
     pub request_wire: Span,
+    /// Place of the response's bytes in the arena.
     pub response_wire: Span,
-    pub request_moment: FrameTiming,
-    pub response_moment: FrameTiming,
+    /// When and where the request was.
+    pub request_timing: FrameTiming,
+    /// When and where the response was.
+    pub response_timing: FrameTiming,
     /// `None` if the clock cannot measure it.
     pub response_time: Option<Ns>,
     /// When the recording began.
@@ -57,8 +62,8 @@ impl ExchangeRows<'_> {
             number: self.txn,
             bus: self.bus,
             mode: self.matched.mode,
-            start: self.request_moment.start,
-            elapsed: elapsed(self.recording_start, self.request_moment.start),
+            start: self.request_timing.start,
+            elapsed: elapsed(self.recording_start, self.request_timing.start),
             unit: self.matched.expected.unit,
             function: self.matched.expected.code,
             status: Status::Ok,
@@ -68,36 +73,36 @@ impl ExchangeRows<'_> {
             late_response: None,
             retry_of: None,
             late_for: None,
-            gap: self.request_moment.gap,
+            gap: self.request_timing.gap,
             mbap_id: self.matched.mbap_id,
-            request: half(self.request_frame, self.request_wire, pdus[0], self.request_moment.start),
-            response: half(self.request_frame + 1, self.response_wire, pdus[1], self.response_moment.start),
+            request: half(self.request_frame, self.request_wire, pdus[0], self.request_timing.start),
+            response: half(self.request_frame + 1, self.response_wire, pdus[1], self.response_timing.start),
             findings,
             points,
-            origin: self.request_moment.origin,
+            origin: self.request_timing.origin,
         }
     }
 
     /// The row of the request's or of the response's frame.
     pub(super) fn frame(&self, direction: Direction, findings: Span) -> Frame {
-        let (number, line, wire, moment) = match direction {
-            Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_moment),
-            _ => (self.request_frame + 1, self.lines[1], self.response_wire, &self.response_moment),
+        let (number, line, wire, timing) = match direction {
+            Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_timing),
+            _ => (self.request_frame + 1, self.lines[1], self.response_wire, &self.response_timing),
         };
         let (confidence, cut_by) = match self.matched.mode {
             Mode::Rtu => (MAX_CONFIDENCE_BITS, CutBy::Length),
-            Mode::Ascii => (ascii::AGREES, CutBy::Delimiter),
-            Mode::Tcp => (tcp::AGREES, CutBy::Length),
+            Mode::Ascii => (ascii::VALID_FRAME_BITS, CutBy::Delimiter),
+            Mode::Tcp => (tcp::VALID_FRAME_BITS, CutBy::Length),
         };
         Frame {
             number,
             bus: self.bus,
             line,
-            offset: moment.offset,
+            offset: timing.offset,
             wire,
-            start: moment.start,
-            elapsed: elapsed(self.recording_start, moment.start),
-            gap: moment.gap,
+            start: timing.start,
+            elapsed: elapsed(self.recording_start, timing.start),
+            gap: timing.gap,
             mode: self.matched.mode,
             direction,
             unit: Some(self.matched.expected.unit),
@@ -110,8 +115,8 @@ impl ExchangeRows<'_> {
             txn: Some(self.txn),
             mbap_id: self.matched.mbap_id,
             findings,
-            origin: moment.origin,
-            last_origin: moment.last_origin,
+            origin: timing.origin,
+            last_origin: timing.last_origin,
         }
     }
 }

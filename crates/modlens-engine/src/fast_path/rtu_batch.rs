@@ -16,7 +16,7 @@ impl Session {
         if state.lines[0].1.input.timed && state.options.rule().is_some() {
             return;
         }
-        let timing = state.timing_config(0);
+        let config = state.timing_config(0);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
         let mut last: Option<ExpectedExchange> = None;
@@ -25,15 +25,15 @@ impl Session {
         loop {
             let state = &mut self.buses[bus];
             let line = &mut state.lines[0].1;
-            let patience = if timing.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
+            let request_timeout = if config.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
             let Some(framer) = line.framer.rtu_mut() else { break };
             let pause = |index| state.pairing.timing.timeout_log_odds(line.input.pause_before(index));
-            let exchange = framer.next_exchange(&self.functions, &line.input, last_answered, patience, pause);
+            let exchange = framer.next_exchange(&self.functions, &line.input, last_answered, request_timeout, pause);
             let Some(expected) = exchange.filter(may_hold_no_map) else { break };
             let lengths @ [request_bytes, response_bytes] =
                 [expected.request_bytes + CRC_BYTES, expected.response_bytes + CRC_BYTES];
             let (request, response) = line.input.bytes()[..request_bytes + response_bytes].split_at(request_bytes);
-            if !state.profiles.take(&self.functions, request, expected.read_data(&response[..expected.response_bytes])) {
+            if !state.profiles.learn_quietly(&self.functions, request, expected.read_data(&response[..expected.response_bytes])) {
                 break;
             }
             // From here on, the exchange changes the state of the session.
@@ -41,7 +41,7 @@ impl Session {
             let matched = MatchedExchange { expected, mode: Mode::Rtu, mbap_id: None, lines: [0, 0], lengths };
             // The bytes of all exchanges of this run are copied into the arena at its end, in one piece.
             let wires = adjacent_spans(arena_start + totals.bytes, matched.lengths);
-            self.emit_exchange(bus, &matched, wires, None, &timing, min_measurable_ns, &mut totals);
+            self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
             last_answered = Some((expected.unit, expected.code));
             last = Some(expected);
         }

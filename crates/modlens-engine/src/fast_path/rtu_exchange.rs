@@ -3,11 +3,12 @@
 //! Each exchange has to leave the framer in exactly the state in which `Rtu::next` would leave it behind the two frames.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::frame_check::{third_copy, RESPONSE_LOG_ODDS_BITS};
+use crate::fast_path::frame_check::third_copy;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::RequestCopy;
 use crate::framer::rtu::Rtu;
 use crate::input::Input;
+use crate::weights::RESPONSE_LOG_ODDS_BITS;
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
 use modlens_protocol::direction::Pause;
 use modlens_protocol::framing::Mode;
@@ -16,7 +17,7 @@ use modlens_protocol::Ns;
 
 impl Rtu {
     /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
-    /// request and its response follow each other with valid CRCs, in one read without times or within `patience`.
+    /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
     ///
     /// May be called only while nothing is open (`Framer::settled`). `last_answered`: unit and function of the exchange
     /// before; `pause`: the log2 odds timeout : response of the silence before a byte.
@@ -27,7 +28,7 @@ impl Rtu {
         functions: &Functions,
         input: &Input,
         last_answered: Option<(u8, u8)>,
-        patience: Ns,
+        request_timeout: Ns,
         pause: impl Fn(usize) -> Pause,
     ) -> Option<ExpectedExchange> {
         let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
@@ -40,7 +41,7 @@ impl Rtu {
         let is_familiar = self.search.model.familiar(expected.unit, expected.code, REQUEST);
         let is_answered = is_familiar
             && expected.is_answered_by(request, response)
-            && input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, patience);
+            && input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout);
         if !is_answered || !crc_valid_at(rest, response_bytes) || !crc_valid_at(input.bytes(), request_bytes) {
             return None;
         }

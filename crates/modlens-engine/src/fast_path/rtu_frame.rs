@@ -2,13 +2,14 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
-use crate::fast_path::frame_check::{third_copy, FrameCheck, FrameLength, RESPONSE_LOG_ODDS_BITS};
+use crate::fast_path::frame_check::{third_copy, FrameCheck, FrameLength};
 use crate::framer::rtu::answerable::HeldRequest;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::Search;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::Context;
 use crate::input::Input;
+use crate::weights::{MAX_POLL_REQUEST_BYTES, MAX_SKIPPED_STRAY_BYTES, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::crc_valid_at;
 use modlens_protocol::direction::expected_block;
 use modlens_protocol::framing::RTU_LIMIT;
@@ -19,13 +20,6 @@ const HEADER_BYTES: usize = 3;
 
 /// Unit, function code, exception code and CRC.
 const EXCEPTION_BYTES: usize = 5;
-
-/// The most stray bytes to skip: fewer than the shortest frame has.
-const MAX_STRAY_BYTES: usize = 3;
-
-/// The longest request that is accepted while another one is outstanding. Requests of a poll cycle are short, so nobody
-/// has to wait long for the rest of one.
-const MAX_POLL_BYTES: usize = 16;
 
 /// Checks whether the first bytes of the input are a frame beyond doubt.
 #[inline]
@@ -38,7 +32,7 @@ pub fn check_frame(search: &Search, input: &Input, context: &Context<'_>) -> Fra
 /// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. If no frame can have
 /// begun with one of them, there is nothing to search for.
 pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, FrameCheck) {
-    for strays in 1..=MAX_STRAY_BYTES {
+    for strays in 1..=MAX_SKIPPED_STRAY_BYTES {
         match check_frame_at(search, input, context, strays) {
             FrameCheck::NoFrame => {}
             FrameCheck::NeedsMoreBytes => return (strays, FrameCheck::NeedsMoreBytes),
@@ -105,7 +99,7 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
         },
         // The outstanding request was not answered, and the master goes on with the poll cycle.
         Some(asked) if may_be_request && at == 0 && asked.unit != unit => {
-            let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_BYTES)?;
+            let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_REQUEST_BYTES)?;
             let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.poll_cycle.contains(frame);
             // While its last bytes are missing, it counts as one.
             Some(length).filter(|length| bytes.get(..length.bytes()).is_none_or(is_known_poll))

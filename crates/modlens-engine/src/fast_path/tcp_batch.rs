@@ -13,7 +13,7 @@ impl Session {
     pub(super) fn emit_tcp_exchanges(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let state = &mut self.buses[bus];
-        let timing = state.timing_config(client);
+        let config = state.timing_config(client);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
         let mut last_response_bytes = None;
@@ -41,13 +41,13 @@ impl Session {
             if !(is_in_turn && are_framed && expected.is_answered_by(request, response)) {
                 break;
             }
-            if !state.profiles.take(&self.functions, request, expected.read_data(response)) {
+            if !state.profiles.learn_quietly(&self.functions, request, expected.read_data(response)) {
                 break;
             }
             let mbap_id = Some(u16::from_be_bytes(id));
             let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
             let wires = [0, 1].map(|at| self.batch.keep(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
-            self.emit_exchange(bus, &matched, wires, None, &timing, min_measurable_ns, &mut totals);
+            self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
             last_response_bytes = Some(expected.response_bytes);
         }
         let Some(response_bytes) = last_response_bytes else { return };

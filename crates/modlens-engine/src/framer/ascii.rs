@@ -14,13 +14,13 @@ use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
 /// Length of the longest message in characters (2.5.2.2).
-pub const LIMIT: usize = 513;
+pub const MAX_MESSAGE_CHARACTERS: usize = 513;
 
 /// The longest pause between two characters of a message (2.5.2.1).
 const CHARACTER_TIMEOUT_NS: Ns = 1_000_000_000;
 
 /// Confidence in bits of a valid frame: eight bits each for LRC, colon, CR and LF.
-pub const AGREES: u8 = 32;
+pub const VALID_FRAME_BITS: u8 = 32;
 
 /// The framer of an ASCII line.
 #[derive(Debug)]
@@ -52,8 +52,8 @@ impl Ascii {
     /// silence or the end of the recording. `None` if more bytes are needed to tell.
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
-        let edge = input.edge_after(0, bytes.len().min(LIMIT), CHARACTER_TIMEOUT_NS);
-        let there = &bytes[..edge.unwrap_or(bytes.len()).min(LIMIT)];
+        let edge = input.edge_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
+        let there = &bytes[..edge.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
         let end = |frame_end, hex_end, cut_by, fault| Some(MessageEnd { frame_end, hex_end, cut_by, fault });
         if let Some(i) = memchr3_iter(b':', b'\n', b'\r', there).find(|&at| at > 0) {
             match there[i] {
@@ -68,7 +68,7 @@ impl Ascii {
             }
         }
         let length = there.len();
-        if length == LIMIT {
+        if length == MAX_MESSAGE_CHARACTERS {
             return end(length, length, CutBy::Limit, None);
         }
         match edge {
@@ -155,7 +155,7 @@ impl Ascii {
         }
         let pause = (context.pause)(input.pause_before(0));
         cut.direction = judge(context.functions, context.asked, adu[0], &adu[1..], context.said_at(input, 0), pause);
-        cut.confidence = AGREES;
+        cut.confidence = VALID_FRAME_BITS;
         // Diagnostics, sub-function 3: Change ASCII Input Delimiter.
         if let [_, 8, 0, 3, delimiter, ..] = *adu {
             self.delimiter = delimiter;

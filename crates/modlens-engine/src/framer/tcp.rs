@@ -14,7 +14,7 @@ use modlens_protocol::Ns;
 const BREAK: Ns = 1_000_000_000;
 
 /// Confidence where the header's protocol and length agree with the PDU's own.
-pub const AGREES: u8 = 40;
+pub const VALID_FRAME_BITS: u8 = 40;
 
 /// The framer of one direction, or both, of a Modbus/TCP stream.
 #[derive(Debug, Default)]
@@ -137,7 +137,7 @@ impl Tcp {
         let left_in = checksum_behind(input, length);
         let fault = (!fits || left_in).then_some(FramingFault::MbapLength);
         let length = if left_in { length + CRC_BYTES } else { length };
-        let confidence = if fits { AGREES } else { 16 };
+        let confidence = if fits { VALID_FRAME_BITS } else { 16 };
         Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, fault, ..Cut::noise(length, CutBy::Length) })
     }
 }

@@ -82,7 +82,7 @@ impl Profiles {
     /// Learns from a transaction on the fast path; `false` if it would give a finding or change the profile, so that it
     /// has to go through `apply`. `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
-    pub(crate) fn take(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
+    pub(crate) fn learn_quietly(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         self.by_unit.is_empty() || self.take_block(functions, request, block)
     }
 
