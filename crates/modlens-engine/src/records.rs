@@ -16,17 +16,17 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-/// Bytes in the arena of a batch.
+/// A range of the bytes, or of the findings, of a batch.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Span {
-    /// First byte.
+    /// Index of the first one.
     pub start: u32,
-    /// How many.
+    /// How many they are.
     pub length: u32,
 }
 
 impl Span {
-    /// The bytes.
+    /// The bytes or findings of this range.
     #[inline]
     pub fn of<T>(self, arena: &[T]) -> &[T] {
         &arena[self.start as usize..(self.start + self.length) as usize]
@@ -38,19 +38,19 @@ impl Span {
 pub struct Frame {
     /// Running number from 1.
     pub number: u64,
-    /// Which bus.
+    /// Index of its bus.
     pub bus: u32,
-    /// Which line of a two-line tap; 0 for the only one.
+    /// Number of its line on a two-line tap or a connection; 0 for the only line of a bus.
     pub line: u8,
-    /// Position in the stream.
+    /// Stream offset of its first byte.
     pub offset: u64,
-    /// The bytes.
+    /// Its bytes on the wire.
     pub wire: Span,
     /// Start of the first character.
     pub start: Option<Ns>,
-    /// The same, since the first byte of the recording.
+    /// Its start, counted from the first byte of the recording.
     pub elapsed: Option<Ns>,
-    /// Silence before it.
+    /// Silence before the frame.
     pub gap: Option<Ns>,
     /// Framing.
     pub mode: Mode,
@@ -62,30 +62,30 @@ pub struct Frame {
     pub code: Option<u8>,
     /// Exception code.
     pub exception: Option<u8>,
-    /// What it is worth.
+    /// Whether it is whole and its checksum right.
     pub verdict: Verdict,
-    /// Checksum right, but not yet to be believed.
+    /// The checksum is right, but the frame may be an accident of noise.
     pub tentative: bool,
-    /// Bits.
+    /// How much more likely this reading of the bytes is than the next best one, in bits.
     pub confidence: u8,
     /// What ended it.
     pub cut_by: CutBy,
-    /// Its transaction.
+    /// Number of its transaction.
     pub txn: Option<u64>,
     /// MBAP transaction identifier.
     pub mbap_id: Option<u16>,
-    /// In `Batch::codes`.
+    /// Its findings, in `Batch::codes`.
     pub findings: Span,
     /// Line or packet number in the file.
     pub origin: u64,
-    /// That of its last byte.
+    /// Line or packet number of its last byte.
     pub last_origin: u64,
 }
 
-/// One frame's part in a transaction.
+/// The request or the response of a transaction.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Half {
-    /// Number of the frame; 0 where there is none.
+pub struct FrameRef {
+    /// Number of the frame; 0 where the transaction lacks it.
     pub frame: u64,
     /// Bytes on the wire.
     pub wire: Span,
@@ -100,13 +100,13 @@ pub struct Half {
 pub struct Transaction {
     /// Running number from 1, in request order.
     pub number: u64,
-    /// Which bus.
+    /// Index of its bus.
     pub bus: u32,
     /// Framing.
     pub mode: Mode,
-    /// Start of the request, or of a response nobody asked for.
+    /// Start of the request, or of a response without request.
     pub start: Option<Ns>,
-    /// The same, since the first byte of the recording.
+    /// Its start, counted from the first byte of the recording.
     pub elapsed: Option<Ns>,
     /// Unit.
     pub unit: u8,
@@ -116,27 +116,27 @@ pub struct Transaction {
     pub status: Status,
     /// Exception code.
     pub exception: Option<u8>,
-    /// End of request to start of response.
+    /// From the end of the request to the start of the response.
     pub response_time: Option<Ns>,
-    /// End of an unanswered request to the next request.
+    /// From the end of an unanswered request to the next request.
     pub waited: Option<Ns>,
-    /// End of the request to the start of a late answer.
+    /// From the end of the request to the start of its late response.
     pub late_response: Option<Ns>,
-    /// The transaction that this request repeats.
+    /// The transaction whose request is repeated here.
     pub retry_of: Option<u64>,
-    /// The transaction that this late answer belongs to.
+    /// The transaction that this late response belongs to.
     pub late_for: Option<u64>,
     /// Silence before the request.
     pub gap: Option<Ns>,
     /// MBAP transaction identifier.
     pub mbap_id: Option<u16>,
     /// The request.
-    pub request: Half,
+    pub request: FrameRef,
     /// The response.
-    pub response: Half,
-    /// In `Batch::codes`.
+    pub response: FrameRef,
+    /// Its findings, in `Batch::codes`.
     pub findings: Span,
-    /// The profile of its unit, as it was then.
+    /// The profile of its unit, with the scale factors known at that time.
     pub points: Option<Arc<PlanInstance>>,
     /// Line or packet number in the file, or the stream offset.
     pub origin: u64,
@@ -149,34 +149,34 @@ pub struct FindingRow {
     pub frame: Option<u64>,
     /// Number of the transaction.
     pub txn: Option<u64>,
-    /// Which bus.
+    /// Index of its bus.
     pub bus: u32,
-    /// When.
+    /// Start of the frame or transaction.
     pub start: Option<Ns>,
-    /// The same, since the first byte of the recording.
+    /// Its time, counted from the first byte of the recording.
     pub elapsed: Option<Ns>,
     /// Unit.
     pub unit: Option<u8>,
-    /// Which.
+    /// The finding.
     pub finding: Finding,
-    /// What was seen, in words.
+    /// What was seen this time, in words for the user.
     pub detail: String,
     /// Line or packet number in the file, or the stream offset.
     pub origin: u64,
 }
 
-/// Rows that were decided, with the bytes they refer to.
+/// Emitted rows, with the bytes and findings that they refer to.
 ///
-/// A batch that a session gave out gives its memory back when it is dropped: fresh memory costs more than most rows.
+/// A batch returns its vectors to the session when it is dropped: to allocate them anew would cost more than most rows.
 #[derive(Debug, Default)]
 pub struct Batch {
-    /// What rows of a bus share.
+    /// For each bus, what its rows share.
     pub buses: Arc<Buses>,
-    /// The table that decodes the PDUs.
+    /// The table of functions that decodes the PDUs.
     pub functions: Option<Arc<Functions>>,
-    /// Bytes.
+    /// The bytes of all rows.
     pub arena: Vec<u8>,
-    /// Findings of frames and transactions.
+    /// The findings of all frames and transactions.
     pub codes: Vec<Finding>,
     /// Frames.
     pub frames: Vec<Frame>,
@@ -184,29 +184,30 @@ pub struct Batch {
     pub transactions: Vec<Transaction>,
     /// Findings.
     pub findings: Vec<FindingRow>,
-    /// Number of a frame and of a packet that holds neither its first nor its last byte.
-    pub between: Vec<(u64, u64)>,
-    /// Where its memory goes.
-    pub(crate) spare: Spare,
+    /// For frames that came in more than two packets: number of the frame, and of a packet that holds neither its first nor
+    /// its last byte.
+    pub inner_packets: Vec<(u64, u64)>,
+    /// Where its vectors go when it is dropped.
+    pub(crate) pool: MemoryPool,
 }
 
-/// The vectors of batches that were dropped, to be filled again.
+/// The vectors of dropped batches, which are filled again.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Spare(Arc<Mutex<Vec<Memory>>>);
+pub(crate) struct MemoryPool(Arc<Mutex<Vec<Memory>>>);
 
 type Memory = (Vec<u8>, Vec<Finding>, Vec<Frame>, Vec<Transaction>, Vec<FindingRow>);
 
-/// So many are kept: one is filled while another is written.
-const SPARE: usize = 2;
+/// Batches whose memory is kept: one is filled while another is written.
+const MAX_POOLED_BATCHES: usize = 2;
 
-/// A batch with more bytes than this was an exception.
-const USUAL: usize = 1 << 23;
+/// A batch with a larger arena is an exception, whose memory is given back to the system.
+const MAX_POOLED_BYTES: usize = 1 << 23;
 
-impl Spare {
+impl MemoryPool {
     /// A batch without rows.
     pub(crate) fn batch(&self) -> Batch {
         let mut batch = Batch::default();
-        batch.spare = self.clone();
+        batch.pool = self.clone();
         if let Some(memory) = self.0.lock().ok().and_then(|mut memories| memories.pop()) {
             (batch.arena, batch.codes, batch.frames, batch.transactions, batch.findings) = memory;
         }
@@ -216,12 +217,12 @@ impl Spare {
 
 impl Drop for Batch {
     fn drop(&mut self) {
-        // The session is gone, or has never seen this batch.
-        if Arc::strong_count(&self.spare.0) == 1 || self.arena.capacity() > USUAL {
+        // With one reference, the session is gone, or the batch was not made by one.
+        if Arc::strong_count(&self.pool.0) == 1 || self.arena.capacity() > MAX_POOLED_BYTES {
             return;
         }
-        let Ok(mut memories) = self.spare.0.lock() else { return };
-        if memories.len() == SPARE {
+        let Ok(mut memories) = self.pool.0.lock() else { return };
+        if memories.len() == MAX_POOLED_BATCHES {
             return;
         }
         self.arena.clear();
@@ -240,21 +241,21 @@ impl Drop for Batch {
 }
 
 impl Batch {
-    /// Stores bytes.
-    pub fn keep(&mut self, bytes: &[u8]) -> Span {
+    /// Copies bytes into the arena.
+    pub fn store(&mut self, bytes: &[u8]) -> Span {
         let start = self.arena.len() as u32;
         self.arena.extend_from_slice(bytes);
         Span { start, length: bytes.len() as u32 }
     }
 
-    /// Where bytes of the arena are in it.
+    /// The range of bytes that are a slice of the arena.
     pub fn span_of(&self, bytes: &[u8]) -> Span {
         let start = (bytes.as_ptr() as usize).wrapping_sub(self.arena.as_ptr() as usize);
         Span { start: start as u32, length: bytes.len() as u32 }
     }
 
-    /// Stores findings.
-    pub fn keep_codes(&mut self, codes: &[Finding]) -> Span {
+    /// Copies findings into the batch.
+    pub fn store_findings(&mut self, codes: &[Finding]) -> Span {
         let start = self.codes.len() as u32;
         self.codes.extend_from_slice(codes);
         Span { start, length: codes.len() as u32 }

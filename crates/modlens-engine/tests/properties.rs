@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use modlens_engine::records::{Batch, Frame, Half, Span, Transaction};
+use modlens_engine::records::{Batch, Frame, FrameRef, Span, Transaction};
 use modlens_engine::session::{BusOptions, Session};
 use modlens_protocol::checksum::{crc16, lrc};
 use modlens_protocol::framing::Mode;
@@ -159,8 +159,8 @@ fn rows_and_statistics(mut session: Session) -> Vec<String> {
         format!("{:?} {:?} {:?}", bytes(row.wire), codes(row.findings), Frame { wire: place, findings: place, ..row.clone() })
     });
     let transactions = batch.transactions.iter().map(|row| {
-        let half = |half: Half| format!("{:?} {:?}", bytes(half.wire), bytes(half.pdu));
-        let bare = |half: Half| Half { wire: place, pdu: place, ..half };
+        let half = |half: FrameRef| format!("{:?} {:?}", bytes(half.wire), bytes(half.pdu));
+        let bare = |half: FrameRef| FrameRef { wire: place, pdu: place, ..half };
         let (request, response) = (bare(row.request), bare(row.response));
         let plain = Transaction { request, response, findings: place, ..row.clone() };
         format!("{} {} {plain:?}", half(row.request), half(row.response))

@@ -97,7 +97,7 @@ impl Table {
 
     fn origins(&self) -> Vec<(String, u64, Option<u64>, Vec<u64>)> {
         let batch = &self.core.batch;
-        let mut between = batch.between.iter().peekable();
+        let mut between = batch.inner_packets.iter().peekable();
         let mut packets = |frame: &Frame| {
             let mut packets = vec![frame.origin];
             while between.next_if(|(number, _)| *number < frame.number).is_some() {}

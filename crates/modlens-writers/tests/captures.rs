@@ -76,7 +76,7 @@ fn decoded(file: &[u8]) -> Batch {
 type Essence = (Status, u8, u8, Option<u16>, Vec<u8>, Vec<u8>);
 
 fn essence(batch: &Batch) -> Vec<Essence> {
-    let pdu = |half: &modlens_engine::records::Half| half.pdu.of(&batch.arena).to_vec();
+    let pdu = |half: &modlens_engine::records::FrameRef| half.pdu.of(&batch.arena).to_vec();
     let rows = batch.transactions.iter();
     rows.map(|t| (t.status, t.unit, t.function, t.mbap_id, pdu(&t.request), pdu(&t.response))).collect()
 }

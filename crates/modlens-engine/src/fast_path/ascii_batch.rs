@@ -87,8 +87,8 @@ impl Session {
             let request_timeout = if config.has_clock { state.pairing.request_timeout() } else { Ns::MAX };
             let Some(matched) = match_exchange(state, &self.functions, request_timeout, &mut adus) else { break };
             let wire = &state.lines[0].1.input.bytes()[..matched.lengths[0] + matched.lengths[1]];
-            let wires = adjacent_spans(self.batch.keep(wire).start as usize, matched.lengths);
-            let pdus = adus.each_ref().map(|adu| self.batch.keep(&adu[1..]));
+            let wires = adjacent_spans(self.batch.store(wire).start as usize, matched.lengths);
+            let pdus = adus.each_ref().map(|adu| self.batch.store(&adu[1..]));
             self.emit_exchange(bus, &matched, wires, Some(pdus), &config, min_measurable_ns, &mut totals);
             let response = &adus[1];
             self.buses[bus].pairing.sync_after_batch(response[0], &response[1..]);

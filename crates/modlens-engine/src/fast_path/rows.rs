@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::framer::{ascii, tcp};
-use crate::records::{Frame, Half, Span, Transaction};
+use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
 use crate::weights::MAX_CONFIDENCE_BITS;
@@ -57,7 +57,7 @@ pub(super) struct ExchangeRows<'a> {
 impl ExchangeRows<'_> {
     /// The row of the transaction. `pdus`: places of the PDUs of request and response in the arena.
     pub(super) fn transaction(&self, points: Option<Arc<PlanInstance>>, pdus: [Span; 2], findings: Span) -> Transaction {
-        let half = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| Half { frame, wire, pdu, start };
+        let half = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| FrameRef { frame, wire, pdu, start };
         Transaction {
             number: self.txn,
             bus: self.bus,

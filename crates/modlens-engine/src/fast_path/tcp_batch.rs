@@ -46,7 +46,7 @@ impl Session {
             }
             let mbap_id = Some(u16::from_be_bytes(id));
             let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
-            let wires = [0, 1].map(|at| self.batch.keep(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
+            let wires = [0, 1].map(|at| self.batch.store(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
             self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
             last_response_bytes = Some(expected.response_bytes);
         }

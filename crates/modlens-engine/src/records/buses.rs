@@ -1,5 +1,5 @@
-//! What the rows of all buses share, in pieces: a batch keeps the list as it was then, and where a connection is added
-//! to thousands, one piece of them is copied and not all.
+//! What the rows of a bus share, for all buses. Each batch keeps the list as it was when the batch was taken. The list
+//! is split into chunks that copies share, so that adding a connection to thousands of them copies one chunk only.
 
 use std::ops::{Index, IndexMut};
 use std::sync::Arc;
@@ -7,46 +7,46 @@ use std::sync::Arc;
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::{Clock, Place};
 
-/// Who talks on a connection of a network.
+/// The two ends of a connection.
 #[derive(Clone, Debug)]
 pub struct Network {
     /// Address of the client.
     pub client: String,
     /// Address and port of the server.
     pub server: String,
-    /// Number of the connection.
+    /// Running number of the connection.
     pub connection: u64,
 }
 
 /// What all rows of a bus, or of one connection, share.
 #[derive(Clone, Debug)]
 pub struct Bus {
-    /// As the `bus` column names it.
+    /// Its name, as in the column `bus`.
     pub name: String,
-    /// The file or port, as `source` names it.
+    /// The file or port, as in the column `source`.
     pub source: String,
-    /// What `origin` counts.
+    /// The unit of `origin`: offsets, lines or packets.
     pub place: Place,
-    /// Its clock.
+    /// The kind of its clock.
     pub clock: Clock,
     /// Its line settings, where they are known.
     pub line: Option<LineSettings>,
-    /// Who talks, where it is a connection of a network.
+    /// The two ends, where it is a connection.
     pub network: Option<Network>,
 }
 
-/// Buses of a piece: large ones are dear to copy, small ones make a long list.
-const PIECE: usize = 16;
+/// Buses in a chunk. Large chunks are expensive to copy, small ones make the list of chunks long.
+const BUSES_PER_CHUNK: usize = 16;
 
-/// Buses by number. A copy of it shares what neither of the two changes.
+/// The buses by index. A copy shares all chunks until one of the two changes them.
 #[derive(Clone, Debug, Default)]
 pub struct Buses(Vec<Arc<[Bus]>>);
 
 impl Buses {
-    /// Adds one.
+    /// Adds a bus.
     pub fn push(&mut self, bus: Bus) {
-        match self.0.last_mut().filter(|piece| piece.len() < PIECE) {
-            Some(piece) => *piece = piece.iter().cloned().chain([bus]).collect(),
+        match self.0.last_mut().filter(|chunk| chunk.len() < BUSES_PER_CHUNK) {
+            Some(chunk) => *chunk = chunk.iter().cloned().chain([bus]).collect(),
             None => self.0.push(Arc::new([bus])),
         }
     }
@@ -57,13 +57,13 @@ impl Index<usize> for Buses {
 
     #[inline]
     fn index(&self, bus: usize) -> &Bus {
-        &self.0[bus / PIECE][bus % PIECE]
+        &self.0[bus / BUSES_PER_CHUNK][bus % BUSES_PER_CHUNK]
     }
 }
 
 impl IndexMut<usize> for Buses {
     fn index_mut(&mut self, bus: usize) -> &mut Bus {
-        &mut Arc::make_mut(&mut self.0[bus / PIECE])[bus % PIECE]
+        &mut Arc::make_mut(&mut self.0[bus / BUSES_PER_CHUNK])[bus % BUSES_PER_CHUNK]
     }
 }
 
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_stays_as_it_was_and_shares_the_rest() {
+    fn a_copy_does_not_change_and_shares_the_unchanged_chunks() {
         let mut all: Buses = (0..100).map(named).collect();
         let before = all.clone();
         all.push(named(100));
@@ -93,6 +93,6 @@ mod tests {
         assert_eq!((all[40].name.as_str(), all[100].name.as_str()), ("another", "100"));
         assert!((0..100).all(|bus| before[bus].name == bus.to_string()));
         let shared = all.0.iter().zip(&before.0).filter(|(one, other)| Arc::ptr_eq(one, other)).count();
-        assert_eq!(shared, 100_usize.div_ceil(PIECE) - 2);
+        assert_eq!(shared, 100_usize.div_ceil(BUSES_PER_CHUNK) - 2);
     }
 }

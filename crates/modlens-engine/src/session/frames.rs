@@ -28,7 +28,7 @@ impl Session {
         let rule = state.options.rule();
         let input = state.lines[at].1.emission_input();
         let timing = FrameTiming::of(input, cut.length, &config);
-        timing.list_inner_packets(input, (number, cut.length), config.place, &mut self.batch.between);
+        timing.list_inner_packets(input, (number, cut.length), config.place, &mut self.batch.inner_packets);
         let wire = &input.bytes()[..cut.length];
         let mut frame = observed(number, wire, adu, cut, &timing, config.mode);
         self.found.clear();
@@ -64,11 +64,11 @@ impl Session {
             }
         }
         if self.wanted.frames {
-            let codes = self.batch.keep_codes(&self.codes);
+            let codes = self.batch.store_findings(&self.codes);
             // The finding of pairing, if any, stands behind those on the frame itself.
             self.batch.codes.extend(self.found[self.codes.len()..].iter().map(|(finding, _)| *finding));
             let findings = Span { length: self.found.len() as u32, ..codes };
-            let wire = self.batch.keep(wire);
+            let wire = self.batch.store(wire);
             let row = frame_row(cut, &frame, &timing, wire, findings);
             self.batch.frames.push(Frame { bus: bus as u32, line: state.lines[at].0, elapsed, txn: result.txn, ..row });
         }

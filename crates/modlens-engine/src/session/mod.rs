@@ -24,7 +24,7 @@ use std::sync::Arc;
 use crate::findings::Found;
 use crate::framer::Framer;
 use crate::pairing::{Pairing, PendingTransaction};
-use crate::records::{Batch, Buses, Span, Spare, Transaction};
+use crate::records::{Batch, Buses, MemoryPool, Span, Transaction};
 use crate::stats::Stats;
 use modlens_profiles::points::Plan;
 use modlens_protocol::finding::Finding;
@@ -73,7 +73,7 @@ pub struct Session {
     /// The rows emitted since the last `take`, without the transactions.
     pub(crate) batch: Batch,
     /// Memory of batches that were dropped.
-    spare: Spare,
+    pool: MemoryPool,
     /// Rows of transactions. In a recording they wait here for older transactions that are still open.
     pub(crate) held: Vec<Transaction>,
     pub(crate) wanted: Wanted,
@@ -127,7 +127,7 @@ impl Session {
             buses: Vec::new(),
             bus_rows: Arc::default(),
             batch: Batch::default(),
-            spare: Spare::default(),
+            pool: MemoryPool::default(),
             held: Vec::new(),
             wanted,
             live,
@@ -205,7 +205,7 @@ impl Session {
         let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
         let open = self.buses.iter().filter_map(|bus| bus.pairing.oldest_open_txn());
         let oldest = open.chain(reimported).min().unwrap_or(u64::MAX);
-        let mut batch = std::mem::replace(&mut self.batch, self.spare.batch());
+        let mut batch = std::mem::replace(&mut self.batch, self.pool.batch());
         let mut ready = self.held.len();
         if ready <= MAX_HELD_TRANSACTIONS && !self.live {
             if !self.held.is_sorted_by_key(|row| row.number) {
@@ -225,14 +225,14 @@ impl Session {
     /// Copies the bytes of the transactions that are kept for a later call to the next batch.
     fn copy_held_bytes(&mut self, from: &Batch) {
         for row in &mut self.held {
-            row.findings = self.batch.keep_codes(row.findings.of(&from.codes));
+            row.findings = self.batch.store_findings(row.findings.of(&from.codes));
             for half in [&mut row.request, &mut row.response] {
                 let inside = half.pdu.start.wrapping_sub(half.wire.start);
-                let wire = self.batch.keep(half.wire.of(&from.arena));
+                let wire = self.batch.store(half.wire.of(&from.arena));
                 half.pdu = if inside < half.wire.length.max(1) {
                     Span { start: wire.start + inside, length: half.pdu.length }
                 } else {
-                    self.batch.keep(half.pdu.of(&from.arena))
+                    self.batch.store(half.pdu.of(&from.arena))
                 };
                 half.wire = wire;
             }

@@ -141,7 +141,7 @@ impl Session {
             bus: bus as u32,
             line: line_of,
             offset: metadata::number(text, "offset").unwrap_or(0),
-            wire: self.batch.keep(&metadata.bytes),
+            wire: self.batch.store(&metadata.bytes),
             start,
             elapsed: elapsed(self.origin, start),
             gap: observed.gap,
@@ -156,7 +156,7 @@ impl Session {
             cut_by: fields.cut_by,
             txn: metadata::number(text, "txn").map(|txn| reimport.txns_before + txn),
             mbap_id: observed.mbap_id,
-            findings: self.batch.keep_codes(&finding_codes(text)),
+            findings: self.batch.store_findings(&finding_codes(text)),
             origin: packet,
             last_origin: packet,
         }

@@ -1,7 +1,7 @@
 //! Parts that several kinds of rows share: times since the beginning, and copies of frames in a batch.
 
 use crate::pairing::BufferedFrame;
-use crate::records::{Batch, Half, Span};
+use crate::records::{Batch, FrameRef, Span};
 use modlens_protocol::Ns;
 
 /// Time since the beginning of the recording.
@@ -10,14 +10,14 @@ pub(crate) fn elapsed(recording_start: Option<Ns>, time: Option<Ns>) -> Option<N
 }
 
 /// Copies a request or response into the batch; empty where the transaction lacks it.
-pub(super) fn keep_half(batch: &mut Batch, frame: &BufferedFrame) -> Half {
+pub(super) fn store_frame(batch: &mut Batch, frame: &BufferedFrame) -> FrameRef {
     if !frame.is_present() {
-        return Half::default();
+        return FrameRef::default();
     }
-    let wire = batch.keep(&frame.wire);
+    let wire = batch.store(&frame.wire);
     let pdu = match frame.pdu_index() {
         Some(at) => Span { start: wire.start + at as u32, length: frame.pdu().len() as u32 },
-        None => batch.keep(frame.pdu()),
+        None => batch.store(frame.pdu()),
     };
-    Half { frame: frame.number, wire, pdu, start: frame.start }
+    FrameRef { frame: frame.number, wire, pdu, start: frame.start }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::findings::{self, words};
 use crate::pairing::PendingTransaction;
 use crate::records::{FindingRow, Transaction};
-use crate::session::rows::{elapsed, keep_half};
+use crate::session::rows::{elapsed, store_frame};
 use crate::session::Session;
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::status::Status;
@@ -118,9 +118,9 @@ impl Session {
             late_for: transaction.late_for,
             gap: transaction.gap,
             mbap_id: transaction.mbap_id,
-            request: keep_half(&mut self.batch, &transaction.request),
-            response: keep_half(&mut self.batch, &transaction.response),
-            findings: self.batch.keep_codes(&transaction.findings),
+            request: store_frame(&mut self.batch, &transaction.request),
+            response: store_frame(&mut self.batch, &transaction.response),
+            findings: self.batch.store_findings(&transaction.findings),
             points,
             origin: transaction.origin,
         });

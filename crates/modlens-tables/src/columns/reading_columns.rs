@@ -6,7 +6,7 @@ use crate::columns::bus_cells::{bus, network, time, us};
 use crate::columns::cell::{Cell, Items};
 use crate::columns::function_rows::row_of;
 use crate::columns::reading_rows::{each_part, ReadingRef};
-use modlens_engine::records::{Batch, Half, Transaction};
+use modlens_engine::records::{Batch, FrameRef, Transaction};
 use modlens_profiles::points::{CompiledPoint, PlanInstance, Value};
 use modlens_protocol::register_type::Space;
 
@@ -81,7 +81,7 @@ fn txn<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Transaction {
 }
 
 /// The frame that carried the value: the request for a write, the response for a read.
-fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Half {
+fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a FrameRef {
     let t = txn(batch, at);
     if at.block.write {
         &t.request

@@ -11,7 +11,7 @@ use crate::columns::function_rows::functions;
 use crate::columns::reading_columns::named;
 use crate::columns::sink::CellSink;
 use crate::columns::transaction_view::{exception_text, TransactionView};
-use modlens_engine::records::{Batch, FindingRow, Frame, Half};
+use modlens_engine::records::{Batch, FindingRow, Frame, FrameRef};
 use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// Columns that have the same value in every row of a bus. Writers format these once per bus.
@@ -160,6 +160,6 @@ columns! {
 
 /// The bytes of a transaction's request or response frame.
 #[inline(always)]
-fn half_hex<'a>(batch: &'a Batch, half: &Half) -> Option<Hex<'a>> {
+fn half_hex<'a>(batch: &'a Batch, half: &FrameRef) -> Option<Hex<'a>> {
     (half.frame > 0).then(|| Hex(half.wire.of(&batch.arena)))
 }

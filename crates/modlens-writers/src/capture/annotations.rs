@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use modlens_engine::records::{Batch, Bus, Frame, Half, Transaction};
+use modlens_engine::records::{Batch, Bus, Frame, FrameRef, Transaction};
 use modlens_protocol::decimal::{push_int, push_short};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::{Finding, Severity};
@@ -178,7 +178,7 @@ pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
 }
 
 /// The PDU that a reader finds in the bytes of a valid frame.
-fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &Half) -> &'a [u8] {
+fn usual_pdu<'a>(batch: &'a Batch, mode: Mode, half: &FrameRef) -> &'a [u8] {
     let wire = half.wire.of(&batch.arena);
     match mode {
         Mode::Rtu => wire.get(1..wire.len().saturating_sub(2)).unwrap_or(&[]),
