@@ -1,4 +1,4 @@
-"""What the bytes of Modbus mean: the table of functions, decoding, crafting, explaining.
+"""The meaning of Modbus' bytes: table of functions, decoding, crafting, explaining.
 
 Takes bytes and text; knows nothing of ports, files or screens. The knowledge stands in
 `functions.toml`, `vendor/*.toml` and `vocabulary.toml`, which the Rust core embeds and interprets;

@@ -98,7 +98,7 @@ class Explanation:
 
 
 def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanation:
-    """What `field_type` means; `UsageError` with the nearest known words if it means nothing.
+    """Explain a word; `UsageError` suggests a similar known word.
 
     A function: `3`, `0x03`, `fc3`, `Read Holding Registers`. An exception: `exception 2`, `ex2`,
     `0x83 2` or its name. A sub-function of Diagnostics: `8/11`, `diagnostics 11` or its name. An

@@ -83,7 +83,7 @@ def __dir__() -> list[str]:
 
 
 class _Checksum(Field[int | None, int]):
-    """A checksum in hex; `show()` says what is right where it is wrong."""
+    """A checksum in hex; where it is wrong, `show()` gives the right one, too."""
 
     def i2repr(self, pkt: Packet | None, x: int | None) -> str:
         """The checksum in hex, and what it should be if it is wrong."""
@@ -94,12 +94,12 @@ class _Checksum(Field[int | None, int]):
         return f"0x{x:0{digits}X} (wrong: 0x{expected:0{digits}X} expected)"
 
     def i2m(self, pkt: Packet | None, x: int | None) -> int:
-        """A place for a checksum that is worked out later."""
+        """0 for a checksum that is computed later."""
         return 0 if x is None else x
 
 
 class _Adu(Packet):
-    """What the three kinds of frame share: a unit, and a PDU that is read by its direction."""
+    """The base of the three frame types: a unit, and a PDU that is decoded by its direction."""
 
     modbus_direction: ClassVar[Direction | None] = None
     min_bytes: ClassVar[int] = 2
@@ -144,20 +144,20 @@ class ModbusRTU(_Adu):
         return _modlens.crc16(bytes([self.unit]) + bytes(self.payload))
 
     def pre_dissect(self, s: bytes) -> bytes:
-        """The bytes in the order of the fields."""
-        # The checksum is a field of this layer, but stands behind the PDU: it is moved to where the
-        # field is.
+        """The frame's bytes in the order of the fields of this layer."""
+        # The checksum is a field of this layer but is placed behind the PDU in the frame, so it is
+        # moved to the place of the field.
         return s[:1] + s[-2:] + s[1:-2]
 
     def do_dissect(self, s: bytes) -> bytes:
-        """The bytes behind the fields."""
+        """The bytes behind the fields of this layer."""
         rest = super().do_dissect(s)
-        # scapy would give the moved bytes back as they are.
+        # scapy would return the rearranged bytes from its cache.
         self.raw_packet_cache = None
         return rest
 
     def post_build(self, pkt: bytes, pay: bytes) -> bytes:
-        """The frame, with what is left to be worked out."""
+        """The built frame, with computed fields filled in."""
         checked = pkt[:1] + pay
         checksum = pkt[1:3]
         if self.checksum is None:
@@ -218,7 +218,7 @@ class ModbusTCP(_Adu):
     ]
 
     def extract_padding(self, s: bytes) -> tuple[bytes, bytes | None]:
-        """What the length of the header covers, and what is beyond it."""
+        """The bytes that the header's length covers, and those beyond it."""
         size = max(0, self.length - 1)
         return s[:size], s[size:] or None
 

@@ -1,4 +1,4 @@
-"""Classes of scapy for PDUs: one for every row of the table and direction.
+"""scapy classes for PDUs: one for every row of the table and direction.
 
 Imports scapy; see `dissectors.layers`.
 
@@ -41,10 +41,10 @@ _NAMED_FIELDS: Mapping[int, Mapping[str, vocabulary.Kind]] = {
         "object_id": "object_ids",
     },
 }
-"""Where the vocabulary has names for a field of a function."""
+"""Function code -> field -> part of the vocabulary that has names for its values."""
 
 _functions = _modlens.Functions()
-"""The rows that the layers know; `load_vendor` adds to them."""
+"""The table that the layers are built from; `load_vendor` adds rows to it."""
 
 _classes: dict[tuple[int, int | None, Direction], type[ModbusPDU]] = {}
 
@@ -161,22 +161,22 @@ def _camel(label: str) -> str:
 
 
 def _defaults(row: Function) -> dict[str, int]:
-    """Values that a new packet starts with: the lowest permitted, the first allowed, the row's."""
+    """Default values of a new packet: the lowest permitted, the first allowed, the row's own."""
     found = {name: low for name, (low, _) in row.limits.items()}
     found |= {name: values[0] for name, values in row.allowed.items()}
     return found | dict([row.when] if row.when else [])
 
 
 def _names(row: Function) -> dict[str, dict[int, str]]:
-    """Names for the numbers of the two functions that have some."""
+    """Names of values, for the two functions that have some."""
     kinds = _NAMED_FIELDS.get(row.code, {}) if row.vendor is None else {}
     return {field: _names_of(kind) for field, kind in kinds.items()}
 
 
 def class_for(pdu: bytes, direction: Direction | None) -> type[ModbusPDU] | None:
-    """The class that reads these bytes; None where the table has no layout.
+    """The class that decodes a PDU; None where the table has no layout.
 
-    A direction of None is guessed from the layout.
+    A direction of None is inferred from the layout.
     """
     if pdu[0] & EXCEPTION_BIT:
         return ModbusExceptionResponse

@@ -1,4 +1,4 @@
-"""What people look at.
+"""What people look at: tables, statistics, frames, live screens.
 
-Views draw rows, statistics and pieces; they decide nothing and know no bytes.
+Views draw rows, statistics and pieces of frames; they make no decisions about bytes.
 """

@@ -11,6 +11,7 @@ Also writes the profile's own CSV, which it reads again.
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from typing import Any
 
@@ -92,7 +93,7 @@ KEYS = (
 def write(profile: Profile) -> tuple[str, list[str]]:
     """Write a profile as its own CSV; a text that a cell cannot hold is altered, with a note."""
     notes: list[str] = []
-    out = _Text()
+    out = io.StringIO()
     for key, value in profile.device.items():
         cell = _cell(value, f"device.{key}", notes)
         plain = " ".join(cell.splitlines())
@@ -109,18 +110,7 @@ def write(profile: Profile) -> tuple[str, list[str]]:
     for point in profile.points:
         name = point["name"]
         writer.writerow([_cell(point.get(key, ""), f"{name}.{key}", notes) for key in used])
-    return "".join(out.parts), notes
-
-
-class _Text:
-    """The output of a `csv.writer` as a list; dissectors must not import `io`."""
-
-    def __init__(self) -> None:
-        self.parts: list[str] = []
-
-    def write(self, part: str) -> None:
-        """Append a text."""
-        self.parts.append(part)
+    return out.getvalue(), notes
 
 
 def _cell(value: Any, what: str, notes: list[str]) -> str:

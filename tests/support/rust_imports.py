@@ -10,6 +10,7 @@ Print the circles of all crates of this tree with `python -m tests.support.rust_
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -236,9 +237,8 @@ def _name(file: Path, source: Path) -> str:
     return file.relative_to(source).as_posix()
 
 
-def crate_cycles(source: Path) -> list[str]:
-    """The circles of a crate's files: each as text, with the lines that tie its files together."""
-    imports = crate_imports(source)
+def describe_cycles(imports: dict[str, dict[str, list[Reference]]]) -> list[str]:
+    """The circles in the result of `crate_imports`, each with the lines that tie its files."""
     found = []
     for group in cycles({file: set(needed) for file, needed in imports.items()}):
         lines = [f"{len(group)} files need each other: {', '.join(group)}"]
@@ -256,7 +256,8 @@ def main() -> None:
     """Print the circles of all crates."""
     root = Path(__file__).parents[2]
     for source in sorted(root.glob("crates/*/src")):
-        print(f"# {source.parent.name}", *crate_cycles(source), sep="\n\n", end="\n\n")  # noqa: T201
+        circles = describe_cycles(crate_imports(source))
+        sys.stdout.write("\n\n".join([f"# {source.parent.name}", *circles]) + "\n\n")
 
 
 if __name__ == "__main__":
