@@ -31,6 +31,9 @@ MIN_CERTAIN = 0.9
 MIN_CONFIDENCE = 0.2
 """Below this confidence (0 to 1) no format is taken as detected."""
 
+_MAX_STRAY_PER = 50
+"""A text has at most one control character in so many bytes."""
+
 _ASCII = bytes(range(0x80))
 _TEXT_BYTES = bytes([*range(0x20, 0x7F), *b"\t\n\v\f\r\x1b"])
 
@@ -79,14 +82,19 @@ def _refusal(sample: bytes, best: str, reason: str) -> str:
 
 
 def is_text(sample: bytes) -> bool:
-    """Whether these bytes can be text: no control characters, and UTF-8 or mostly ASCII.
+    """Whether these bytes can be text: hardly any control characters, and UTF-8 or mostly ASCII.
+
+    A bell, an end-of-file mark or the zeros behind a log that lost power do not make it binary.
 
     >>> is_text(b"12:00 Rx: 01 03"), is_text(bytes.fromhex("0103006b00037417"))
     (True, False)
     """
-    strange = len(sample.translate(None, _TEXT_BYTES))
-    high = len(sample.translate(None, _ASCII))
-    return strange == high and (high * 3 <= len(sample) or is_utf8(sample))
+    text = sample.rstrip(b"\0")
+    high = len(text.translate(None, _ASCII))
+    controls = len(text.translate(None, _TEXT_BYTES)) - high
+    if (sample and not text) or controls * _MAX_STRAY_PER > len(text):
+        return False
+    return high * 3 <= len(text) or is_utf8(text)
 
 
 def _forced(

@@ -316,3 +316,33 @@ def test_a_growing_log_is_followed(name: str, tmp_path: Path) -> None:
         run.terminate()
         run.wait()
         run.stdout.close()
+
+
+@pytest.mark.parametrize("order", [None, "hex", "raw"])
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        (
+            "bell in a line",
+            lambda log: log.replace(b"0103006b00037417\n", b"0103006b00037417\x07\n", 1),
+        ),
+        ("zero in a line", lambda log: log.replace(b"74", b"7\x004", 1)),
+        ("escape in front", lambda log: b"\x01\x02" + log),
+        ("Ctrl-Z at the end", lambda log: log + b"\x1a"),
+        ("zeros behind", lambda log: log + bytes(5000)),
+        ("zeros behind the sample", lambda log: log * 200 + bytes(100_000)),
+    ],
+)
+def test_a_stray_byte_hides_no_log(
+    name: str, change: Callable[[bytes], bytes], order: str | None, frames: Decode
+) -> None:
+    """One line is not understood, that is all; `--from raw` is told what it is."""
+    log = f"{WIRE[0]}\n{WIRE[1]}\n".encode() * 20
+    data = change(log)
+    if order == "raw":
+        with pytest.raises(SourceError, match="hex"):
+            frames(data, read_as=order)
+        return
+    found = frames(data, read_as=order)
+    assert set(found) == set(WIRE), name
+    assert len(found) >= len(frames(log)) - 2

@@ -18,6 +18,9 @@ pub const UNPROVED: f64 = 0.2;
 /// A more specific row is preferred to the one with the best score if its own score is at least this share of it.
 const MIN_SHARE_OF_BEST: f64 = 0.9;
 
+/// A text has at most one control character in so many bytes: a bell, an end-of-file mark, noise at a console's start.
+const MAX_STRAY_PER: usize = 50;
+
 /// How well a set of rows reads a text.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
@@ -55,7 +58,17 @@ pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<FormatGuess
         return vec![("saleae-digital".into(), 1.0, String::from("times, and levels of channels"))];
     }
     let suffix = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
-    let control_chars = sample.iter().filter(|b| **b < 0x20 && !matches!(b, b'\n' | b'\r' | b'\t' | 0x0B | 0x0C | 0x1B)).count();
+    // A file system that lost power leaves a log with a tail of zeros.
+    let text = sample.iter().rposition(|&b| b != 0).map_or(&sample[..0], |last| &sample[..=last]);
+    let control_chars = text.iter().filter(|b| **b < 0x20 && !matches!(b, b'\n' | b'\r' | b'\t' | 0x0B | 0x0C | 0x1B)).count();
+    let has_strays = control_chars > 0 || text.len() < sample.len();
+    if has_strays && control_chars * MAX_STRAY_PER <= text.len() {
+        // A few stray bytes do not make a log binary, if checksums prove what its lines say.
+        if let Some(guess) = text_guess(text, dialects).filter(|(_, confidence, _)| *confidence > UNPROVED) {
+            return vec![guess, ("raw".into(), 0.1, String::from("any bytes can be raw"))];
+        }
+    }
+    let control_chars = control_chars + (sample.len() - text.len());
     if sample.is_empty() || control_chars > 0 {
         let reason = format!("{control_chars} of {} bytes are control characters: no text", sample.len());
         let confidence = if matches!(suffix.as_str(), "bin" | "raw" | "dat") { 1.0 } else { 0.9 };
