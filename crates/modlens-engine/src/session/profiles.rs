@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use crate::findings::{self, Found};
 use crate::pairing::PendingTransaction;
+use modlens_profiles::points::order_check::OrderCheck;
 use modlens_profiles::points::sunspec::{marker, Chain};
-use modlens_profiles::points::watch::OrderCheck;
 use modlens_profiles::points::{Plan, PlanInstance};
 use modlens_protocol::functions::{Functions, Operation};
 use modlens_protocol::pdu::u16_at;

@@ -12,19 +12,19 @@ use std::ops::Range;
 pub struct LayoutEntry {
     /// The address of its first register or bit.
     pub address: u16,
-    /// Index of its fast decoder in `Plan::shortcuts`.
-    pub(super) shortcut: u16,
+    /// Index of its fast decoder in `Plan::decoders`.
+    pub(super) decoder: u16,
     compiled: u32,
 }
 
 impl LayoutEntry {
-    pub(super) fn value(address: u16, shortcut: u16, compiled: u32) -> Self {
-        Self { address, shortcut, compiled }
+    pub(super) fn value(address: u16, decoder: u16, compiled: u32) -> Self {
+        Self { address, decoder, compiled }
     }
 
     /// The entry of a register or bit that belongs to no value.
     pub fn bare(address: u16) -> Self {
-        Self { address, shortcut: 0, compiled: u32::MAX }
+        Self { address, decoder: 0, compiled: u32::MAX }
     }
 
     /// Index of its value in the plan; `None` for a bare register or bit.
@@ -39,8 +39,8 @@ impl LayoutEntry {
 pub enum LayoutPart {
     /// Addresses without any point of the plan nearby.
     Bare(Range<usize>),
-    /// A range of the layout's steps, all of them complete values or bare registers.
-    Steps(Range<usize>),
+    /// A range of the layout's entries, all of them complete values or bare registers.
+    Entries(Range<usize>),
     /// Registers in which a value may be cut off by the end of the block.
     PartialBlock(PartialBlock),
 }
@@ -49,9 +49,9 @@ pub enum LayoutPart {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PartialBlock {
     /// The addresses of the registers.
-    pub place: Range<usize>,
-    /// The range of the layout's steps that begin in them.
-    pub steps: Range<usize>,
+    pub addresses: Range<usize>,
+    /// The range of the layout's entries that begin in them.
+    pub entries: Range<usize>,
 }
 
 /// Finds the steps of one table of a device by address.
@@ -64,7 +64,7 @@ pub struct Layout {
 #[derive(Debug)]
 struct Region {
     first: usize,
-    /// For each address, and for the end: the index of its first step, and whether the address is clean.
+    /// For each address, and for the end: the index of its first entry, and whether the address is clean.
     borders: Vec<(u32, bool)>,
 }
 
@@ -72,9 +72,9 @@ struct Region {
 const MAX_GAP_REGISTERS: usize = 64;
 
 impl Layout {
-    /// Lays out values `(address, width, step)`, sorted by address, and appends their steps and those of the bare
+    /// Lays out values `(address, width, entry)`, sorted by address, and appends their entries and those of the bare
     /// registers between them.
-    pub fn new(values: &[(u16, u16, LayoutEntry)], steps: &mut Vec<LayoutEntry>) -> Self {
+    pub fn new(values: &[(u16, u16, LayoutEntry)], entries: &mut Vec<LayoutEntry>) -> Self {
         let mut regions: Vec<Region> = Vec::new();
         let mut values_end = 0;
         let mut next = values.iter().peekable();
@@ -82,16 +82,16 @@ impl Layout {
             let first = usize::from(*address);
             let mut region = Region { first, borders: Vec::new() };
             for at in first.. {
-                region.borders.push((steps.len() as u32, values_end <= at));
+                region.borders.push((entries.len() as u32, values_end <= at));
                 if values_end <= at && next.peek().is_none_or(|(address, ..)| usize::from(*address) > at + MAX_GAP_REGISTERS) {
                     break;
                 }
-                while let Some((_, width, step)) = next.next_if(|(address, ..)| usize::from(*address) == at) {
+                while let Some((_, width, entry)) = next.next_if(|(address, ..)| usize::from(*address) == at) {
                     values_end = values_end.max(at + usize::from(*width));
-                    steps.push(*step);
+                    entries.push(*entry);
                 }
                 if values_end <= at {
-                    steps.push(LayoutEntry::bare(at as u16));
+                    entries.push(LayoutEntry::bare(at as u16));
                 }
             }
             regions.push(region);
@@ -100,22 +100,22 @@ impl Layout {
     }
 
     /// Splits a block of `count` registers or bits from address `first` into parts.
-    pub fn pieces(&self, first: u16, count: usize, mut piece: impl FnMut(LayoutPart)) {
+    pub fn split_block(&self, first: u16, count: usize, mut part: impl FnMut(LayoutPart)) {
         let (mut at, end) = (usize::from(first), usize::from(first) + count);
         for region in &self.regions[self.regions.partition_point(|region| region.end() <= at)..] {
             if region.first >= end {
                 break;
             }
             if at < region.first {
-                piece(LayoutPart::Bare(at..region.first));
+                part(LayoutPart::Bare(at..region.first));
                 at = region.first;
             }
             let block_end = end.min(region.end());
-            region.pieces(at..block_end, &mut piece);
+            region.split_block(at..block_end, &mut part);
             at = block_end;
         }
         if at < end {
-            piece(LayoutPart::Bare(at..end));
+            part(LayoutPart::Bare(at..end));
         }
     }
 }
@@ -127,21 +127,25 @@ impl Region {
 
     /// Splits the part of a block that lies inside this region: the clean middle, and an edge before and after it.
     #[inline]
-    fn pieces(&self, block: Range<usize>, piece: &mut impl FnMut(LayoutPart)) {
+    fn split_block(&self, block: Range<usize>, part: &mut impl FnMut(LayoutPart)) {
         let clean = |at: &usize| self.borders[at - self.first].1;
-        let step = |at: usize| self.borders[at - self.first].0 as usize;
-        let edge =
-            |place: Range<usize>| LayoutPart::PartialBlock(PartialBlock { steps: step(place.start)..step(place.end), place });
-        let Some(from) = (block.start..=block.end).find(clean) else { return piece(edge(block)) };
+        let entry_index = |at: usize| self.borders[at - self.first].0 as usize;
+        let partial_block = |addresses: Range<usize>| {
+            LayoutPart::PartialBlock(PartialBlock {
+                entries: entry_index(addresses.start)..entry_index(addresses.end),
+                addresses,
+            })
+        };
+        let Some(from) = (block.start..=block.end).find(clean) else { return part(partial_block(block)) };
         let to = (from..=block.end).rev().find(clean).unwrap_or(from);
         if block.start < from {
-            piece(edge(block.start..from));
+            part(partial_block(block.start..from));
         }
         if from < to {
-            piece(LayoutPart::Steps(step(from)..step(to)));
+            part(LayoutPart::Entries(entry_index(from)..entry_index(to)));
         }
         if to < block.end {
-            piece(edge(to..block.end));
+            part(partial_block(to..block.end));
         }
     }
 }

@@ -5,22 +5,22 @@
 //! registers: a value that is cut at the end of a read, or split over two reads, is not put together, because the
 //! device may have changed it in between.
 
-mod convert;
+mod conversion;
+mod fast_decoder;
 mod layout;
-mod shortcut;
+pub mod order_check;
 pub mod sunspec;
 mod value;
-pub mod watch;
 
 use std::sync::Arc;
 
 use crate::profile::{Point, Profile};
 use modlens_protocol::register_type::Space;
 
+use fast_decoder::{FastDecoder, NO_NUMBER};
 use layout::Layout;
-use shortcut::{FastDecoder, NOTHING};
 
-pub use convert::Conversion;
+pub use conversion::Conversion;
 pub use layout::{LayoutEntry, LayoutPart, PartialBlock};
 pub use value::{push_float, Value};
 
@@ -38,9 +38,9 @@ pub struct CompiledPoint {
     pub point: u32,
     /// Index of the scale factor that it needs, in `PlanInstance::factors`.
     pub factor: Option<u16>,
-    convert: Conversion,
-    /// Index in `Plan::shortcuts`.
-    shortcut: u16,
+    conversion: Conversion,
+    /// Index in `Plan::decoders`.
+    decoder: u16,
 }
 
 /// A compiled profile.
@@ -51,20 +51,20 @@ pub struct Plan {
     compiled: Vec<CompiledPoint>,
     /// For each table (coils, discrete inputs, input registers, holding registers), its index range in `compiled`,
     /// where the values of a table are sorted by address.
-    spaces: [(u32, u32); 4],
+    table_ranges: [(u32, u32); 4],
     /// Fast decoders for numbers, shared by all points that are encoded alike. The first one decodes a register without
     /// a point.
-    shortcuts: Vec<FastDecoder>,
-    /// For each table, where its addresses are found in `steps`.
+    decoders: Vec<FastDecoder>,
+    /// For each table, where its addresses are found in `entries`.
     layouts: [Layout; 4],
-    steps: Vec<LayoutEntry>,
+    entries: Vec<LayoutEntry>,
     /// The values that contain scale factors, as indices into `compiled`.
-    holders: Vec<u32>,
-    wide: Vec<MultiRegisterPoint>,
+    scale_factor_points: Vec<u32>,
+    multi_register_points: Vec<MultiRegisterPoint>,
 }
 
 /// A number of several registers. Its register and byte order matters, so it is checked against the traffic (see
-/// `watch`).
+/// `order_check`).
 #[derive(Clone, Copy, Debug)]
 pub struct MultiRegisterPoint {
     /// The table that it belongs to.
@@ -82,23 +82,24 @@ pub struct MultiRegisterPoint {
 pub struct PlanInstance {
     /// The plan.
     pub plan: Arc<Plan>,
-    /// The power of ten of each scale factor in `Plan::holders`; `None` until it was read.
+    /// The power of ten of each scale factor, in the order of `Plan::scale_factor_points`; `None` until it was read.
     factors: Vec<Option<i32>>,
 }
 
 impl Plan {
     /// Compiles a profile.
     pub fn new(profile: Profile) -> Self {
-        let mut plan = Self { profile, shortcuts: vec![FastDecoder::BARE], ..Self::default() };
+        let mut plan = Self { profile, decoders: vec![FastDecoder::BARE], ..Self::default() };
         plan.compile();
-        plan.wide = (0..plan.compiled.len() as u32).filter_map(|index| plan.multi_register_point(index)).collect();
+        plan.multi_register_points =
+            (0..plan.compiled.len() as u32).filter_map(|index| plan.multi_register_point(index)).collect();
         for (space, layout) in Space::ALL.iter().zip(&mut plan.layouts) {
-            let (start, end) = plan.spaces[space.0 as usize];
+            let (start, end) = plan.table_ranges[space.0 as usize];
             let values = (start..end).map(|index| {
                 let value = &plan.compiled[index as usize];
-                (value.address, value.width, LayoutEntry::value(value.address, value.shortcut, index))
+                (value.address, value.width, LayoutEntry::value(value.address, value.decoder, index))
             });
-            *layout = Layout::new(&values.collect::<Vec<_>>(), &mut plan.steps);
+            *layout = Layout::new(&values.collect::<Vec<_>>(), &mut plan.entries);
         }
         plan
     }
@@ -107,20 +108,21 @@ impl Plan {
     /// factors.
     fn compile(&mut self) {
         let scale_factor_of = |point: &Point| point.sf.clone().map(|sf| (point.scope, sf));
-        let mut holders: Vec<(u16, String)> = self.profile.points.iter().filter_map(scale_factor_of).collect();
-        holders.sort_unstable();
-        holders.dedup();
+        let mut scale_factor_points: Vec<(u16, String)> = self.profile.points.iter().filter_map(scale_factor_of).collect();
+        scale_factor_points.sort_unstable();
+        scale_factor_points.dedup();
         let mut all: Vec<(Space, CompiledPoint)> = Vec::new();
         for (i, point) in self.profile.points.iter().enumerate() {
-            let factor = scale_factor_of(point).and_then(|sf| holders.binary_search(&sf).ok()).map(|slot| slot as u16);
-            let convert = Conversion::new(point);
-            let shortcut = shared(&mut self.shortcuts, FastDecoder::new(point, &convert, factor));
-            let (address, width) = (point.address, point.step());
-            let base = CompiledPoint { address, width, name: String::new(), point: i as u32, factor, convert, shortcut };
-            all.extend(values(point, &base).map(|compiled| (point.space, compiled)));
+            let factor =
+                scale_factor_of(point).and_then(|sf| scale_factor_points.binary_search(&sf).ok()).map(|slot| slot as u16);
+            let conversion = Conversion::new(point);
+            let decoder = shared_decoder(&mut self.decoders, FastDecoder::new(point, &conversion, factor));
+            let (address, width) = (point.address, point.registers_per_value());
+            let base = CompiledPoint { address, width, name: String::new(), point: i as u32, factor, conversion, decoder };
+            all.extend(point_values(point, &base).map(|compiled| (point.space, compiled)));
         }
         all.sort_by_key(|(space, compiled)| (*space, compiled.address));
-        for (space, range) in self.spaces.iter_mut().enumerate() {
+        for (space, range) in self.table_ranges.iter_mut().enumerate() {
             let at = |space: usize| all.partition_point(|(other, _)| (*other as usize) < space) as u32;
             *range = (at(space), at(space + 1));
         }
@@ -131,7 +133,7 @@ impl Plan {
             })
         };
         // Always found: reading a profile fails if a scale factor refers to no point.
-        self.holders = holders.iter().filter_map(named).map(|at| at as u32).collect();
+        self.scale_factor_points = scale_factor_points.iter().filter_map(named).map(|at| at as u32).collect();
         self.compiled = all.into_iter().map(|(_, compiled)| compiled).collect();
     }
 
@@ -145,13 +147,13 @@ impl Plan {
     fn multi_register_point(&self, compiled: u32) -> Option<MultiRegisterPoint> {
         let value = self.compiled_point(compiled);
         let point = self.point(value);
-        let wide = MultiRegisterPoint { space: point.space, address: value.address, width: value.width, compiled };
-        (value.width > 1 && point.kind.is_number()).then_some(wide)
+        let candidate = MultiRegisterPoint { space: point.space, address: value.address, width: value.width, compiled };
+        (value.width > 1 && point.kind.is_number()).then_some(candidate)
     }
 
     /// The numbers of several registers, sorted by table and address.
     pub fn multi_register_points(&self) -> &[MultiRegisterPoint] {
-        &self.wide
+        &self.multi_register_points
     }
 
     /// All values, sorted by table and address.
@@ -165,66 +167,66 @@ impl Plan {
         &self.profile.points[compiled.point as usize]
     }
 
-    /// The steps of all layouts, to which the ranges of `LayoutPart::Steps` and `PartialBlock::steps` refer.
+    /// The entries of all layouts, to which the ranges of `LayoutPart::Entries` and `PartialBlock::entries` refer.
     #[inline]
-    pub fn steps(&self) -> &[LayoutEntry] {
-        &self.steps
+    pub fn entries(&self) -> &[LayoutEntry] {
+        &self.entries
     }
 
-    /// Splits a block of `count` registers or bits from address `first` into parts: slices of `steps`, bare registers,
-    /// and edges.
+    /// Splits a block of `count` registers or bits from address `first` into parts: slices of `entries`, bare
+    /// registers, and partial blocks at its ends.
     #[inline]
-    pub fn split_block(&self, space: Space, first: u16, count: usize, piece: impl FnMut(LayoutPart)) {
-        self.layouts[space as usize].pieces(first, count, piece);
+    pub fn split_block(&self, space: Space, first: u16, count: usize, part: impl FnMut(LayoutPart)) {
+        self.layouts[space as usize].split_block(first, count, part);
     }
 
-    /// Lists the steps of an edge by address: the values that lie completely inside it, and every register that belongs
-    /// to none of those.
-    pub fn partial_block(&self, edge: &PartialBlock, mut step: impl FnMut(LayoutEntry)) {
-        // Registers before `covered` belong to steps that were passed on already.
-        let mut covered = edge.place.start;
-        for entry in &self.steps[edge.steps.clone()] {
+    /// Lists the entries of a partial block by address: the values that lie completely inside it, and every register
+    /// that belongs to none of those.
+    pub fn partial_block(&self, partial_block: &PartialBlock, mut visit: impl FnMut(LayoutEntry)) {
+        // Registers before `covered` belong to entries that were passed on already.
+        let mut covered = partial_block.addresses.start;
+        for entry in &self.entries[partial_block.entries.clone()] {
             let first = usize::from(entry.address);
-            (covered..first).for_each(|address| step(LayoutEntry::bare(address as u16)));
+            (covered..first).for_each(|address| visit(LayoutEntry::bare(address as u16)));
             covered = covered.max(first);
-            let end = first + usize::from(self.shortcuts[usize::from(entry.shortcut)].width);
-            if end <= edge.place.end {
-                step(*entry);
+            let end = first + usize::from(self.decoders[usize::from(entry.decoder)].width);
+            if end <= partial_block.addresses.end {
+                visit(*entry);
                 covered = covered.max(end);
             }
         }
-        (covered..edge.place.end).for_each(|address| step(LayoutEntry::bare(address as u16)));
+        (covered..partial_block.addresses.end).for_each(|address| visit(LayoutEntry::bare(address as u16)));
     }
 
-    /// Lists the steps of a block of `count` registers or bits, by address: the values that lie completely inside it,
+    /// Lists the entries of a block of `count` registers or bits, by address: the values that lie completely inside it,
     /// and every register or bit that belongs to none of those.
-    pub fn block(&self, space: Space, first: u16, count: usize, mut step: impl FnMut(LayoutEntry)) {
-        self.split_block(space, first, count, |piece| match piece {
-            LayoutPart::Bare(place) => place.for_each(|address| step(LayoutEntry::bare(address as u16))),
-            LayoutPart::Steps(steps) => self.steps[steps].iter().for_each(|entry| step(*entry)),
-            LayoutPart::PartialBlock(edge) => self.partial_block(&edge, &mut step),
+    pub fn block(&self, space: Space, first: u16, count: usize, mut visit: impl FnMut(LayoutEntry)) {
+        self.split_block(space, first, count, |part| match part {
+            LayoutPart::Bare(addresses) => addresses.for_each(|address| visit(LayoutEntry::bare(address as u16))),
+            LayoutPart::Entries(entries) => self.entries[entries].iter().for_each(|entry| visit(*entry)),
+            LayoutPart::PartialBlock(partial_block) => self.partial_block(&partial_block, &mut visit),
         });
     }
 }
 
 /// The number of different fast decoders that a plan keeps. Further points only share a slow decoder per width, so that
-/// the linear search in `shared` stays short.
-const MAX_SHORTCUTS: usize = 1024;
+/// the linear search in `shared_decoder` stays short.
+const MAX_DECODERS: usize = 1024;
 
 /// The index of a fast decoder, which is added if no point has needed it before. The points of a plan need few
 /// different ones.
-fn shared(shortcuts: &mut Vec<FastDecoder>, wanted: FastDecoder) -> u16 {
-    let wanted = if shortcuts.len() < MAX_SHORTCUTS { wanted } else { FastDecoder::general(wanted.width) };
-    let known = shortcuts.iter().position(|known| *known == wanted);
+fn shared_decoder(decoders: &mut Vec<FastDecoder>, wanted: FastDecoder) -> u16 {
+    let wanted = if decoders.len() < MAX_DECODERS { wanted } else { FastDecoder::general(wanted.width) };
+    let known = decoders.iter().position(|known| *known == wanted);
     known.unwrap_or_else(|| {
-        shortcuts.push(wanted);
-        shortcuts.len() - 1
+        decoders.push(wanted);
+        decoders.len() - 1
     }) as u16
 }
 
 /// The values of a point: one, or the items of an array at consecutive addresses.
-fn values<'a>(point: &'a Point, base: &'a CompiledPoint) -> impl Iterator<Item = CompiledPoint> + 'a {
-    let (width, length) = (point.step(), point.length());
+fn point_values<'a>(point: &'a Point, base: &'a CompiledPoint) -> impl Iterator<Item = CompiledPoint> + 'a {
+    let (width, length) = (point.registers_per_value(), point.value_count());
     (0..length).map(move |i| CompiledPoint {
         address: point.address + i * width,
         name: if length > 1 { format!("{}[{i}]", point.name) } else { point.name.clone() },
@@ -235,7 +237,7 @@ fn values<'a>(point: &'a Point, base: &'a CompiledPoint) -> impl Iterator<Item =
 impl PlanInstance {
     /// A plan with no scale factor known yet.
     pub fn new(plan: Arc<Plan>) -> Self {
-        let factors = vec![None; plan.holders.len()];
+        let factors = vec![None; plan.scale_factor_points.len()];
         Self { plan, factors }
     }
 
@@ -244,9 +246,10 @@ impl PlanInstance {
     #[must_use]
     pub fn extended(&self, plan: Arc<Plan>) -> Self {
         let mut larger = Self::new(plan);
-        for (slot, &holder) in larger.plan.holders.iter().enumerate() {
-            let address = larger.plan.compiled_point(holder).address;
-            let known = self.plan.holders.iter().position(|&other| self.plan.compiled_point(other).address == address);
+        for (slot, &factor_point) in larger.plan.scale_factor_points.iter().enumerate() {
+            let address = larger.plan.compiled_point(factor_point).address;
+            let known =
+                self.plan.scale_factor_points.iter().position(|&other| self.plan.compiled_point(other).address == address);
             larger.factors[slot] = known.and_then(|slot| self.factors[slot]);
         }
         larger
@@ -264,36 +267,43 @@ impl PlanInstance {
                 _ => return Value::Missing,
             },
         };
-        self.labelled(compiled, compiled.convert.value(bytes, factor), || compiled.convert.raw(bytes))
+        self.with_label(compiled, compiled.conversion.value(bytes, factor), || compiled.conversion.raw(bytes))
     }
 
-    /// Passes on the numbers of consecutive steps in a block of registers, `NOTHING` for a step without a number. A
+    /// Passes on the numbers of consecutive entries in a block of registers, `NO_NUMBER` for an entry without one. A
     /// tight loop over fast decoders, which gives the same numbers as `value` does one at a time.
-    pub fn numbers(&self, steps: &[LayoutEntry], first: u16, bytes: &[u8], part: &mut NumberBuffer, each: impl FnMut(&[f64])) {
-        let (shortcuts, factors) = (&self.plan.shortcuts[..], &self.factors[..]);
-        part.of(steps, each, |step| {
-            let at = 2 * usize::from(step.address.wrapping_sub(first));
-            let number = shortcuts[usize::from(step.shortcut)].number(bytes, at, factors);
-            number.unwrap_or_else(|()| self.long_number(*step, bytes, at))
+    pub fn numbers(
+        &self,
+        entries: &[LayoutEntry],
+        first: u16,
+        bytes: &[u8],
+        buffer: &mut NumberBuffer,
+        each: impl FnMut(&[f64]),
+    ) {
+        let (decoders, factors) = (&self.plan.decoders[..], &self.factors[..]);
+        buffer.of(entries, each, |entry| {
+            let at = 2 * usize::from(entry.address.wrapping_sub(first));
+            let number = decoders[usize::from(entry.decoder)].number(bytes, at, factors);
+            number.unwrap_or_else(|()| self.long_number(*entry, bytes, at))
         });
     }
 
-    /// The number of a step by the general path through a `Value`, for points that the fast decoders do not cover.
+    /// The number of an entry by the general path through a `Value`, for points that the fast decoders do not cover.
     #[cold]
-    fn long_number(&self, step: LayoutEntry, bytes: &[u8], at: usize) -> f64 {
-        let compiled = step.compiled().map(|index| self.plan.compiled_point(index));
+    fn long_number(&self, entry: LayoutEntry, bytes: &[u8], at: usize) -> f64 {
+        let compiled = entry.compiled().map(|index| self.plan.compiled_point(index));
         let registers = compiled.and_then(|value| Some((value, bytes.get(at..at + 2 * usize::from(value.width))?)));
-        registers.and_then(|(value, bytes)| self.value(value, bytes).number()).unwrap_or(NOTHING)
+        registers.and_then(|(value, bytes)| self.value(value, bytes).number()).unwrap_or(NO_NUMBER)
     }
 
     /// The value of a coil or discrete input.
     pub fn bit<'p>(&'p self, compiled: &'p CompiledPoint, bit: i32) -> Value<'p> {
-        self.labelled(compiled, Conversion::bit(bit), || Some(i128::from(bit)))
+        self.with_label(compiled, Conversion::bit(bit), || Some(i128::from(bit)))
     }
 
     /// Replaces a number by its label or by the labels of its set bits, if the profile has any for the raw number.
     #[inline]
-    fn labelled<'p>(&'p self, compiled: &'p CompiledPoint, value: Value<'static>, raw: impl Fn() -> Option<i128>) -> Value<'p> {
+    fn with_label<'p>(&'p self, compiled: &'p CompiledPoint, value: Value<'static>, raw: impl Fn() -> Option<i128>) -> Value<'p> {
         let point = self.plan.point(compiled);
         if point.labels.is_empty() && point.bit_labels.is_empty() {
             return value;
@@ -310,21 +320,22 @@ impl PlanInstance {
 
     /// Whether the plan has scale factors, so that blocks must be searched for them.
     pub fn has_factors(&self) -> bool {
-        !self.plan.holders.is_empty()
+        !self.plan.scale_factor_points.is_empty()
     }
 
     /// Takes the scale factors from a block of registers that was read. Returns the plan with them if any has changed,
     /// or `None`.
     pub fn with_factors_from(&self, space: Space, first: u16, bytes: &[u8]) -> Option<Self> {
         let mut changed: Option<Self> = None;
-        for (slot, &holder) in self.plan.holders.iter().enumerate() {
-            let holder = self.plan.compiled_point(holder);
-            let start = usize::from(holder.address).checked_sub(usize::from(first)).map(|item| 2 * item);
-            let range = start.map(|start| start..start + 2 * usize::from(holder.width));
-            let same = self.plan.point(holder).space == space;
+        for (slot, &factor_point) in self.plan.scale_factor_points.iter().enumerate() {
+            let factor_point = self.plan.compiled_point(factor_point);
+            let start = usize::from(factor_point.address).checked_sub(usize::from(first)).map(|item| 2 * item);
+            let range = start.map(|start| start..start + 2 * usize::from(factor_point.width));
+            let same = self.plan.point(factor_point).space == space;
             let Some(bytes) = range.filter(|_| same).and_then(|range| bytes.get(range)) else { continue };
             // A larger exponent is no scale factor but a fault of the device.
-            let power = holder.convert.raw(bytes).and_then(|raw| i32::try_from(raw).ok()).filter(|power| power.abs() <= 20);
+            let power =
+                factor_point.conversion.raw(bytes).and_then(|raw| i32::try_from(raw).ok()).filter(|power| power.abs() <= 20);
             if self.factors[slot] != power {
                 changed.get_or_insert_with(|| self.clone()).factors[slot] = power;
             }
@@ -348,7 +359,7 @@ pub struct NumberBuffer([f64; PART_NUMBERS]);
 
 impl Default for NumberBuffer {
     fn default() -> Self {
-        Self([NOTHING; PART_NUMBERS])
+        Self([NO_NUMBER; PART_NUMBERS])
     }
 }
 
@@ -372,10 +383,10 @@ mod tests {
         Arc::new(Plan::new(Profile::parse(&format!("profile = 1\n{registers}"), ProfileFormat::Toml).unwrap()))
     }
 
-    fn steps(plan: &Plan, first: u16, count: usize) -> Vec<(u16, Option<String>)> {
+    fn entries(plan: &Plan, first: u16, count: usize) -> Vec<(u16, Option<String>)> {
         let mut found = Vec::new();
-        plan.block(Space::Holding, first, count, |step| {
-            found.push((step.address - first, step.compiled().map(|at| plan.compiled_point(at).name.clone())));
+        plan.block(Space::Holding, first, count, |entry| {
+            found.push((entry.address - first, entry.compiled().map(|at| plan.compiled_point(at).name.clone())));
         });
         found
     }
@@ -385,9 +396,9 @@ mod tests {
         let plan = plan("[[registers]]\nat='hr:10'\nname='a'\ntype='u32'\n[[registers]]\nat='hr:12'\nname='b'");
         let a = |item| (item, Some("a".to_owned()));
         let b = |item| (item, Some("b".to_owned()));
-        assert_eq!(steps(&plan, 10, 3), [a(0), b(2)]);
-        assert_eq!(steps(&plan, 11, 2), [(0, None), b(1)]);
-        assert_eq!(steps(&plan, 9, 2), [(0, None), (1, None)]);
+        assert_eq!(entries(&plan, 10, 3), [a(0), b(2)]);
+        assert_eq!(entries(&plan, 11, 2), [(0, None), b(1)]);
+        assert_eq!(entries(&plan, 9, 2), [(0, None), (1, None)]);
     }
 
     #[test]
@@ -395,7 +406,7 @@ mod tests {
         let plan = plan(
             "[[registers]]\nat='hr:5.0'\nname='run'\n[[registers]]\nat='hr:5.4-6'\nname='mode'\n[[registers]]\nat='hr:6'\nname='t'\ncount=2",
         );
-        let names: Vec<_> = steps(&plan, 5, 3).into_iter().map(|(item, name)| (item, name.unwrap())).collect();
+        let names: Vec<_> = entries(&plan, 5, 3).into_iter().map(|(item, name)| (item, name.unwrap())).collect();
         let expected = [(0, "run"), (0, "mode"), (1, "t[0]"), (2, "t[1]")];
         assert_eq!(names, expected.map(|(item, name)| (item, name.to_owned())));
         let bound = PlanInstance::new(Arc::clone(&plan));

@@ -28,7 +28,7 @@ pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
                 let message = format!("no point {sf:?} holds the scale factor");
                 mistakes.push(Mistake { line: point.lines.sf, key, message, hint });
             }
-            Some(holder) if !holder.kind.is_integer() || holder.length() != 1 || holder.sf.is_some() => {
+            Some(holder) if !holder.kind.is_integer() || holder.value_count() != 1 || holder.sf.is_some() => {
                 let message = format!("{sf:?} is no single whole number, which a scale factor is");
                 mistakes.push(Mistake::new(point.lines.sf, &key, message));
             }

@@ -131,7 +131,7 @@ pub struct KeyLines {
 
 impl Point {
     /// The number of registers or bits of one of its values.
-    pub fn step(&self) -> u16 {
+    pub fn registers_per_value(&self) -> u16 {
         match self.kind.registers() {
             0 => self.count,
             registers => registers,
@@ -139,8 +139,8 @@ impl Point {
     }
 
     /// The number of its values: more than one for an array.
-    pub fn length(&self) -> u16 {
-        self.count / self.step().max(1)
+    pub fn value_count(&self) -> u16 {
+        self.count / self.registers_per_value().max(1)
     }
 }
 

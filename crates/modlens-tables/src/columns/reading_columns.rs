@@ -25,7 +25,7 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     ("unit", |b, r| Cell::Int(i64::from(txn(b, r).unit))),
     ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
     ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
-    ("address", |_, r| Cell::Int(i64::from(r.step.address))),
+    ("address", |_, r| Cell::Int(i64::from(r.entry.address))),
     ("operation", |_, r| Cell::Word(if r.block.write { "write" } else { "read" })),
     ("status", |b, r| Cell::Word(txn(b, r).status.text())),
     ("raw", |b, r| raw(b, r).map_or(Cell::Null, Cell::Ints)),
@@ -49,8 +49,8 @@ pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let Some(bound) = &t.points else { return Cell::Null };
     let mut map = Map::new();
     for write in [true, false] {
-        each_part(batch, t, write, |items, item, step| {
-            let Some(compiled) = step.compiled().map(|at| bound.plan.compiled_point(at)) else { return };
+        each_part(batch, t, write, |items, item, entry| {
+            let Some(compiled) = entry.compiled().map(|at| bound.plan.compiled_point(at)) else { return };
             let value = value_of(items, item, bound, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
         });
@@ -92,7 +92,7 @@ fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a FrameRef {
 
 /// The plan and the point of a row, if a profile has one for it.
 fn point_of<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<(&'a PlanInstance, &'a CompiledPoint)> {
-    let (index, bound) = (at.step.compiled()?, txn(batch, at).points.as_deref()?);
+    let (index, bound) = (at.entry.compiled()?, txn(batch, at).points.as_deref()?);
     Some((bound, bound.plan.compiled_point(index)))
 }
 
@@ -169,8 +169,8 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
     for t in &batch.transactions {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for write in [true, false] {
-            each_part(batch, t, write, |items, item, step| {
-                let compiled = step.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
+            each_part(batch, t, write, |items, item, entry| {
+                let compiled = entry.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
                 let Some(items) = slice_of(items, item, width) else { return };
                 let raw = match items {
@@ -178,7 +178,7 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
                     Items::One(number) if !space.is_bits() => (number as u16).to_be_bytes().to_vec(),
                     bit => vec![bit.get(0) as u8],
                 };
-                visit(ReadingView { transaction: t, space, address: step.address, write, compiled, raw });
+                visit(ReadingView { transaction: t, space, address: entry.address, write, compiled, raw });
             });
         }
     }

@@ -36,25 +36,26 @@ enum Data {
     Coil(i32),
 }
 
-/// Consecutive rows of one block whose steps are consecutive, too.
+/// Consecutive rows of one block whose layout entries are consecutive, too.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     /// The number of the first row.
     row: u32,
     /// Index in `AllRows::blocks`.
     block: u32,
-    steps: Steps,
+    entries: EntrySource,
 }
 
-/// Where the steps of a run's rows are found.
+/// Where the layout entries of a run's rows are found.
 #[derive(Clone, Copy, Debug)]
-enum Steps {
+enum EntrySource {
     /// Registers or bits without a point, from this address on.
     Bare(u16),
-    /// Consecutive steps of the transaction's plan, from this index on.
+    /// Consecutive entries of the transaction's plan, from this index on.
     Plan(u32),
-    /// Consecutive steps of `AllRows::cut_steps`, from this index on. These belong to blocks that begin or end inside a value.
-    Own(u32),
+    /// Consecutive entries of `AllRows::cut_entries`, from this index on. These belong to blocks that begin or end
+    /// inside a value.
+    CutEntries(u32),
 }
 
 /// All rows of a batch. Shared by the views on it that filters make.
@@ -62,7 +63,7 @@ enum Steps {
 struct AllRows {
     blocks: Vec<ReadingBlock>,
     runs: Vec<Run>,
-    cut_steps: Vec<LayoutEntry>,
+    cut_entries: Vec<LayoutEntry>,
     /// The index of the run that contains each `STRIDE`th row, from which a row's run is found in a few steps.
     directory: Vec<u32>,
     rows: u32,
@@ -79,17 +80,17 @@ pub(super) struct ReadingRows {
     kept: Option<Arc<Vec<u32>>>,
 }
 
-/// One row: its step and the block that contains it.
+/// One row: its layout entry and the block that contains it.
 #[derive(Clone, Copy)]
 pub(super) struct ReadingRef<'a> {
     pub block: &'a ReadingBlock,
-    pub step: LayoutEntry,
+    pub entry: LayoutEntry,
 }
 
 impl ReadingRef<'_> {
     /// The index of its first register or bit in the block.
     pub fn index_in_block(&self) -> usize {
-        usize::from(self.step.address.wrapping_sub(self.block.first))
+        usize::from(self.entry.address.wrapping_sub(self.block.first))
     }
 }
 
@@ -180,7 +181,7 @@ impl ReadingRows {
         self.kept.as_ref().map_or(row as u32, |rows| rows[row])
     }
 
-    /// Looks up a row: its run by the directory, then its step.
+    /// Looks up a row: its run by the directory, then its layout entry.
     #[inline]
     pub fn item<'a>(&'a self, batch: &'a Batch, row: usize) -> ReadingRef<'a> {
         let (all, row) = (&*self.all, self.number(row));
@@ -190,15 +191,15 @@ impl ReadingRows {
         }
         let run = &all.runs[run_index];
         let (block, index_in_run) = (&all.blocks[run.block as usize], row - run.row);
-        let step = match run.steps {
-            Steps::Bare(address) => LayoutEntry::bare(address.wrapping_add(index_in_run as u16)),
-            Steps::Plan(from) => match &batch.transactions[block.txn as usize].points {
-                Some(bound) => bound.plan.steps()[(from + index_in_run) as usize],
+        let entry = match run.entries {
+            EntrySource::Bare(address) => LayoutEntry::bare(address.wrapping_add(index_in_run as u16)),
+            EntrySource::Plan(from) => match &batch.transactions[block.txn as usize].points {
+                Some(bound) => bound.plan.entries()[(from + index_in_run) as usize],
                 None => LayoutEntry::bare(block.first),
             },
-            Steps::Own(from) => all.cut_steps[(from + index_in_run) as usize],
+            EntrySource::CutEntries(from) => all.cut_entries[(from + index_in_run) as usize],
         };
-        ReadingRef { block, step }
+        ReadingRef { block, entry }
     }
 }
 
@@ -206,25 +207,25 @@ impl AllRows {
     /// Adds the rows of the last block in `blocks`, which has `count` registers or bits from address `first`. Without a
     /// plan each of them is a row.
     fn add_block_rows(&mut self, plan: Option<(&Plan, Space)>, first: u16, count: usize) {
-        let Some((plan, space)) = plan else { return self.add_run(Steps::Bare(first), count) };
+        let Some((plan, space)) = plan else { return self.add_run(EntrySource::Bare(first), count) };
         plan.split_block(space, first, count, |piece| match piece {
-            LayoutPart::Bare(Range { start, end }) => self.add_run(Steps::Bare(start as u16), end - start),
-            LayoutPart::Steps(Range { start, end }) => self.add_run(Steps::Plan(start as u32), end - start),
+            LayoutPart::Bare(Range { start, end }) => self.add_run(EntrySource::Bare(start as u16), end - start),
+            LayoutPart::Entries(Range { start, end }) => self.add_run(EntrySource::Plan(start as u32), end - start),
             LayoutPart::PartialBlock(edge) => {
-                let from = self.cut_steps.len();
-                plan.partial_block(&edge, |step| self.cut_steps.push(step));
-                self.add_run(Steps::Own(from as u32), self.cut_steps.len() - from);
+                let from = self.cut_entries.len();
+                plan.partial_block(&edge, |entry| self.cut_entries.push(entry));
+                self.add_run(EntrySource::CutEntries(from as u32), self.cut_entries.len() - from);
             }
         });
     }
 
     /// Adds a run of rows to the last block, and extends the directory.
-    fn add_run(&mut self, steps: Steps, rows: usize) {
+    fn add_run(&mut self, entries: EntrySource, rows: usize) {
         if rows == 0 {
             return;
         }
         let run = self.runs.len() as u32;
-        self.runs.push(Run { row: self.rows, block: self.blocks.len() as u32 - 1, steps });
+        self.runs.push(Run { row: self.rows, block: self.blocks.len() as u32 - 1, entries });
         self.rows += rows as u32;
         self.directory.resize(self.rows.div_ceil(STRIDE) as usize, run);
     }
@@ -239,21 +240,21 @@ impl AllRows {
     fn run_numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut NumberBuffer, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
         let bound = batch.transactions[block.txn as usize].points.as_deref();
-        let steps = match run.steps {
-            Steps::Bare(address) => {
+        let entries = match run.entries {
+            EntrySource::Bare(address) => {
                 return bare_numbers(&block.items(batch), address.wrapping_sub(block.first), count, buffer, each)
             }
-            Steps::Plan(from) => bound.map_or(&[][..], |bound| &bound.plan.steps()[from as usize..][..count]),
-            Steps::Own(from) => &self.cut_steps[from as usize..][..count],
+            EntrySource::Plan(from) => bound.map_or(&[][..], |bound| &bound.plan.entries()[from as usize..][..count]),
+            EntrySource::CutEntries(from) => &self.cut_entries[from as usize..][..count],
         };
         let Some(bound) = bound else { return };
         match block.data {
-            Data::Words(span) => bound.numbers(steps, block.first, span.of(&batch.arena), buffer, each),
-            Data::Register(value) => bound.numbers(steps, block.first, &(value as u16).to_be_bytes(), buffer, each),
+            Data::Words(span) => bound.numbers(entries, block.first, span.of(&batch.arena), buffer, each),
+            Data::Register(value) => bound.numbers(entries, block.first, &(value as u16).to_be_bytes(), buffer, each),
             Data::Bits(..) | Data::Coil(_) => {
                 let items = block.items(batch);
-                let bit = |step: &LayoutEntry| f64::from(items.get(usize::from(step.address.wrapping_sub(block.first))));
-                buffer.of(steps, each, bit);
+                let bit = |entry: &LayoutEntry| f64::from(items.get(usize::from(entry.address.wrapping_sub(block.first))));
+                buffer.of(entries, each, bit);
             }
         }
     }
@@ -275,14 +276,14 @@ fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Number
     }
 }
 
-/// Calls `part` for each part of what a transaction wrote or read: the block's values, the index of the part's first
-/// register or bit, and its step.
+/// Calls `part` for each value, bare register and bit that a transaction wrote or read: with the values of the block,
+/// the index of the first register or bit, and the layout entry.
 pub(super) fn each_part<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, LayoutEntry)) {
     let exchange = TransactionView::new(batch, t);
     let block = if write { exchange.written(batch) } else { exchange.read(batch) };
     let Some((first, items)) = block else { return };
     let space = exchange.space();
-    let mut part_at = |step: LayoutEntry| part(&items, step.address.wrapping_sub(first), step);
+    let mut part_at = |entry: LayoutEntry| part(&items, entry.address.wrapping_sub(first), entry);
     match t.points.as_deref().zip(space) {
         Some((PlanInstance { plan, .. }, space)) => plan.block(space, first, items.len(), part_at),
         None => (0..items.len()).for_each(|item| part_at(LayoutEntry::bare(first.wrapping_add(item as u16)))),

@@ -1,8 +1,8 @@
 //! Decodes registers to numbers in a tight loop, for simple points: integers of up to 32 bits with scale, offset, scale
 //! factor, "no value" and labels, and unscaled floats. The results equal `Value::number` of the general conversion in
-//! `convert`.
+//! `conversion`.
 
-use crate::points::convert::{Conversion, Interpretation};
+use crate::points::conversion::{Conversion, Interpretation};
 use crate::profile::{Decimal, Order, Point, Sentinel, Type};
 
 /// How the number of a point is decoded. Points that are encoded alike share one.
@@ -55,7 +55,7 @@ struct IntegerDecoder {
 }
 
 /// Stands for "this point has no number".
-pub const NOTHING: f64 = f64::NAN;
+pub const NO_NUMBER: f64 = f64::NAN;
 
 /// A raw number that 32 bits cannot represent.
 const NO_SENTINEL: i64 = i64::MIN;
@@ -76,8 +76,8 @@ impl FastDecoder {
     }
 
     /// Chooses the decoder of a point. `factor` is the index of its scale factor.
-    pub fn new(point: &Point, convert: &Conversion, factor: Option<u16>) -> Self {
-        let (width, general) = (point.step(), Self::general(point.step()));
+    pub fn new(point: &Point, conversion: &Conversion, factor: Option<u16>) -> Self {
+        let (width, general) = (point.registers_per_value(), Self::general(point.registers_per_value()));
         let has_no_scale = point.scale.is_none() && point.offset.is_none() && factor.is_none();
         let is_unscaled = has_no_scale && point.nan.is_empty();
         match point.kind {
@@ -92,7 +92,7 @@ impl FastDecoder {
         if !(has_no_scale || point.labels.is_empty() && point.bit_labels.is_empty()) {
             return general;
         }
-        let Some((integer, exponent)) = IntegerDecoder::for_point(point, convert) else { return general };
+        let Some((integer, exponent)) = IntegerDecoder::for_point(point, conversion) else { return general };
         if let Some(slot) = factor {
             return Self { width, kind: DecoderKind::Factor { exponent, slot }, integer };
         }
@@ -121,7 +121,7 @@ impl FastDecoder {
         }
         if self.kind == DecoderKind::Float {
             let number = f32::from_bits(self.integer.most_significant_first(u32::from_be_bytes(array(bytes, at)?)));
-            return Ok(if number.is_finite() { f64::from(number) } else { NOTHING });
+            return Ok(if number.is_finite() { f64::from(number) } else { NO_NUMBER });
         }
         if self.kind == DecoderKind::Integer {
             return Ok(self.integer.number(load_two_registers(bytes, at, self.width)?));
@@ -135,13 +135,13 @@ impl FastDecoder {
         match self.kind {
             DecoderKind::Factor { exponent, slot } => {
                 // A factor that was never seen is not guessed.
-                let Some(Some(power)) = factors.get(usize::from(slot)) else { return Ok(NOTHING) };
+                let Some(Some(power)) = factors.get(usize::from(slot)) else { return Ok(NO_NUMBER) };
                 let divisor = *POWERS.get(-(exponent + power) as usize).ok_or(())?;
                 Ok(IntegerDecoder { divisor, ..self.integer }.number(load_two_registers(bytes, at, self.width)?))
             }
             DecoderKind::Double(order) => {
                 let number = f64::from_bits(bits_of_four_registers(array(bytes, at)?, order));
-                Ok(if number.is_finite() { number } else { NOTHING })
+                Ok(if number.is_finite() { number } else { NO_NUMBER })
             }
             _ => Err(()),
         }
@@ -188,12 +188,12 @@ impl IntegerDecoder {
         }
     }
 
-    /// The scaled number in the loaded registers; `NOTHING` if the raw number means "no value".
+    /// The scaled number in the loaded registers; `NO_NUMBER` if the raw number means "no value".
     #[inline]
     fn number(&self, registers: u32) -> f64 {
         let raw = self.raw(self.most_significant_first(registers));
         if raw == self.nan {
-            return NOTHING;
+            return NO_NUMBER;
         }
         (raw * self.digits + self.offset) as f64 / self.divisor
     }
@@ -212,9 +212,9 @@ impl IntegerDecoder {
 
     /// The extraction of an integer point and the power of ten that its number must be multiplied with. `None` if the
     /// result would not be exact in an i64 and a float64.
-    fn for_point(point: &Point, convert: &Conversion) -> Option<(Self, i32)> {
+    fn for_point(point: &Point, conversion: &Conversion) -> Option<(Self, i32)> {
         let registers = point.kind.registers();
-        let (shift, width, interpretation) = convert.part();
+        let (shift, width, interpretation) = conversion.part();
         if !matches!(interpretation, Interpretation::Unsigned | Interpretation::Signed) || registers > 2 {
             return None;
         }

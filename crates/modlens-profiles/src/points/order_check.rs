@@ -15,9 +15,9 @@ const EVERY_ORDER: u8 = (1 << Order::ALL.len()) - 1;
 /// Samples of one unit's points that take more than one register. They are dropped once the point has been judged.
 #[derive(Debug, Default)]
 pub struct OrderCheck {
-    /// The samples of each point in `Plan::wide`.
+    /// The samples of each point in `Plan::wide_point`.
     points: Vec<Samples>,
-    open: Open,
+    unjudged: UnjudgedAddresses,
     /// The number of points that have been judged.
     judged: usize,
 }
@@ -25,7 +25,7 @@ pub struct OrderCheck {
 /// For each table, a bit per address: set if a value that is still to be judged begins there. Empty before the first
 /// block.
 #[derive(Debug, Default)]
-struct Open([Vec<u64>; 4]);
+struct UnjudgedAddresses([Vec<u64>; 4]);
 
 /// The samples of one point so far; empty once it has been judged.
 #[derive(Clone, Debug, Default)]
@@ -59,13 +59,14 @@ impl OrderCheck {
         if self.points.is_empty() {
             return plan.multi_register_points().is_empty();
         }
-        let Self { points, open, .. } = self;
-        let ready = |(at, wide, block): (usize, &MultiRegisterPoint, &[u8])| points[at].after_adding(plan, wide, block).1;
-        if open.within(plan, space, first, bytes).any(ready) {
+        let Self { points, unjudged, .. } = self;
+        let ready =
+            |(at, wide_point, block): (usize, &MultiRegisterPoint, &[u8])| points[at].after_adding(plan, wide_point, block).1;
+        if unjudged.unjudged_in_block(plan, space, first, bytes).any(ready) {
             return false;
         }
-        for (at, wide, block) in open.within(plan, space, first, bytes) {
-            points[at].add(plan, wide, block);
+        for (at, wide_point, block) in unjudged.unjudged_in_block(plan, space, first, bytes) {
+            points[at].add(plan, wide_point, block);
         }
         true
     }
@@ -76,17 +77,17 @@ impl OrderCheck {
             self.start(plan);
         }
         let (mut mismatches, mut judged) = (Vec::new(), Vec::<usize>::new());
-        for (at, wide, block) in self.open.within(plan, space, first, bytes) {
+        for (at, wide_point, block) in self.unjudged.unjudged_in_block(plan, space, first, bytes) {
             let point = &mut self.points[at];
-            if point.add(plan, wide, block) {
+            if point.add(plan, wide_point, block) {
                 let samples = std::mem::take(point);
-                mismatches.extend(samples.mismatch(plan, wide));
+                mismatches.extend(samples.mismatch(plan, wide_point));
                 judged.push(at);
             }
         }
         self.judged += judged.len();
         for at in judged {
-            self.open.close(&plan.multi_register_points()[at]);
+            self.unjudged.mark_judged(&plan.multi_register_points()[at]);
         }
         mismatches
     }
@@ -94,24 +95,24 @@ impl OrderCheck {
     /// Prepares for all points of the plan, when the first block arrives.
     fn start(&mut self, plan: &Plan) {
         self.points.resize_with(plan.multi_register_points().len(), Samples::default);
-        plan.multi_register_points().iter().for_each(|wide| self.open.add(wide));
+        plan.multi_register_points().iter().for_each(|wide_point| self.unjudged.add(wide_point));
     }
 }
 
-impl Open {
-    fn add(&mut self, wide: &MultiRegisterPoint) {
-        let open = &mut self.0[wide.space as usize];
-        open.resize(1024, 0);
-        open[usize::from(wide.address) / 64] |= 1 << (wide.address % 64);
+impl UnjudgedAddresses {
+    fn add(&mut self, wide_point: &MultiRegisterPoint) {
+        let unjudged = &mut self.0[wide_point.space as usize];
+        unjudged.resize(1024, 0);
+        unjudged[usize::from(wide_point.address) / 64] |= 1 << (wide_point.address % 64);
     }
 
-    fn close(&mut self, wide: &MultiRegisterPoint) {
-        self.0[wide.space as usize][usize::from(wide.address) / 64] &= !(1 << (wide.address % 64));
+    fn mark_judged(&mut self, wide_point: &MultiRegisterPoint) {
+        self.0[wide_point.space as usize][usize::from(wide_point.address) / 64] &= !(1 << (wide_point.address % 64));
     }
 
-    /// The values of a block that are still to be judged: their index in `Plan::wide`, and the bytes of their
+    /// The values of a block that are still to be judged: their index in `Plan::wide_point`, and the bytes of their
     /// registers.
-    fn within<'a>(
+    fn unjudged_in_block<'a>(
         &'a self,
         plan: &'a Plan,
         space: Space,
@@ -119,18 +120,22 @@ impl Open {
         bytes: &'a [u8],
     ) -> impl Iterator<Item = (usize, &'a MultiRegisterPoint, &'a [u8])> {
         let end = usize::from(first) + bytes.len() / 2;
-        let any = self.any(space, first, end);
+        let any = self.any_in(space, first, end);
         let first_index = if any {
-            plan.multi_register_points().partition_point(|wide| (wide.space, wide.address) < (space, first))
+            plan.multi_register_points().partition_point(|wide_point| (wide_point.space, wide_point.address) < (space, first))
         } else {
             usize::MAX
         };
-        let within = move |(_, wide): &(usize, &MultiRegisterPoint)| wide.space == space && usize::from(wide.address) < end;
-        plan.multi_register_points().iter().enumerate().skip(first_index).take_while(within).filter_map(move |(at, wide)| {
-            let start = 2 * usize::from(wide.address - first);
-            let block = bytes.get(start..start + 2 * usize::from(wide.width))?;
-            self.has(space, wide.address).then_some((at, wide, block))
-        })
+        let is_in_block = move |(_, wide_point): &(usize, &MultiRegisterPoint)| {
+            wide_point.space == space && usize::from(wide_point.address) < end
+        };
+        plan.multi_register_points().iter().enumerate().skip(first_index).take_while(is_in_block).filter_map(
+            move |(at, wide_point)| {
+                let start = 2 * usize::from(wide_point.address - first);
+                let block = bytes.get(start..start + 2 * usize::from(wide_point.width))?;
+                self.has(space, wide_point.address).then_some((at, wide_point, block))
+            },
+        )
     }
 
     fn has(&self, space: Space, address: u16) -> bool {
@@ -138,12 +143,12 @@ impl Open {
     }
 
     /// Whether a value that is still to be judged begins in the block. Checks 64 addresses at a time.
-    fn any(&self, space: Space, first: u16, end: usize) -> bool {
+    fn any_in(&self, space: Space, first: u16, end: usize) -> bool {
         let (mut at, last) = (usize::from(first), end.min(0x1_0000));
-        let open = &self.0[space as usize];
-        while at < last && !open.is_empty() {
+        let unjudged = &self.0[space as usize];
+        while at < last && !unjudged.is_empty() {
             let here = (64 - at % 64).min(last - at);
-            if open[at / 64] >> (at % 64) << (64 - here) != 0 {
+            if unjudged[at / 64] >> (at % 64) << (64 - here) != 0 {
                 return true;
             }
             at += here;
@@ -155,8 +160,8 @@ impl Open {
 impl Samples {
     /// The orders that are ruled out for a float once this sample is added (as in `implausible_orders`), and whether there are then
     /// enough samples to judge.
-    fn after_adding(&self, plan: &Plan, wide: &MultiRegisterPoint, block: &[u8]) -> (u8, bool) {
-        let point = plan.point(plan.compiled_point(wide.compiled));
+    fn after_adding(&self, plan: &Plan, wide_point: &MultiRegisterPoint, block: &[u8]) -> (u8, bool) {
+        let point = plan.point(plan.compiled_point(wide_point.compiled));
         let mut implausible_orders = self.implausible_orders;
         if is_float(point.kind) {
             implausible_orders |= 1 << point.order as u8;
@@ -164,37 +169,38 @@ impl Samples {
                 implausible_orders |= u8::from(!is_plausible_float(block, order)) << order as u8;
             }
         }
-        let enough = self.registers.len() + usize::from(wide.width) >= ENOUGH_SAMPLES * usize::from(wide.width);
+        let enough = self.registers.len() + usize::from(wide_point.width) >= ENOUGH_SAMPLES * usize::from(wide_point.width);
         (implausible_orders, enough || implausible_orders == EVERY_ORDER)
     }
 
     /// Adds a sample. Returns whether there are now enough to judge.
-    fn add(&mut self, plan: &Plan, wide: &MultiRegisterPoint, block: &[u8]) -> bool {
-        let (implausible_orders, enough) = self.after_adding(plan, wide, block);
+    fn add(&mut self, plan: &Plan, wide_point: &MultiRegisterPoint, block: &[u8]) -> bool {
+        let (implausible_orders, enough) = self.after_adding(plan, wide_point, block);
         self.implausible_orders = implausible_orders;
         if implausible_orders == EVERY_ORDER {
             return true;
         }
         if self.registers.is_empty() {
-            self.registers.reserve_exact(ENOUGH_SAMPLES * usize::from(wide.width));
+            self.registers.reserve_exact(ENOUGH_SAMPLES * usize::from(wide_point.width));
         }
         self.registers.extend(block.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])));
         enough
     }
 
     /// Judges a point: the mismatch, if another order is clearly more plausible than that of the profile.
-    fn mismatch(&self, plan: &Plan, wide: &MultiRegisterPoint) -> Option<Mismatch> {
-        let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide.width);
-        let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide.width)).filter(|_| enough).collect();
-        let point = plan.point(plan.compiled_point(wide.compiled));
-        let claims = rank_types(&rows, 0.0, None);
-        let best = claims.first().filter(|claim| claim.sure && claim.order != point.order)?;
+    fn mismatch(&self, plan: &Plan, wide_point: &MultiRegisterPoint) -> Option<Mismatch> {
+        let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide_point.width);
+        let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide_point.width)).filter(|_| enough).collect();
+        let point = plan.point(plan.compiled_point(wide_point.compiled));
+        let hypotheses = rank_types(&rows, 0.0, None);
+        let best = hypotheses.first().filter(|hypothesis| hypothesis.sure && hypothesis.order != point.order)?;
         // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings
         // as an integer.
         let same_kind_of_number = is_float(best.kind) == is_float(point.kind);
-        let profile_order_comes_close = claims.iter().any(|claim| claim.order == point.order && claim.bits + 6.0 > best.bits);
+        let profile_order_comes_close =
+            hypotheses.iter().any(|hypothesis| hypothesis.order == point.order && hypothesis.bits + 6.0 > best.bits);
         (same_kind_of_number && !profile_order_comes_close).then(|| Mismatch {
-            compiled: wide.compiled,
+            compiled: wide_point.compiled,
             order: best.order,
             reason: best.reason.clone(),
         })
