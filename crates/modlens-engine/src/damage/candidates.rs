@@ -4,16 +4,13 @@ use crate::damage::alignment::{align, Alignment, DAMAGE_COSTS};
 use crate::damage::expected_frame::{poll_request, ExpectedFrame};
 use crate::damage::kind::DamageKind;
 use crate::damage::region::UnframedRegion;
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet};
 use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
 use modlens_protocol::framing::RTU_LIMIT;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
-
-/// Unit, function code with the exception bit, exception code and CRC.
-const EXCEPTION_BYTES: usize = 5;
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
 pub(crate) struct Candidate {
@@ -57,7 +54,8 @@ impl UnframedRegion<'_, '_> {
         }
     }
 
-    /// Adds what the poll cycle and the units and functions seen on this line suggest at `start`.
+    /// Adds the requests of the poll cycle that may begin at `start`, and frames with a header that this line has shown. At the
+    /// beginning of a recording nothing is known yet, so that any header is tried there.
     pub(crate) fn add_familiar(&self, start: usize, candidates: &mut Vec<Candidate>) {
         let bytes = &self.bytes()[start..];
         let polls = &self.model.poll_cycle;
@@ -111,16 +109,17 @@ impl UnframedRegion<'_, '_> {
             }
         } else {
             score -= weights::EXCEPTION_BITS;
-            Some(EXCEPTION_BYTES)
+            Some(EXCEPTION_RESPONSE_BYTES)
         };
         if let Some(row) = row.filter(|_| code == function) {
-            score += row.field_limits[direction].iter().map(|permit| score::field_score(self.model, permit, body)).sum::<f32>();
+            score += row.field_limits[direction].iter().map(|limits| score::field_score(self.model, limits, body)).sum::<f32>();
         }
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
         score += self.end_bonus(end);
         let header = [unit, code];
         (score > 0.0 && score >= min_score(direction, header_cost)).then_some(Candidate {
             start,
+            // Unit, function code and one byte of the body: nothing else could begin inside these.
             core_end: (start + 3).min(self.length),
             end,
             score,

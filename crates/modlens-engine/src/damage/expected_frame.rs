@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::damage::region::UnframedRegion;
-use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
+use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BYTES};
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use modlens_protocol::checksum::crc16;
@@ -43,9 +43,9 @@ const ECHOED_BYTES: usize = 4;
 /// its response `11 03 06 ...`, its exception response `11 83 ...`, or the request itself as a damaged retry.
 pub fn expected_frames<'a>(region: &UnframedRegion<'a, '_>) -> Vec<ExpectedFrame<'a>> {
     let mut frames = Vec::with_capacity(4);
-    if let Some(asked) = region.context.asked {
-        frames.extend(responses(region, asked).into_iter().flatten());
-        frames.push(retry(asked));
+    if let Some(request) = region.context.asked {
+        frames.extend(responses(region, request).into_iter().flatten());
+        frames.push(retry(request));
     }
     match region.next_frame {
         Some((frame, Direction::Request)) => frames.push(whole_request(frame, DUE_FRAME_BITS)),
@@ -65,9 +65,9 @@ fn whole_request(frame: &[u8], selection_cost: f32) -> ExpectedFrame<'_> {
 }
 
 /// The outstanding request, sent once more.
-fn retry<'a>(asked: Asked<'_>) -> ExpectedFrame<'a> {
-    let mut bytes = vec![asked.unit];
-    bytes.extend_from_slice(asked.pdu);
+fn retry<'a>(request: Asked<'_>) -> ExpectedFrame<'a> {
+    let mut bytes = vec![request.unit];
+    bytes.extend_from_slice(request.pdu);
     bytes.extend(crc16(&bytes).to_le_bytes());
     ExpectedFrame { length: Some(bytes.len()), bytes: Cow::Owned(bytes), direction: REQUEST, selection_cost: RETRY_BITS }
 }
@@ -100,24 +100,24 @@ fn append_crc_if_complete(bytes: &mut Vec<u8>, length: Option<usize>) {
 
 /// Whether a response has the unit and the function of the outstanding request.
 fn answers_outstanding(region: &UnframedRegion<'_, '_>, frame: &[u8]) -> bool {
-    let asked = region.context.asked;
-    asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&(frame[1] & !EXCEPTION_BIT)))
+    let outstanding = region.context.asked;
+    outstanding.is_some_and(|request| request.unit == frame[0] && request.pdu.first() == Some(&(frame[1] & !EXCEPTION_BIT)))
 }
 
 /// Length in bytes of the normal response to this request, where the request determines it.
-pub fn response_length(region: &UnframedRegion<'_, '_>, asked: Asked<'_>) -> Option<usize> {
-    responses(region, asked)?[0].length
+pub fn response_length(region: &UnframedRegion<'_, '_>, request: Asked<'_>) -> Option<usize> {
+    responses(region, request)?[0].length
 }
 
 /// The normal response and the exception response to a request; `None` if the request has no function code.
-fn responses<'a>(region: &UnframedRegion<'a, '_>, asked: Asked<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
-    let (&code, body) = asked.pdu.split_first()?;
-    let mut bytes = vec![asked.unit, code];
+fn responses<'a>(region: &UnframedRegion<'a, '_>, request: Asked<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
+    let (&code, body) = request.pdu.split_first()?;
+    let mut bytes = vec![request.unit, code];
     let mut length = None;
     if let Some(row) = region.context.functions.row(code, body) {
         if row.has_equal_layouts && !row.echo.is_empty() {
             bytes.extend_from_slice(body);
-        } else if let Some(block) = expected_block(row, asked.pdu).and_then(|block| u8::try_from(block).ok()) {
+        } else if let Some(block) = expected_block(row, request.pdu).and_then(|block| u8::try_from(block).ok()) {
             bytes.push(block);
         } else if !row.echo.is_empty() && body.len() >= ECHOED_BYTES {
             bytes.extend_from_slice(&body[..ECHOED_BYTES]);
@@ -127,12 +127,12 @@ fn responses<'a>(region: &UnframedRegion<'a, '_>, asked: Asked<'_>) -> Option<[E
         }
         append_crc_if_complete(&mut bytes, length);
     }
-    let exception = vec![asked.unit, code | EXCEPTION_BIT];
+    let exception = vec![request.unit, code | EXCEPTION_BIT];
     Some([
         ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS },
         ExpectedFrame {
             bytes: Cow::Owned(exception),
-            length: Some(5),
+            length: Some(EXCEPTION_RESPONSE_BYTES),
             direction: RESPONSE,
             selection_cost: weights::EXCEPTION_BITS,
         },

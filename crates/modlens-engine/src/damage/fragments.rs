@@ -41,15 +41,15 @@ impl UnframedRegion<'_, '_> {
     /// bytes account for. `is_alone`: no damaged frame was recognised in the region.
     pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<DamagedFrame> {
         let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
-        let (direction, asked) = self.due_in_front(end, starts_recording)?;
+        let (direction, request) = self.due_in_front(end, starts_recording)?;
         if !(is_alone || starts_recording) || self.follows_damaged_frame || end > RTU_LIMIT {
             return None;
         }
         let bytes = &self.bytes()[..end];
-        let is_beginning = |&asked: &Asked<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, asked);
-        if let Some(asked) = asked.filter(is_beginning) {
+        let is_beginning = |&request: &Asked<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, request);
+        if let Some(request) = request.filter(is_beginning) {
             let is_unidentified = bytes.len() < 2;
-            let damage = self.is_followed_by(Some(asked)).then_some(DamageKind::Truncated { count: 0 });
+            let damage = self.is_followed_by(Some(request)).then_some(DamageKind::Truncated { count: 0 });
             return Some(DamagedFrame { is_unidentified, ..unidentified(0, end, direction, damage) });
         }
         // On a line with few stray bytes, zeros at the beginning are data.
@@ -61,8 +61,8 @@ impl UnframedRegion<'_, '_> {
         if length < min_length {
             return None;
         }
-        let expected_length = asked.and_then(|asked| response_length(self, asked));
-        let is_repeated = self.is_followed_by(asked);
+        let expected_length = request.and_then(|request| response_length(self, request));
+        let is_repeated = self.is_followed_by(request);
         let damage = match expected_length {
             Some(expected) if expected > length && expected - length <= length && !is_repeated => {
                 Some(DamageKind::LostBytes { at: 0, count: expected - length })
@@ -86,7 +86,7 @@ impl UnframedRegion<'_, '_> {
                 Some((self.context.speaker.unwrap_or(Direction::Unknown), None))
             }
             _ if self.context.speaker.is_some() && !starts_recording => None,
-            (Some(Direction::Request), Some(asked)) => Some((Direction::Response, Some(asked))),
+            (Some(Direction::Request), Some(request)) => Some((Direction::Response, Some(request))),
             (Some(Direction::Response), None) => Some((Direction::Request, None)),
             _ if starts_recording => Some((Direction::Unknown, None)),
             _ => None,
@@ -95,9 +95,9 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the first `end` bytes must be part of a frame: they came without a pause, and stray bytes are rare here.
     fn is_lone_fragment(&self, end: usize) -> bool {
-        let has_pauses = self.input.timed || self.is_framed_independently();
+        let pauses_are_known = self.input.timed || self.is_framed_independently();
         let is_frame_part = self.has_few_strays() && self.model.strays_at_most() < end;
-        has_pauses && is_frame_part && !(1..end).any(|at| self.has_frame_gap(at))
+        pauses_are_known && is_frame_part && !(1..end).any(|at| self.has_frame_gap(at))
     }
 
     /// Whether a frame has lost an unknown number of bytes, because the bytes behind it are neither stray bytes nor part of
@@ -107,8 +107,8 @@ impl UnframedRegion<'_, '_> {
         let behind = self.length - frame.end;
         let is_correctable = correctable_bit(&self.bytes()[frame.start..frame.end]).is_some();
         let loses_bytes = self.is_framed_independently() || (self.model.loses_bytes() && !self.ends_as_announced);
-        let is_undamaged = frame.damage.is_none() && !is_correctable;
-        loses_bytes && self.has_few_strays() && is_undamaged && behind > self.model.strays_at_most()
+        let is_unexplained = frame.damage.is_none() && !is_correctable;
+        loses_bytes && self.has_few_strays() && is_unexplained && behind > self.model.strays_at_most()
     }
 
     /// Whether the line is silent behind the stray bytes that begin at index `strays`, as it is behind those of a line
@@ -166,7 +166,7 @@ fn unidentified(start: usize, end: usize, direction: Direction, damage: Option<D
 
 /// Whether these one or two bytes are the first ones of the response and no stray bytes. That one byte is the unit of the
 /// request happens by chance once in 256 times, which is good enough on a line with few stray bytes.
-fn begins_response(bytes: &[u8], asked: Asked<'_>) -> bool {
-    let has_function = || bytes.get(1).is_none_or(|code| asked.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
-    bytes.len() <= 2 && !is_glitch_byte(bytes[0]) && bytes[0] == asked.unit && has_function()
+fn begins_response(bytes: &[u8], request: Asked<'_>) -> bool {
+    let has_function = || bytes.get(1).is_none_or(|code| request.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
+    bytes.len() <= 2 && !is_glitch_byte(bytes[0]) && bytes[0] == request.unit && has_function()
 }

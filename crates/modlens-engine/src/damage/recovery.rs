@@ -165,12 +165,12 @@ fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by:
         return None;
     }
     let frame = |length, verdict, cut_by, direction| Some(Cut { verdict, direction, ..Cut::noise(length, cut_by) });
-    let is_outstanding_unit = context.asked.is_some_and(|asked| asked.unit == bytes[0]);
+    let is_outstanding_unit = context.asked.is_some_and(|request| request.unit == bytes[0]);
     let is_familiar = context.known_units[bytes[0] as usize] || is_outstanding_unit;
     let mut shorter = None;
     let mut longer = None;
     // If the outstanding request has this unit and function, the burst is its response and not another request.
-    let is_response = context.asked.is_some_and(|asked| asked.unit == bytes[0] && asked.pdu.first() == Some(&bytes[1]));
+    let is_response = context.asked.is_some_and(|request| request.unit == bytes[0] && request.pdu.first() == Some(&bytes[1]));
     let announced = announced_lengths(context, bytes);
     for (direction, extent) in announced.iter().copied().flatten().take(if is_response { 1 } else { 2 }) {
         match extent {

@@ -80,8 +80,8 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether the frame behind the region is this request.
-    pub(crate) fn is_followed_by(&self, asked: Option<Asked<'_>>) -> bool {
+    pub(crate) fn is_followed_by(&self, request: Option<Asked<'_>>) -> bool {
         let frame = self.next_frame.map_or(&[][..], |(frame, _)| frame);
-        asked.is_some_and(|asked| frame.len() > 2 && asked.unit == frame[0] && asked.pdu == &frame[1..frame.len() - 2])
+        request.is_some_and(|request| frame.len() > 2 && request.unit == frame[0] && request.pdu == &frame[1..frame.len() - 2])
     }
 }

@@ -80,8 +80,9 @@ pub fn expected_response(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
     }
 }
 
-/// Whether the bytes begin with the same frame of this length twice; `None` if more bytes are needed to tell.
-pub(crate) fn third_copy(bytes: &[u8], length: usize) -> Option<bool> {
+/// Whether the frame of this length at the head of these bytes is followed by the same frame once more; `None` if more bytes
+/// are needed to tell.
+pub(crate) fn is_followed_by_copy(bytes: &[u8], length: usize) -> Option<bool> {
     let second = bytes.get(length..).unwrap_or(&[]);
     let compared = second.len().min(length);
     if second[..compared] != bytes[..compared] {

@@ -3,7 +3,7 @@
 //! Each exchange has to leave the framer in exactly the state in which `Rtu::next` would leave it behind the two frames.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::fast_path::frame_check::third_copy;
+use crate::fast_path::frame_check::is_followed_by_copy;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::RequestCopy;
 use crate::framer::rtu::Rtu;
@@ -78,5 +78,5 @@ impl Rtu {
 /// Whether the second of two equal frames is the response to the first and not a retry of it, by the pause between them or,
 /// without times, because no third copy follows. `from_second` are the bytes from the second frame on.
 fn is_response(pause: Pause, is_timed: bool, from_second: &[u8], length: usize) -> bool {
-    pause <= RESPONSE_LOG_ODDS_BITS || (!is_timed && third_copy(from_second, length) == Some(false))
+    pause <= RESPONSE_LOG_ODDS_BITS || (!is_timed && is_followed_by_copy(from_second, length) == Some(false))
 }

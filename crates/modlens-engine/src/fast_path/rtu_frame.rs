@@ -2,7 +2,8 @@
 //! are familiar on this line, with the length that its header announces and a valid CRC. Nearly all traffic is of this
 //! kind, so that the speed of the framer depends on this file.
 
-use crate::fast_path::frame_check::{third_copy, FrameCheck, FrameLength};
+use crate::fast_path::frame_check::{is_followed_by_copy, FrameCheck, FrameLength};
+use crate::framer::rtu::announced_length::EXCEPTION_RESPONSE_BYTES;
 use crate::framer::rtu::answerable::HeldRequest;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::Search;
@@ -17,9 +18,6 @@ use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// Unit, function code and the first byte of the body.
 const HEADER_BYTES: usize = 3;
-
-/// Unit, function code, exception code and CRC.
-const EXCEPTION_BYTES: usize = 5;
 
 /// Checks whether the first bytes of the input are a frame beyond doubt.
 #[inline]
@@ -59,7 +57,7 @@ pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Conte
 fn is_permitted_request(frame: &[u8], context: &Context<'_>) -> bool {
     let body = &frame[2..frame.len() - 2];
     let row = context.functions.row(frame[1], body);
-    let is_permitted = row.is_some_and(|row| row.field_limits[REQUEST].iter().all(|permit| permit.violated_by(body).is_none()));
+    let is_permitted = row.is_some_and(|row| row.field_limits[REQUEST].iter().all(|limits| limits.violated_by(body).is_none()));
     is_permitted && frame[frame.len() - 1] != 0
 }
 
@@ -92,13 +90,13 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
     let may_be_request = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
     match search.outstanding_request() {
-        Some(asked) if asked.matches(unit, code & !EXCEPTION_BIT) => match asked.expected_response {
+        Some(request) if request.matches(unit, code & !EXCEPTION_BIT) => match request.expected_response {
             // Nearly always: the byte count is the one that the request determines.
-            Some((count, length)) if code == asked.pdu[0] && bytes.get(2) == Some(&count) => Some(FrameLength::exactly(length)),
-            _ => response_length(asked, input, context, at),
+            Some((count, length)) if code == request.pdu[0] && bytes.get(2) == Some(&count) => Some(FrameLength::exactly(length)),
+            _ => response_length(request, input, context, at),
         },
         // The outstanding request was not answered, and the master goes on with the poll cycle.
-        Some(asked) if may_be_request && at == 0 && asked.unit != unit => {
+        Some(request) if may_be_request && at == 0 && request.unit != unit => {
             let length = request_length(search, bytes, context).filter(|length| length.bytes() <= MAX_POLL_REQUEST_BYTES)?;
             let is_known_poll = |frame: &[u8]| is_permitted_request(frame, context) && search.model.poll_cycle.contains(frame);
             // While its last bytes are missing, it counts as one.
@@ -110,28 +108,29 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
 }
 
 /// The length of the frame at this index as the response to the outstanding request; `None` if it is no certain response.
-fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at: usize) -> Option<FrameLength> {
+fn response_length(request: &HeldRequest, input: &Input, context: &Context<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
         let has_exception_code = bytes.get(2).is_some_and(|&exception| exception != 0);
-        return has_exception_code.then(|| FrameLength::exactly(EXCEPTION_BYTES));
+        return has_exception_code.then(|| FrameLength::exactly(EXCEPTION_RESPONSE_BYTES));
     }
-    let row = context.functions.row(code, &asked.pdu[1..])?;
+    let row = context.functions.row(code, &request.pdu[1..])?;
     let length = FrameLength::of(row.response.extent(body))?;
     // A response that repeats its request and a retry of that request have the same bytes. Where neither the clock nor the
-    // bytes that follow tell which of the two this is, the search weighs them.
-    let repeats_request = bytes.get(1..=asked.pdu.len()) == Some(&asked.pdu[..]);
-    let is_copy = repeats_request && (row.has_equal_layouts || length.bytes() == asked.pdu.len() + 3);
+    // bytes that follow tell which of the two this is, the search weighs them. Without times, a third copy shows that the
+    // second one may be a retry.
+    let repeats_request = bytes.get(1..=request.pdu.len()) == Some(&request.pdu[..]);
+    let is_copy = repeats_request && (row.has_equal_layouts || length.bytes() == request.pdu.len() + 3);
     let pause = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
-    if is_copy && asked.is_tentative {
+    if is_copy && request.is_tentative {
         return None;
     }
     if is_copy && (context.pause)(pause()) > RESPONSE_LOG_ODDS_BITS {
         if at > 0 {
             return None;
         }
-        match third_copy(bytes, asked.pdu.len() + 3) {
+        match is_followed_by_copy(bytes, request.pdu.len() + 3) {
             Some(false) if !input.timed => {}
             Some(_) => return None,
             None if input.timed => return None,
@@ -139,9 +138,9 @@ fn response_length(asked: &HeldRequest, input: &Input, context: &Context<'_>, at
             None => return Some(FrameLength::at_least(bytes.len() + 1)),
         }
     }
-    let agrees = match expected_block(row, &asked.pdu) {
+    let agrees = match expected_block(row, &request.pdu) {
         Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
-        None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == asked.pdu.get(1..5)),
+        None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == request.pdu.get(1..5)),
     };
     Some(length).filter(|length| agrees && length.bytes() <= MAX_CANDIDATE_BYTES)
 }
@@ -155,8 +154,8 @@ fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Optio
     // If a response would have the same length, this may be the last response once more, or a late one.
     if FrameLength::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
         let open = search.answerable();
-        let may_be_response = open.superseded.is_some_and(|late| late.matches(unit, code))
-            || (!row.has_equal_layouts && open.last_answered.is_some_and(|(last, _)| last.matches(unit, code)));
+        let may_be_response = open.superseded.is_some_and(|request| request.matches(unit, code))
+            || (!row.has_equal_layouts && open.last_answered.is_some_and(|(request, _)| request.matches(unit, code)));
         if may_be_response {
             return None;
         }

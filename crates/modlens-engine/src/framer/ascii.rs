@@ -52,26 +52,26 @@ impl Ascii {
     /// silence or the end of the recording. `None` if more bytes are needed to tell.
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
-        let edge = input.edge_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
-        let there = &bytes[..edge.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
+        let boundary = input.edge_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
+        let available = &bytes[..boundary.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
         let end = |frame_end, hex_end, cut_by, fault| Some(MessageEnd { frame_end, hex_end, cut_by, fault });
-        if let Some(i) = memchr3_iter(b':', b'\n', b'\r', there).find(|&at| at > 0) {
-            match there[i] {
+        if let Some(i) = memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
+            match available[i] {
                 b':' => return end(i, i, CutBy::Restart, None),
                 b'\n' => return end(i + 1, i, CutBy::Delimiter, Some(FramingFault::BareLineFeed)),
-                _ => match there.get(i + 1) {
+                _ => match available.get(i + 1) {
                     Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, CutBy::Delimiter, None),
                     Some(_) => return end(i + 1, i, CutBy::Delimiter, None),
-                    None if there.len() < bytes.len() || input.closed => return end(i + 1, i, CutBy::Delimiter, None),
+                    None if available.len() < bytes.len() || input.closed => return end(i + 1, i, CutBy::Delimiter, None),
                     None => return None,
                 },
             }
         }
-        let length = there.len();
+        let length = available.len();
         if length == MAX_MESSAGE_CHARACTERS {
             return end(length, length, CutBy::Limit, None);
         }
-        match edge {
+        match boundary {
             Some(_) => end(length, length, if input.hard_edge(length) { CutBy::Record } else { CutBy::Silence }, None),
             None if input.ended => end(length, length, CutBy::End, None),
             None if input.closed => end(length, length, CutBy::Silence, None),
@@ -82,11 +82,11 @@ impl Ascii {
     /// The first frame of bytes that do not begin with a colon: noise, or a message without its colon.
     fn without_colon(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
         let bytes = input.bytes();
-        let there = &bytes[..bytes.len().min(NOISE_LIMIT)];
-        match ascii::find_colonless(there, input.closed, context.known_units) {
+        let available = &bytes[..bytes.len().min(NOISE_LIMIT)];
+        match ascii::find_colonless(available, input.closed, context.known_units) {
             Some(message) if message.start > 0 => return Some(Cut::noise(message.start, CutBy::Restart)),
             Some(message) => {
-                let has_lrc = decode_hex(&there[message.hex_start..message.hex_end], adu) && message.is_complete;
+                let has_lrc = decode_hex(&available[message.hex_start..message.hex_end], adu) && message.is_complete;
                 adu.truncate(adu.len() - usize::from(has_lrc));
                 let direction = ascii::direction(context, adu);
                 let cut = Cut::noise(message.end, CutBy::Delimiter);
@@ -94,14 +94,14 @@ impl Ascii {
             }
             None => {}
         }
-        if let Some(edge) = input.edge_after(0, there.len(), CHARACTER_TIMEOUT_NS) {
-            let colon = memchr(b':', &there[..edge]);
-            return Some(colon.map_or(Cut::noise(edge, CutBy::Silence), |at| Cut::noise(at, CutBy::Restart)));
+        if let Some(boundary) = input.edge_after(0, available.len(), CHARACTER_TIMEOUT_NS) {
+            let colon = memchr(b':', &available[..boundary]);
+            return Some(colon.map_or(Cut::noise(boundary, CutBy::Silence), |at| Cut::noise(at, CutBy::Restart)));
         }
-        match memchr(b':', there) {
+        match memchr(b':', available) {
             Some(at) => Some(Cut::noise(at, CutBy::Restart)),
-            None if there.len() == NOISE_LIMIT => Some(Cut::noise(NOISE_LIMIT, CutBy::Limit)),
-            None if input.closed => Some(Cut::noise(there.len(), if input.ended { CutBy::End } else { CutBy::Silence })),
+            None if available.len() == NOISE_LIMIT => Some(Cut::noise(NOISE_LIMIT, CutBy::Limit)),
+            None if input.closed => Some(Cut::noise(available.len(), if input.ended { CutBy::End } else { CutBy::Silence })),
             None => None,
         }
     }
@@ -132,6 +132,7 @@ impl Ascii {
             true if has_valid_lrc => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
+        // One whole byte, two characters, is missing by the announced length: then the LRC is invalid for that reason.
         if cut.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
             let direction = ascii::direction(context, adu);
             let damage = Some(DamageKind::LostBytes { at: text.len() + 1, count: 2 });
