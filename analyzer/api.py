@@ -264,6 +264,7 @@ def _settings(
     functions: _modlens.Functions | None,
     profiles: Iterable[str | Binding],
 ) -> Settings:
+    """The settings that `decode` and `tap` have in common."""
     bound = tuple(one if isinstance(one, Binding) else parse_binding(one) for one in profiles)
     return Settings(
         line=parse_line(line) if isinstance(line, str) else line,

@@ -99,6 +99,11 @@ def load_bus_file(path: str) -> list[Bus]:
 
 
 def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError]) -> Bus:
+    """The bus of one [[bus]] table; what is wrong with it is added to `mistakes`.
+
+    `key` is the table's place in the file, such as `bus[0]`. A key with a mistake counts as not
+    given, so that the other keys are still checked.
+    """
     _check_keys(row, _BUS_KEYS, f"{key}.", path, mistakes)
 
     def wrong(name: str, message: str) -> None:

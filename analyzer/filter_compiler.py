@@ -102,6 +102,7 @@ class Compiler:
         return tree
 
     def _condition(self, node: ast.expr) -> Tree:
+        """The tree of a condition, by the type of its syntax node."""
         if isinstance(node, ast.BoolOp):
             word = "and" if isinstance(node.op, ast.And) else "or"
             return _join(word, [self.condition(value) for value in node.values])
@@ -127,6 +128,7 @@ class Compiler:
         return _join("and", parts)
 
     def _comparison(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> Tree:
+        """The tree of one comparison; `in` and `not in` are tests for membership."""
         if isinstance(operator, ast.Is | ast.IsNot):
             return self._is_none(left, operator, right)
         a, b = self._term(left), self._term(right)
@@ -149,6 +151,11 @@ class Compiler:
         return tree if isinstance(operator, ast.Is) else ["not", tree]
 
     def _compare(self, operator: str, a: _Term, b: _Term) -> Tree:
+        """The tree of a comparison by one of `== != < <= > >=`.
+
+        An address column compared with an address literal becomes a comparison of wire address and
+        register type; a time column makes a text a moment.
+        """
         for one, other in ((a, b), (b, a)):
             address = self._address(one, other)
             if address is not None:
@@ -167,6 +174,11 @@ class Compiler:
         ]
 
     def _membership(self, item: _Term, where: _Term) -> Tree:
+        """The tree of `item in where`.
+
+        A list of items of the same kind stays a list; otherwise it becomes comparisons joined by
+        `or`, so that literals such as '40108' are compared as addresses.
+        """
         if where.kind == "list":
             choices = [_Term(kind, tree, where.node) for kind, tree in where.tree[1]]
             if not choices:
@@ -203,6 +215,7 @@ class Compiler:
         return kind
 
     def _span(self, node: ast.expr, kind: str) -> tuple[int, int]:
+        """First and last wire address of the second argument of touches() and writes()."""
         if isinstance(node, ast.Call):
             named_range = isinstance(node.func, ast.Name) and node.func.id == "range"
             if not named_range or len(node.args) != ARGUMENTS or node.keywords:
@@ -216,6 +229,10 @@ class Compiler:
         return wire, wire
 
     def _wire(self, node: ast.expr, kind: str, top: int = 0xFFFF) -> int:
+        """A wire address from a number, or from text such as '40108' of this register type.
+
+        `top` is the highest number allowed.
+        """
         value = _constant(node)
         if isinstance(value, str):
             address = addresses.parse(value)
@@ -235,6 +252,7 @@ class Compiler:
         return term
 
     def _value(self, node: ast.expr) -> _Term:
+        """The value of a syntax node: a column, a literal, a list, arithmetic."""
         if isinstance(node, ast.Name):
             return self._column(node)
         if isinstance(node, ast.Constant):
@@ -271,6 +289,7 @@ class Compiler:
         return _Term(_KIND_OF_TYPE[self._column_types[node.id]], ["col", node.id], node)
 
     def _literal(self, node: ast.Constant) -> _Term:
+        """The value of a constant; the core takes integers of 64 bits and finite floats."""
         value = node.value
         if value is None:
             return _Term("none", ["none"], node)

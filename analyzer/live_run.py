@@ -261,6 +261,7 @@ class LiveRun:
                 self._listener.route(port, bus.number, side, char_ns)
 
     def _feed(self, number: int, chunk: Chunk) -> None:
+        """Pass a read to `on_read` and then to the core."""
         bus, line = self._lines[number]
         if self._on_read is not None:
             self._on_read(bus.tap.bus, line, chunk)

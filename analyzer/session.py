@@ -258,6 +258,11 @@ class FileRun:
         )
 
     def _read_recording(self, recording: Recording) -> Iterator[_modlens.Batch]:
+        """Decode a recording block by block; captures and samples have methods of their own.
+
+        The first status is reported when the first block has been read, the last one at the end.
+        `SourceError` where no line of a text could be read.
+        """
         core, form = self._core, recording.detection.format
         kind = FORMATS.get(form)
         if kind is not None and kind.packets:
@@ -294,6 +299,7 @@ class FileRun:
         yield core.take()
 
     def _read_packets(self, recording: Recording) -> Iterator[_modlens.Batch]:
+        """Decode a network or serial capture block by block."""
         core = self._core
         capture = self._settings.add_capture(core, recording.name)
         first = True
@@ -309,6 +315,10 @@ class FileRun:
         yield core.take()
 
     def _read_samples(self, recording: Recording) -> Iterator[_modlens.Batch]:
+        """Decode samples of a logic analyser block by block.
+
+        The core finds the serial lines among the channels. `SourceError` where there is none.
+        """
         core = self._core
         with _samples_of(recording) as samples:
             logic = self._settings.add_logic(core, samples)
@@ -349,6 +359,7 @@ class FileRun:
         )
 
     def _report_status(self, recording: Recording, reading: str, *, ended: bool) -> None:
+        """Pass the status of a recording to `on_status`; `reading` is the core's JSON."""
         if self._on_status is None:
             return
         found = recording.detection

@@ -175,6 +175,7 @@ def _value(row: Function, field: Field, value: object) -> Json:
 
 
 def _exception(value: object) -> int:
+    """The exception code from a number or name; `UsageError` otherwise."""
     code = value if isinstance(value, int) else parse_number(str(value))
     if code is not None:
         if not 0 <= code <= MAX_EXCEPTION:

@@ -161,6 +161,7 @@ def _field(part: DecodedField, pdu: bytes, context: Context, start: int) -> Iter
 
 
 def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piece]:
+    """The pieces of an RTU frame: unit, PDU, CRC (serial line specification, section 2.5.1)."""
     min_bytes = MIN_RTU_BYTES if has_checksum else MIN_RTU_BYTES - 2
     if len(data) < min_bytes:
         yield _noise(data, f"{len(data)} bytes: too short for a frame of at least {min_bytes}")
@@ -176,6 +177,7 @@ def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piec
 
 
 def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
+    """The pieces of a TCP frame: MBAP header and PDU (messaging on TCP/IP, section 3.1.3)."""
     if len(data) < MBAP_BYTES:
         yield _noise(data, f"{len(data)} bytes: too short for the MBAP header of {MBAP_BYTES}")
         return

@@ -151,6 +151,7 @@ def _named(source: _modlens.Functions | None) -> dict[str, Named]:
 
 
 def _explanation(named: Named, source: _modlens.Functions | None) -> Explanation:
+    """The explanation of a name's entry."""
     if isinstance(named, vocabulary.Finding):
         return _finding(named)
     if isinstance(named, vocabulary.Name):
@@ -193,6 +194,7 @@ def _as_function(text: str, source: _modlens.Functions | None) -> Explanation | 
 
 
 def _function(code: int, source: _modlens.Functions | None) -> Explanation:
+    """The explanation of a function code; `UsageError` if the table has none."""
     rows = [row for row in functions(source) if row.code == code]
     if not rows:
         known = ", ".join(str(code) for code in sorted({row.code for row in functions(source)}))
@@ -208,6 +210,7 @@ def _function(code: int, source: _modlens.Functions | None) -> Explanation:
 
 
 def _sub_function(code: int, value: int, source: _modlens.Functions | None) -> Explanation:
+    """The explanation of a function for one value of its leading field."""
     try:
         row = function(code, when=value, source=source)
     except KeyError:
@@ -252,6 +255,10 @@ def _query(sub_function: int) -> bytes:
 
 
 def _exception(code: int, function_code: int | None) -> Explanation:
+    """The explanation of an exception code, with the response to `function_code` as example.
+
+    Read Holding Registers is the example where no function is given.
+    """
     entry = vocabulary.exception(code)
     pdu = bytes([(function_code or 0x03) | EXCEPTION_BIT, code & 0xFF])
     example = tuple(_described_pdu(pdu, "response", None))
@@ -325,6 +332,7 @@ def _described_pdu(
     *,
     request: bytes | None = None,
 ) -> Iterable[str]:
+    """The lines of an example: the bytes of a PDU, then each field with its meaning."""
     pieces = describe(pdu, mode="pdu", direction=direction, request=request, functions=source)
     yield f"{direction} {pdu.hex(' ')}"
     for piece in pieces:

@@ -40,6 +40,7 @@ def field_meaning(
 
 
 def _number(part: DecodedField, value: int, context: Context) -> str:
+    """The meaning of a number: length, named value, address, quantity, register value, or hex."""
     if part.field_type.startswith("len"):
         return _length(part, value, context)
     named = _named(part, context)

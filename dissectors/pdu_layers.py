@@ -116,6 +116,7 @@ def _add(rows: tuple[Function, ...]) -> None:
 
 
 def _pdu_class(row: Function, direction: Direction) -> type[ModbusPDU]:
+    """Make the scapy class of one row and direction."""
     name = f"{_camel(row.label)}{direction.capitalize()}"
     code = ByteEnumField("function", row.code, {row.code: row.name})
     body = [_safe(field) for field in row.fields(direction)]
@@ -138,6 +139,7 @@ def _pdu_class(row: Function, direction: Direction) -> type[ModbusPDU]:
 
 
 def _group_class(row: Function, owner: str, field: table.Field) -> type[Packet]:
+    """Make the scapy class of a group's item."""
     fields = build_fields(
         [_safe(child) for child in field.children],
         derived={},

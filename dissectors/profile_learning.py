@@ -81,6 +81,7 @@ def _typed_point(
 def _single_register(
     table: Mapping[str, Any], register: Mapping[str, Any], guess: Mapping[str, Any] | None
 ) -> dict[str, Any]:
+    """A point of one register, with what its values look like in the note."""
     found = _address_keys(table, register)
     if register["looks"] == "signed":
         found["type"] = "s16"

@@ -205,6 +205,7 @@ def _embedded() -> tuple[Function, ...]:
 
 
 def _function(row: Mapping[str, Any]) -> Function:
+    """A row from the core's JSON."""
     when = row.get("when") or {}
     example = row.get("example") or {}
     answer = example.get("response")

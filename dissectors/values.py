@@ -92,6 +92,7 @@ def _hex(field: Field, value: object) -> str:
 
 
 def _objects(field: Field, value: object) -> Iterable[Mapping[str, object]]:
+    """The items of a group, from a list of mappings, one mapping, or JSON text."""
     if isinstance(value, str):
         try:
             value = json.loads(value)

@@ -52,6 +52,7 @@ def tree(text: str, path: str) -> list[Any]:
 
 
 def _node(node: Any, path: str) -> list[Any]:
+    """The tree of a node; `ProfileError` for a key that occurs twice."""
     line = node.start_mark.line + 1
     if node.id == "mapping":
         table = {}

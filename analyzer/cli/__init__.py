@@ -59,6 +59,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(command: str, words: list[str]) -> int:
+    """Run one command; errors that the user can correct become lines on standard error.
+
+    Gives the exit status of the command, or that of the error.
+    """
     from dissectors.errors import ModlensError  # noqa: PLC0415
 
     try:
@@ -105,6 +109,7 @@ def _flush(*, reported: bool) -> None:
 
 
 def _run_help(words: list[str]) -> int:
+    """Print the list of commands, or the help of one; gives the exit status."""
     if words and words[0] in COMMANDS:
         return main([words[0], "--help"])
     out = sys.stdout

@@ -51,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _frame(options: argparse.Namespace) -> bytes:
+    """The frame, or with `--mode pdu` the PDU, that the options describe."""
     values: dict[str, object] = dict(_pair(text) for text in options.values)
     unit = _integer("unit", values.pop("unit", 1))
     mbap_id = _integer("mbap_id", values.pop("mbap_id", 1))

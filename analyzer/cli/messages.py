@@ -85,6 +85,7 @@ class Messages:
             discard_output(STDERR)
 
     def _report_detection(self, status: RecordingStatus) -> None:
+        """Report the detected format, its confidence, the clock, the mode and further details."""
         details = status.details
         certainty = (
             "ordered" if status.forced else f"{100 * status.confidence:.0f} % sure: {status.reason}"
@@ -98,6 +99,7 @@ class Messages:
         self.info(", ".join(words))
 
     def _report_unread(self, status: RecordingStatus) -> None:
+        """Report what was not read: damage, skipped entries, lines that were not understood."""
         details = status.details
         if "trouble" in details:
             self.error(f"{status.name}: {details['trouble']}")

@@ -276,6 +276,11 @@ def _reason_of(error: OSError | UnicodeError) -> str:
 
 
 def _line(options: argparse.Namespace) -> Line | None:
+    """The line settings of `--line`, or of its parts; None where neither is given.
+
+    With `--mode ascii` a character has 7 data bits by default, otherwise 8; the specification's
+    default parity is even (Modbus over Serial Line V1.02, section 2.5.1).
+    """
     parts = (options.baud, options.bits, options.parity, options.stop)
     if options.line is not None:
         if any(part is not None for part in parts):

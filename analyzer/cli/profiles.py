@@ -50,6 +50,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _list() -> None:
+    """Print the available profiles; one that cannot be loaded is listed with its mistake."""
     screen = stdout()
     for one in available_profiles():
         try:

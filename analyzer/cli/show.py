@@ -80,6 +80,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
+    """Draw the frames that begin in a packet of a capture."""
     if len(options.words) != 1 or options.pdu or (options.frame, options.txn) != (None, None):
         raise UsageError("show: --packet looks into one capture, without --frame, --txn or --pdu")
     chosen = settings(options)
@@ -97,6 +98,7 @@ def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
 
 
 def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
+    """Draw a frame or transaction of a recording; `UsageError` says how many there are."""
     if options.frame is not None and options.txn is not None:
         raise UsageError("show: either --frame or --txn")
     if len(options.words) != 1 or options.pdu:
@@ -122,6 +124,7 @@ def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
 
 
 def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
+    """Draw the frames, or the PDU, of hex text on the command line."""
     if len(options.words) == 1 and os.path.exists(options.words[0]):
         raise UsageError(
             f"show: which one? add --frame N, --txn N or --packet N for {options.words[0]}"

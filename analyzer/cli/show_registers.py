@@ -93,6 +93,7 @@ def _list(words: Sequence[str]) -> str:
 
 
 def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> list[Sample]:
+    """The values of the registers in all transactions that read or wrote all of them."""
     messages = Messages(quiet=True)
     chosen = replace(settings(options), tables=("transactions",))
     run = FileRun(
@@ -124,6 +125,11 @@ def _best_interpretation(
 def _grid_columns(
     columns: Sequence[tuple[str, str]], best: dict[str, Any] | None
 ) -> list[GridColumn]:
+    """The columns of the table: transaction, raw words, and one for each type and order.
+
+    The most plausible type and order is marked with an asterisk.
+    """
+
     def field(kind: str, order: str) -> GridColumn:
         is_best = best is not None and (best["type"], best["order"]) == (kind, order)
 

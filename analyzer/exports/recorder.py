@@ -149,6 +149,11 @@ class Recorder:
         self._write(block, may_rotate=True)
 
     def _write(self, block: bytes, *, may_rotate: bool) -> None:
+        """Append a block, to a new segment if the present one is full and `may_rotate`.
+
+        After an error the recording has ended: `on_failure` gets it, or it is raised where there is
+        none.
+        """
         try:
             if may_rotate and self._segment_is_full(len(block)):
                 self._begin_segment()
@@ -179,6 +184,10 @@ class Recorder:
         return self._segment_bytes > self._header_bytes
 
     def _begin_segment(self) -> None:
+        """Close the present segment, open the next one, and write its header.
+
+        Old segments are deleted afterwards, because the retention counts the new one, too.
+        """
         if self._file is not None:
             self._file.close()
         self._segment += 1

@@ -148,6 +148,11 @@ class Format(exports.MultiTableFormat):
                     os.unlink(self._partial_path + tail)
 
     def _open(self, *, growing: bool) -> None:
+        """Create the database with its tables, views and metadata.
+
+        A file that grows uses a write-ahead log, so that it can be read meanwhile; one that is
+        renamed when it is complete needs no journal.
+        """
         # A sink is used by one thread at a time, but may be opened in another one.
         database = self._database = sqlite3.connect(self._partial_path, check_same_thread=False)
         database.execute(f"PRAGMA journal_mode = {'WAL' if growing else 'OFF'}")

@@ -127,6 +127,7 @@ class Mqtt:
         return f"{self._prefix}/status"
 
     def _make_client(self, where: Broker) -> Any:
+        """A client with the last will `offline` on the status topic; not connected yet."""
         try:
             from paho.mqtt import client as paho  # noqa: PLC0415
             from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415

@@ -104,6 +104,7 @@ def _forced(
     scores: list[tuple[str, float, str]],
     table: _modlens.Dialects,
 ) -> Detection:
+    """The detection for a format forced by `--from`; errors as those of `detect_format`."""
     known = {*FORMATS, *(row["name"] for row in json.loads(table.rows()))}
     for part in forced_format.split("+"):
         if part not in known:

@@ -187,6 +187,7 @@ class PortListener:
         slot.port.listen(self._inbox, number)
 
     def _on_port_lost(self, number: int, code: int) -> None:
+        """Close a port that was lost with this `errno`, and wait for it or raise `PortError`."""
         slot = self._slots[number]
         error = lost_port_error(slot.name, code)
         if slot.port is not None:
@@ -210,6 +211,10 @@ class PortListener:
             self._check_clocks_and_counters()
 
     def _reopen(self, number: int) -> None:
+        """Try to open a lost port again; the next read has a hole.
+
+        A message is given only where the error differs from the last one.
+        """
         slot = self._slots[number]
         try:
             slot.port = Port(slot.name, slot.line)
@@ -238,6 +243,11 @@ class PortListener:
                 self._count_errors(number, slot, dict(slot.port.counters()))
 
     def _check_clocks(self) -> None:
+        """Report suspensions and steps of the clock; a suspension is a hole in all ports.
+
+        A clock that was set forward is followed at a pause of the lines, so that no response time
+        contains the step.
+        """
         change = self.clock.check()
         if change.suspended_ns:
             self._notify(

@@ -236,6 +236,7 @@ def _settings_error() -> type[Exception]:
 
 
 def _advice(error: Exception, line: Line | None) -> str:
+    """The text of an error of the system or pyserial, with what to do about it."""
     number = getattr(error, "errno", None)
     if number is None and error.args and isinstance(error.args[0], int):
         number = error.args[0]

@@ -135,6 +135,7 @@ def parity_mismatches(
 
 
 def _parity(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> Iterator[str]:
+    """The conclusion about parity from the receiver's error marks, given that the rate is right."""
     total = sum(len(one.data) for one in recorded_reads)
     marks = sum(len(one.errors) for one in recorded_reads)
     if recorded is None or recorded.parity not in "EO":
@@ -158,6 +159,7 @@ def _parity(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> It
 
 
 def _rates(data: bytes, recorded: Line | None) -> Iterator[str]:
+    """The conclusion about the rate from pulse lengths, where no checksum is valid."""
     if recorded is None:
         yield "settings: say by --line what it was recorded with; then the likely rates can be told"
         return

@@ -157,6 +157,7 @@ class SettingsSearch:
         }
 
     def _decide(self) -> None:
+        """Evaluate the trial so far: go on with it, change the rate, or the character format."""
         trial = self._trial
         mode, evidence = self._evidence_by_mode()
         if self._format_search is not None:

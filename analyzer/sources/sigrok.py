@@ -74,6 +74,7 @@ class Samples:
         self._zip.close()
 
     def _read_metadata(self) -> None:
+        """Read sample rate, sample size, channel names, and the list of files with samples."""
         parser = configparser.ConfigParser(interpolation=None, strict=False)
         try:
             parser.read_file(io.StringIO(self._zip.read("metadata").decode("utf-8", "replace")))

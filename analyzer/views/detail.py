@@ -49,6 +49,7 @@ def show_findings(findings: Sequence[Mapping[str, Any]], screen: Screen) -> None
 
 
 def _table(pieces: Sequence[Piece], width: int) -> Iterator[list[Part]]:
+    """The lines of the table; the last column takes the width that is left."""
     rows = [_cells(piece) for piece in pieces]
     widths = [
         min(most, max(len(head), *(width_of(line) for row in rows for line in row[column])))

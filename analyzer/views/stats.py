@@ -60,6 +60,7 @@ def show_stats(stats: Mapping[str, Any], screen: Screen) -> None:
 
 
 def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
+    """All lines of the statistics: buses, units and functions, time-outs, findings."""
     buses = stats["buses"]
     short = cells.labels([bus["bus"] for bus in buses])
     yield from _grid(_bus_fields(short if len(short) > 1 else {}), buses, width)
@@ -131,6 +132,8 @@ def _grid(fields: Sequence[GridColumn], rows: Sequence[Any], width: int) -> Iter
 
 
 def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
+    """The columns of the table of buses; `short` are their short names."""
+
     def name(bus: Mapping[str, Any]) -> str:
         return short.get(bus["bus"]) or visible(bus["bus"])
 
@@ -160,6 +163,7 @@ def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
 
 
 def _row_fields(*, is_wide: bool) -> list[GridColumn]:
+    """The columns of the table of units and functions; more times where there is room."""
     chosen = [
         GridColumn(
             ColumnLayout("unit", 4, align_right=True), lambda row: cells.number(row["unit"])

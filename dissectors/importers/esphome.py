@@ -91,6 +91,10 @@ def _label(row: Mapping[str, Any]) -> str:
 
 
 def _add(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
+    """Add the point of an entity, `kind` being the list that it is in.
+
+    The offset counts bytes of registers and bits of coils.
+    """
     label = _label(row)
     address, shift = (
         parse_decimal(row.get("address")),

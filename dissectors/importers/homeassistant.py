@@ -112,6 +112,7 @@ def _unit(row: Mapping[str, Any]) -> int | None:
 
 
 def _add(builder: ProfileBuilder, entity: _Entity) -> None:
+    """Add the point of an entity; of sensors on registers see `_add_sensor`."""
     row, kind = entity.row, entity.kind
     label = str(row.get("name", ""))
     address = row.get("address", row.get("register"))
@@ -156,6 +157,10 @@ def _space(row: Mapping[str, Any], kind: str) -> str:
 def _add_sensor(
     builder: ProfileBuilder, label: str, at: tuple[str, int], row: Mapping[str, Any], more: int
 ) -> None:
+    """Add the point of a sensor on registers.
+
+    `at` is its table and address; with `more` the sensor is an array of `more` + 1 values.
+    """
     word, count, order = _type(row)
     swap = parse_row_order(row.get("swap")) or ("CDAB" if row.get("reverse_order") else None)
     if word == "str" and swap in ("CDAB", "DCBA"):
@@ -289,6 +294,10 @@ def _each(keys: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _keys(point: Mapping[str, Any], order: str, table: str) -> dict[str, Any]:
+    """The keys of Home Assistant for a point of a profile, without its name and address.
+
+    `table` is the input type; `order` is the order of the point's bytes and words.
+    """
     kind = point["type"]
     keys: dict[str, Any] = {"input_type": table, "data_type": _BACK[kind]}
     width = REGISTERS_OF_TYPE.get(kind)

@@ -86,6 +86,7 @@ class RowConverter:
             cells.note(f"{reason}; left out")
 
     def _add(self, cells: RowCells) -> None:
+        """Add the point of a row; `NotConvertible` says why that is not possible."""
         place, kind = self._place(cells), self._kind(cells.get("type"))
         keys: dict[str, Any] = {key: cells.get(key) for key in ("unit", "group", "note")}
         keys["access"], keys["enum"], keys["nan"] = (
@@ -124,6 +125,7 @@ class RowConverter:
         )
 
     def _place(self, cells: RowCells) -> _RowAddress:
+        """The address of a row: table, wire address, and what follows the number."""
         text = cells.get("address")
         match = _ADDRESS.fullmatch(text.strip())
         if match is None:
@@ -196,6 +198,7 @@ class RowConverter:
         return space
 
     def _kind(self, text: str) -> _RowType:
+        """The type that a cell names, with order or length where the name states it."""
         word = normalized(text)
         if not word:
             return _RowType(None, has_width=False)

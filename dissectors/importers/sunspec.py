@@ -87,6 +87,11 @@ def _point(
     at: int,
     where: tuple[str | None, str, set[str]],
 ) -> int:
+    """Add a point at an address; gives the number of registers it takes.
+
+    `where` has the group's name, the prefix of names, and the names in the group, among which a
+    scale factor is looked up.
+    """
     group, prefix, names = where
     size = int(point.get("size", 1))
     if size < 1:

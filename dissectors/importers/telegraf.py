@@ -124,6 +124,7 @@ def _unit(row: Mapping[str, Any]) -> int | None:
 
 
 def _add(builder: ProfileBuilder, field: _Field) -> None:
+    """Add the point of a field; `NotConvertible` says why that is not possible."""
     row, space = field.row, field.space
     if row.get("omit"):
         raise NotConvertible("omit = true")

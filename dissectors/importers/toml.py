@@ -49,6 +49,7 @@ def dumps(model: Mapping[str, Any]) -> str:
 
 
 def _value(value: Any) -> str:
+    """A value in TOML."""
     match value:
         case None:
             return "nan"  # JSON, which a model is, has no word for it

@@ -37,6 +37,7 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
 
 
 def _bus(bus: dict[str, Any], width: int) -> Iterator[list[Part]]:
+    """The lines of one bus: load, poll cycle, frames, driver errors, time-outs."""
     yield [(fit(f"{visible(bus['bus'])}: {bus['mode'] or 'nothing yet'}", width), "head")]
     frames = bus["frames"]
     damaged = sum(frames.get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))

@@ -33,6 +33,7 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
 def _block(
     values: dict[int, RegisterValue], kind: str, state: LiveState, width: int
 ) -> Iterator[list[Part]]:
+    """The lines of one unit and register type; addresses without a value are dots."""
     cell = _BIT_CELLS.get(kind, _REGISTER_CELL)
     per_line = _addresses_per_line((width - _LABEL) // cell)
     now = state.clock()

@@ -32,6 +32,8 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
 
 
 def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
+    """The columns of the table; on a wide terminal function names are longer."""
+
     def rate(row: Any) -> str:
         return f"{row['transactions'] / max(state.elapsed, 1):.1f}"
 
