@@ -9,11 +9,13 @@ use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::status::Status;
 use modlens_readers::chunk::Chunk;
 
-use wire::{answer, frame, read};
+use wire::{frame, read_request, read_response};
 
 /// A poll cycle of two units, repeated until the framer is familiar with both.
 fn cycle() -> Vec<u8> {
-    let once = [read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]), read(2, 7, 1), answer(2, &[0x4321])].concat();
+    let once =
+        [read_request(1, 0x6B, 2), read_response(1, &[0x1234, 0x5678]), read_request(2, 7, 1), read_response(2, &[0x4321])]
+            .concat();
     once.repeat(6)
 }
 
@@ -34,10 +36,10 @@ fn damaged_frames(before: &[u8], batch: &Batch) -> Vec<(usize, Verdict, Vec<Find
 /// Decodes a poll cycle and one more round of it, in which `damage` changes the first request and its response. Returns the
 /// bytes of the poll cycle, and all rows.
 fn with_damage(damage: impl Fn(&mut Vec<u8>, &mut Vec<u8>)) -> (Vec<u8>, Batch) {
-    let (mut request, mut response) = (read(1, 0x6B, 2), answer(1, &[0x1234, 0x5678]));
+    let (mut request, mut response) = (read_request(1, 0x6B, 2), read_response(1, &[0x1234, 0x5678]));
     damage(&mut request, &mut response);
     let before = cycle();
-    let bytes = [&before[..], &request, &response, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+    let bytes = [&before[..], &request, &response, &read_request(2, 7, 1), &read_response(2, &[0x4321])].concat();
     let batch = decode(&bytes);
     let good = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).count();
     assert!(good >= 27, "the frames around it stay valid: {good} valid frames");
@@ -110,10 +112,10 @@ fn a_request_of_the_poll_cycle_is_recognised_without_its_first_bytes() {
 
 #[test]
 fn a_request_without_its_end_is_truncated_and_not_lost_where_the_same_request_follows() {
-    let (before, request) = (cycle(), read(1, 9, 4));
-    let whole = [&request[..], &answer(1, &[1, 2, 3, 4])].concat();
+    let (before, request) = (cycle(), read_request(1, 9, 4));
+    let whole = [&request[..], &read_response(1, &[1, 2, 3, 4])].concat();
     for length in 3..7 {
-        let bytes = [&before[..], &request[..length], &whole, &read(2, 7, 1), &answer(2, &[0x4321])].concat();
+        let bytes = [&before[..], &request[..length], &whole, &read_request(2, 7, 1), &read_response(2, &[0x4321])].concat();
         let found = damaged_frames(&before, &decode(&bytes));
         assert_eq!(found, [(0, Verdict::Incomplete, vec![Finding::Incomplete])], "{length}");
     }
@@ -136,7 +138,15 @@ fn stray_bytes_that_a_switched_line_driver_can_leave_are_glitches_and_others_are
     let before = cycle();
     for (strays, glitch) in [(&[0u8][..], true), (&[0xFF, 0xFF], true), (&[0xF8], true), (&[0x37], false), (&[0x00, 0x9C], false)]
     {
-        let bytes = [&before[..], &read(1, 0x6B, 2), strays, &answer(1, &[1, 2]), &read(2, 7, 1), &answer(2, &[3])].concat();
+        let bytes = [
+            &before[..],
+            &read_request(1, 0x6B, 2),
+            strays,
+            &read_response(1, &[1, 2]),
+            &read_request(2, 7, 1),
+            &read_response(2, &[3]),
+        ]
+        .concat();
         let batch = decode(&bytes);
         assert_eq!(damaged_frames(&before, &batch), []);
         assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::Glitch), glitch, "{strays:02x?}");
@@ -147,15 +157,23 @@ fn stray_bytes_that_a_switched_line_driver_can_leave_are_glitches_and_others_are
 fn noise_between_valid_frames_is_no_damaged_frame() {
     let before = cycle();
     for strays in [&[0x5A, 0x91, 0x3C, 0xE7][..], &[1], &[3, 0, 0], &[0x77; 40]] {
-        let bytes = [&before[..], &read(1, 0x6B, 2), &answer(1, &[1, 2]), strays, &read(2, 7, 1), &answer(2, &[3])].concat();
+        let bytes = [
+            &before[..],
+            &read_request(1, 0x6B, 2),
+            &read_response(1, &[1, 2]),
+            strays,
+            &read_request(2, 7, 1),
+            &read_response(2, &[3]),
+        ]
+        .concat();
         assert_eq!(damaged_frames(&before, &decode(&bytes)), [], "{strays:02x?}");
     }
 }
 
 #[test]
 fn a_request_that_lacks_bytes_and_is_answered_is_a_bad_request_with_its_response() {
-    let (request, response) = (read(1, 10, 2), answer(1, &[7, 8]));
-    let bytes = [&cycle()[..], &request[..5], &response, &read(2, 20, 1), &answer(2, &[1])].concat();
+    let (request, response) = (read_request(1, 10, 2), read_response(1, &[7, 8]));
+    let bytes = [&cycle()[..], &request[..5], &response, &read_request(2, 20, 1), &read_response(2, &[1])].concat();
     let batch = decode(&bytes);
     let bad: Vec<_> = batch.transactions.iter().filter(|row| row.status == Status::BadRequest).collect();
     assert_eq!(bad.len(), 1);
@@ -175,8 +193,9 @@ fn two_lines(requests: &[u8], responses: &[u8]) -> Batch {
 
 #[test]
 fn bytes_missing_on_one_of_two_lines_without_a_clock_are_reported_where_they_are_missing() {
-    let requests = [read(1, 0x6B, 2), read(2, 7, 1), read(1, 9, 4)].concat().repeat(12);
-    let responses = [answer(1, &[0x1234, 0x5678]), answer(2, &[0x4321]), answer(1, &[0x1111, 0x2222, 0x3333, 0x4444])];
+    let requests = [read_request(1, 0x6B, 2), read_request(2, 7, 1), read_request(1, 9, 4)].concat().repeat(12);
+    let responses =
+        [read_response(1, &[0x1234, 0x5678]), read_response(2, &[0x4321]), read_response(1, &[0x1111, 0x2222, 0x3333, 0x4444])];
     let round = responses.concat();
     // Inside a response, at the beginning of one, at the end of one, and from the end of the first into the third.
     for missing in [22..24, 0..2, 16..18, 5..20] {

@@ -10,14 +10,14 @@ use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
 use modlens_readers::chunk::{Chunk, Times};
 
-use wire::{answer, frame, in_pieces, read, session, MS};
+use wire::{frame, in_pieces, read_request, read_response, session, MS};
 
-/// Exchanges that make units 1 and 2 familiar.
+/// Transactions from which units 1 and 2 become known.
 fn known() -> Vec<Vec<u8>> {
-    (0..8u16).flat_map(|i| [read(1 + (i % 2) as u8, 100 * i, 2), answer(1 + (i % 2) as u8, &[i, 7 * i])]).collect()
+    (0..8u16).flat_map(|i| [read_request(1 + (i % 2) as u8, 100 * i, 2), read_response(1 + (i % 2) as u8, &[i, 7 * i])]).collect()
 }
 
-/// All frames in one read, behind familiar ones.
+/// The rows of these frames in one read without times, behind those of `known`.
 fn untimed(frames: &[Vec<u8>]) -> Batch {
     let (mut session, bus) = session(false, Clock::None);
     let bytes: Vec<u8> = known().iter().chain(frames).flatten().copied().collect();
@@ -26,7 +26,7 @@ fn untimed(frames: &[Vec<u8>]) -> Batch {
     session.take()
 }
 
-/// Each frame a read of its own, so many ms behind the one before.
+/// The rows of these frames, each a read of its own, the given number of ms behind the one before.
 fn timed(live: bool, frames: &[(i64, Vec<u8>)]) -> Batch {
     let (mut session, bus) = session(live, Clock::Utc);
     let mut now = 1_700_000_000_000_000_000;
@@ -39,7 +39,7 @@ fn timed(live: bool, frames: &[(i64, Vec<u8>)]) -> Batch {
     session.take()
 }
 
-/// The good frames behind the familiar ones.
+/// The good frames behind those of `known`.
 fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
     let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
     good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).skip(known().len()).collect()
@@ -49,8 +49,8 @@ fn pair(request: &[u8], response: &[u8]) -> [(Vec<u8>, Direction); 2] {
     [(request.to_vec(), Request), (response.to_vec(), Response)]
 }
 
-/// Requests that are answered by the same bytes.
-fn echoed() -> Vec<Vec<u8>> {
+/// Requests whose response has the same bytes.
+fn mirrored_requests() -> Vec<Vec<u8>> {
     let pdus: [&[u8]; 5] = [
         &[5, 0x12, 0x34, 0xFF, 0],
         &[6, 0x12, 0x34, 0x56, 0x78],
@@ -62,74 +62,82 @@ fn echoed() -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn two_three_and_four_copies_of_an_echoed_request_without_a_clock() {
-    for write in echoed() {
+fn of_several_copies_of_a_mirrored_request_the_last_is_the_response_without_a_clock() {
+    for write in mirrored_requests() {
         for copies in 2..=4 {
             let mut frames = vec![write.clone(); copies];
-            frames.extend([read(2, 9, 1), answer(2, &[3])]);
+            frames.extend([read_request(2, 9, 1), read_response(2, &[3])]);
             let batch = untimed(&frames);
-            let mut wanted = vec![Request; copies - 1];
-            wanted.push(Response);
-            let told: Vec<Direction> = good(&batch)[..copies].iter().map(|frame| frame.1).collect();
-            assert_eq!(told, wanted, "function {} {copies} times", write[1]);
+            let mut expected = vec![Request; copies - 1];
+            expected.push(Response);
+            let directions: Vec<Direction> = good(&batch)[..copies].iter().map(|frame| frame.1).collect();
+            assert_eq!(directions, expected, "function {} {copies} times", write[1]);
         }
     }
 }
 
 #[test]
-fn two_three_and_four_copies_of_an_echoed_request_with_a_clock() {
+fn of_several_copies_of_a_mirrored_request_the_last_is_the_response_with_a_clock() {
     // Two time-outs teach how long this master waits.
-    let lesson = [(30, read(9, 0, 1)), (300, read(9, 0, 1)), (300, read(1, 9, 1)), (10, answer(1, &[3]))];
+    let lesson =
+        [(30, read_request(9, 0, 1)), (300, read_request(9, 0, 1)), (300, read_request(1, 9, 1)), (10, read_response(1, &[3]))];
     for live in [false, true] {
-        for write in echoed() {
+        for write in mirrored_requests() {
             for copies in 2..=4 {
                 let mut frames = lesson.to_vec();
                 frames.extend((1..copies).map(|_| (300, write.clone())));
-                frames.extend([(10, write.clone()), (30, read(2, 9, 1)), (10, answer(2, &[3]))]);
+                frames.extend([(10, write.clone()), (30, read_request(2, 9, 1)), (10, read_response(2, &[3]))]);
                 let batch = timed(live, &frames);
-                let told: Vec<Direction> = good(&batch)[lesson.len()..][..copies].iter().map(|frame| frame.1).collect();
-                assert_eq!(told[..copies - 1], vec![Request; copies - 1], "function {} {copies} times", write[1]);
-                assert_eq!(told[copies - 1], Response, "function {} {copies} times", write[1]);
+                let directions: Vec<Direction> = good(&batch)[lesson.len()..][..copies].iter().map(|frame| frame.1).collect();
+                assert_eq!(directions[..copies - 1], vec![Request; copies - 1], "function {} {copies} times", write[1]);
+                assert_eq!(directions[copies - 1], Response, "function {} {copies} times", write[1]);
             }
         }
     }
 }
 
 #[test]
-fn an_address_that_looks_like_a_byte_count() {
+fn an_address_that_looks_like_a_byte_count_is_an_address() {
     // Registers from 0x0401 on: read as a response, four bytes of data.
-    let (ask, tell) = (read(1, 0x0401, 2), answer(1, &[8, 9]));
-    assert_eq!(good(&untimed(&[ask.clone(), tell.clone()])), pair(&ask, &tell));
+    let (request, response) = (read_request(1, 0x0401, 2), read_response(1, &[8, 9]));
+    assert_eq!(good(&untimed(&[request.clone(), response.clone()])), pair(&request, &response));
     // And where the whole frame could be both: three bytes of coils, or a request for 8 from 0x0300 on.
-    let (ask, tell) = (frame(1, &[1, 3, 0, 0, 8]), frame(1, &[1, 1, 0x55]));
-    assert_eq!(good(&untimed(&[ask.clone(), tell.clone()])), pair(&ask, &tell));
+    let (request, response) = (frame(1, &[1, 3, 0, 0, 8]), frame(1, &[1, 1, 0x55]));
+    assert_eq!(good(&untimed(&[request.clone(), response.clone()])), pair(&request, &response));
 }
 
 #[test]
-fn functions_without_layout_of_every_length_filled_with_zeros_and_with_strays_behind() {
+fn functions_without_layout_are_found_at_every_length_with_zeros_inside_and_behind() {
     for code in [65u8, 72, 90, 100, 110, 125, 126, 127] {
         for length in [4usize, 5, 8, 9, 33, 256] {
             let body = |value: u8| vec![value; length - 4];
             let once = |value: u8| frame(1, &[&[code][..], &body(value)].concat());
-            // Some exchanges teach the length; then only zeros, and a stray zero behind each frame.
-            let (ask, tell) = (once(0), frame(1, &[code, 2, 0, 0]));
+            // A few transactions teach the length; then the frame has only zeros, and a stray zero behind it.
+            let (request, response) = (once(0), frame(1, &[code, 2, 0, 0]));
             let lesson: Vec<Vec<u8>> = (0x51..0x55).flat_map(|at| [once(at), frame(1, &[code, 2, at, 9])]).collect();
             let strays = vec![vec![0]];
-            let frames =
-                [&lesson[..], std::slice::from_ref(&ask), &strays, std::slice::from_ref(&tell), &strays, &[read(2, 0, 1)]]
-                    .concat();
+            let frames = [
+                &lesson[..],
+                std::slice::from_ref(&request),
+                &strays,
+                std::slice::from_ref(&response),
+                &strays,
+                &[read_request(2, 0, 1)],
+            ]
+            .concat();
             let found = good(&untimed(&frames));
-            // With a zero behind it, such a frame is as valid: which it was, nobody can tell.
-            let whole = |(bytes, way): &(Vec<u8>, Direction)| *way == Request && [&bytes[..], &[0]].concat().starts_with(&ask);
-            let told = found.iter().any(|frame| whole(frame) && frame.0.len().abs_diff(length) <= 1);
-            assert!(told, "function {code}, {length} bytes: {found:02x?}");
-            assert!(found.contains(&(read(2, 0, 1), Request)), "function {code}, {length} bytes");
+            // With the zero behind it, such a frame has a valid checksum, too, so that both lengths are accepted.
+            let whole =
+                |(bytes, way): &(Vec<u8>, Direction)| *way == Request && [&bytes[..], &[0]].concat().starts_with(&request);
+            let is_found = found.iter().any(|frame| whole(frame) && frame.0.len().abs_diff(length) <= 1);
+            assert!(is_found, "function {code}, {length} bytes: {found:02x?}");
+            assert!(found.contains(&(read_request(2, 0, 1), Request)), "function {code}, {length} bytes");
         }
     }
 }
 
 #[test]
-fn functions_whose_length_stands_in_the_frame() {
+fn functions_with_a_length_field_end_where_it_says() {
     let long = |count: usize| (0..count).map(|at| (at * 29 + 3) as u8).collect::<Vec<u8>>();
     let mut pairs: Vec<(Vec<u8>, Vec<u8>)> = Vec::new();
     for count in [2usize, 4, 80, 250] {
@@ -137,8 +145,8 @@ fn functions_whose_length_stands_in_the_frame() {
         pairs.push((loopback.clone(), loopback));
     }
     // File records: two groups asked for, two answered; a write of two groups.
-    let ask = frame(1, &[20, 14, 6, 0, 4, 0, 1, 0, 2, 6, 0, 3, 0, 9, 0, 1]);
-    pairs.push((ask, frame(1, &[20, 10, 5, 6, 0x0D, 0xFE, 0, 0x20, 3, 6, 0x33, 0xCD])));
+    let request = frame(1, &[20, 14, 6, 0, 4, 0, 1, 0, 2, 6, 0, 3, 0, 9, 0, 1]);
+    pairs.push((request, frame(1, &[20, 10, 5, 6, 0x0D, 0xFE, 0, 0x20, 3, 6, 0x33, 0xCD])));
     let write = frame(1, &[21, 20, 6, 0, 4, 0, 7, 0, 2, 6, 0xAF, 4, 0xBE, 6, 0, 3, 0, 9, 0, 1, 0x10, 0x0D]);
     pairs.push((write.clone(), write));
     // FIFO queue: a count of two bytes, none and two values.
@@ -147,58 +155,64 @@ fn functions_whose_length_stands_in_the_frame() {
     // Identification: two objects, and more follows.
     let objects = [&[43, 14, 1, 1, 0xFF, 2, 2, 0, 3][..], b"abc", &[1, 2], b"de"].concat();
     pairs.push((frame(1, &[43, 14, 1, 0]), frame(1, &objects)));
-    for (ask, tell) in pairs {
-        let batch = untimed(&[ask.clone(), tell.clone(), read(2, 0, 1), answer(2, &[1])]);
-        assert_eq!(good(&batch)[..2], pair(&ask, &tell), "function {}", ask[1]);
+    for (request, response) in pairs {
+        let batch = untimed(&[request.clone(), response.clone(), read_request(2, 0, 1), read_response(2, &[1])]);
+        assert_eq!(good(&batch)[..2], pair(&request, &response), "function {}", request[1]);
     }
 }
 
 #[test]
-fn answers_that_do_not_keep_to_their_requests_are_frames_with_findings() {
+fn responses_that_contradict_their_requests_are_frames_with_findings() {
     let cases = [
-        // Fewer registers than asked for, a value that is not echoed, 2001 coils.
-        (read(1, 0, 5), answer(1, &[1, 2]), Finding::ResponseLength),
+        // Fewer registers than requested, a value that is not repeated, 2001 coils.
+        (read_request(1, 0, 5), read_response(1, &[1, 2]), Finding::ResponseLength),
         (frame(1, &[6, 0, 1, 0, 3]), frame(1, &[6, 0, 1, 0, 9]), Finding::EchoMismatch),
         (frame(1, &[1, 0, 0, 0x07, 0xD1]), frame(1, &[&[1, 251][..], &[0x5A; 251]].concat()), Finding::QuantityLimit),
     ];
-    for (ask, tell, finding) in cases {
-        let batch = untimed(&[ask.clone(), tell.clone(), read(2, 0, 1), answer(2, &[1])]);
-        assert_eq!(good(&batch)[..2], pair(&ask, &tell), "{finding:?}");
+    for (request, response, finding) in cases {
+        let batch = untimed(&[request.clone(), response.clone(), read_request(2, 0, 1), read_response(2, &[1])]);
+        assert_eq!(good(&batch)[..2], pair(&request, &response), "{finding:?}");
         assert!(batch.findings.iter().any(|row| row.finding == finding), "{finding:?}");
     }
 }
 
 #[test]
-fn frames_inside_payloads_of_files_and_tunnels_live_too() {
-    let inner = read(2, 0, 1);
+fn frames_nested_in_files_and_tunnels_are_payload_live_too() {
+    let inner = read_request(2, 0, 1);
     let file = [&[21, 7 + inner.len() as u8, 6, 0, 4, 0, 7, 0, inner.len() as u8 / 2][..], &inner].concat();
     let tunnel = [&[43, 13][..], &inner, &[1, 2, 3]].concat();
     let outer = frame(1, &file);
-    let frames = [(12, outer.clone()), (12, outer.clone()), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+    let frames = [(12, outer.clone()), (12, outer.clone()), (12, read_request(1, 0, 1)), (12, read_response(1, &[1]))];
     for live in [false, true] {
         assert_eq!(good(&timed(live, &frames))[..2], pair(&outer, &outer));
     }
     let outer = frame(1, &tunnel);
-    let frames = [(12, outer.clone()), (12, frame(1, &[43, 13, 9, 9])), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+    let frames =
+        [(12, outer.clone()), (12, frame(1, &[43, 13, 9, 9])), (12, read_request(1, 0, 1)), (12, read_response(1, &[1]))];
     for live in [false, true] {
         assert_eq!(good(&timed(live, &frames))[0], (outer.clone(), Request));
     }
 }
 
 #[test]
-fn a_file_or_a_loopback_that_holds_a_whole_exchange_live_too() {
-    let inner = [read(2, 0, 2), answer(2, &[7, 9])].concat();
+fn a_request_and_response_nested_in_a_file_or_loopback_are_payload_live_too() {
+    let inner = [read_request(2, 0, 2), read_response(2, &[7, 9])].concat();
     let padded = [&inner[..], &[0][..inner.len() % 2]].concat();
     let file = [&[21, 7 + padded.len() as u8, 6, 0, 4, 0, 7, 0, padded.len() as u8 / 2][..], &padded].concat();
     let loopback = [&[8, 0, 0][..], &padded].concat();
     for pdu in [file, loopback] {
         let outer = frame(1, &pdu);
-        let polls = [(12, read(2, 0, 2)), (12, answer(2, &[7, 8])), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+        let polls = [
+            (12, read_request(2, 0, 2)),
+            (12, read_response(2, &[7, 8])),
+            (12, read_request(1, 0, 1)),
+            (12, read_response(1, &[1])),
+        ];
         let mut frames = vec![polls.to_vec(); 4].concat();
         frames.extend([(12, outer.clone()), (12, outer.clone())]);
         frames.extend(polls);
-        let glued: Vec<Vec<u8>> = frames.iter().map(|(_, bytes)| bytes.clone()).collect();
-        for batch in [timed(false, &frames), timed(true, &frames), untimed(&glued)] {
+        let adjacent: Vec<Vec<u8>> = frames.iter().map(|(_, bytes)| bytes.clone()).collect();
+        for batch in [timed(false, &frames), timed(true, &frames), untimed(&adjacent)] {
             let found = good(&batch);
             assert_eq!(found[16..18], pair(&outer, &outer), "function {}", pdu[0]);
             assert_eq!(found.len(), 22, "function {}", pdu[0]);
@@ -207,88 +221,112 @@ fn a_file_or_a_loopback_that_holds_a_whole_exchange_live_too() {
 }
 
 #[test]
-fn a_loopback_that_holds_a_frame_live_too() {
+fn a_frame_nested_in_a_loopback_is_payload_live_too() {
     // What sub-function 0 of diagnostics returns (6.8): the line has not shown this function before.
-    let outer = frame(1, &[&[8, 0, 0][..], &read(2, 0, 1)].concat());
-    let frames = [(12, outer.clone()), (12, outer.clone()), (12, read(1, 0, 1)), (12, answer(1, &[1]))];
+    let outer = frame(1, &[&[8, 0, 0][..], &read_request(2, 0, 1)].concat());
+    let frames = [(12, outer.clone()), (12, outer.clone()), (12, read_request(1, 0, 1)), (12, read_response(1, &[1]))];
     for live in [false, true] {
         let found = good(&timed(live, &frames));
         assert_eq!(found[..2], pair(&outer, &outer), "live {live}");
-        assert_eq!(found[2..], pair(&read(1, 0, 1), &answer(1, &[1])), "live {live}");
+        assert_eq!(found[2..], pair(&read_request(1, 0, 1), &read_response(1, &[1])), "live {live}");
     }
 }
 
 #[test]
-fn a_write_behind_strays_that_holds_a_poll_is_waited_for() {
-    // The poll inside is worth more than the header of the write, whose function the line has not shown before.
-    let (poll, strays) = (read(1, 200, 2), vec![0x42, 0x0B, 0xFF]);
+fn a_write_behind_stray_bytes_is_not_given_up_for_the_poll_nested_in_it() {
+    // The nested poll scores more than the header of the write, whose function is new on the line.
+    let (poll, strays) = (read_request(1, 200, 2), vec![0x42, 0x0B, 0xFF]);
     let values = [&[0x2E; 20][..], &poll, &[0x3D; 18]].concat();
     let outer = frame(2, &[&[16, 0, 0, 0, 23, 46][..], &values].concat());
     let reply = frame(2, &[16, 0, 0, 0, 23]);
-    let wanted = [pair(&outer, &reply), pair(&read(1, 0, 1), &answer(1, &[1]))].concat();
-    let frames = [strays, outer, reply, read(1, 0, 1), answer(1, &[1])];
-    assert_eq!(good(&untimed(&frames)), wanted);
+    let expected = [pair(&outer, &reply), pair(&read_request(1, 0, 1), &read_response(1, &[1]))].concat();
+    let frames = [strays, outer, reply, read_request(1, 0, 1), read_response(1, &[1])];
+    assert_eq!(good(&untimed(&frames)), expected);
     let bytes: Vec<u8> = known().iter().chain(&frames).flatten().copied().collect();
     for piece in [1, 7, 64, 300] {
         let (mut session, _) = session(false, Clock::None);
-        assert_eq!(good(&in_pieces(&mut session, &bytes, piece)), wanted, "in pieces of {piece}");
+        assert_eq!(good(&in_pieces(&mut session, &bytes, piece)), expected, "in pieces of {piece}");
     }
 }
 
 #[test]
-fn canopen_references_of_every_length_end_where_their_checksum_says() {
+fn canopen_references_of_every_length_end_at_their_checksum() {
     // 43/13: its layout is not in the specification (6.19).
-    for (asked, told) in [(4usize, 4usize), (7, 30), (14, 9)] {
+    for (request_bytes, response_bytes) in [(4usize, 4usize), (7, 30), (14, 9)] {
         let body = |length: usize, first: usize| (0..length).map(|at| (at * 53 + first) as u8).collect::<Vec<u8>>();
         let once = |at: usize| {
-            [frame(1, &[&[43, 13][..], &body(asked, at)].concat()), frame(1, &[&[43, 13][..], &body(told, at + 9)].concat())]
+            [
+                frame(1, &[&[43, 13][..], &body(request_bytes, at)].concat()),
+                frame(1, &[&[43, 13][..], &body(response_bytes, at + 9)].concat()),
+            ]
         };
         let exchanges: Vec<Vec<u8>> = (0..4).flat_map(once).collect();
-        let batch = untimed(&[&exchanges[..], &[read(2, 0, 1), answer(2, &[1])]].concat());
-        let wanted: Vec<_> = exchanges.chunks(2).flat_map(|both| pair(&both[0], &both[1])).collect();
-        assert_eq!(good(&batch)[..8], wanted, "{asked} {told}");
+        let batch = untimed(&[&exchanges[..], &[read_request(2, 0, 1), read_response(2, &[1])]].concat());
+        let expected: Vec<_> = exchanges.chunks(2).flat_map(|both| pair(&both[0], &both[1])).collect();
+        assert_eq!(good(&batch)[..8], expected, "{request_bytes} {response_bytes}");
     }
 }
 
 #[test]
-fn a_request_that_could_be_its_own_answer_is_a_retry_after_a_time_out() {
+fn a_request_that_could_be_its_own_response_is_a_retry_after_a_timeout() {
     // 24 inputs from address 0x03D2 on: as a response, three bytes of inputs.
-    let ask = frame(8, &[2, 0x03, 0xD2, 0, 24]);
-    let tell = frame(8, &[2, 3, 0, 0x26, 0xB4]);
-    let gone: Vec<(i64, Vec<u8>)> =
-        (0..3).flat_map(|_| [(20, read(9, 0, 1)), (250, read(9, 0, 1)), (250, read(1, 0, 1)), (12, answer(1, &[1]))]).collect();
-    let frames = [&gone[..], &[(20, ask.clone()), (250, ask.clone()), (12, tell.clone())]].concat();
+    let request = frame(8, &[2, 0x03, 0xD2, 0, 24]);
+    let response = frame(8, &[2, 3, 0, 0x26, 0xB4]);
+    let timeouts: Vec<(i64, Vec<u8>)> = (0..3)
+        .flat_map(|_| {
+            [
+                (20, read_request(9, 0, 1)),
+                (250, read_request(9, 0, 1)),
+                (250, read_request(1, 0, 1)),
+                (12, read_response(1, &[1])),
+            ]
+        })
+        .collect();
+    let frames = [&timeouts[..], &[(20, request.clone()), (250, request.clone()), (12, response.clone())]].concat();
     for live in [false, true] {
         let found = good(&timed(live, &frames));
-        assert_eq!(found[found.len() - 3..], [(ask.clone(), Request), (ask.clone(), Request), (tell.clone(), Response)]);
+        assert_eq!(
+            found[found.len() - 3..],
+            [(request.clone(), Request), (request.clone(), Request), (response.clone(), Response)]
+        );
     }
 }
 
 #[test]
-fn a_stray_in_the_silence_before_a_retry_makes_it_no_answer() {
+fn a_stray_byte_before_a_retry_does_not_make_it_a_response() {
     let write = frame(1, &[6, 0, 1, 0, 3]);
-    let gone: Vec<(i64, Vec<u8>)> =
-        (0..3).flat_map(|_| [(20, read(9, 0, 1)), (250, read(9, 0, 1)), (250, read(1, 0, 1)), (12, answer(1, &[1]))]).collect();
+    let timeouts: Vec<(i64, Vec<u8>)> = (0..3)
+        .flat_map(|_| {
+            [
+                (20, read_request(9, 0, 1)),
+                (250, read_request(9, 0, 1)),
+                (250, read_request(1, 0, 1)),
+                (12, read_response(1, &[1])),
+            ]
+        })
+        .collect();
     let tail = [
         (20, write.clone()),
         (238, vec![0x40]),
         (12, write.clone()),
         (12, write.clone()),
-        (20, read(2, 0, 1)),
-        (12, answer(2, &[1])),
+        (20, read_request(2, 0, 1)),
+        (12, read_response(2, &[1])),
     ];
     for live in [false, true] {
-        let found = good(&timed(live, &[&gone[..], &tail].concat()));
-        let ways: Vec<Direction> = found[found.len() - 5..].iter().map(|frame| frame.1).collect();
-        assert_eq!(ways, [Request, Request, Response, Request, Response], "live {live}");
+        let found = good(&timed(live, &[&timeouts[..], &tail].concat()));
+        let directions: Vec<Direction> = found[found.len() - 5..].iter().map(|frame| frame.1).collect();
+        assert_eq!(directions, [Request, Request, Response, Request, Response], "live {live}");
     }
 }
 
 #[test]
-fn the_same_request_again_at_once_is_neither_echo_nor_retry_before_the_line_has_shown_which() {
-    // The recording begins with a request that stands there twice, without a clock.
+fn a_repeated_request_is_neither_echo_nor_retry_before_the_line_has_shown_which() {
+    // The recording begins with the same request twice, without a clock.
     let (mut session, bus) = session(false, Clock::None);
-    let bytes = [read(1, 0, 1), read(1, 0, 1), answer(1, &[5]), read(2, 0, 1), answer(2, &[6])].concat();
+    let bytes =
+        [read_request(1, 0, 1), read_request(1, 0, 1), read_response(1, &[5]), read_request(2, 0, 1), read_response(2, &[6])]
+            .concat();
     session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
     session.flush();
     let batch = session.take();
@@ -298,9 +336,9 @@ fn the_same_request_again_at_once_is_neither_echo_nor_retry_before_the_line_has_
 }
 
 #[test]
-fn a_line_with_echo_is_known_by_its_third_request_without_a_clock() {
+fn a_line_with_echo_is_recognised_by_its_third_request_without_a_clock() {
     let (mut session, bus) = session(false, Clock::None);
-    let round = |at: u16| [read(1, at, 1), read(1, at, 1), answer(1, &[at])].concat();
+    let round = |at: u16| [read_request(1, at, 1), read_request(1, at, 1), read_response(1, &[at])].concat();
     let bytes: Vec<u8> = (0..8).flat_map(round).collect();
     session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
     session.flush();
@@ -311,11 +349,12 @@ fn a_line_with_echo_is_known_by_its_third_request_without_a_clock() {
 }
 
 #[test]
-fn the_same_answer_to_the_same_request_again_is_no_duplicate() {
-    let ask = read(1, 0, 4);
-    let tell = answer(1, &[0xFFF8, 0xD92F, 0x4240, 0]);
-    let frames = [ask.clone(), tell.clone(), ask.clone(), tell.clone(), read(2, 0, 1), answer(2, &[1])];
+fn the_same_response_to_the_same_request_is_not_a_duplicate() {
+    let request = read_request(1, 0, 4);
+    let response = read_response(1, &[0xFFF8, 0xD92F, 0x4240, 0]);
+    let frames =
+        [request.clone(), response.clone(), request.clone(), response.clone(), read_request(2, 0, 1), read_response(2, &[1])];
     let batch = untimed(&frames);
-    assert_eq!(good(&batch)[..4], [pair(&ask, &tell), pair(&ask, &tell)].concat());
+    assert_eq!(good(&batch)[..4], [pair(&request, &response), pair(&request, &response)].concat());
     assert!(batch.findings.iter().all(|row| row.finding != Finding::Duplicate));
 }

@@ -55,7 +55,9 @@ fn options() -> BusOptions {
 
 /// Traffic that makes units 1 and 2 familiar.
 fn warm_up() -> Vec<u8> {
-    (0..6u16).flat_map(|i| [read(1 + (i % 2) as u8, 100 * i, 2), answer(1 + (i % 2) as u8, &[i, 0])].concat()).collect()
+    (0..6u16)
+        .flat_map(|i| [read_request(1 + (i % 2) as u8, 100 * i, 2), read_response(1 + (i % 2) as u8, &[i, 0])].concat())
+        .collect()
 }
 
 fn untimed(bytes: &[u8]) -> Batch {
@@ -94,12 +96,16 @@ fn expect(batch: &Batch, skip: usize, frames: &[(Vec<u8>, Direction)]) {
 
 use Direction::{Request, Response};
 
-use wire::{answer, frame, good, read, MS};
+use wire::{frame, good, read_request, read_response, MS};
 
 #[test]
 fn frames_glued_into_one_read_are_told_apart() {
-    let frames =
-        [(read(1, 0, 2), Request), (answer(1, &[7, 8]), Response), (read(2, 5, 1), Request), (answer(2, &[9]), Response)];
+    let frames = [
+        (read_request(1, 0, 2), Request),
+        (read_response(1, &[7, 8]), Response),
+        (read_request(2, 5, 1), Request),
+        (read_response(2, &[9]), Response),
+    ];
     expect(&untimed(&frames.iter().flat_map(|(bytes, _)| bytes.clone()).collect::<Vec<_>>()), 0, &frames);
 }
 
@@ -115,9 +121,9 @@ fn a_frame_whose_checksum_ends_in_zero_is_whole() {
 #[test]
 fn stray_zeros_and_ones_around_frames_belong_to_none() {
     for strays in [&[0u8][..], &[0, 0], &[0xFF], &[0xFF, 0xFE], &[0, 0, 0, 0, 0]] {
-        let (ask, tell) = (read(1, 0, 2), answer(1, &[7, 8]));
-        let bytes = [&warm_up()[..], strays, &ask, strays, &tell, strays, &read(2, 0, 1)].concat();
-        expect(&untimed(&bytes), 12, &[(ask, Request), (tell, Response), (read(2, 0, 1), Request)]);
+        let (ask, tell) = (read_request(1, 0, 2), read_response(1, &[7, 8]));
+        let bytes = [&warm_up()[..], strays, &ask, strays, &tell, strays, &read_request(2, 0, 1)].concat();
+        expect(&untimed(&bytes), 12, &[(ask, Request), (tell, Response), (read_request(2, 0, 1), Request)]);
     }
 }
 
@@ -126,7 +132,7 @@ fn published_frames_with_glitches_on_both_sides() {
     // minimalmodbus #61 and modbus-cli #41: CRC-valid with the trailing 00, too.
     for text in ["00 04 83 02 D0 F0 00", "00 2E 03 02 04 80 6E E2 00"] {
         let bytes = modlens_protocol::hex::parse_hex(text).unwrap();
-        let request = read(bytes[1], 0, 1);
+        let request = read_request(bytes[1], 0, 1);
         let batch = untimed(&[request.clone(), bytes.clone()].concat());
         expect(&batch, 0, &[(request, Request), (bytes[1..bytes.len() - 1].to_vec(), Response)]);
     }
@@ -154,14 +160,14 @@ fn eight_bytes_of_function_1_are_coils_where_coils_were_asked_for() {
 #[test]
 fn an_echoed_write_is_an_answer_and_three_copies_are_a_retry() {
     let write = frame(1, &[6, 0, 1, 0, 3]);
-    let next = read(2, 0, 1);
-    let two = [warm_up(), write.clone(), write.clone(), next.clone(), answer(2, &[1])].concat();
+    let next = read_request(2, 0, 1);
+    let two = [warm_up(), write.clone(), write.clone(), next.clone(), read_response(2, &[1])].concat();
     expect(
         &untimed(&two),
         12,
-        &[(write.clone(), Request), (write.clone(), Response), (next.clone(), Request), (answer(2, &[1]), Response)],
+        &[(write.clone(), Request), (write.clone(), Response), (next.clone(), Request), (read_response(2, &[1]), Response)],
     );
-    let three = [warm_up(), write.clone(), write.clone(), write.clone(), next.clone(), answer(2, &[1])].concat();
+    let three = [warm_up(), write.clone(), write.clone(), write.clone(), next.clone(), read_response(2, &[1])].concat();
     let batch = untimed(&three);
     assert_eq!(good(&batch)[12..15].iter().map(|f| f.1).collect::<Vec<_>>(), [Request, Request, Response]);
     assert_eq!(batch.transactions[7].retry_of, Some(batch.transactions[6].number));
@@ -172,9 +178,14 @@ fn the_pause_tells_a_retry_from_an_echo() {
     let write = frame(1, &[6, 0, 1, 0, 3]);
     let mut bursts = vec![];
     for i in 0..6 {
-        bursts.extend([(20 * MS, read(1, i, 1)), (8 * MS, answer(1, &[i]))]);
+        bursts.extend([(20 * MS, read_request(1, i, 1)), (8 * MS, read_response(1, &[i]))]);
     }
-    bursts.extend([(20 * MS, read(9, 0, 1)), (300 * MS, read(9, 0, 1)), (300 * MS, read(1, 0, 1)), (8 * MS, answer(1, &[1]))]);
+    bursts.extend([
+        (20 * MS, read_request(9, 0, 1)),
+        (300 * MS, read_request(9, 0, 1)),
+        (300 * MS, read_request(1, 0, 1)),
+        (8 * MS, read_response(1, &[1])),
+    ]);
     bursts.extend([(20 * MS, write.clone()), (300 * MS, write.clone()), (8 * MS, write.clone())]);
     let batch = timed(&bursts);
     let last: Vec<Direction> = good(&batch).iter().rev().take(3).map(|f| f.1).collect();
@@ -185,7 +196,7 @@ fn the_pause_tells_a_retry_from_an_echo() {
 fn a_local_echo_is_no_transaction_of_its_own() {
     let mut bursts = vec![];
     for i in 0..8 {
-        bursts.extend([(20 * MS, [read(1, i, 1), read(1, i, 1)].concat()), (8 * MS, answer(1, &[i]))]);
+        bursts.extend([(20 * MS, [read_request(1, i, 1), read_request(1, i, 1)].concat()), (8 * MS, read_response(1, &[i]))]);
     }
     let batch = timed(&bursts);
     assert_eq!(statuses(&batch), [Status::Ok; 8]);
@@ -195,15 +206,15 @@ fn a_local_echo_is_no_transaction_of_its_own() {
 #[test]
 fn unanswered_broadcast_and_late() {
     let bursts = vec![
-        (20 * MS, read(1, 0, 1)),
-        (8 * MS, answer(1, &[1])),
+        (20 * MS, read_request(1, 0, 1)),
+        (8 * MS, read_response(1, &[1])),
         (20 * MS, frame(0, &[6, 0, 1, 0, 3])),
-        (100 * MS, read(1, 0, 1)),
-        (8 * MS, answer(1, &[1])),
-        (20 * MS, read(2, 0, 2)),
-        (300 * MS, read(1, 9, 1)),
-        (8 * MS, answer(1, &[1])),
-        (8 * MS, answer(2, &[4, 5])),
+        (100 * MS, read_request(1, 0, 1)),
+        (8 * MS, read_response(1, &[1])),
+        (20 * MS, read_request(2, 0, 2)),
+        (300 * MS, read_request(1, 9, 1)),
+        (8 * MS, read_response(1, &[1])),
+        (8 * MS, read_response(2, &[4, 5])),
     ];
     let batch = timed(&bursts);
     let (ok, none) = (Status::Ok, Status::NoResponse);
@@ -214,9 +225,9 @@ fn unanswered_broadcast_and_late() {
 
 #[test]
 fn a_request_again_after_a_damaged_answer_is_a_retry() {
-    let mut damaged = answer(1, &[7, 8]);
+    let mut damaged = read_response(1, &[7, 8]);
     damaged[4] ^= 1;
-    let bytes = [warm_up(), read(1, 0, 2), damaged, read(1, 0, 2), answer(1, &[7, 8])].concat();
+    let bytes = [warm_up(), read_request(1, 0, 2), damaged, read_request(1, 0, 2), read_response(1, &[7, 8])].concat();
     let batch = untimed(&bytes);
     assert_eq!(statuses(&batch)[6..], [Status::BadResponse, Status::Ok]);
     assert_eq!(batch.transactions[7].retry_of, Some(7));
@@ -228,7 +239,7 @@ fn exceptions_of_every_function_and_strange_codes() {
         for exception in [0u8, 1, 2, 7, 12, 0x80, 0xFF] {
             let ask = frame(1, &[code, 0, 0, 0, 1]);
             let tell = frame(1, &[code | 0x80, exception]);
-            let bytes = [warm_up(), ask, tell.clone(), read(1, 0, 1)].concat();
+            let bytes = [warm_up(), ask, tell.clone(), read_request(1, 0, 1)].concat();
             assert!(good(&untimed(&bytes)).contains(&(tell, Response)), "{code} {exception}");
         }
     }
@@ -239,47 +250,68 @@ fn functions_without_public_layout_end_where_their_checksum_and_the_next_frame_s
     for length in [0usize, 1, 7, 40, 200] {
         let body: Vec<u8> = (0..length).map(|i| (i * 37 + 11) as u8).collect();
         let ask = frame(1, &[&[102], &body[..]].concat());
-        let bytes = [&warm_up()[..], &ask, &read(2, 0, 1), &answer(2, &[5])].concat();
+        let bytes = [&warm_up()[..], &ask, &read_request(2, 0, 1), &read_response(2, &[5])].concat();
         assert!(good(&untimed(&bytes)).contains(&(ask, Request)), "{length}");
     }
 }
 
 #[test]
 fn a_frame_inside_a_payload_is_payload() {
-    let inner = read(2, 0, 1);
+    let inner = read_request(2, 0, 1);
     let mut pdu = vec![16, 0, 0, 0, 5, 10];
     pdu.extend(&inner);
     pdu.extend([0, 0]);
     let outer = frame(1, &pdu);
     let done = frame(1, &[16, 0, 0, 0, 5]);
-    let bytes = [warm_up(), outer.clone(), done.clone(), read(1, 0, 1), answer(1, &[1])].concat();
-    expect(&untimed(&bytes), 12, &[(outer, Request), (done, Response), (read(1, 0, 1), Request), (answer(1, &[1]), Response)]);
+    let bytes = [warm_up(), outer.clone(), done.clone(), read_request(1, 0, 1), read_response(1, &[1])].concat();
+    expect(
+        &untimed(&bytes),
+        12,
+        &[(outer, Request), (done, Response), (read_request(1, 0, 1), Request), (read_response(1, &[1]), Response)],
+    );
 }
 
 #[test]
 fn a_request_behind_a_truncated_response_is_found() {
-    let cut = &answer(1, &[1; 60])[..50];
-    let bytes =
-        [&warm_up()[..], &read(1, 0, 60), cut, &read(2, 7, 1), &answer(2, &[3]), &read(1, 0, 1), &answer(1, &[1])].concat();
-    let rest = [(read(2, 7, 1), Request), (answer(2, &[3]), Response), (read(1, 0, 1), Request), (answer(1, &[1]), Response)];
+    let cut = &read_response(1, &[1; 60])[..50];
+    let bytes = [
+        &warm_up()[..],
+        &read_request(1, 0, 60),
+        cut,
+        &read_request(2, 7, 1),
+        &read_response(2, &[3]),
+        &read_request(1, 0, 1),
+        &read_response(1, &[1]),
+    ]
+    .concat();
+    let rest = [
+        (read_request(2, 7, 1), Request),
+        (read_response(2, &[3]), Response),
+        (read_request(1, 0, 1), Request),
+        (read_response(1, &[1]), Response),
+    ];
     expect(&untimed(&bytes), 13, &rest);
 }
 
 #[test]
 fn one_flipped_bit_spoils_one_frame_only() {
-    let victims = [read(1, 0, 2), answer(1, &[7, 8])];
+    let victims = [read_request(1, 0, 2), read_response(1, &[7, 8])];
     for victim in 0..2 {
         for at in 2..victims[victim].len() {
             let mut pair = victims.clone();
             pair[victim][at] ^= 0x10;
-            let bytes = [warm_up(), pair[0].clone(), pair[1].clone(), read(2, 0, 1), answer(2, &[5])].concat();
+            let bytes = [warm_up(), pair[0].clone(), pair[1].clone(), read_request(2, 0, 1), read_response(2, &[5])].concat();
             let batch = untimed(&bytes);
             let found = good(&batch);
             assert!(
                 found.contains(&(victims[1 - victim].clone(), if victim == 0 { Response } else { Request })),
                 "{victim} {at}"
             );
-            assert_eq!(found[found.len() - 2..], [(read(2, 0, 1), Request), (answer(2, &[5]), Response)], "{victim} {at}");
+            assert_eq!(
+                found[found.len() - 2..],
+                [(read_request(2, 0, 1), Request), (read_response(2, &[5]), Response)],
+                "{victim} {at}"
+            );
             let damaged =
                 batch.frames.iter().any(|f| f.verdict != Verdict::Ok && f.wire.of(&batch.arena).contains(&pair[victim][at]));
             assert!(damaged, "{victim} {at}");
@@ -289,7 +321,7 @@ fn one_flipped_bit_spoils_one_frame_only() {
 
 #[test]
 fn pauses_inside_frames_and_none_between_them() {
-    let (ask, tell) = (read(1, 0, 2), answer(1, &[7, 8]));
+    let (ask, tell) = (read_request(1, 0, 2), read_response(1, &[7, 8]));
     let bursts = vec![
         (20 * MS, ask[..3].to_vec()),
         (12 * MS, ask[3..].to_vec()),
@@ -304,9 +336,9 @@ fn pauses_inside_frames_and_none_between_them() {
 #[test]
 fn quantities_over_the_limit_are_frames_with_a_finding() {
     for quantity in [126u8, 127] {
-        let ask = read(1, 0, quantity);
-        let tell = answer(1, &vec![3; usize::from(quantity)]);
-        let batch = untimed(&[warm_up(), ask.clone(), tell.clone(), read(1, 0, 1)].concat());
+        let ask = read_request(1, 0, quantity);
+        let tell = read_response(1, &vec![3; usize::from(quantity)]);
+        let batch = untimed(&[warm_up(), ask.clone(), tell.clone(), read_request(1, 0, 1)].concat());
         assert!(good(&batch).contains(&(ask, Request)) && good(&batch).contains(&(tell, Response)), "{quantity}");
         assert!(batch.findings.iter().any(|row| row.finding == Finding::QuantityLimit));
     }
@@ -314,8 +346,8 @@ fn quantities_over_the_limit_are_frames_with_a_finding() {
 
 #[test]
 fn a_response_with_four_bytes_a_register_is_a_frame_with_a_finding() {
-    let (ask, tell) = (read(1, 0, 2), answer(1, &[1, 2, 3, 4]));
-    let batch = untimed(&[warm_up(), ask, tell.clone(), read(1, 0, 1), answer(1, &[1])].concat());
+    let (ask, tell) = (read_request(1, 0, 2), read_response(1, &[1, 2, 3, 4]));
+    let batch = untimed(&[warm_up(), ask, tell.clone(), read_request(1, 0, 1), read_response(1, &[1])].concat());
     assert!(good(&batch).contains(&(tell, Response)));
     assert!(batch.findings.iter().any(|row| row.finding == Finding::ResponseLength));
 }
@@ -346,7 +378,8 @@ fn random_noise_is_noise() {
 
 #[test]
 fn capture_starts_and_ends_in_the_middle() {
-    let bytes = [&answer(1, &[1; 20])[17..], &warm_up()[..], &read(1, 0, 20), &answer(1, &[1; 20])[..9]].concat();
+    let bytes =
+        [&read_response(1, &[1; 20])[17..], &warm_up()[..], &read_request(1, 0, 20), &read_response(1, &[1; 20])[..9]].concat();
     let batch = untimed(&bytes);
     assert_eq!(good(&batch).len(), 13);
     assert_eq!(batch.frames.last().unwrap().verdict, Verdict::Incomplete);
@@ -355,7 +388,10 @@ fn capture_starts_and_ends_in_the_middle() {
 
 /// What one request's exchange looks like, 20 ms from frame to frame.
 fn polls(rounds: u16) -> Vec<(i64, Vec<u8>)> {
-    let round = |i| [read(1, i, 1), answer(1, &[i]), read(2, i, 2), answer(2, &[i, i])].map(|frame| (20 * MS, frame));
+    let round = |i| {
+        [read_request(1, i, 1), read_response(1, &[i]), read_request(2, i, 2), read_response(2, &[i, i])]
+            .map(|frame| (20 * MS, frame))
+    };
     (0..rounds).flat_map(round).collect()
 }
 
@@ -368,12 +404,22 @@ fn frames_with(batch: &Batch, finding: Finding) -> Vec<u64> {
 
 #[test]
 fn two_masters_are_told_with_hindsight_and_not_after_one_meeting() {
-    let meeting = [(20 * MS, read(1, 0, 1)), (8 * MS, read(2, 0, 2)), (8 * MS, answer(1, &[1])), (12 * MS, answer(2, &[1, 2]))];
+    let meeting = [
+        (20 * MS, read_request(1, 0, 1)),
+        (8 * MS, read_request(2, 0, 2)),
+        (8 * MS, read_response(1, &[1])),
+        (12 * MS, read_response(2, &[1, 2])),
+    ];
     let once = timed(&[polls(4), meeting.to_vec()].concat());
     assert_eq!(statuses(&once), [Status::Ok; 10]);
     assert!(frames_with(&once, Finding::TwoMasters).is_empty());
     // The second time the younger request is answered first.
-    let other = [(20 * MS, read(2, 7, 1)), (8 * MS, read(1, 7, 2)), (8 * MS, answer(1, &[1, 2])), (12 * MS, answer(2, &[9]))];
+    let other = [
+        (20 * MS, read_request(2, 7, 1)),
+        (8 * MS, read_request(1, 7, 2)),
+        (8 * MS, read_response(1, &[1, 2])),
+        (12 * MS, read_response(2, &[9])),
+    ];
     let twice = timed(&[polls(4), meeting.to_vec(), polls(2), other.to_vec()].concat());
     assert_eq!(statuses(&twice), [Status::Ok; 16]);
     assert_eq!(frames_with(&twice, Finding::TwoMasters), [19, 32]);
@@ -384,10 +430,10 @@ fn an_answer_after_the_time_out_is_late_and_no_second_master() {
     let mut bursts = polls(4);
     for i in 0..5 {
         bursts.extend([
-            (20 * MS, read(1, i, 1)),
-            (250 * MS, read(1, i, 1)),
-            (20 * MS, answer(1, &[i])),
-            (20 * MS, answer(1, &[i + 9])),
+            (20 * MS, read_request(1, i, 1)),
+            (250 * MS, read_request(1, i, 1)),
+            (20 * MS, read_response(1, &[i])),
+            (20 * MS, read_response(1, &[i + 9])),
         ]);
     }
     let batch = timed(&bursts);
@@ -398,28 +444,38 @@ fn an_answer_after_the_time_out_is_late_and_no_second_master() {
 
 #[test]
 fn answers_to_requests_that_are_missing_are_not_late() {
-    let gone = [(20 * MS, read(1, 5, 2)), (250 * MS, read(1, 5, 2)), (10 * MS, answer(1, &[4, 4]))];
+    let gone = [(20 * MS, read_request(1, 5, 2)), (250 * MS, read_request(1, 5, 2)), (10 * MS, read_response(1, &[4, 4]))];
     // The tap loses the requests of a while: the first answer belongs to none that is known.
-    let unasked = [(800 * MS, answer(2, &[1])), (20 * MS, answer(1, &[5, 5])), (20 * MS, answer(1, &[5, 6]))];
-    let silent = [(20 * MS, read(1, 5, 2))];
+    let unasked =
+        [(800 * MS, read_response(2, &[1])), (20 * MS, read_response(1, &[5, 5])), (20 * MS, read_response(1, &[5, 6]))];
+    let silent = [(20 * MS, read_request(1, 5, 2))];
     let batch = timed(&[polls(4), vec![gone.to_vec(); 3].concat(), silent.to_vec(), unasked.to_vec()].concat());
     assert!(frames_with(&batch, Finding::LateResponse).is_empty());
     assert_eq!(frames_with(&batch, Finding::Unrequested).len(), 3);
     // Without it, the first that fits is late, and a second one is not.
-    let fits = [(800 * MS, answer(1, &[5, 5])), (20 * MS, answer(1, &[5, 6]))];
+    let fits = [(800 * MS, read_response(1, &[5, 5])), (20 * MS, read_response(1, &[5, 6]))];
     let batch = timed(&[polls(4), vec![gone.to_vec(); 3].concat(), polls(4), silent.to_vec(), fits.to_vec()].concat());
     assert_eq!(frames_with(&batch, Finding::LateResponse), [batch.frames.len() as u64 - 1]);
 }
 
 #[test]
 fn another_unit_answers_and_the_master_asks_again() {
-    let wrong =
-        [(20 * MS, read(1, 5, 2)), (10 * MS, answer(2, &[4, 4])), (250 * MS, read(1, 5, 2)), (10 * MS, answer(1, &[4, 4]))];
+    let wrong = [
+        (20 * MS, read_request(1, 5, 2)),
+        (10 * MS, read_response(2, &[4, 4])),
+        (250 * MS, read_request(1, 5, 2)),
+        (10 * MS, read_response(1, &[4, 4])),
+    ];
     let batch = timed(&[polls(4), wrong.to_vec()].concat());
     assert_eq!(frames_with(&batch, Finding::WrongUnit), [18]);
     assert_eq!(frames_with(&batch, Finding::Retry), [19]);
     // Where the master goes on at once, it had its answer: the tap lost that, and the request of the other unit.
-    let lost = [(20 * MS, read(1, 5, 2)), (10 * MS, answer(2, &[4, 4])), (20 * MS, read(2, 9, 1)), (10 * MS, answer(2, &[4]))];
+    let lost = [
+        (20 * MS, read_request(1, 5, 2)),
+        (10 * MS, read_response(2, &[4, 4])),
+        (20 * MS, read_request(2, 9, 1)),
+        (10 * MS, read_response(2, &[4])),
+    ];
     let batch = timed(&[polls(4), lost.to_vec()].concat());
     assert!(frames_with(&batch, Finding::WrongUnit).is_empty() && frames_with(&batch, Finding::NoResponse).is_empty());
     assert!(statuses(&batch).contains(&Status::NotSeen));
@@ -428,7 +484,7 @@ fn another_unit_answers_and_the_master_asks_again() {
 #[test]
 fn the_time_out_is_learned_and_a_unit_that_is_not_there_is_named_at_once() {
     // Nobody answers as unit 9, and the master goes on after 30 ms: too soon for most, but nobody is there.
-    let absent = [(20 * MS, read(9, 5, 2)), (30 * MS, read(1, 1, 1)), (10 * MS, answer(1, &[4]))];
+    let absent = [(20 * MS, read_request(9, 5, 2)), (30 * MS, read_request(1, 1, 1)), (10 * MS, read_response(1, &[4]))];
     let batch = timed(&[polls(4), absent.to_vec(), polls(1)].concat());
     assert_eq!(frames_with(&batch, Finding::NoResponse).len(), 1);
 }
@@ -438,9 +494,14 @@ fn a_broadcast_is_heard_twice_where_everything_is() {
     let write = frame(0, &[6, 0, 1, 0, 3]);
     let mut bursts = Vec::new();
     for i in 0..4 {
-        bursts.extend([(20 * MS, read(1, i, 1)), (MS / 10, read(1, i, 1)), (10 * MS, answer(1, &[i]))]);
+        bursts.extend([(20 * MS, read_request(1, i, 1)), (MS / 10, read_request(1, i, 1)), (10 * MS, read_response(1, &[i]))]);
     }
-    bursts.extend([(20 * MS, write.clone()), (MS / 10, write), (50 * MS, read(1, 0, 1)), (MS / 10, read(1, 0, 1))]);
+    bursts.extend([
+        (20 * MS, write.clone()),
+        (MS / 10, write),
+        (50 * MS, read_request(1, 0, 1)),
+        (MS / 10, read_request(1, 0, 1)),
+    ]);
     let batch = timed(&bursts);
     assert_eq!(frames_with(&batch, Finding::LocalEcho), [2, 5, 8, 11, 14, 16]);
     assert_eq!(statuses(&batch)[4], Status::Broadcast);
@@ -455,8 +516,8 @@ fn two_lines_read_in_blocks_prove_no_second_master() {
     for i in 0..8 {
         let now = 1_700_000_000_000_000_000 + i64::from(i) * 100 * MS;
         // Two whole exchanges within what an adapter holds back: the order of the four frames is not known.
-        let requests = [read(1, i, 1), read(2, i, 2)].concat();
-        let answers = [answer(1, &[i]), answer(2, &[i, i])].concat();
+        let requests = [read_request(1, i, 1), read_request(2, i, 2)].concat();
+        let answers = [read_response(1, &[i]), read_response(2, &[i, i])].concat();
         session.feed(bus, &Chunk { line: 1, bytes: &requests, times: Times::Read(now), ..Chunk::default() });
         session.feed(bus, &Chunk { line: 2, bytes: &answers, times: Times::Read(now + MS), ..Chunk::default() });
     }

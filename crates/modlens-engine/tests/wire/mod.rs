@@ -1,6 +1,6 @@
-//! Frames by the layouts of the specification, and what a session makes of them.
+//! Frames in the layouts of the specification, and sessions to decode them with.
 
-// Reason: each test program uses some of it.
+// Each test program uses a part of these.
 #![allow(dead_code)]
 
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::source::Clock;
 use modlens_readers::chunk::Chunk;
 
-/// Nanoseconds.
+/// A millisecond in nanoseconds.
 pub const MS: i64 = 1_000_000;
 
-/// A frame with its checksum.
+/// An RTU frame with its checksum.
 pub fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
     let mut frame = vec![unit];
     frame.extend(pdu);
@@ -25,14 +25,14 @@ pub fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// A request of holding registers.
-pub fn read(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
+/// A request to read holding registers (application protocol, 6.3).
+pub fn read_request(unit: u8, address: u16, quantity: u8) -> Vec<u8> {
     let [high, low] = address.to_be_bytes();
     frame(unit, &[3, high, low, 0, quantity])
 }
 
-/// Its answer.
-pub fn answer(unit: u8, values: &[u16]) -> Vec<u8> {
+/// The response to such a request.
+pub fn read_response(unit: u8, values: &[u16]) -> Vec<u8> {
     let mut pdu = vec![3, 2 * values.len() as u8];
     pdu.extend(values.iter().flat_map(|value| value.to_be_bytes()));
     frame(unit, &pdu)
@@ -50,7 +50,7 @@ pub fn session(live: bool, clock: Clock) -> (Session, usize) {
     (session, bus)
 }
 
-/// Gives a session with one RTU bus these bytes, so many at once, and ends it.
+/// Feeds these bytes to one RTU bus of a session, `piece` bytes at a time, and flushes it.
 pub fn in_pieces(session: &mut Session, bytes: &[u8], piece: usize) -> Batch {
     let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
     bytes.chunks(piece).for_each(|bytes| session.feed(bus, &Chunk { bytes, ..Chunk::default() }));
@@ -58,7 +58,7 @@ pub fn in_pieces(session: &mut Session, bytes: &[u8], piece: usize) -> Batch {
     session.take()
 }
 
-/// The frames with right checksums, and who sent them.
+/// The frames with a valid checksum, and their directions.
 pub fn good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
     let good = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok);
     good.map(|frame| (frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
