@@ -10,7 +10,7 @@ use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
 use modlens_protocol::framing::RTU_LIMIT;
-use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
+use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
 pub(crate) struct Candidate {
@@ -102,18 +102,15 @@ impl UnframedRegion<'_, '_> {
         }
         let row = self.context.functions.row(function, body);
         let length = if code == function {
-            let extent = row.map(|row| if direction == REQUEST { row.request.extent(body) } else { row.response.extent(body) });
-            match extent {
-                Some(Extent::Exactly(length)) => Some(length + ENVELOPE_BYTES),
-                _ => None,
+            if let Some(row) = row {
+                let limits = row.field_limits[direction].iter();
+                score += limits.map(|limits| score::field_score(self.model, limits, body)).sum::<f32>();
             }
+            row.and_then(|row| frame_bytes(row, direction, body))
         } else {
             score -= weights::EXCEPTION_BITS;
             Some(EXCEPTION_RESPONSE_BYTES)
         };
-        if let Some(row) = row.filter(|_| code == function) {
-            score += row.field_limits[direction].iter().map(|limits| score::field_score(self.model, limits, body)).sum::<f32>();
-        }
         let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
         score += self.end_bonus(end);
         let header = [unit, code];
@@ -173,6 +170,15 @@ fn min_score(direction: usize, header_cost: f32) -> f32 {
         MIN_DAMAGED_FRAME_BITS - header_cost - weights::UNSOLICITED_BITS - ROUNDING_BITS
     } else {
         MIN_DAMAGED_FRAME_BITS
+    }
+}
+
+/// Length of the frame with this body, if the layout of its function determines it.
+fn frame_bytes(row: &FunctionRow, direction: usize, body: &[u8]) -> Option<usize> {
+    let layout = if direction == REQUEST { &row.request } else { &row.response };
+    match layout.extent(body) {
+        Extent::Exactly(length) => Some(length + ENVELOPE_BYTES),
+        _ => None,
     }
 }
 

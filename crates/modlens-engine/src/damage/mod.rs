@@ -39,7 +39,7 @@
 //!   are part of the search (`framer::rtu::search`), where they compete with valid frames.
 //!
 //! In ASCII framing a colon begins and CR LF ends a message, so that there is no need to search: `ascii` decides by the
-//! number of hex characters and the LRC. `truncation` learns live whether missing ends are the senders' or the tap's.
+//! number of hex characters and the LRC. `truncation` decides live whether a missing end is the sender's or the tap's.
 
 pub(crate) mod alignment;
 mod analysis;
@@ -53,4 +53,4 @@ pub(crate) mod glitch;
 pub mod kind;
 pub(crate) mod recovery;
 pub(crate) mod region;
-mod truncation;
+pub(crate) mod truncation;

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use crate::damage::glitch::is_glitch;
 use crate::damage::kind::DamageKind;
 use crate::damage::region::{DamagedFrame, UnframedRegion};
+use crate::damage::truncation::TruncationLearner;
 use crate::framer::rtu::announced_length::{announced_lengths, ENVELOPE_BYTES};
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
@@ -22,8 +23,8 @@ pub struct DamageRecovery {
     found: VecDeque<(u64, DamagedFrame)>,
     /// Stream offset up to which the bytes have been analysed.
     analysed_to: u64,
-    /// A response without its end was found live, and it is not known yet whether the master will ask again.
-    pub(crate) awaits_reaction: bool,
+    /// Attributes responses without an end.
+    pub truncation: TruncationLearner,
 }
 
 /// What is known about the place of an unframed region.
@@ -60,8 +61,9 @@ impl DamageRecovery {
             let frames = at.region(model, region_bytes, false).damaged_frames();
             self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();
             if !at.context.ahead && at.next_frame.is_none() {
-                let last = self.found.back_mut().map(|(_, last)| last);
-                self.awaits_reaction |= last.is_some_and(|last| attribute_truncation(model, last));
+                if let Some((_, last)) = self.found.back_mut() {
+                    self.truncation.attribute(model, last);
+                }
             }
             self.found.iter().for_each(|(_, frame)| model.learn_damage(frame.damage));
         }
@@ -100,22 +102,6 @@ pub fn damaged_hypothesis(
     adu.clear();
     adu.extend_from_slice(&wire[..length - 2]);
     Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) }
-}
-
-/// Live, a silence has ended a response too early: did the sender stop, or has the tap lost the rest?
-///
-/// The line's history decides. A master that did not get its response asks again, one that did goes on with its poll
-/// cycle; in a recording, the next frame shows which before the response is emitted. Returns whether `last`, the last
-/// frame in front of the silence, is such a response, so that the master's reaction is still to be learned.
-fn attribute_truncation(model: &TrafficModel, last: &mut DamagedFrame) -> bool {
-    let Some(DamageKind::LostBytes { at, count: count @ 1.. }) = last.damage else { return false };
-    if last.direction != Direction::Response || at != last.end - last.start {
-        return false;
-    }
-    if !model.loses_ends() {
-        last.damage = Some(DamageKind::Truncated { count });
-    }
-    true
 }
 
 /// Emits a damaged frame, with its first bytes restored in `adu` where it is known which ones are missing or wrong.

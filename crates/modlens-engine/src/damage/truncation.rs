@@ -1,18 +1,43 @@
-//! Learns from the master whether a response without its end was truncated by its sender or lost by the tap.
+//! Live, a silence has ended a response too early: did its sender stop, or has the tap lost the rest?
+//!
+//! The line's history decides. A master that did not get its response asks again, one that did goes on with its poll cycle.
+//! In a recording, the next frame shows which of the two it is before the response is emitted; live, it comes too late for
+//! this response and is learned for the next one.
 
-use crate::damage::recovery::DamageRecovery;
+use crate::damage::kind::DamageKind;
+use crate::damage::region::DamagedFrame;
 use crate::framer::rtu::traffic_model::TrafficModel;
 use crate::framer::Context;
 use modlens_protocol::direction::Direction;
 
-impl DamageRecovery {
-    /// Learns from the frame that follows a response without its end, if one is waiting for that: a master that asks again
-    /// did not get the response, so the sender had stopped; one that goes on did, so the tap lost the end.
+/// Attributes truncated responses, and learns from what masters do next.
+#[derive(Debug, Default)]
+pub struct TruncationLearner {
+    /// A response without its end was found, and it is not known yet whether the master will ask again.
+    awaits_reaction: bool,
+}
+
+impl TruncationLearner {
+    /// Attributes the missing end of `last`, the last frame in front of a silence, to its sender or to the tap.
+    pub fn attribute(&mut self, model: &TrafficModel, last: &mut DamagedFrame) {
+        let Some(DamageKind::LostBytes { at, count: count @ 1.. }) = last.damage else { return };
+        let lacks_end = at == last.end - last.start;
+        if last.direction != Direction::Response || !lacks_end {
+            return;
+        }
+        self.awaits_reaction = true;
+        if !model.loses_ends() {
+            last.damage = Some(DamageKind::Truncated { count });
+        }
+    }
+
+    /// Learns from the frame that follows a response without its end: a master that asks again did not get the response, so
+    /// the sender had stopped; one that goes on did, so the tap lost the end.
     #[inline]
     pub fn learn_reaction(&mut self, model: &mut TrafficModel, context: &Context<'_>, frame: &[u8], direction: Direction) {
         if std::mem::take(&mut self.awaits_reaction) && direction == Direction::Request {
-            if let Some(asked) = context.asked {
-                let is_retry = frame[0] == asked.unit && &frame[1..frame.len() - 2] == asked.pdu;
+            if let Some(request) = context.asked {
+                let is_retry = frame[0] == request.unit && &frame[1..frame.len() - 2] == request.pdu;
                 model.learn_end(is_retry);
             }
         }

@@ -3,13 +3,42 @@
 use crate::fast_path::emit::{may_hold_no_map, BatchTotals};
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::rows::MatchedExchange;
+use crate::session::bus::BusState;
 use crate::session::Session;
 use modlens_protocol::framing::Mode;
+use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::HEADER as MBAP;
 
+/// The exchange at the heads of the two lines of a connection, if there is no doubt about it. `lines`: indices of the
+/// client's line and of the server's.
+#[inline]
+fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]) -> Option<MatchedExchange> {
+    let [client, server] = lines.map(|line| &state.lines[line].1.input);
+    let (header, request) = client.bytes().split_first_chunk::<MBAP>()?;
+    let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?;
+    let lengths = [MBAP + expected.request_bytes, MBAP + expected.response_bytes];
+    let (requested_at, next_request_at) = client.packet(lengths[0])?;
+    let (answered_at, _) = server.packet(lengths[1])?;
+    // The response comes behind the request, in time, and before the next request.
+    let is_in_turn = requested_at < answered_at
+        && answered_at - requested_at < state.pairing.request_timeout()
+        && next_request_at.is_none_or(|time| time > answered_at);
+    // A packet always has all of its bytes.
+    let (request, response) = (&request[..expected.request_bytes], &server.bytes()[..lengths[1]]);
+    let id = [header[0], header[1]];
+    let has_header = |mbap: &[u8], length: usize| *mbap == [id[0], id[1], 0, 0, 0, length as u8];
+    let are_framed = has_header(header, expected.request_bytes) && has_header(&response[..MBAP], expected.response_bytes);
+    let response = &response[MBAP..];
+    if !(is_in_turn && are_framed && expected.is_answered_by(request, response)) {
+        return None;
+    }
+    let is_settled = state.profiles.learn_quietly(functions, request, expected.read_data(response));
+    let mbap_id = Some(u16::from_be_bytes(id));
+    is_settled.then_some(MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths })
+}
+
 impl Session {
-    /// Emits the exchanges at the head of a TCP connection, where each side has its own line and each message its own
-    /// packet. `lines`: indices of the client's line and of the server's.
+    /// Emits the exchanges at the head of a TCP connection. `lines`: indices of the client's line and of the server's.
     pub(super) fn emit_tcp_exchanges(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let state = &mut self.buses[bus];
@@ -19,36 +48,10 @@ impl Session {
         let mut last_response_bytes = None;
         loop {
             let state = &mut self.buses[bus];
-            let (client_input, server_input) = (&state.lines[client].1.input, &state.lines[server].1.input);
-            let Some((header, request)) = client_input.bytes().split_first_chunk::<MBAP>() else { break };
-            let Some(expected) = ExpectedExchange::from_request(&self.functions, Mode::Tcp, request).filter(may_hold_no_map)
-            else {
-                break;
-            };
-            let lengths = [MBAP + expected.request_bytes, MBAP + expected.response_bytes];
-            let packets = client_input.packet(lengths[0]).zip(server_input.packet(lengths[1]));
-            let Some(((requested_at, next_request_at), (answered_at, _))) = packets else { break };
-            // The response comes behind the request, in time, and before the next request.
-            let is_in_turn = requested_at < answered_at
-                && answered_at - requested_at < state.pairing.request_timeout()
-                && next_request_at.is_none_or(|time| time > answered_at);
-            // A packet always has all of its bytes.
-            let (request, response) = (&request[..expected.request_bytes], &server_input.bytes()[..lengths[1]]);
-            let id = [header[0], header[1]];
-            let has_header = |mbap: &[u8], length: usize| *mbap == [id[0], id[1], 0, 0, 0, length as u8];
-            let are_framed = has_header(header, expected.request_bytes) && has_header(&response[..MBAP], expected.response_bytes);
-            let response = &response[MBAP..];
-            if !(is_in_turn && are_framed && expected.is_answered_by(request, response)) {
-                break;
-            }
-            if !state.profiles.learn_quietly(&self.functions, request, expected.read_data(response)) {
-                break;
-            }
-            let mbap_id = Some(u16::from_be_bytes(id));
-            let matched = MatchedExchange { expected, mode: Mode::Tcp, mbap_id, lines, lengths };
-            let wires = [0, 1].map(|at| self.batch.store(&state.lines[lines[at]].1.input.bytes()[..lengths[at]]));
+            let Some(matched) = match_exchange(state, &self.functions, lines) else { break };
+            let wires = [0, 1].map(|at| self.batch.store(&state.lines[lines[at]].1.input.bytes()[..matched.lengths[at]]));
             self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
-            last_response_bytes = Some(expected.response_bytes);
+            last_response_bytes = Some(matched.expected.response_bytes);
         }
         let Some(response_bytes) = last_response_bytes else { return };
         let state = &mut self.buses[bus];

@@ -147,7 +147,7 @@ impl Rtu {
         self.learn_inner_pause(input, length.bytes());
         self.search.commit_fast_path_frame(context, bytes, 0, length);
         let direction = self.search.last_direction();
-        self.recovery.learn_reaction(&mut self.search.model, context, &bytes[..length.bytes()], direction);
+        self.recovery.truncation.learn_reaction(&mut self.search.model, context, &bytes[..length.bytes()], direction);
         let confidence = MAX_CONFIDENCE_BITS;
         if !length.is_exact() {
             return self.emit_frame(input, context, length.bytes(), direction, confidence, adu);
@@ -211,7 +211,7 @@ impl Rtu {
                 self.last_was_damaged = false;
                 let length = (end - start) as usize;
                 self.learn_inner_pause(input, length);
-                self.recovery.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
+                self.recovery.truncation.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
                 let cut = self.emit_frame(input, context, length, direction, confidence, adu);
                 Some(Cut { tentative, ..cut })
             }
