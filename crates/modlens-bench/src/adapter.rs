@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use modlens_engine::framer::silence::Rule;
+use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::{Batch, Bus, Frame};
 use modlens_engine::session::{BusOptions, Session, Wanted};
 use modlens_protocol::direction;
@@ -155,7 +155,7 @@ impl Run {
             return;
         }
         let end = row.offset + u64::from(row.wire.length);
-        let mut frame = Reported::new(row.line, row.offset, end, row.verdict.good());
+        let mut frame = Reported::new(row.line, row.offset, end, row.verdict.is_good());
         frame.direction = match row.direction {
             direction::Direction::Request => Direction::Request,
             direction::Direction::Response => Direction::Response,
@@ -218,9 +218,9 @@ fn label(code: &str) -> Option<Label> {
     })
 }
 
-fn rule(settings: Settings) -> Rule {
+fn rule(settings: Settings) -> SilenceRule {
     let line = line(settings);
-    Rule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }
+    SilenceRule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }
 }
 
 fn line(settings: Settings) -> LineSettings {

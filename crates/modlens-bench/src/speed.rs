@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use modlens_engine::framer::fixed::FixedFramer;
-use modlens_engine::framer::{Context, Framer};
+use modlens_engine::framer::{Framer, FramerContext};
 use modlens_engine::input::Input;
 use modlens_engine::session::{BusOptions, Session, Wanted};
 use modlens_protocol::checksum::CRC_BYTES;
@@ -145,21 +145,21 @@ fn framing(bytes: &[u8]) -> u64 {
     let mut count = 0;
     let mut drain = |input: &mut Input| loop {
         count += exchanges(&mut framer, functions, input);
-        let context = Context {
-            ahead: true,
+        let context = FramerContext {
+            may_look_ahead: true,
             functions,
-            asked: None,
-            shared: false,
-            speaker: None,
-            certain: None,
+            outstanding_request: None,
+            is_multi_line: false,
+            line_direction: None,
+            connection_side: None,
             known_units: &known_units,
             paired_units: &known_units,
-            pause: &|_| 0.0,
-            said: &|_| modlens_protocol::direction::Direction::Unknown,
+            timeout_log_odds: &|_| 0.0,
+            declared_direction: &|_| modlens_protocol::direction::Direction::Unknown,
         };
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
         // As a session does: noise makes no unit known.
-        if cut.verdict.good() && !cut.tentative {
+        if cut.verdict.is_good() && !cut.tentative {
             known_units[adu[0] as usize] = true;
         }
         input.consume(cut.length);
@@ -176,7 +176,7 @@ fn framing(bytes: &[u8]) -> u64 {
 
 /// Frames of the exchanges at the head of the input that leave no doubt.
 fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input) -> u64 {
-    let settled = framer.settled(input.offset());
+    let settled = framer.is_settled_at(input.offset());
     let Some(rtu) = framer.rtu_mut().filter(|_| settled) else { return 0 };
     let (mut count, mut last, mut before) = (0, None, rtu.last_answered());
     while let Some(known) = rtu.next_exchange(functions, input, before, i64::MAX, |_| 0.0) {

@@ -4,7 +4,7 @@ mod pauses;
 
 use std::collections::VecDeque;
 
-use modlens_protocol::framing::{Mode, RTU_LIMIT};
+use modlens_protocol::framing::{Mode, MAX_RTU_FRAME_BYTES};
 use modlens_protocol::Ns;
 use modlens_readers::chunk::{Chunk, Side, Times};
 
@@ -180,7 +180,7 @@ impl Input {
         if self.longest < 2 {
             return 0;
         }
-        self.longest.min(RTU_LIMIT) as Ns * self.char_ns.unwrap_or(0)
+        self.longest.min(MAX_RTU_FRAME_BYTES) as Ns * self.char_ns.unwrap_or(0)
     }
 
     /// Time has come to `now` without more bytes.

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -69,7 +69,7 @@ pub struct Frame {
     /// How much more likely this reading of the bytes is than the next best one, in bits.
     pub confidence: u8,
     /// What ended it.
-    pub cut_by: CutBy,
+    pub delimited_by: DelimitedBy,
     /// Number of its transaction.
     pub txn: Option<u64>,
     /// MBAP transaction identifier.

@@ -98,7 +98,7 @@ impl Stats {
         counts.mode = Some(mode);
         counts.frames[frame.verdict as usize] += 1;
         counts.bytes[frame.verdict as usize] += frame.wire.len() as u64;
-        if !frame.verdict.good() {
+        if !frame.verdict.is_good() {
             counts.requests.note_damaged_frame(frame.number);
         }
         counts.add_bus_time(frame.start.zip(frame.end));
@@ -110,7 +110,7 @@ impl Stats {
         let counts = self.buses[bus].silence.get_or_insert(SilenceComparison { t35_ns, ..SilenceComparison::default() });
         // Without a silence here, the frame before would not have ended where it did.
         counts.otherwise += u64::from(counts.agrees_so_far && !before);
-        let good = frame.verdict.good();
+        let good = frame.verdict.is_good();
         counts.agrees_so_far = good && before && !inside;
         counts.frames += u64::from(good);
         counts.otherwise += u64::from(good && !counts.agrees_so_far);

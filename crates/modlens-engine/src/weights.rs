@@ -281,6 +281,10 @@ weights! {
         CHAIN_FRAMES: u8 = 4;
         /// Confidence is not reported higher.
         MAX_CONFIDENCE_BITS: u8 = 60;
+        /// Confidence of a frame of which only the CRC was checked, and of a Modbus/TCP frame whose header and layout disagree.
+        CRC_CONFIDENCE_BITS: u8 = 16;
+        /// Confidence of a Modbus/TCP frame whose header agrees with the layout of its function.
+        MBAP_CONFIDENCE_BITS: u8 = 40;
     }
 
     "Silence" {
@@ -288,6 +292,8 @@ weights! {
         COARSE_MIN_GAP_NS: Ns = 5_000_000;
         /// The longest pause that may stand inside a frame: USB adapters and schedulers hold bytes back that long.
         FRAME_BREAK_NS: Ns = 90_000_000;
+        /// A silence in a stream over TCP proves nothing before it is this long.
+        TCP_FRAME_BREAK_NS: Ns = 1_000_000_000;
         /// On a very slow line a frame ends after this many character times instead.
         FRAME_BREAK_CHARACTERS_FACTOR: Ns = 10;
     }
@@ -356,6 +362,13 @@ weights! {
         RUN_BYTE_BITS: f32 = 0.3;
         /// Comparison stops where the score has fallen so far below its maximum.
         MAX_SCORE_DROP_BITS: f32 = 12.0;
+    }
+
+    "Choice of the transmission mode" {
+        /// The first number of bytes by which the mode is chosen; it doubles until a valid frame is among them.
+        FIRST_MODE_CHECK_BYTES: usize = 8;
+        /// Without a valid frame in this many bytes, the look of the bytes decides.
+        LAST_MODE_CHECK_BYTES: usize = 4096;
     }
 
     "Search for damaged requests" {

@@ -34,7 +34,7 @@ fn shown(batch: &Batch) -> Vec<String> {
             f.gap,
             f.direction,
             f.verdict,
-            f.cut_by,
+            f.delimited_by,
             f.confidence,
             f.txn,
             f.findings.of(&batch.codes)

@@ -235,7 +235,7 @@ fn a_late_read_inside_a_frame_costs_at_most_that_frame() {
         let found = good(&batch);
         assert_eq!(found.len(), 23, "live {live}");
         assert_eq!(found[21..], pair(read_request(1, 10, 20), counting_response(1, 20, 99)), "live {live}");
-        let bad: Vec<Verdict> = batch.frames.iter().map(|frame| frame.verdict).filter(|verdict| !verdict.good()).collect();
+        let bad: Vec<Verdict> = batch.frames.iter().map(|frame| frame.verdict).filter(|verdict| !verdict.is_good()).collect();
         assert!(bad.iter().any(|verdict| *verdict != Verdict::Noise), "live {live}: {bad:?}");
     }
 }

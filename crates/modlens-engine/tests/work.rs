@@ -99,14 +99,14 @@ fn decode(bytes: &[u8], piece: usize) -> Batch {
 
 fn shown(batch: &Batch) -> Vec<String> {
     let shown = batch.frames.iter().map(|f| {
-        let place = (f.offset, f.wire.length, f.direction, f.verdict, f.cut_by, f.confidence);
+        let place = (f.offset, f.wire.length, f.direction, f.verdict, f.delimited_by, f.confidence);
         format!("{place:?} {:?} {:?}", f.txn, f.findings.of(&batch.codes))
     });
     shown.collect()
 }
 
 fn good(batch: &Batch) -> Vec<Sent> {
-    let good = batch.frames.iter().filter(|frame| frame.verdict.good());
+    let good = batch.frames.iter().filter(|frame| frame.verdict.is_good());
     good.map(|frame| (frame.offset, frame.wire.of(&batch.arena).to_vec(), frame.direction)).collect()
 }
 

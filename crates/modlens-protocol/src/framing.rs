@@ -12,7 +12,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// As the `mode` column spells it.
+    /// The value of the `mode` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Rtu => "rtu",
@@ -44,26 +44,26 @@ impl Direction {
     }
 }
 
-/// What a frame is worth.
+/// Whether bytes are a frame, and a sound one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// Whole, checksum right.
+    /// Complete, checksum valid.
     Ok,
-    /// Checksum wrong.
+    /// Checksum invalid.
     BadChecksum,
-    /// Ends too early.
+    /// It ends too early.
     Incomplete,
-    /// No frame.
+    /// The bytes belong to no frame.
     Noise,
     /// The recording prints no checksum.
     NoChecksum,
 }
 
 impl Verdict {
-    /// All of them.
+    /// All verdicts.
     pub const ALL: [Self; 5] = [Self::Ok, Self::BadChecksum, Self::Incomplete, Self::Noise, Self::NoChecksum];
 
-    /// As the `verdict` column spells it.
+    /// The value of the `verdict` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -74,20 +74,20 @@ impl Verdict {
         }
     }
 
-    /// Whether the content can be believed.
-    pub fn good(self) -> bool {
+    /// Whether the content of the frame can be trusted.
+    pub fn is_good(self) -> bool {
         matches!(self, Self::Ok | Self::NoChecksum)
     }
 }
 
-/// The evidence that ended a frame.
+/// The evidence for the end of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum CutBy {
+pub enum DelimitedBy {
     /// A silence.
     Silence,
     /// The length that the header announces.
     Length,
-    /// A right checksum where the layout fixes no length.
+    /// A valid checksum where the layout fixes no length.
     Checksum,
     /// CR LF.
     Delimiter,
@@ -95,7 +95,7 @@ pub enum CutBy {
     Record,
     /// A colon starts the next frame.
     Restart,
-    /// The longest frame, or the longest noise row.
+    /// The most bytes that a frame or a noise row has.
     Limit,
     /// The next frame begins.
     Frame,
@@ -103,8 +103,8 @@ pub enum CutBy {
     End,
 }
 
-impl CutBy {
-    /// All of them.
+impl DelimitedBy {
+    /// All kinds of evidence.
     pub const ALL: [Self; 9] = [
         Self::Silence,
         Self::Length,
@@ -117,7 +117,7 @@ impl CutBy {
         Self::End,
     ];
 
-    /// As the `cut_by` column spells it.
+    /// The value of the `cut_by` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Silence => "silence",
@@ -133,8 +133,8 @@ impl CutBy {
     }
 }
 
-/// The longest RTU frame (serial line specification, 2.5.1).
-pub const RTU_LIMIT: usize = 256;
+/// The longest RTU frame, in bytes (serial line specification, 2.5.1).
+pub const MAX_RTU_FRAME_BYTES: usize = 256;
 
-/// The unit that all units listen to (serial line specification, 2.2).
-pub const BROADCAST: u8 = 0;
+/// The address of a broadcast, which all units listen to (serial line specification, 2.2).
+pub const BROADCAST_UNIT: u8 = 0;

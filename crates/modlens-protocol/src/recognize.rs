@@ -1,36 +1,40 @@
-//! Which framing bytes are in, by the checksums and headers that fit, without framing them.
+//! Recognises the transmission mode of bytes by the checksums and headers that fit, without framing them.
 
 use crate::checksum::{crc_valid, lrc};
 use crate::framing::Mode;
 use crate::functions::{Extent, Functions, EXCEPTION_BIT};
-use crate::mbap::{announced, layout_fits, natural};
+use crate::mbap::{announced_length, layout_fits, layout_lengths};
 
-/// The framing under which most bytes are in good frames.
-pub fn evidence(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
-    let scores =
-        [(rtu_bytes(functions, bytes), Mode::Rtu), (ascii_bytes(bytes), Mode::Ascii), (tcp_bytes(functions, bytes), Mode::Tcp)];
-    // Equal scores: the first, which has the strongest checksum.
+/// The mode in which most bytes are in valid frames; `None` if there is no valid frame in any mode.
+pub fn mode_by_valid_frames(functions: &Functions, bytes: &[u8]) -> Option<Mode> {
+    let scores = [
+        (valid_rtu_bytes(functions, bytes), Mode::Rtu),
+        (valid_ascii_bytes(bytes), Mode::Ascii),
+        (valid_tcp_bytes(functions, bytes), Mode::Tcp),
+    ];
+    // Of equal scores the first wins, because its checksum is the strongest.
     scores.into_iter().rev().max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, mode)| mode)
 }
 
-/// How many of the bytes are in good frames of a serial line.
-pub fn evidence_bytes(functions: &Functions, bytes: &[u8]) -> usize {
-    rtu_bytes(functions, bytes).max(ascii_bytes(bytes))
+/// How many of the bytes are in valid frames of a serial line: RTU or ASCII, whichever has more.
+pub fn valid_serial_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+    valid_rtu_bytes(functions, bytes).max(valid_ascii_bytes(bytes))
 }
 
-/// How many of the bytes are in good RTU frames.
-pub fn rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+/// How many of the bytes are in valid RTU frames.
+pub fn valid_rtu_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     let mut at = 0;
-    let mut good = 0;
+    let mut valid = 0;
     while bytes.len() - at >= 4 {
-        let length = rtu_frame(functions, &bytes[at..]);
-        good += length;
+        let length = valid_rtu_frame(functions, &bytes[at..]);
+        valid += length;
         at += length.max(1);
     }
-    good
+    valid
 }
 
-fn rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
+/// The length of the valid RTU frame at the start of these bytes; 0 if there is none.
+fn valid_rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
     let fits = |length: usize| bytes.get(..length + 4).is_some_and(crc_valid);
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
@@ -46,23 +50,25 @@ fn rtu_frame(functions: &Functions, bytes: &[u8]) -> usize {
         .unwrap_or(0)
 }
 
-fn ascii_bytes(bytes: &[u8]) -> usize {
-    let mut good = 0;
+/// How many of the bytes are in valid ASCII frames, each from its last colon to the end of its line.
+fn valid_ascii_bytes(bytes: &[u8]) -> usize {
+    let mut valid = 0;
     for line in bytes.split_inclusive(|&b| b == b'\n') {
         let Some(colon) = line.iter().rposition(|&b| b == b':') else { continue };
         let text = line[colon + 1..].trim_ascii_end();
-        let ended = colon + 1 + text.len() < line.len();
+        let has_line_end = colon + 1 + text.len() < line.len();
         let hex: Option<Vec<u8>> = std::str::from_utf8(text).ok().and_then(crate::hex::parse_hex);
-        if ended && hex.is_some_and(|hex| hex.len() >= 3 && lrc(&hex) == 0) {
-            good += line.len() - colon;
+        if has_line_end && hex.is_some_and(|hex| hex.len() >= 3 && lrc(&hex) == 0) {
+            valid += line.len() - colon;
         }
     }
-    good
+    valid
 }
 
-fn tcp_bytes(functions: &Functions, bytes: &[u8]) -> usize {
+/// How many bytes from the first on are Modbus/TCP frames whose headers agree with their layouts.
+fn valid_tcp_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     let mut at = 0;
-    while let Some(length) = announced(&bytes[at..]) {
+    while let Some(length) = announced_length(&bytes[at..]) {
         match bytes.get(at + 7..at + length) {
             Some(pdu) if layout_fits(functions, pdu) => at += length,
             _ => break,
@@ -71,19 +77,20 @@ fn tcp_bytes(functions: &Functions, bytes: &[u8]) -> usize {
     at
 }
 
-/// The framing of bytes without any good frame.
-pub fn looks_like(functions: &Functions, bytes: &[u8]) -> Mode {
-    // A header of MBAP whose length lies, before a PDU that is whole by its layout.
-    let whole = |length: &usize| *length <= bytes.len();
-    let mbap = announced(bytes).is_some() && natural(functions, bytes).iter().flatten().any(whole);
-    match (looks_like_text(bytes), mbap) {
+/// The mode of bytes without any valid frame, by their look.
+pub fn mode_by_appearance(functions: &Functions, bytes: &[u8]) -> Mode {
+    // An MBAP header with a wrong length, before a PDU that is complete by its layout.
+    let is_complete = |length: &usize| *length <= bytes.len();
+    let mbap = announced_length(bytes).is_some() && layout_lengths(functions, bytes).iter().flatten().any(is_complete);
+    match (looks_like_ascii(bytes), mbap) {
         (true, _) => Mode::Ascii,
         (false, true) => Mode::Tcp,
         (false, false) => Mode::Rtu,
     }
 }
 
-fn looks_like_text(bytes: &[u8]) -> bool {
+/// Whether nine in ten bytes are those of ASCII frames, and a colon is among them.
+fn looks_like_ascii(bytes: &[u8]) -> bool {
     let text = bytes.iter().filter(|b| matches!(b, b'0'..=b'9' | b'A'..=b'F' | b'a'..=b'f' | b':' | b'\r' | b'\n')).count();
     bytes.contains(&b':') && text * 10 >= bytes.len() * 9
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use modlens_engine::framer::silence::Rule;
+use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::Bus;
 use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
 use modlens_protocol::framing::Mode;
@@ -89,7 +89,7 @@ impl Session {
             "none" => Clock::None,
             other => return Err(value_error(format!("clock {other:?} is none of utc, relative, none"))),
         };
-        let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
+        let rule = silence_ns.map(|(t35_ns, t15_ns)| SilenceRule { t35_ns, t15_ns });
         let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };
         let line = line.map(line_settings).transpose()?;
         let number = self.core.add_bus(BusOptions { bus, mode, line, resolution: resolution_ns, rule });
@@ -176,7 +176,7 @@ impl Session {
             Some(ports) => Ports::Listed(ports),
         };
         let line = line.map(line_settings).transpose()?;
-        let rule = silence_ns.map(|(t35_ns, t15_ns)| Rule { t35_ns, t15_ns });
+        let rule = silence_ns.map(|(t35_ns, t15_ns)| SilenceRule { t35_ns, t15_ns });
         Ok(self.core.add_capture(CaptureOptions { source, ports, mode: framing(mode)?, line, rule }))
     }
 

@@ -7,10 +7,10 @@
 use memchr::{memchr, memchr2_iter};
 
 use crate::damage::kind::DamageKind;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::weights::{MAX_COLON_FLIPS, MAX_GLITCH_BYTES};
 use modlens_protocol::checksum::lrc;
-use modlens_protocol::direction::{judge, Direction};
+use modlens_protocol::direction::{infer_direction, Direction};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::hex::decode_pairs;
 
@@ -125,7 +125,7 @@ pub(crate) fn explain_odd_digits(text: &[u8]) -> Option<DamageKind> {
 /// announces no length.
 ///
 /// `adu` has the LRC of the message, if it has a line end. A byte of which only one character came does not count as there.
-pub(crate) fn missing_bytes(context: &Context<'_>, adu: &[u8]) -> Option<usize> {
+pub(crate) fn missing_bytes(context: &FramerContext<'_>, adu: &[u8]) -> Option<usize> {
     let &[_, code, ref rest @ ..] = adu else { return None };
     let row = context.functions.row(code & !EXCEPTION_BIT, rest).filter(|_| code & EXCEPTION_BIT == 0)?;
     let lengths = [&row.request, &row.response].map(|layout| match layout.extent(rest) {
@@ -140,17 +140,17 @@ pub(crate) fn missing_bytes(context: &Context<'_>, adu: &[u8]) -> Option<usize> 
 }
 
 /// Who sent a damaged message, as far as its unit and function tell.
-pub(crate) fn direction(context: &Context<'_>, adu: &[u8]) -> Direction {
+pub(crate) fn direction(context: &FramerContext<'_>, adu: &[u8]) -> Direction {
     let &[unit, code, ..] = adu else { return Direction::Unknown };
     let function = code & !EXCEPTION_BIT;
-    let is_due = context.asked.is_some_and(|asked| asked.unit == unit && asked.pdu.first() == Some(&function));
+    let is_due = context.outstanding_request.is_some_and(|asked| asked.unit == unit && asked.pdu.first() == Some(&function));
     if is_due || code & EXCEPTION_BIT != 0 {
         return Direction::Response;
     }
     if !context.known_units[usize::from(unit)] || context.functions.name(code).is_none() {
         return Direction::Unknown;
     }
-    judge(context.functions, context.asked, unit, &adu[1..], None, 0.0)
+    infer_direction(context.functions, context.outstanding_request, unit, &adu[1..], None, 0.0)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::framer::rtu::prefix_index::{may_have_byte, possible_frames, FrameSet}
 use crate::framer::rtu::score;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::weights::{self, FRAME_END_BITS, MAX_STRAY_BITS, MIN_DAMAGED_FRAME_BITS, POLL_REQUEST_BITS, ROUNDING_BITS};
-use modlens_protocol::framing::RTU_LIMIT;
+use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
@@ -91,11 +91,11 @@ impl UnframedRegion<'_, '_> {
     pub(crate) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        let is_other_side = self.context.speaker.is_some_and(|speaker| speaker != side::direction_of(direction));
+        let is_other_side = self.context.line_direction.is_some_and(|speaker| speaker != side::direction_of(direction));
         if function == 0 || is_other_side || (code != function && direction == REQUEST) {
             return None;
         }
-        let header_cost = self.model.unit(unit) + self.model.function(self.context.functions, code, direction);
+        let header_cost = self.model.unit_cost(unit) + self.model.function_cost(self.context.functions, code, direction);
         let mut score = self.model.bits(unit) + self.model.bits(code) - header_cost - self.start_cost(start);
         if direction == RESPONSE && !self.is_framed_independently() {
             score -= weights::UNSOLICITED_BITS;
@@ -111,7 +111,7 @@ impl UnframedRegion<'_, '_> {
             score -= weights::EXCEPTION_BITS;
             Some(EXCEPTION_RESPONSE_BYTES)
         };
-        let end = length.filter(|&length| length <= RTU_LIMIT).map(|length| start + length);
+        let end = length.filter(|&length| length <= MAX_RTU_FRAME_BYTES).map(|length| start + length);
         score += self.end_bonus(end);
         let header = [unit, code];
         (score > 0.0 && score >= min_score(direction, header_cost)).then_some(Candidate {
@@ -135,7 +135,7 @@ impl UnframedRegion<'_, '_> {
     pub(crate) fn start_cost(&self, start: usize) -> f32 {
         if start == 0 {
             // On a line that one side has to itself, the pause at the beginning of the region separates two of its frames.
-            let follows_pause = self.context.speaker.is_some() && self.has_frame_gap(0);
+            let follows_pause = self.context.line_direction.is_some() && self.has_frame_gap(0);
             return if follows_pause { -weights::PAUSE_BEFORE_BITS } else { 0.0 };
         }
         let strays = (weights::STRAY_BYTE_BITS * start as f32).min(MAX_STRAY_BITS);

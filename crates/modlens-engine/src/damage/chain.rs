@@ -12,7 +12,7 @@ use crate::weights::{
 };
 use modlens_protocol::checksum::correctable_bit;
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::RTU_LIMIT;
+use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 impl UnframedRegion<'_, '_> {
@@ -72,9 +72,9 @@ impl UnframedRegion<'_, '_> {
         let room = limit - candidate.start;
         let announced = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced_length(candidate, limit));
         let mut should = announced.unwrap_or(room);
-        let mut length = should.min(room).min(RTU_LIMIT);
+        let mut length = should.min(room).min(MAX_RTU_FRAME_BYTES);
         let mut damage = candidate.damage;
-        if damage.is_none() && candidate.is_exact && room > should && should < RTU_LIMIT {
+        if damage.is_none() && candidate.is_exact && room > should && should < MAX_RTU_FRAME_BYTES {
             let longer = &self.bytes()[candidate.start..=candidate.start + should];
             damage = crc_correction::doubled_byte(longer).map(|at| DamageKind::DoubledByte { at });
             length += usize::from(damage.is_some());
@@ -132,14 +132,14 @@ impl UnframedRegion<'_, '_> {
         let row = self.context.functions.row(bytes[1], &bytes[2..])?;
         let layout = if candidate.direction == REQUEST { &row.request } else { &row.response };
         match layout.extent(&bytes[2..]) {
-            Extent::Exactly(length) if length + ENVELOPE_BYTES <= RTU_LIMIT => Some(length + ENVELOPE_BYTES),
+            Extent::Exactly(length) if length + ENVELOPE_BYTES <= MAX_RTU_FRAME_BYTES => Some(length + ENVELOPE_BYTES),
             _ => None,
         }
     }
 
     /// The index of the first pause inside a frame that no correction makes valid: the frame ended there.
     fn gap_inside(&self, candidate: &Candidate, end: usize) -> Option<usize> {
-        let pauses_are_usual = !self.input.coarse && self.model.pauses_inside();
+        let pauses_are_usual = !self.input.coarse && self.model.has_inner_pauses();
         if candidate.is_corrected || pauses_are_usual || self.end_bonus(candidate.end) > 0.0 {
             return None;
         }
@@ -155,7 +155,7 @@ impl UnframedRegion<'_, '_> {
             let agrees = core.iter().zip(frame).all(|(a, b)| a == b);
             return frame[..2] == candidate.header && (agrees || !candidate.head.is_empty());
         }
-        self.is_followed_by(self.context.asked)
+        self.is_followed_by(self.context.outstanding_request)
     }
 }
 

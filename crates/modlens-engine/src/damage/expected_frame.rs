@@ -7,7 +7,7 @@ use crate::framer::rtu::announced_length::{ENVELOPE_BYTES, EXCEPTION_RESPONSE_BY
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use modlens_protocol::checksum::crc16;
-use modlens_protocol::direction::{expected_block, Asked, Direction};
+use modlens_protocol::direction::{expected_data_bytes, Direction, RequestRef};
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 /// A frame of which the first bytes are known, or all of them.
@@ -43,7 +43,7 @@ const ECHOED_BYTES: usize = 4;
 /// its response `11 03 06 ...`, its exception response `11 83 ...`, or the request itself as a damaged retry.
 pub fn expected_frames<'a>(region: &UnframedRegion<'a, '_>) -> Vec<ExpectedFrame<'a>> {
     let mut frames = Vec::with_capacity(4);
-    if let Some(request) = region.context.asked {
+    if let Some(request) = region.context.outstanding_request {
         frames.extend(responses(region, request).into_iter().flatten());
         frames.push(retry(request));
     }
@@ -65,7 +65,7 @@ fn whole_request(frame: &[u8], selection_cost: f32) -> ExpectedFrame<'_> {
 }
 
 /// The outstanding request, sent once more.
-fn retry<'a>(request: Asked<'_>) -> ExpectedFrame<'a> {
+fn retry<'a>(request: RequestRef<'_>) -> ExpectedFrame<'a> {
     let mut bytes = vec![request.unit];
     bytes.extend_from_slice(request.pdu);
     bytes.extend(crc16(&bytes).to_le_bytes());
@@ -100,24 +100,24 @@ fn append_crc_if_complete(bytes: &mut Vec<u8>, length: Option<usize>) {
 
 /// Whether a response has the unit and the function of the outstanding request.
 fn answers_outstanding(region: &UnframedRegion<'_, '_>, frame: &[u8]) -> bool {
-    let outstanding = region.context.asked;
+    let outstanding = region.context.outstanding_request;
     outstanding.is_some_and(|request| request.unit == frame[0] && request.pdu.first() == Some(&(frame[1] & !EXCEPTION_BIT)))
 }
 
 /// Length in bytes of the normal response to this request, where the request determines it.
-pub fn response_length(region: &UnframedRegion<'_, '_>, request: Asked<'_>) -> Option<usize> {
+pub fn response_length(region: &UnframedRegion<'_, '_>, request: RequestRef<'_>) -> Option<usize> {
     responses(region, request)?[0].length
 }
 
 /// The normal response and the exception response to a request; `None` if the request has no function code.
-fn responses<'a>(region: &UnframedRegion<'a, '_>, request: Asked<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
+fn responses<'a>(region: &UnframedRegion<'a, '_>, request: RequestRef<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
     let (&code, body) = request.pdu.split_first()?;
     let mut bytes = vec![request.unit, code];
     let mut length = None;
     if let Some(row) = region.context.functions.row(code, body) {
         if row.has_equal_layouts && !row.echo.is_empty() {
             bytes.extend_from_slice(body);
-        } else if let Some(block) = expected_block(row, request.pdu).and_then(|block| u8::try_from(block).ok()) {
+        } else if let Some(block) = expected_data_bytes(row, request.pdu).and_then(|block| u8::try_from(block).ok()) {
             bytes.push(block);
         } else if !row.echo.is_empty() && body.len() >= ECHOED_BYTES {
             bytes.extend_from_slice(&body[..ECHOED_BYTES]);

@@ -7,8 +7,8 @@ use crate::damage::region::{DamagedFrame, UnframedRegion};
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::weights::{COARSE_FRAME_GAP_NS, MAX_GLITCH_BYTES};
 use modlens_protocol::checksum::correctable_bit;
-use modlens_protocol::direction::{Asked, Direction};
-use modlens_protocol::framing::RTU_LIMIT;
+use modlens_protocol::direction::{Direction, RequestRef};
+use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
@@ -24,7 +24,7 @@ impl UnframedRegion<'_, '_> {
         let last = frames.last().filter(|last| matches!(last.damage, Some(DamageKind::LostBytes { .. })))?;
         let (_, next_direction) = self.next_frame?;
         let (start, end) = (last.end, self.length);
-        let is_plausible = end - start > self.model.strays_at_most() && end - start <= RTU_LIMIT;
+        let is_plausible = end - start > self.model.max_stray_bytes() && end - start <= MAX_RTU_FRAME_BYTES;
         if !self.is_one_burst_behind(last) || !is_plausible {
             return None;
         }
@@ -42,21 +42,22 @@ impl UnframedRegion<'_, '_> {
     pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<DamagedFrame> {
         let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
         let (direction, request) = self.due_in_front(end, starts_recording)?;
-        if !(is_alone || starts_recording) || self.follows_damaged_frame || end > RTU_LIMIT {
+        if !(is_alone || starts_recording) || self.follows_damaged_frame || end > MAX_RTU_FRAME_BYTES {
             return None;
         }
         let bytes = &self.bytes()[..end];
-        let is_beginning = |&request: &Asked<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, request);
+        let is_beginning =
+            |&request: &RequestRef<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, request);
         if let Some(request) = request.filter(is_beginning) {
             let is_unidentified = bytes.len() < 2;
             let damage = self.is_followed_by(Some(request)).then_some(DamageKind::Truncated { count: 0 });
             return Some(DamagedFrame { is_unidentified, ..unidentified(0, end, direction, damage) });
         }
         // On a line with few stray bytes, zeros at the beginning are data.
-        let has_no_strays = starts_recording || (self.context.speaker.is_some() && self.has_few_strays());
+        let has_no_strays = starts_recording || (self.context.line_direction.is_some() && self.has_few_strays());
         let strays =
             if has_no_strays { 0 } else { bytes.iter().take(MAX_GLITCH_BYTES).take_while(|&&byte| is_glitch_byte(byte)).count() };
-        let min_length = if starts_recording { 2 } else { self.model.strays_at_most() + 1 };
+        let min_length = if starts_recording { 2 } else { self.model.max_stray_bytes() + 1 };
         let length = end - strays;
         if length < min_length {
             return None;
@@ -69,7 +70,7 @@ impl UnframedRegion<'_, '_> {
             }
             Some(expected) if expected < length => return None,
             // The frames of this side begin with a unit and a function of the line, unless those two were lost.
-            None if self.context.speaker.is_some() && !starts_recording && self.lacks_header(&bytes[strays..]) => {
+            None if self.context.line_direction.is_some() && !starts_recording && self.lacks_header(&bytes[strays..]) => {
                 Some(DamageKind::LostBytes { at: 0, count: 0 })
             }
             _ => None,
@@ -78,14 +79,14 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// The direction of the frame that must have stood in the first `end` bytes, and the request it answers, if known.
-    fn due_in_front(&self, end: usize, starts_recording: bool) -> Option<(Direction, Option<Asked<'_>>)> {
+    fn due_in_front(&self, end: usize, starts_recording: bool) -> Option<(Direction, Option<RequestRef<'_>>)> {
         let next_direction = self.next_frame.map(|(_, direction)| direction);
-        match (next_direction, self.context.asked) {
+        match (next_direction, self.context.outstanding_request) {
             // A line that one side has to itself.
-            _ if self.context.speaker.is_some() && self.is_lone_fragment(end) => {
-                Some((self.context.speaker.unwrap_or(Direction::Unknown), None))
+            _ if self.context.line_direction.is_some() && self.is_lone_fragment(end) => {
+                Some((self.context.line_direction.unwrap_or(Direction::Unknown), None))
             }
-            _ if self.context.speaker.is_some() && !starts_recording => None,
+            _ if self.context.line_direction.is_some() && !starts_recording => None,
             (Some(Direction::Request), Some(request)) => Some((Direction::Response, Some(request))),
             (Some(Direction::Response), None) => Some((Direction::Request, None)),
             _ if starts_recording => Some((Direction::Unknown, None)),
@@ -96,7 +97,7 @@ impl UnframedRegion<'_, '_> {
     /// Whether the first `end` bytes must be part of a frame: they came without a pause, and stray bytes are rare here.
     fn is_lone_fragment(&self, end: usize) -> bool {
         let pauses_are_known = self.input.timed || self.is_framed_independently();
-        let is_frame_part = self.has_few_strays() && self.model.strays_at_most() < end;
+        let is_frame_part = self.has_few_strays() && self.model.max_stray_bytes() < end;
         pauses_are_known && is_frame_part && !(1..end).any(|at| self.has_frame_gap(at))
     }
 
@@ -108,7 +109,7 @@ impl UnframedRegion<'_, '_> {
         let is_correctable = correctable_bit(&self.bytes()[frame.start..frame.end]).is_some();
         let loses_bytes = self.is_framed_independently() || (self.model.loses_bytes() && !self.ends_as_announced);
         let is_unexplained = frame.damage.is_none() && !is_correctable;
-        loses_bytes && self.has_few_strays() && is_unexplained && behind > self.model.strays_at_most()
+        loses_bytes && self.has_few_strays() && is_unexplained && behind > self.model.max_stray_bytes()
     }
 
     /// Whether the line is silent behind the stray bytes that begin at index `strays`, as it is behind those of a line
@@ -166,7 +167,7 @@ fn unidentified(start: usize, end: usize, direction: Direction, damage: Option<D
 
 /// Whether these one or two bytes are the first ones of the response and no stray bytes. That one byte is the unit of the
 /// request happens by chance once in 256 times, which is good enough on a line with few stray bytes.
-fn begins_response(bytes: &[u8], request: Asked<'_>) -> bool {
+fn begins_response(bytes: &[u8], request: RequestRef<'_>) -> bool {
     let has_function = || bytes.get(1).is_none_or(|code| request.pdu.first() == Some(&(code & !EXCEPTION_BIT)));
     bytes.len() <= 2 && !is_glitch_byte(bytes[0]) && bytes[0] == request.unit && has_function()
 }

@@ -9,10 +9,10 @@ use crate::damage::truncation::TruncationLearner;
 use crate::framer::rtu::announced_length::{announced_lengths, ENVELOPE_BYTES};
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::{Context, Cut, NOISE_LIMIT};
+use crate::framer::{FrameResult, FramerContext, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::{CutBy, Verdict};
+use modlens_protocol::framing::{DelimitedBy, Verdict};
 use modlens_protocol::functions::Extent;
 use modlens_protocol::Ns;
 
@@ -30,7 +30,7 @@ pub struct DamageRecovery {
 /// What is known about the place of an unframed region.
 pub struct Surroundings<'a, 'c> {
     /// What the session knows, the outstanding request in front of the region among it.
-    pub context: &'a Context<'c>,
+    pub context: &'a FramerContext<'c>,
     /// The input, whose first byte is the first one of the region.
     pub input: &'a Input,
     /// The frame that follows the region.
@@ -53,14 +53,14 @@ impl DamageRecovery {
     /// The first frame of the unframed bytes up to stream offset `to`: a damaged frame, or noise. `adu` gets unit and PDU.
     ///
     /// A region is analysed once; further calls emit what was found. The line's model learns from the damage.
-    pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+    pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
         let offset = at.input.offset();
         let region_bytes = (to - offset) as usize;
         if self.analysed_to < to {
             self.analysed_to = to;
             let frames = at.region(model, region_bytes, false).damaged_frames();
             self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();
-            if !at.context.ahead && at.next_frame.is_none() {
+            if !at.context.may_look_ahead && at.next_frame.is_none() {
                 if let Some((_, last)) = self.found.back_mut() {
                     self.truncation.attribute(model, last);
                 }
@@ -72,11 +72,11 @@ impl DamageRecovery {
             let noise_bytes = self.found.front().map_or(region_bytes, |(start, _)| (start - offset) as usize);
             let cut = burst(at, noise_bytes, adu);
             let is_glitch = cut.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..cut.length]);
-            return Cut { damage: is_glitch.then_some(DamageKind::Glitch), ..cut };
+            return FrameResult { damage: is_glitch.then_some(DamageKind::Glitch), ..cut };
         };
         let length = frame.end - frame.start;
-        let cut_by = if length == region_bytes { CutBy::Frame } else { CutBy::Length };
-        let cut = emit(frame, &at.input.bytes()[..length], cut_by, adu);
+        let delimited_by = if length == region_bytes { DelimitedBy::Frame } else { DelimitedBy::Length };
+        let cut = emit(frame, &at.input.bytes()[..length], delimited_by, adu);
         self.found.pop_front();
         cut
     }
@@ -91,21 +91,21 @@ pub fn damaged_hypothesis(
     length: usize,
     direction: Direction,
     adu: &mut Vec<u8>,
-) -> Cut {
+) -> FrameResult {
     let wire = &at.input.bytes()[..length];
     let frames = at.region(model, length, true).damaged_frames();
     let is_this = |frame: &&DamagedFrame| frame.start == 0 && (frame.end == length || is_glitch(&wire[frame.end..]));
     if let Some(frame) = frames.iter().find(is_this) {
         model.learn_damage(frame.damage);
-        return emit(frame, &wire[..frame.end], CutBy::Length, adu);
+        return emit(frame, &wire[..frame.end], DelimitedBy::Length, adu);
     }
     adu.clear();
     adu.extend_from_slice(&wire[..length - 2]);
-    Cut { verdict: Verdict::BadChecksum, direction, ..Cut::noise(length, CutBy::Length) }
+    FrameResult { verdict: Verdict::BadChecksum, direction, ..FrameResult::noise(length, DelimitedBy::Length) }
 }
 
 /// Emits a damaged frame, with its first bytes restored in `adu` where it is known which ones are missing or wrong.
-fn emit(frame: &DamagedFrame, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> Cut {
+fn emit(frame: &DamagedFrame, wire: &[u8], delimited_by: DelimitedBy, adu: &mut Vec<u8>) -> FrameResult {
     let is_short = frame.is_short || wire.len() < ENVELOPE_BYTES;
     adu.clear();
     if !frame.is_unidentified {
@@ -113,23 +113,23 @@ fn emit(frame: &DamagedFrame, wire: &[u8], cut_by: CutBy, adu: &mut Vec<u8>) -> 
         adu.extend_from_slice(if is_short { wire } else { &wire[frame.wrong_head_bytes..wire.len() - 2] });
     }
     let verdict = if is_short { Verdict::Incomplete } else { Verdict::BadChecksum };
-    Cut { verdict, direction: frame.direction, damage: frame.damage, ..Cut::noise(wire.len(), cut_by) }
+    FrameResult { verdict, direction: frame.direction, damage: frame.damage, ..FrameResult::noise(wire.len(), delimited_by) }
 }
 
 /// Emits the first burst of `length` bytes that hold no recognised frame. A burst ends at a pause or a record boundary, and
 /// it is noise unless `burst_frame` makes a damaged frame of it.
-fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> Cut {
+fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameResult {
     let Surroundings { input, context, .. } = *at;
     let edge = input.edge_after(0, length, at.frame_gap_ns);
-    let burst_bytes = edge.unwrap_or(length).min(NOISE_LIMIT);
-    let cut_by = match edge {
-        Some(end) if input.read(end).is_some_and(|read| read.record) => CutBy::Record,
-        None if burst_bytes == NOISE_LIMIT => CutBy::Limit,
-        None if burst_bytes < input.bytes().len() => CutBy::Frame,
-        None if input.ended => CutBy::End,
-        _ => CutBy::Silence,
+    let burst_bytes = edge.unwrap_or(length).min(MAX_NOISE_ROW_BYTES);
+    let delimited_by = match edge {
+        Some(end) if input.read(end).is_some_and(|read| read.record) => DelimitedBy::Record,
+        None if burst_bytes == MAX_NOISE_ROW_BYTES => DelimitedBy::Limit,
+        None if burst_bytes < input.bytes().len() => DelimitedBy::Frame,
+        None if input.ended => DelimitedBy::End,
+        _ => DelimitedBy::Silence,
     };
-    let cut = burst_frame(input, context, burst_bytes, cut_by).unwrap_or(Cut::noise(burst_bytes, cut_by));
+    let cut = burst_frame(input, context, burst_bytes, delimited_by).unwrap_or(FrameResult::noise(burst_bytes, delimited_by));
     adu.clear();
     if cut.verdict != Verdict::Noise {
         let end = if cut.verdict == Verdict::Incomplete { cut.length } else { cut.length - 2 };
@@ -143,25 +143,29 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> Cut {
 ///
 /// Example: a recording of the bytes `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`. Such a burst is noise
 /// only if it is too long for a frame, or if its unit is unknown and its boundaries prove nothing.
-fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by: CutBy) -> Option<Cut> {
+fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, delimited_by: DelimitedBy) -> Option<FrameResult> {
     let bytes = &input.bytes()[..burst_bytes];
-    let is_entire_input = input.offset() == 0 && cut_by == CutBy::End;
-    let is_record = cut_by == CutBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
+    let is_entire_input = input.offset() == 0 && delimited_by == DelimitedBy::End;
+    let is_record =
+        delimited_by == DelimitedBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
     if burst_bytes < ENVELOPE_BYTES || !(is_entire_input || is_record) {
         return None;
     }
-    let frame = |length, verdict, cut_by, direction| Some(Cut { verdict, direction, ..Cut::noise(length, cut_by) });
-    let is_outstanding_unit = context.asked.is_some_and(|request| request.unit == bytes[0]);
+    let frame = |length, verdict, delimited_by, direction| {
+        Some(FrameResult { verdict, direction, ..FrameResult::noise(length, delimited_by) })
+    };
+    let is_outstanding_unit = context.outstanding_request.is_some_and(|request| request.unit == bytes[0]);
     let is_familiar = context.known_units[bytes[0] as usize] || is_outstanding_unit;
     let mut shorter = None;
     let mut longer = None;
     // If the outstanding request has this unit and function, the burst is its response and not another request.
-    let is_response = context.asked.is_some_and(|request| request.unit == bytes[0] && request.pdu.first() == Some(&bytes[1]));
+    let is_response =
+        context.outstanding_request.is_some_and(|request| request.unit == bytes[0] && request.pdu.first() == Some(&bytes[1]));
     let announced = announced_lengths(context, bytes);
     for (direction, extent) in announced.iter().copied().flatten().take(if is_response { 1 } else { 2 }) {
         match extent {
             Extent::Exactly(length) if length == burst_bytes => {
-                return frame(length, Verdict::BadChecksum, CutBy::Length, direction);
+                return frame(length, Verdict::BadChecksum, DelimitedBy::Length, direction);
             }
             Extent::Exactly(length) if length < burst_bytes => shorter = shorter.or(Some((length, direction))),
             Extent::Exactly(_) | Extent::AtLeast(_) => longer = longer.or(Some(direction)),
@@ -169,16 +173,18 @@ fn burst_frame(input: &Input, context: &Context<'_>, burst_bytes: usize, cut_by:
         }
     }
     // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
-    let is_bounded = is_entire_input || input.timed || matches!(cut_by, CutBy::Silence | CutBy::Record);
+    let is_bounded = is_entire_input || input.timed || matches!(delimited_by, DelimitedBy::Silence | DelimitedBy::Record);
     let may_be_frame = burst_bytes <= MAX_CANDIDATE_BYTES;
     match (shorter, longer) {
         (Some((length, direction)), _) if is_familiar && !is_bounded => {
-            frame(length, Verdict::BadChecksum, CutBy::Length, direction)
+            frame(length, Verdict::BadChecksum, DelimitedBy::Length, direction)
         }
-        (_, Some(direction)) if may_be_frame && (is_bounded || is_familiar || cut_by == CutBy::End) => {
-            frame(burst_bytes, Verdict::Incomplete, cut_by, direction)
+        (_, Some(direction)) if may_be_frame && (is_bounded || is_familiar || delimited_by == DelimitedBy::End) => {
+            frame(burst_bytes, Verdict::Incomplete, delimited_by, direction)
         }
-        _ if may_be_frame && (is_bounded || is_familiar) => frame(burst_bytes, Verdict::BadChecksum, cut_by, Direction::Unknown),
+        _ if may_be_frame && (is_bounded || is_familiar) => {
+            frame(burst_bytes, Verdict::BadChecksum, delimited_by, Direction::Unknown)
+        }
         _ => None,
     }
 }

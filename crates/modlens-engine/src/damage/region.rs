@@ -3,10 +3,10 @@
 use crate::damage::kind::DamageKind;
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights::COARSE_FRAME_GAP_NS;
-use modlens_protocol::direction::{Asked, Direction};
+use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::Ns;
 
 /// Bytes between two frames that no valid frame claims, and what is known about them.
@@ -14,7 +14,7 @@ pub struct UnframedRegion<'a, 'c> {
     /// Statistics of the line.
     pub model: &'a TrafficModel,
     /// What the session knows, the outstanding request in front of the region among it.
-    pub context: &'a Context<'c>,
+    pub context: &'a FramerContext<'c>,
     /// The input, whose first byte is the first one of the region.
     pub input: &'a Input,
     /// Length of the region in bytes.
@@ -59,7 +59,7 @@ impl UnframedRegion<'_, '_> {
     /// Whether this line is framed independently of the other one, as the lines of a two-line tap without a clock are.
     /// Outstanding requests are unknown then, so a response does not need one.
     pub(crate) fn is_framed_independently(&self) -> bool {
-        self.context.speaker.is_some() && self.context.asked.is_none() && !self.input.timed
+        self.context.line_direction.is_some() && self.context.outstanding_request.is_none() && !self.input.timed
     }
 
     /// Whether the recording holds nothing but this region.
@@ -70,7 +70,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether stray bytes are so rare on this line that more than a few unframed bytes must belong to a frame.
     pub(crate) fn has_few_strays(&self) -> bool {
-        self.model.strays_at_most() < ENVELOPE_BYTES
+        self.model.max_stray_bytes() < ENVELOPE_BYTES
     }
 
     /// Whether there is a pause before this byte that ends a frame, as far as the clock can tell.
@@ -80,7 +80,7 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// Whether the frame behind the region is this request.
-    pub(crate) fn is_followed_by(&self, request: Option<Asked<'_>>) -> bool {
+    pub(crate) fn is_followed_by(&self, request: Option<RequestRef<'_>>) -> bool {
         let frame = self.next_frame.map_or(&[][..], |(frame, _)| frame);
         request.is_some_and(|request| frame.len() > 2 && request.unit == frame[0] && request.pdu == &frame[1..frame.len() - 2])
     }

@@ -7,7 +7,7 @@
 use crate::damage::kind::DamageKind;
 use crate::damage::region::DamagedFrame;
 use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use modlens_protocol::direction::Direction;
 
 /// Attributes truncated responses, and learns from what masters do next.
@@ -34,9 +34,9 @@ impl TruncationLearner {
     /// Learns from the frame that follows a response without its end: a master that asks again did not get the response, so
     /// the sender had stopped; one that goes on did, so the tap lost the end.
     #[inline]
-    pub fn learn_reaction(&mut self, model: &mut TrafficModel, context: &Context<'_>, frame: &[u8], direction: Direction) {
+    pub fn learn_reaction(&mut self, model: &mut TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: Direction) {
         if std::mem::take(&mut self.awaits_reaction) && direction == Direction::Request {
-            if let Some(request) = context.asked {
+            if let Some(request) = context.outstanding_request {
                 let is_retry = frame[0] == request.unit && &frame[1..frame.len() - 2] == request.pdu;
                 model.learn_end(is_retry);
             }

@@ -12,7 +12,7 @@ use modlens_profiles::points::sunspec::may_begin_in;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::StandardLayout;
-use modlens_protocol::mbap::HEADER as MBAP;
+use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 
 impl Session {
@@ -92,7 +92,7 @@ pub(super) fn may_hold_no_map(expected: &ExpectedExchange) -> bool {
 
 /// The place of the PDU in the bytes of a binary frame. `length` is that of unit and PDU.
 fn pdu_span(mode: Mode, wire: Span, length: usize) -> Span {
-    let before = if mode == Mode::Tcp { MBAP + 1 } else { 1 };
+    let before = if mode == Mode::Tcp { MBAP_PREFIX_BYTES + 1 } else { 1 };
     Span { start: wire.start + before as u32, length: length as u32 - 1 }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::framer::rtu::announced_length::ENVELOPE_BYTES;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
-use modlens_protocol::direction::expected_block;
+use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::functions::{Extent, FunctionRow};
 
 /// The result of checking the next header.
@@ -70,7 +70,7 @@ impl FrameLength {
 /// the request determines them and the request cannot be taken for its own response.
 #[inline]
 pub fn expected_response(row: &FunctionRow, pdu: &[u8]) -> Option<(u8, usize)> {
-    let count = expected_block(row, pdu).filter(|_| !row.has_equal_layouts)?;
+    let count = expected_data_bytes(row, pdu).filter(|_| !row.has_equal_layouts)?;
     let count = u8::try_from(count).ok()?;
     match row.response.extent(&[count]) {
         // For instance 24 inputs from an address 0x03xx on: the request has the length and the first bytes of its response.

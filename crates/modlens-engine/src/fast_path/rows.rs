@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
-use crate::framer::{ascii, tcp};
+use crate::framer::ascii;
 use crate::records::{Frame, FrameRef, Span, Transaction};
 use crate::session::frame_timing::FrameTiming;
 use crate::session::rows::elapsed;
-use crate::weights::MAX_CONFIDENCE_BITS;
+use crate::weights::{MAX_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS};
 use modlens_profiles::points::PlanInstance;
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
@@ -89,10 +89,10 @@ impl ExchangeRows<'_> {
             Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_timing),
             _ => (self.request_frame + 1, self.lines[1], self.response_wire, &self.response_timing),
         };
-        let (confidence, cut_by) = match self.matched.mode {
-            Mode::Rtu => (MAX_CONFIDENCE_BITS, CutBy::Length),
-            Mode::Ascii => (ascii::VALID_FRAME_BITS, CutBy::Delimiter),
-            Mode::Tcp => (tcp::VALID_FRAME_BITS, CutBy::Length),
+        let (confidence, delimited_by) = match self.matched.mode {
+            Mode::Rtu => (MAX_CONFIDENCE_BITS, DelimitedBy::Length),
+            Mode::Ascii => (ascii::VALID_FRAME_BITS, DelimitedBy::Delimiter),
+            Mode::Tcp => (MBAP_CONFIDENCE_BITS, DelimitedBy::Length),
         };
         Frame {
             number,
@@ -111,7 +111,7 @@ impl ExchangeRows<'_> {
             verdict: Verdict::Ok,
             tentative: false,
             confidence,
-            cut_by,
+            delimited_by,
             txn: Some(self.txn),
             mbap_id: self.matched.mbap_id,
             findings,

@@ -6,16 +6,16 @@ use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::frame_check::is_followed_by_copy;
 use crate::framer::rtu::side::REQUEST;
 use crate::framer::rtu::traffic_model::RequestCopy;
-use crate::framer::rtu::Rtu;
+use crate::framer::rtu::RtuFramer;
 use crate::input::Input;
 use crate::weights::RESPONSE_LOG_ODDS_BITS;
 use modlens_protocol::checksum::{crc_valid_at, CRC_BYTES};
-use modlens_protocol::direction::Pause;
+use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-impl Rtu {
+impl RtuFramer {
     /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
     /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
     ///
@@ -29,7 +29,7 @@ impl Rtu {
         input: &Input,
         last_answered: Option<(u8, u8)>,
         request_timeout: Ns,
-        pause: impl Fn(usize) -> Pause,
+        pause: impl Fn(usize) -> TimeoutLogOdds,
     ) -> Option<ExpectedExchange> {
         let expected = ExpectedExchange::from_request(functions, Mode::Rtu, input.bytes())?;
         if expected.resembles_response && last_answered == Some((expected.unit, expected.code)) {
@@ -38,7 +38,7 @@ impl Rtu {
         let (request_bytes, response_bytes) = (expected.request_bytes + CRC_BYTES, expected.response_bytes + CRC_BYTES);
         let (request, rest) = input.bytes().split_at_checked(request_bytes)?;
         let response = rest.get(..response_bytes)?;
-        let is_familiar = self.search.model.familiar(expected.unit, expected.code, REQUEST);
+        let is_familiar = self.search.model.is_familiar(expected.unit, expected.code, REQUEST);
         let is_answered = is_familiar
             && expected.is_answered_by(request, response)
             && input.holds_exchange(Mode::Rtu, request_bytes, response_bytes, request_timeout);
@@ -77,6 +77,6 @@ impl Rtu {
 
 /// Whether the second of two equal frames is the response to the first and not a retry of it, by the pause between them or,
 /// without times, because no third copy follows. `from_second` are the bytes from the second frame on.
-fn is_response(pause: Pause, is_timed: bool, from_second: &[u8], length: usize) -> bool {
+fn is_response(pause: TimeoutLogOdds, is_timed: bool, from_second: &[u8], length: usize) -> bool {
     pause <= RESPONSE_LOG_ODDS_BITS || (!is_timed && is_followed_by_copy(from_second, length) == Some(false))
 }

@@ -8,12 +8,12 @@ use crate::framer::rtu::answerable::HeldRequest;
 use crate::framer::rtu::crc_scan::MAX_CANDIDATE_BYTES;
 use crate::framer::rtu::search::Search;
 use crate::framer::rtu::side::REQUEST;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights::{MAX_POLL_REQUEST_BYTES, MAX_SKIPPED_STRAY_BYTES, RESPONSE_LOG_ODDS_BITS};
 use modlens_protocol::checksum::crc_valid_at;
-use modlens_protocol::direction::expected_block;
-use modlens_protocol::framing::RTU_LIMIT;
+use modlens_protocol::direction::expected_data_bytes;
+use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// Unit, function code and the first byte of the body.
@@ -21,7 +21,7 @@ const HEADER_BYTES: usize = 3;
 
 /// Checks whether the first bytes of the input are a frame beyond doubt.
 #[inline]
-pub fn check_frame(search: &Search, input: &Input, context: &Context<'_>) -> FrameCheck {
+pub fn check_frame(search: &Search, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
     check_frame_at(search, input, context, 0)
 }
 
@@ -29,7 +29,7 @@ pub fn check_frame(search: &Search, input: &Input, context: &Context<'_>) -> Fra
 ///
 /// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. If no frame can have
 /// begun with one of them, there is nothing to search for.
-pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Context<'_>) -> (usize, FrameCheck) {
+pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &FramerContext<'_>) -> (usize, FrameCheck) {
     for strays in 1..=MAX_SKIPPED_STRAY_BYTES {
         match check_frame_at(search, input, context, strays) {
             FrameCheck::NoFrame => {}
@@ -54,7 +54,7 @@ pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &Conte
 ///
 /// Otherwise it may be a response whose request is missing, followed by zero bytes: appending zeros to a frame with a
 /// valid CRC keeps the CRC valid.
-fn is_permitted_request(frame: &[u8], context: &Context<'_>) -> bool {
+fn is_permitted_request(frame: &[u8], context: &FramerContext<'_>) -> bool {
     let body = &frame[2..frame.len() - 2];
     let row = context.functions.row(frame[1], body);
     let is_permitted = row.is_some_and(|row| row.field_limits[REQUEST].iter().all(|limits| limits.violated_by(body).is_none()));
@@ -64,7 +64,7 @@ fn is_permitted_request(frame: &[u8], context: &Context<'_>) -> bool {
 /// Checks for a frame that begins at this index of the input: its header must announce a length, its CRC must be valid,
 /// and no record boundary or long silence may lie inside.
 #[inline]
-fn check_frame_at(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> FrameCheck {
+fn check_frame_at(search: &Search, input: &Input, context: &FramerContext<'_>, at: usize) -> FrameCheck {
     let bytes = input.bytes().get(at..).unwrap_or(&[]);
     if bytes.len() < HEADER_BYTES && !input.closed {
         return FrameCheck::NeedsMoreBytes;
@@ -85,10 +85,10 @@ fn check_frame_at(search: &Search, input: &Input, context: &Context<'_>, at: usi
 /// The length of the frame that begins at this index, if its unit and function leave no doubt what it is: the response to
 /// the outstanding request, or a familiar request.
 #[inline]
-fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: usize) -> Option<FrameLength> {
+fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = input.bytes().get(at..)?;
     let (&unit, &code) = (bytes.first()?, bytes.get(1)?);
-    let may_be_request = code & EXCEPTION_BIT == 0 && search.model.familiar(unit, code, REQUEST);
+    let may_be_request = code & EXCEPTION_BIT == 0 && search.model.is_familiar(unit, code, REQUEST);
     match search.outstanding_request() {
         Some(request) if request.matches(unit, code & !EXCEPTION_BIT) => match request.expected_response {
             // Nearly always: the byte count is the one that the request determines.
@@ -108,7 +108,7 @@ fn expected_length(search: &Search, input: &Input, context: &Context<'_>, at: us
 }
 
 /// The length of the frame at this index as the response to the outstanding request; `None` if it is no certain response.
-fn response_length(request: &HeldRequest, input: &Input, context: &Context<'_>, at: usize) -> Option<FrameLength> {
+fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
     if code & EXCEPTION_BIT != 0 {
@@ -126,7 +126,7 @@ fn response_length(request: &HeldRequest, input: &Input, context: &Context<'_>, 
     if is_copy && request.is_tentative {
         return None;
     }
-    if is_copy && (context.pause)(pause()) > RESPONSE_LOG_ODDS_BITS {
+    if is_copy && (context.timeout_log_odds)(pause()) > RESPONSE_LOG_ODDS_BITS {
         if at > 0 {
             return None;
         }
@@ -138,7 +138,7 @@ fn response_length(request: &HeldRequest, input: &Input, context: &Context<'_>, 
             None => return Some(FrameLength::at_least(bytes.len() + 1)),
         }
     }
-    let agrees = match expected_block(row, &request.pdu) {
+    let agrees = match expected_data_bytes(row, &request.pdu) {
         Some(block) => body.first().is_some_and(|&count| usize::from(count) == block),
         None => !row.echo.is_empty() && (body.len() < 4 || body.get(..4) == request.pdu.get(1..5)),
     };
@@ -147,10 +147,10 @@ fn response_length(request: &HeldRequest, input: &Input, context: &Context<'_>, 
 
 /// The length of these bytes as a request; `None` if they may as well be a response to an earlier request.
 #[inline]
-fn request_length(search: &Search, bytes: &[u8], context: &Context<'_>) -> Option<FrameLength> {
+fn request_length(search: &Search, bytes: &[u8], context: &FramerContext<'_>) -> Option<FrameLength> {
     let (unit, code, body) = (bytes[0], bytes[1], &bytes[2..]);
     let row = context.functions.row(code, body)?;
-    let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= RTU_LIMIT)?;
+    let length = FrameLength::of(row.request.extent(body)).filter(|length| length.bytes() <= MAX_RTU_FRAME_BYTES)?;
     // If a response would have the same length, this may be the last response once more, or a late one.
     if FrameLength::of(row.response.extent(body)).is_some_and(|other| other.bytes() == length.bytes()) {
         let open = search.answerable();

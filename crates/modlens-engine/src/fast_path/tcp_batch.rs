@@ -7,7 +7,7 @@ use crate::session::bus::BusState;
 use crate::session::Session;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
-use modlens_protocol::mbap::HEADER as MBAP;
+use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 
 /// The exchange at the heads of the two lines of a connection, if there is no doubt about it. `lines`: indices of the
 /// client's line and of the server's.
@@ -16,7 +16,7 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
     let (header, request) = client.bytes().split_first_chunk::<MBAP>()?;
     let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?;
-    let lengths = [MBAP + expected.request_bytes, MBAP + expected.response_bytes];
+    let lengths = [MBAP_PREFIX_BYTES + expected.request_bytes, MBAP_PREFIX_BYTES + expected.response_bytes];
     let (requested_at, next_request_at) = client.packet(lengths[0])?;
     let (answered_at, _) = server.packet(lengths[1])?;
     // The response comes behind the request, in time, and before the next request.
@@ -27,8 +27,9 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
     let (request, response) = (&request[..expected.request_bytes], &server.bytes()[..lengths[1]]);
     let id = [header[0], header[1]];
     let has_header = |mbap: &[u8], length: usize| *mbap == [id[0], id[1], 0, 0, 0, length as u8];
-    let are_framed = has_header(header, expected.request_bytes) && has_header(&response[..MBAP], expected.response_bytes);
-    let response = &response[MBAP..];
+    let are_framed =
+        has_header(header, expected.request_bytes) && has_header(&response[..MBAP_PREFIX_BYTES], expected.response_bytes);
+    let response = &response[MBAP_PREFIX_BYTES..];
     if !(is_in_turn && are_framed && expected.is_answered_by(request, response)) {
         return None;
     }

@@ -2,11 +2,11 @@
 
 use crate::damage::kind::DamageKind;
 use crate::findings::{words, Found};
-use crate::framer::{Cut, FramingFault};
+use crate::framer::{FrameResult, FramingFault};
 use crate::input::Input;
 use crate::pairing::ObservedFrame;
 use modlens_protocol::checksum::{correctable_bit, crc16, lrc};
-use modlens_protocol::direction::{consistent, readings, Direction};
+use modlens_protocol::direction::{counts_agree, possible_directions, Direction};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
@@ -17,7 +17,7 @@ const LAST_UNIT: u8 = 247;
 /// Finds what is odd about the content of a frame: a good one against the specification, a damaged one against its
 /// checksum.
 pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
-    if !frame.verdict.good() {
+    if !frame.verdict.is_good() {
         checksum(frame, found);
         return;
     }
@@ -39,9 +39,9 @@ pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &
             found.push((Finding::QuantityLimit, words::quantity_limit(&permit.name, value, &permit.ranges)));
         }
     }
-    let (as_request, as_response) = readings(functions, pdu);
+    let (as_request, as_response) = possible_directions(functions, pdu);
     let fits_no_layout = !(as_request || as_response) && frame.mode != Mode::Tcp;
-    if fits_no_layout || (!is_response && !consistent(row, body)) {
+    if fits_no_layout || (!is_response && !counts_agree(row, body)) {
         found.push((Finding::LengthMismatch, words::length_mismatch(body.len())));
     }
 }
@@ -100,7 +100,7 @@ pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
 /// Finds what the framer says of a frame: that it may be an accident of noise, how it was damaged, and how it breaks the
 /// rules of its framing.
 #[inline]
-pub(crate) fn framing(cut: &Cut, found: &mut Found) {
+pub(crate) fn framing(cut: &FrameResult, found: &mut Found) {
     if cut.tentative {
         found.push((Finding::Tentative, words::tentative()));
     }

@@ -1,7 +1,7 @@
 //! Findings on the times of a frame: the silences before and inside it, and the clock.
 
 use crate::findings::{words, Found};
-use crate::framer::silence::Rule;
+use crate::framer::silence::SilenceRule;
 use crate::input::Input;
 use crate::pairing::ObservedFrame;
 use modlens_protocol::finding::Finding;
@@ -13,8 +13,8 @@ const MIN_STEPS_PER_T15: Ns = 4;
 
 /// Compares the silences of a good RTU frame with those of the specification (serial line, 2.5.1.1), or with those that
 /// the user gave. It stands at the head of the input; `resolution` is the step of the clock.
-pub(crate) fn silences(input: &Input, rule: Option<Rule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
-    let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.good()) else { return };
+pub(crate) fn silences(input: &Input, rule: Option<SilenceRule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
+    let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.is_good()) else { return };
     if input.coarse || MIN_STEPS_PER_T15 * resolution > rule.t15_ns {
         return;
     }

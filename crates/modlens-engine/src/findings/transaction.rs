@@ -2,7 +2,7 @@
 
 use crate::findings::{words, Found};
 use crate::pairing::PendingTransaction;
-use modlens_protocol::direction::{block_length, echo_differences, expected_block};
+use modlens_protocol::direction::{data_bytes, echo_differences, expected_data_bytes};
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::pdu::u16_at;
@@ -47,7 +47,7 @@ fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut
     for (name, requested, answered) in echo_differences(row, request, response) {
         found.push((Finding::EchoMismatch, words::echo_mismatch(name, requested, answered)));
     }
-    if let (Some(expected), Some(length)) = (expected_block(row, request), block_length(row, response)) {
+    if let (Some(expected), Some(length)) = (expected_data_bytes(row, request), data_bytes(row, response)) {
         if expected != length {
             found.push((Finding::ResponseLength, words::response_length(length, expected)));
         } else if let Some((last, bits)) = set_padding(row.offsets.response_block, row.offsets.quantity, request, response) {

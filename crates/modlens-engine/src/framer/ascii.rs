@@ -4,11 +4,11 @@ use memchr::{memchr, memchr3_iter};
 
 use crate::damage::ascii;
 use crate::damage::kind::DamageKind;
-use crate::framer::{Context, Cut, Framer, FramingFault, NOISE_LIMIT};
+use crate::framer::{FrameResult, Framer, FramerContext, FramingFault, MAX_NOISE_ROW_BYTES};
 use crate::input::Input;
 use modlens_protocol::checksum::lrc;
-use modlens_protocol::direction::judge;
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use modlens_protocol::direction::infer_direction;
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::hex::{byte_at, decode_pairs};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
@@ -24,12 +24,12 @@ pub const VALID_FRAME_BITS: u8 = 32;
 
 /// The framer of an ASCII line.
 #[derive(Debug)]
-pub struct Ascii {
+pub struct AsciiFramer {
     /// The character accepted in place of the line feed; Diagnostics, sub-function 3, changes it (application protocol, 6.8).
     delimiter: u8,
 }
 
-impl Default for Ascii {
+impl Default for AsciiFramer {
     fn default() -> Self {
         Self { delimiter: b'\n' }
     }
@@ -42,79 +42,87 @@ struct MessageEnd {
     /// Index behind the last hex character.
     hex_end: usize,
     /// The evidence that ended it.
-    cut_by: CutBy,
+    delimited_by: DelimitedBy,
     /// What is wrong with how it ended.
     fault: Option<FramingFault>,
 }
 
-impl Ascii {
+impl AsciiFramer {
     /// Where the message that begins with the first byte ends: at its line end, the next colon, the longest length, a
     /// silence or the end of the recording. `None` if more bytes are needed to tell.
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
         let boundary = input.edge_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
         let available = &bytes[..boundary.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
-        let end = |frame_end, hex_end, cut_by, fault| Some(MessageEnd { frame_end, hex_end, cut_by, fault });
+        let end = |frame_end, hex_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end, delimited_by, fault });
         if let Some(i) = memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
             match available[i] {
-                b':' => return end(i, i, CutBy::Restart, None),
-                b'\n' => return end(i + 1, i, CutBy::Delimiter, Some(FramingFault::BareLineFeed)),
+                b':' => return end(i, i, DelimitedBy::Restart, None),
+                b'\n' => return end(i + 1, i, DelimitedBy::Delimiter, Some(FramingFault::BareLineFeed)),
                 _ => match available.get(i + 1) {
-                    Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, CutBy::Delimiter, None),
-                    Some(_) => return end(i + 1, i, CutBy::Delimiter, None),
-                    None if available.len() < bytes.len() || input.closed => return end(i + 1, i, CutBy::Delimiter, None),
+                    Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, DelimitedBy::Delimiter, None),
+                    Some(_) => return end(i + 1, i, DelimitedBy::Delimiter, None),
+                    None if available.len() < bytes.len() || input.closed => return end(i + 1, i, DelimitedBy::Delimiter, None),
                     None => return None,
                 },
             }
         }
         let length = available.len();
         if length == MAX_MESSAGE_CHARACTERS {
-            return end(length, length, CutBy::Limit, None);
+            return end(length, length, DelimitedBy::Limit, None);
         }
         match boundary {
-            Some(_) => end(length, length, if input.hard_edge(length) { CutBy::Record } else { CutBy::Silence }, None),
-            None if input.ended => end(length, length, CutBy::End, None),
-            None if input.closed => end(length, length, CutBy::Silence, None),
+            Some(_) => {
+                end(length, length, if input.hard_edge(length) { DelimitedBy::Record } else { DelimitedBy::Silence }, None)
+            }
+            None if input.ended => end(length, length, DelimitedBy::End, None),
+            None if input.closed => end(length, length, DelimitedBy::Silence, None),
             None => None,
         }
     }
 
     /// The first frame of bytes that do not begin with a colon: noise, or a message without its colon.
-    fn without_colon(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    fn without_colon(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let bytes = input.bytes();
-        let available = &bytes[..bytes.len().min(NOISE_LIMIT)];
+        let available = &bytes[..bytes.len().min(MAX_NOISE_ROW_BYTES)];
         match ascii::find_colonless(available, input.closed, context.known_units) {
-            Some(message) if message.start > 0 => return Some(Cut::noise(message.start, CutBy::Restart)),
+            Some(message) if message.start > 0 => return Some(FrameResult::noise(message.start, DelimitedBy::Restart)),
             Some(message) => {
                 let has_lrc = decode_hex(&available[message.hex_start..message.hex_end], adu) && message.is_complete;
                 adu.truncate(adu.len() - usize::from(has_lrc));
                 let direction = ascii::direction(context, adu);
-                let cut = Cut::noise(message.end, CutBy::Delimiter);
-                return Some(Cut { verdict: Verdict::Incomplete, direction, damage: message.damage, ..cut });
+                let cut = FrameResult::noise(message.end, DelimitedBy::Delimiter);
+                return Some(FrameResult { verdict: Verdict::Incomplete, direction, damage: message.damage, ..cut });
             }
             None => {}
         }
         if let Some(boundary) = input.edge_after(0, available.len(), CHARACTER_TIMEOUT_NS) {
             let colon = memchr(b':', &available[..boundary]);
-            return Some(colon.map_or(Cut::noise(boundary, CutBy::Silence), |at| Cut::noise(at, CutBy::Restart)));
+            return Some(
+                colon.map_or(FrameResult::noise(boundary, DelimitedBy::Silence), |at| {
+                    FrameResult::noise(at, DelimitedBy::Restart)
+                }),
+            );
         }
         match memchr(b':', available) {
-            Some(at) => Some(Cut::noise(at, CutBy::Restart)),
-            None if available.len() == NOISE_LIMIT => Some(Cut::noise(NOISE_LIMIT, CutBy::Limit)),
-            None if input.closed => Some(Cut::noise(available.len(), if input.ended { CutBy::End } else { CutBy::Silence })),
+            Some(at) => Some(FrameResult::noise(at, DelimitedBy::Restart)),
+            None if available.len() == MAX_NOISE_ROW_BYTES => Some(FrameResult::noise(MAX_NOISE_ROW_BYTES, DelimitedBy::Limit)),
+            None if input.closed => {
+                Some(FrameResult::noise(available.len(), if input.ended { DelimitedBy::End } else { DelimitedBy::Silence }))
+            }
             None => None,
         }
     }
 
     /// The message that begins with the first byte and ends at `end`: its verdict, and what happened to a damaged one.
-    fn frame(&mut self, input: &Input, context: &Context<'_>, end: &MessageEnd, adu: &mut Vec<u8>) -> Cut {
+    fn frame(&mut self, input: &Input, context: &FramerContext<'_>, end: &MessageEnd, adu: &mut Vec<u8>) -> FrameResult {
         let text = &input.bytes()[1..end.hex_end];
         let is_hex = decode_hex(text, adu);
-        let mut cut = Cut { verdict: Verdict::Incomplete, ..Cut::noise(end.frame_end, end.cut_by) };
+        let mut cut = FrameResult { verdict: Verdict::Incomplete, ..FrameResult::noise(end.frame_end, end.delimited_by) };
         cut.fault = end.fault;
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
-        if !no_checksum && end.cut_by != CutBy::Delimiter && !has_valid_lrc {
+        if !no_checksum && end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
             cut.direction = ascii::direction(context, adu);
             // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd
             // number of characters and exactly one byte missing.
@@ -125,7 +133,7 @@ impl Ascii {
         }
         if let Some(damage) = ascii::explain_odd_digits(text).filter(|_| !no_checksum) {
             let direction = ascii::direction(context, adu);
-            return Cut { direction, damage: Some(damage), ..cut };
+            return FrameResult { direction, damage: Some(damage), ..cut };
         }
         cut.verdict = match is_hex {
             true if no_checksum => Verdict::NoChecksum,
@@ -136,12 +144,12 @@ impl Ascii {
         if cut.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
             let direction = ascii::direction(context, adu);
             let damage = Some(DamageKind::LostBytes { at: text.len() + 1, count: 2 });
-            return Cut { verdict: Verdict::Incomplete, direction, damage, ..cut };
+            return FrameResult { verdict: Verdict::Incomplete, direction, damage, ..cut };
         }
         if !no_checksum {
             adu.pop();
         }
-        if cut.verdict.good() && adu.len() >= 2 {
+        if cut.verdict.is_good() && adu.len() >= 2 {
             self.complete_valid(&mut cut, input, context, text, adu);
         } else {
             cut.direction = ascii::direction(context, adu);
@@ -150,12 +158,19 @@ impl Ascii {
     }
 
     /// Adds the direction, the confidence and the faults of a valid message, and adopts the delimiter that it sets.
-    fn complete_valid(&mut self, cut: &mut Cut, input: &Input, context: &Context<'_>, text: &[u8], adu: &[u8]) {
+    fn complete_valid(&mut self, cut: &mut FrameResult, input: &Input, context: &FramerContext<'_>, text: &[u8], adu: &[u8]) {
         if text.iter().any(u8::is_ascii_lowercase) {
             cut.fault = cut.fault.or(Some(FramingFault::LowerCaseHex));
         }
-        let pause = (context.pause)(input.pause_before(0));
-        cut.direction = judge(context.functions, context.asked, adu[0], &adu[1..], context.said_at(input, 0), pause);
+        let pause = (context.timeout_log_odds)(input.pause_before(0));
+        cut.direction = infer_direction(
+            context.functions,
+            context.outstanding_request,
+            adu[0],
+            &adu[1..],
+            context.declared_direction_at(input, 0),
+            pause,
+        );
         cut.confidence = VALID_FRAME_BITS;
         // Diagnostics, sub-function 3: Change ASCII Input Delimiter.
         if let [_, 8, 0, 3, delimiter, ..] = *adu {
@@ -175,8 +190,8 @@ fn decode_hex(text: &[u8], out: &mut Vec<u8>) -> bool {
     text.len().is_multiple_of(2)
 }
 
-impl Framer for Ascii {
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+impl Framer for AsciiFramer {
+    fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         adu.clear();
         match input.bytes().first()? {
             b':' => {
@@ -191,7 +206,7 @@ impl Framer for Ascii {
         Mode::Ascii
     }
 
-    fn settled(&self, _offset: u64) -> bool {
+    fn is_settled_at(&self, _offset: u64) -> bool {
         true
     }
 

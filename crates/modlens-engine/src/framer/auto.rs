@@ -1,121 +1,124 @@
-//! Which framing is it? Decided once, on the first bytes, by the checksums that fit.
+//! Chooses the framer of a line: once, on its first bytes, by the checksums and headers that fit.
 //!
-//! The decision is taken at fixed numbers of bytes, at a silence or at the end, so that chunk sizes change nothing.
+//! The choice is made at fixed numbers of bytes, at a silence or at the end, so it does not depend on how the input was split
+//! into blocks.
 
 use crate::framer::fixed::FixedFramer;
-use crate::framer::silence::Rule;
-use crate::framer::{Context, Cut, Framer};
+use crate::framer::silence::SilenceRule;
+use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
+use crate::weights::{FIRST_MODE_CHECK_BYTES, LAST_MODE_CHECK_BYTES};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
-use modlens_protocol::recognize::{evidence, looks_like};
+use modlens_protocol::recognize::{mode_by_appearance, mode_by_valid_frames};
 use modlens_protocol::Ns;
 
-/// Without a single good frame in so many bytes, the look of the bytes decides.
-const ENOUGH: usize = 4096;
-
-/// The first number of bytes worth a look.
-const FIRST_LOOK: usize = 8;
-
-/// Waits for evidence, then is the framer it points to.
-pub struct Auto {
+/// Waits for evidence of a mode, then frames by the framer of that mode.
+pub struct AutoFramer {
     line: Option<LineSettings>,
-    rule: Option<Rule>,
-    next_look: usize,
+    rule: Option<SilenceRule>,
+    /// The number of bytes at which a mode is looked for next.
+    next_check_bytes: usize,
     chosen: Option<FixedFramer>,
-    /// The framer of records that prove another framing: RTU out and MBAP in are seen in the logs of gateways.
-    other: Option<FixedFramer>,
-    /// The last frame was the other one's.
-    aside: bool,
+    /// The framer of records that prove another mode: logs of gateways have RTU on one side and MBAP on the other.
+    of_other_mode: Option<FixedFramer>,
+    /// The last frame came from `of_other_mode`.
+    last_was_other_mode: bool,
 }
 
-impl Auto {
-    /// A framer for a line with these settings; RTU goes by the rule of silence where there is one.
-    pub fn new(line: Option<LineSettings>, rule: Option<Rule>) -> Self {
-        Self { line, rule, next_look: FIRST_LOOK, chosen: None, other: None, aside: false }
+impl AutoFramer {
+    /// A framer for a line with these settings. RTU is framed by the silence rule if there is one, else by evidence.
+    pub fn new(line: Option<LineSettings>, rule: Option<SilenceRule>) -> Self {
+        Self {
+            line,
+            rule,
+            next_check_bytes: FIRST_MODE_CHECK_BYTES,
+            chosen: None,
+            of_other_mode: None,
+            last_was_other_mode: false,
+        }
     }
 
-    /// The framer that the next bytes are for, once it is chosen; `None` while a record proves another framing.
+    /// The framer that the next bytes are for, once it is chosen; `None` while a record proves another mode.
     #[inline]
     pub fn active_mut(&mut self) -> Option<&mut FixedFramer> {
-        self.chosen.as_mut().filter(|_| !self.aside)
+        self.chosen.as_mut().filter(|_| !self.last_was_other_mode)
     }
 
-    fn choose(&mut self, input: &Input, functions: &Functions) -> bool {
+    /// The mode of the line, if its first bytes show it already.
+    fn mode_of(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
         let bytes = input.bytes();
         if let Some(mode) = input.read(0).and_then(|read| read.framing) {
-            return self.become_mode(mode);
+            return Some(mode);
         }
         if input.read(0).is_some_and(|read| read.no_checksum) && bytes.first() != Some(&b':') {
-            self.chosen = Some(FixedFramer::new(Mode::Rtu, self.line.as_ref(), self.rule));
-            return true;
+            return Some(Mode::Rtu);
         }
-        while self.next_look <= bytes.len().min(ENOUGH) {
-            if let Some(mode) = evidence(functions, &bytes[..self.next_look]) {
-                return self.become_mode(mode);
+        let checked = &bytes[..bytes.len().min(LAST_MODE_CHECK_BYTES)];
+        while self.next_check_bytes <= checked.len() {
+            if let Some(mode) = mode_by_valid_frames(functions, &bytes[..self.next_check_bytes]) {
+                return Some(mode);
             }
-            self.next_look *= 2;
+            self.next_check_bytes *= 2;
         }
-        if !input.closed && bytes.len() < ENOUGH {
-            return false;
+        if !input.closed && bytes.len() < LAST_MODE_CHECK_BYTES {
+            return None;
         }
-        let there = &bytes[..bytes.len().min(ENOUGH)];
-        let mode = evidence(functions, there).unwrap_or_else(|| looks_like(functions, there));
-        self.become_mode(mode)
+        Some(mode_by_valid_frames(functions, checked).unwrap_or_else(|| mode_by_appearance(functions, checked)))
     }
 
-    /// A record that proves another framing than the chosen one.
-    fn strange(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    /// The frame of a record that proves another mode than the chosen one.
+    fn next_of_other_mode(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.read(0)?;
         let mode = read.framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
         let length = (read.end - input.offset()) as usize;
         if !input.starts_read(0) {
             return None;
         }
-        let framer = match &mut self.other {
+        let framer = match &mut self.of_other_mode {
             Some(framer) if framer.mode() == mode => framer,
             other => other.insert(FixedFramer::new(mode, self.line.as_ref(), self.rule)),
         };
-        framer.jump(input.offset());
-        let cut = framer.next(input, context, adu).filter(|cut| cut.length == length)?;
-        self.aside = true;
+        framer.skip_to(input.offset());
+        let result = framer.next(input, context, adu).filter(|result| result.length == length)?;
+        self.last_was_other_mode = true;
         if let Some(framer) = &mut self.chosen {
-            framer.jump(input.offset() + length as u64);
+            framer.skip_to(input.offset() + length as u64);
         }
-        Some(cut)
-    }
-
-    fn become_mode(&mut self, mode: Mode) -> bool {
-        self.chosen = Some(FixedFramer::new(mode, self.line.as_ref(), self.rule));
-        true
+        Some(result)
     }
 }
 
-impl Framer for Auto {
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
-        if self.chosen.is_none() && (input.bytes().is_empty() || !self.choose(input, context.functions)) {
-            return None;
+impl Framer for AutoFramer {
+    fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
+        if self.chosen.is_none() {
+            if input.bytes().is_empty() {
+                return None;
+            }
+            let mode = self.mode_of(input, context.functions)?;
+            self.chosen = Some(FixedFramer::new(mode, self.line.as_ref(), self.rule));
         }
-        if let Some(cut) = self.strange(input, context, adu) {
-            return Some(cut);
+        if let Some(result) = self.next_of_other_mode(input, context, adu) {
+            return Some(result);
         }
-        self.aside = false;
+        self.last_was_other_mode = false;
         self.chosen.as_mut()?.next(input, context, adu)
     }
 
-    fn settled(&self, offset: u64) -> bool {
-        !self.aside && self.chosen.as_ref().is_some_and(|framer| framer.settled(offset))
+    fn is_settled_at(&self, offset: u64) -> bool {
+        !self.last_was_other_mode && self.chosen.as_ref().is_some_and(|framer| framer.is_settled_at(offset))
     }
 
     fn mode(&self) -> Mode {
-        let framer = if self.aside { &self.other } else { &self.chosen };
+        let framer = if self.last_was_other_mode { &self.of_other_mode } else { &self.chosen };
         framer.as_ref().map_or(Mode::Rtu, Framer::mode)
     }
 
     fn break_ns(&self, line: Option<&LineSettings>) -> Ns {
-        self.chosen
-            .as_ref()
-            .map_or_else(|| FixedFramer::new(Mode::Rtu, line, self.rule).break_ns(line), |framer| framer.break_ns(line))
+        match &self.chosen {
+            Some(framer) => framer.break_ns(line),
+            None => FixedFramer::new(Mode::Rtu, line, self.rule).break_ns(line),
+        }
     }
 }

@@ -1,10 +1,10 @@
 //! The framer of a line whose framing is known.
 
-use crate::framer::ascii::Ascii;
-use crate::framer::rtu::Rtu;
-use crate::framer::silence::{Rule, Silence};
-use crate::framer::tcp::Tcp;
-use crate::framer::{Context, Cut, Framer};
+use crate::framer::ascii::AsciiFramer;
+use crate::framer::rtu::RtuFramer;
+use crate::framer::silence::{SilenceFramer, SilenceRule};
+use crate::framer::tcp::TcpFramer;
+use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::line::LineSettings;
@@ -13,30 +13,30 @@ use modlens_protocol::Ns;
 /// One of the framers, by the framing of the line.
 pub enum FixedFramer {
     /// RTU by joint evidence.
-    Rtu(Box<Rtu>),
+    Rtu(Box<RtuFramer>),
     /// RTU by the textbook's rule of silence.
-    Silence(Silence),
+    Silence(SilenceFramer),
     /// ASCII.
-    Ascii(Ascii),
+    Ascii(AsciiFramer),
     /// MBAP.
-    Tcp(Tcp),
+    Tcp(TcpFramer),
 }
 
 impl FixedFramer {
     /// The framer of this framing on a line with these settings. RTU goes by the rule of silence where there is one, else by
     /// joint evidence.
-    pub fn new(mode: Mode, line: Option<&LineSettings>, rule: Option<Rule>) -> Self {
+    pub fn new(mode: Mode, line: Option<&LineSettings>, rule: Option<SilenceRule>) -> Self {
         match (mode, rule) {
-            (Mode::Rtu, Some(rule)) => Self::Silence(Silence::new(rule)),
-            (Mode::Rtu, None) => Self::Rtu(Box::new(Rtu::new(line))),
-            (Mode::Ascii, _) => Self::Ascii(Ascii::default()),
-            (Mode::Tcp, _) => Self::Tcp(Tcp::default()),
+            (Mode::Rtu, Some(rule)) => Self::Silence(SilenceFramer::new(rule)),
+            (Mode::Rtu, None) => Self::Rtu(Box::new(RtuFramer::new(line))),
+            (Mode::Ascii, _) => Self::Ascii(AsciiFramer::default()),
+            (Mode::Tcp, _) => Self::Tcp(TcpFramer::default()),
         }
     }
 
     /// The RTU framer, if the line has one that goes by joint evidence: the fast path takes whole exchanges from it.
     #[inline]
-    pub fn rtu_mut(&mut self) -> Option<&mut Rtu> {
+    pub fn rtu_mut(&mut self) -> Option<&mut RtuFramer> {
         match self {
             Self::Rtu(framer) => Some(framer),
             Self::Silence(_) | Self::Ascii(_) | Self::Tcp(_) => None,
@@ -55,7 +55,7 @@ impl FixedFramer {
 
 impl Framer for FixedFramer {
     #[inline]
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         match self {
             Self::Rtu(framer) => framer.next(input, context, adu),
             Self::Silence(framer) => framer.next(input, context, adu),
@@ -68,17 +68,17 @@ impl Framer for FixedFramer {
         self.get().mode()
     }
 
-    fn jump(&mut self, offset: u64) {
+    fn skip_to(&mut self, offset: u64) {
         match self {
-            Self::Rtu(framer) => framer.jump(offset),
-            Self::Silence(framer) => framer.jump(offset),
-            Self::Ascii(framer) => framer.jump(offset),
-            Self::Tcp(framer) => framer.jump(offset),
+            Self::Rtu(framer) => framer.skip_to(offset),
+            Self::Silence(framer) => framer.skip_to(offset),
+            Self::Ascii(framer) => framer.skip_to(offset),
+            Self::Tcp(framer) => framer.skip_to(offset),
         }
     }
 
-    fn settled(&self, offset: u64) -> bool {
-        self.get().settled(offset)
+    fn is_settled_at(&self, offset: u64) -> bool {
+        self.get().is_settled_at(offset)
     }
 
     fn break_ns(&self, line: Option<&LineSettings>) -> Ns {

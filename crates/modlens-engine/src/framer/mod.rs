@@ -1,7 +1,7 @@
 //! Framers: where frames begin and end. One per framing, behind one trait.
 //!
-//! A framer sees the unframed bytes of one line and says what the first of them are. It must say the same for every
-//! chunking of the same bytes and times: decision points are bytes, byte times and the end, never calls.
+//! A framer sees the unframed bytes of one line and says what the first of them are. It must say the same for every chunking
+//! of the same bytes and times: it decides at bytes, at times of bytes and at the end, never at calls.
 
 pub mod ascii;
 pub mod auto;
@@ -13,14 +13,14 @@ pub mod tcp;
 
 use crate::damage::kind::DamageKind;
 use crate::input::Input;
-use modlens_protocol::direction::{Asked, Direction, Pause};
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use modlens_protocol::direction::{Direction, RequestRef, TimeoutLogOdds};
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
 
-/// A noise row ends after so many bytes at the latest.
-pub const NOISE_LIMIT: usize = 4096;
+/// A noise row has at most this many bytes.
+pub const MAX_NOISE_ROW_BYTES: usize = 4096;
 
 /// A rule of its framing that a frame breaks, although it can be decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,20 +33,20 @@ pub enum FramingFault {
     MbapLength,
 }
 
-/// What the first bytes of the input are.
+/// What the first bytes of the input are: a frame or noise.
 #[derive(Clone, Copy, Debug)]
-pub struct Cut {
+pub struct FrameResult {
     /// How many bytes.
     pub length: usize,
-    /// What they are worth.
+    /// Whether they are a frame, and a sound one.
     pub verdict: Verdict,
-    /// What ended them.
-    pub cut_by: CutBy,
+    /// The evidence for their end.
+    pub delimited_by: DelimitedBy,
     /// Who sent them, where the framer knows.
     pub direction: Direction,
-    /// Bits between this reading and its rival, at most 60.
+    /// Lead over the best rival hypothesis in bits, at most 60.
     pub confidence: u8,
-    /// Checksum right, but isolated in noise and from a unit not yet seen in a paired transaction.
+    /// The CRC is valid, but the frame stands alone in noise, and its unit has not been seen in a paired transaction.
     pub tentative: bool,
     /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
@@ -56,13 +56,13 @@ pub struct Cut {
     pub damage: Option<DamageKind>,
 }
 
-impl Cut {
-    /// Bytes that are no frame.
-    pub fn noise(length: usize, cut_by: CutBy) -> Self {
+impl FrameResult {
+    /// Bytes that belong to no frame.
+    pub fn noise(length: usize, delimited_by: DelimitedBy) -> Self {
         Self {
             length,
             verdict: Verdict::Noise,
-            cut_by,
+            delimited_by,
             direction: Direction::Unknown,
             confidence: 0,
             tentative: false,
@@ -73,56 +73,57 @@ impl Cut {
     }
 }
 
-/// What the rest of the session knows: evidence for the framer.
+/// What the session knows beside the bytes of this line: evidence for the framer.
 #[derive(Clone, Copy)]
-pub struct Context<'a> {
-    /// The table.
+pub struct FramerContext<'a> {
+    /// The table of functions.
     pub functions: &'a Functions,
-    /// The request that waits for its answer.
-    pub asked: Option<Asked<'a>>,
-    /// A recording: more bytes may be waited for without keeping anybody waiting.
-    pub ahead: bool,
-    /// The request may have come on another line than the answer.
-    pub shared: bool,
-    /// Who speaks on this line, where each side has its own.
-    pub speaker: Option<Direction>,
-    /// Who speaks on this line for certain: the side of a connection.
-    pub certain: Option<Direction>,
-    /// Units that took part in a good frame.
+    /// The outstanding request.
+    pub outstanding_request: Option<RequestRef<'a>>,
+    /// The input is a recording: more bytes may be awaited before anything is decided, because nobody waits for the result.
+    pub may_look_ahead: bool,
+    /// The bus is tapped on two lines: the outstanding request may have come on the other one.
+    pub is_multi_line: bool,
+    /// The direction that this line carries, where each direction has its own line, as far as it was learned.
+    pub line_direction: Option<Direction>,
+    /// The direction that this line carries for certain: the side of a TCP connection.
+    pub connection_side: Option<Direction>,
+    /// Units that took part in a sound frame.
     pub known_units: &'a [bool; 256],
     /// Units that took part in a paired transaction.
     pub paired_units: &'a [bool; 256],
-    /// Turns a silence into evidence.
-    pub pause: &'a dyn Fn(Option<Ns>) -> Pause,
-    /// Turns a record's words into a direction.
-    pub said: &'a dyn Fn(modlens_readers::chunk::Side) -> Direction,
+    /// The log-odds of a silence: timeout against response.
+    pub timeout_log_odds: &'a dyn Fn(Option<Ns>) -> TimeoutLogOdds,
+    /// The direction that a word of the recording means.
+    pub declared_direction: &'a dyn Fn(modlens_readers::chunk::Side) -> Direction,
 }
 
-impl Context<'_> {
-    /// What the recording says of the direction of the frame at `index`.
-    pub fn said_at(&self, input: &Input, index: usize) -> Option<Direction> {
-        self.certain.or(self.speaker).or_else(|| input.read(index).and_then(|read| read.side).map(|side| (self.said)(side)))
+impl FramerContext<'_> {
+    /// The direction of the frame at this index as the connection, the line or the recording declares it.
+    pub fn declared_direction_at(&self, input: &Input, index: usize) -> Option<Direction> {
+        let by_recording = || input.read(index).and_then(|read| read.side).map(|side| (self.declared_direction)(side));
+        self.connection_side.or(self.line_direction).or_else(by_recording)
     }
 }
 
 /// Says what the first unframed bytes are.
 pub trait Framer: Send + Sync {
-    /// The first frame or noise row, once it is certain; `adu` gets the unit and the PDU of a frame in binary.
+    /// The first frame or noise row, once it is final; `adu` gets the unit and the PDU of a frame in binary.
     ///
-    /// `None` means: more bytes, a silence or the end are needed. When `input.closed`, all bytes are given out.
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut>;
+    /// `None` means that more bytes, a silence or the end are needed. When `input.closed`, no bytes are kept.
+    fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult>;
 
     /// The framing.
     fn mode(&self) -> Mode;
 
-    /// Another framer has told the bytes in front of this offset of the stream.
-    fn jump(&mut self, _offset: u64) {}
+    /// Skips the bytes before this stream offset: another framer has framed them.
+    fn skip_to(&mut self, _offset: u64) {}
 
-    /// Whether nothing is open: the frame at this stream offset is what its own bytes say.
-    fn settled(&self, _offset: u64) -> bool {
+    /// Whether nothing is outstanding or undecided, so that the frame at this stream offset is what its own bytes say.
+    fn is_settled_at(&self, _offset: u64) -> bool {
         false
     }
 
-    /// The silence that ends every frame.
+    /// The silence that ends every frame, in nanoseconds.
     fn break_ns(&self, line: Option<&LineSettings>) -> Ns;
 }

@@ -1,167 +1,185 @@
 //! Modbus/TCP: frames by the MBAP header (messaging on TCP/IP, 3.1.3).
 
-use crate::framer::{Context, Cut, Framer, FramingFault, NOISE_LIMIT};
+use crate::framer::{FrameResult, Framer, FramerContext, FramingFault, MAX_NOISE_ROW_BYTES};
 use crate::input::{Input, NO_TIME};
-use modlens_protocol::checksum::CRC_BYTES;
-use modlens_protocol::direction::judge;
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use crate::weights::{CRC_CONFIDENCE_BITS, MBAP_CONFIDENCE_BITS, TCP_FRAME_BREAK_NS};
+use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
+use modlens_protocol::direction::infer_direction;
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::line::LineSettings;
-use modlens_protocol::mbap::{announced, layout_fits, natural, HEADER, LONGEST};
+use modlens_protocol::mbap::{announced_length, layout_fits, layout_lengths, MAX_LENGTH_FIELD, PREFIX_BYTES};
 use modlens_protocol::Ns;
 
-/// A silence in a stream over TCP says nothing before it is this long.
-const BREAK: Ns = 1_000_000_000;
-
-/// Confidence where the header's protocol and length agree with the PDU's own.
-pub const VALID_FRAME_BITS: u8 = 40;
+/// The header with the unit, and the function code: the bytes by which a frame is recognised.
+const HEADER_BYTES: usize = PREFIX_BYTES + 2;
 
 /// The framer of one direction, or both, of a Modbus/TCP stream.
 #[derive(Debug, Default)]
-pub struct Tcp {
-    /// So many bytes from the first on begin no frame.
-    skip: usize,
+pub struct TcpFramer {
+    /// How many bytes from the first on begin no frame.
+    noise_bytes: usize,
 }
 
 /// Whether a whole frame stands at the start of these bytes whose header and layout agree; `None` if bytes are missing.
-fn stands(functions: &Functions, bytes: &[u8]) -> Option<bool> {
-    if bytes.len() < HEADER + 2 {
-        let like = bytes.iter().skip(2).take(2).all(|&byte| byte == 0);
-        return if like { None } else { Some(false) };
+fn begins_with_frame(functions: &Functions, bytes: &[u8]) -> Option<bool> {
+    if bytes.len() < HEADER_BYTES {
+        let has_protocol_zero = bytes.iter().skip(2).take(2).all(|&byte| byte == 0);
+        return if has_protocol_zero { None } else { Some(false) };
     }
-    let Some(length) = announced(bytes).filter(|_| bytes[HEADER + 1] & !EXCEPTION_BIT != 0) else { return Some(false) };
-    bytes.get(HEADER + 1..length).map(|pdu| layout_fits(functions, pdu))
+    let has_function = bytes[PREFIX_BYTES + 1] & !EXCEPTION_BIT != 0;
+    let Some(length) = announced_length(bytes).filter(|_| has_function) else { return Some(false) };
+    bytes.get(PREFIX_BYTES + 1..length).map(|pdu| layout_fits(functions, pdu))
 }
 
-/// Whether the read that begins here ends with the frame, or with the checksum behind it.
-fn whole_read(input: &Input, length: usize) -> bool {
+/// Whether the read that begins here ends with the frame, or with a CRC behind it.
+fn is_whole_read(input: &Input, length: usize) -> bool {
     let rest = input.rest_of_read(0);
     let is_read = input.read(0).is_some_and(|read| read.record || read.time != NO_TIME);
-    is_read && rest == length || (rest == length + CRC_BYTES && checksum_behind(input, length))
+    is_read && rest == length || (rest == length + CRC_BYTES && has_crc_behind(input, length))
 }
 
-/// Whether a gateway has left the checksum of RTU in, and the read ends with it.
-fn checksum_behind(input: &Input, length: usize) -> bool {
-    // Blocks of a file are no reads: only those with a time or a record's mark are.
+/// Whether a gateway has left the CRC of the RTU frame behind the PDU, and the read ends with it.
+fn has_crc_behind(input: &Input, length: usize) -> bool {
+    // Blocks of a file are no reads: a read has a time or starts a record.
     input.read(length - 1).is_some_and(|read| read.record || read.time != NO_TIME)
         && input.rest_of_read(length - 1) == 1 + CRC_BYTES
-        && input.bytes().get(HEADER..length + CRC_BYTES).is_some_and(modlens_protocol::checksum::crc_valid)
+        && input.bytes().get(PREFIX_BYTES..length + CRC_BYTES).is_some_and(crc_valid)
 }
 
-/// What becomes of the length in a header.
-enum Length {
+/// Whether the length in a header is believed.
+enum LengthCheck {
     /// Nothing contradicts it.
-    Believed,
-    /// The frame ends here, whatever the header says.
-    Lies(usize),
+    Plausible,
+    /// The frame ends after this many bytes, whatever the header announces.
+    Wrong(usize),
     /// More bytes are needed to tell.
     Undecided,
 }
 
-impl Tcp {
-    /// Whether a frame ends where its header says; where another one stands earlier, it lies.
-    fn told(input: &Input, context: &Context<'_>, length: usize) -> Length {
+impl TcpFramer {
+    /// Whether a frame ends where its header announces it: the length is wrong if another frame begins earlier.
+    fn check_length(input: &Input, context: &FramerContext<'_>, length: usize) -> LengthCheck {
         let (bytes, functions) = (input.bytes(), context.functions);
-        let natural = natural(functions, bytes);
-        // Where the layout ends the frame earlier and the next one stands there, the header says too much.
-        let there = bytes.len().min(length - 1);
-        let inside = natural.into_iter().flatten().filter(|&end| end < there);
-        if let Some(end) = inside.into_iter().find(|&end| stands(functions, &bytes[end..there]) == Some(true)) {
-            return Length::Lies(end);
+        let by_layout = layout_lengths(functions, bytes);
+        // If the layout ends the frame earlier and the next frame begins there, the header announces too much.
+        let available = bytes.len().min(length - 1);
+        let earlier_ends = by_layout.into_iter().flatten().filter(|&end| end < available);
+        for end in earlier_ends {
+            if begins_with_frame(functions, &bytes[end..available]) == Some(true) {
+                return LengthCheck::Wrong(end);
+            }
         }
-        if bytes.len() < length || layout_fits(functions, &bytes[HEADER + 1..length]) {
-            return Length::Believed;
+        if bytes.len() < length || layout_fits(functions, &bytes[PREFIX_BYTES + 1..length]) {
+            return LengthCheck::Plausible;
         }
-        let candidates = std::iter::once(length).chain(natural.into_iter().flatten()).chain(HEADER + 2..HEADER + LONGEST);
-        for end in candidates {
-            // A place that is not there yet is waited for: in which pieces bytes come must not matter.
-            match bytes.get(end..).and_then(|behind| stands(functions, behind)) {
-                Some(true) if end == length => return Length::Believed,
-                Some(true) => return Length::Lies(end),
-                None if !input.closed => return Length::Undecided,
+        let any_end = HEADER_BYTES..PREFIX_BYTES + MAX_LENGTH_FIELD;
+        for end in std::iter::once(length).chain(by_layout.into_iter().flatten()).chain(any_end) {
+            // A place that has not come yet is awaited: how the bytes were split into blocks must not matter.
+            match bytes.get(end..).and_then(|behind| begins_with_frame(functions, behind)) {
+                Some(true) if end == length => return LengthCheck::Plausible,
+                Some(true) => return LengthCheck::Wrong(end),
+                None if !input.closed => return LengthCheck::Undecided,
                 _ => {}
             }
         }
-        Length::Believed
+        LengthCheck::Plausible
     }
 
-    /// Whether a frame begins at `at`; `None` if more bytes are needed.
-    fn begins(input: &Input, context: &Context<'_>, at: usize) -> Option<bool> {
+    /// Whether a frame begins at index `at`; `None` if more bytes are needed.
+    fn begins(input: &Input, context: &FramerContext<'_>, at: usize) -> Option<bool> {
         let bytes = &input.bytes()[at..];
-        if bytes.len() < HEADER + 2 {
+        if bytes.len() < HEADER_BYTES {
             return input.closed.then_some(false);
         }
-        let Some(length) = announced(bytes) else { return Some(false) };
-        // A record, or what follows missing bytes, may begin anywhere in a frame.
-        let behind_edge = input.hard_edge(0);
-        if at == 0 && (!behind_edge || whole_read(input, length)) {
+        let Some(length) = announced_length(bytes) else { return Some(false) };
+        // A record, or the first bytes behind a loss, may begin anywhere in a frame.
+        let follows_edge = input.hard_edge(0);
+        if at == 0 && (!follows_edge || is_whole_read(input, length)) {
             return Some(true);
         }
-        // Behind bytes that were no frame, a header alone is weak evidence.
-        match bytes.get(HEADER + 1..length) {
+        // Behind bytes that belong to no frame, a header alone is weak evidence.
+        match bytes.get(PREFIX_BYTES + 1..length) {
             Some(pdu) => Some(pdu[0] & !EXCEPTION_BIT != 0 && layout_fits(context.functions, pdu)),
             None => input.closed.then_some(false),
         }
     }
 
-    fn frame(input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    /// The frame at the first byte; `None` if more bytes are needed.
+    fn frame(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let bytes = input.bytes();
-        let length = announced(bytes)?;
+        let length = announced_length(bytes)?;
         adu.clear();
         let mbap_id = Some(u16::from_be_bytes([bytes[0], bytes[1]]));
+        let incomplete = |length: usize, delimited_by: DelimitedBy| FrameResult {
+            verdict: Verdict::Incomplete,
+            mbap_id,
+            ..FrameResult::noise(length, delimited_by)
+        };
         if let Some(edge) = input.edge_after(0, length - 1, Ns::MAX) {
-            adu.extend_from_slice(bytes.get(HEADER..edge).unwrap_or(&[]));
-            return Some(Cut { verdict: Verdict::Incomplete, mbap_id, ..Cut::noise(edge, CutBy::Record) });
+            adu.extend_from_slice(bytes.get(PREFIX_BYTES..edge).unwrap_or(&[]));
+            return Some(incomplete(edge, DelimitedBy::Record));
         }
-        // On a connection, a packet that ends with the frame bears the header out.
-        let borne_out = context.certain.is_some() && whole_read(input, length);
-        match if borne_out { Length::Believed } else { Self::told(input, context, length) } {
-            Length::Believed => {}
-            Length::Undecided => return None,
-            Length::Lies(end) => {
-                adu.extend_from_slice(&bytes[HEADER..end]);
+        // On a connection, a packet that ends with the frame confirms the header.
+        let is_confirmed = context.connection_side.is_some() && is_whole_read(input, length);
+        match if is_confirmed { LengthCheck::Plausible } else { Self::check_length(input, context, length) } {
+            LengthCheck::Plausible => {}
+            LengthCheck::Undecided => return None,
+            LengthCheck::Wrong(end) => {
+                adu.extend_from_slice(&bytes[PREFIX_BYTES..end]);
                 let fault = Some(FramingFault::MbapLength);
-                return Some(Cut { verdict: Verdict::Incomplete, mbap_id, fault, ..Cut::noise(end, CutBy::Frame) });
+                return Some(FrameResult { fault, ..incomplete(end, DelimitedBy::Frame) });
             }
         }
         if bytes.len() < length {
-            adu.extend_from_slice(&bytes[HEADER..]);
-            let cut_by = if input.ended { CutBy::End } else { CutBy::Silence };
-            return input.closed.then(|| Cut { verdict: Verdict::Incomplete, mbap_id, ..Cut::noise(bytes.len(), cut_by) });
+            adu.extend_from_slice(&bytes[PREFIX_BYTES..]);
+            let delimited_by = if input.ended { DelimitedBy::End } else { DelimitedBy::Silence };
+            return input.closed.then(|| incomplete(bytes.len(), delimited_by));
         }
-        adu.extend_from_slice(&bytes[HEADER..length]);
+        adu.extend_from_slice(&bytes[PREFIX_BYTES..length]);
+        Some(Self::complete(input, context, adu, length, mbap_id))
+    }
+
+    /// The row of a frame whose bytes have all come; `adu` has its unit and PDU.
+    fn complete(input: &Input, context: &FramerContext<'_>, adu: &[u8], length: usize, mbap_id: Option<u16>) -> FrameResult {
         let pdu = &adu[1..];
         let fits = layout_fits(context.functions, pdu);
-        let judged = || judge(context.functions, context.asked, adu[0], pdu, context.said_at(input, 0), (context.pause)(None));
-        let direction = context.certain.unwrap_or_else(judged);
-        let left_in = checksum_behind(input, length);
-        let fault = (!fits || left_in).then_some(FramingFault::MbapLength);
-        let length = if left_in { length + CRC_BYTES } else { length };
-        let confidence = if fits { VALID_FRAME_BITS } else { 16 };
-        Some(Cut { verdict: Verdict::Ok, direction, confidence, mbap_id, fault, ..Cut::noise(length, CutBy::Length) })
+        let inferred = || {
+            let pause = (context.timeout_log_odds)(None);
+            let declared = context.declared_direction_at(input, 0);
+            infer_direction(context.functions, context.outstanding_request, adu[0], pdu, declared, pause)
+        };
+        let direction = context.connection_side.unwrap_or_else(inferred);
+        let has_crc = has_crc_behind(input, length);
+        let fault = (!fits || has_crc).then_some(FramingFault::MbapLength);
+        let length = if has_crc { length + CRC_BYTES } else { length };
+        let confidence = if fits { MBAP_CONFIDENCE_BITS } else { CRC_CONFIDENCE_BITS };
+        let noise = FrameResult::noise(length, DelimitedBy::Length);
+        FrameResult { verdict: Verdict::Ok, direction, confidence, mbap_id, fault, ..noise }
     }
 }
 
-impl Framer for Tcp {
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+impl Framer for TcpFramer {
+    fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         loop {
-            let waiting = input.bytes().len();
-            let begins = if self.skip < waiting { Self::begins(input, context, self.skip) } else { None };
+            let available = input.bytes().len();
+            let at = self.noise_bytes;
+            let begins = if at < available { Self::begins(input, context, at) } else { None };
             match begins {
-                Some(true) if self.skip == 0 => return Self::frame(input, context, adu),
-                Some(false) if self.skip + 1 < NOISE_LIMIT => self.skip += 1,
-                None if !(input.closed && self.skip > 0) => return None,
-                found => {
-                    let length = if found == Some(false) { self.skip + 1 } else { self.skip };
-                    let cut_by = match found {
-                        Some(true) => CutBy::Frame,
-                        Some(false) => CutBy::Limit,
-                        None if input.ended => CutBy::End,
-                        None => CutBy::Silence,
+                Some(true) if at == 0 => return Self::frame(input, context, adu),
+                Some(false) if at + 1 < MAX_NOISE_ROW_BYTES => self.noise_bytes += 1,
+                None if !(input.closed && at > 0) => return None,
+                begins => {
+                    let length = if begins == Some(false) { at + 1 } else { at };
+                    let delimited_by = match begins {
+                        Some(true) => DelimitedBy::Frame,
+                        Some(false) => DelimitedBy::Limit,
+                        None if input.ended => DelimitedBy::End,
+                        None => DelimitedBy::Silence,
                     };
-                    self.skip = 0;
+                    self.noise_bytes = 0;
                     adu.clear();
-                    return Some(Cut::noise(length, cut_by));
+                    return Some(FrameResult::noise(length, delimited_by));
                 }
             }
         }
@@ -171,11 +189,11 @@ impl Framer for Tcp {
         Mode::Tcp
     }
 
-    fn settled(&self, _offset: u64) -> bool {
-        self.skip == 0
+    fn is_settled_at(&self, _offset: u64) -> bool {
+        self.noise_bytes == 0
     }
 
     fn break_ns(&self, _line: Option<&LineSettings>) -> Ns {
-        BREAK
+        TCP_FRAME_BREAK_NS
     }
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::pairing::damaged_request::DamagedRequest;
 use crate::pairing::{ObservedFrame, PendingTransaction};
-use modlens_protocol::direction::{answers, Asked, Match};
+use modlens_protocol::direction::{match_response, RequestRef, ResponseMatch};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
@@ -56,7 +56,8 @@ impl PastRequest {
     }
 
     fn is_answered_by(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> bool {
-        answers(functions, Asked { unit: self.unit, pdu: &self.pdu }, frame.unit(), frame.pdu()) == Match::Fully
+        match_response(functions, RequestRef { unit: self.unit, pdu: &self.pdu }, frame.unit(), frame.pdu())
+            == ResponseMatch::Fully
     }
 }
 

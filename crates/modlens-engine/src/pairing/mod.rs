@@ -25,7 +25,7 @@ pub use transaction::{BufferedFrame, ObservedFrame, PendingTransaction};
 
 use crate::findings::order;
 use crate::findings::transaction::note_no_response;
-use modlens_protocol::direction::{Asked, Direction};
+use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
@@ -112,8 +112,8 @@ impl Pairing {
     }
 
     /// The request that the next frame may answer: the last open one.
-    pub fn outstanding_request(&self) -> Option<Asked<'_>> {
-        self.open.back().map(|open| Asked { unit: open.unit, pdu: open.request.pdu() })
+    pub fn outstanding_request(&self) -> Option<RequestRef<'_>> {
+        self.open.back().map(|open| RequestRef { unit: open.unit, pdu: open.request.pdu() })
     }
 
     /// Unit and PDU of the last response, if its request was a retry.
@@ -155,7 +155,7 @@ impl Pairing {
         next_txn: &mut u64,
         done: &mut Vec<Box<PendingTransaction>>,
     ) -> PairingResult {
-        match (frame.verdict.good(), frame.direction) {
+        match (frame.verdict.is_good(), frame.direction) {
             (_, _) if frame.verdict == Verdict::Noise => PairingResult::default(),
             // A damaged response may lack unit and function: only that it came is known. On two lines whose order is
             // uncertain, it is not even known which request it followed.

@@ -6,7 +6,7 @@ use crate::pairing::history::PastRequest;
 use crate::pairing::transaction::OverlappingRequest;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::BROADCAST;
+use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, Layout};
 use modlens_protocol::status::Status;
@@ -80,7 +80,7 @@ impl Pairing {
             order::retry(&mut transaction, &mut result, repeated.txn);
         }
         self.history.last_broadcast = None;
-        if transaction.unit == BROADCAST && frame.mode != Mode::Tcp {
+        if transaction.unit == BROADCAST_UNIT && frame.mode != Mode::Tcp {
             transaction.status = Status::Broadcast;
             self.history.last_broadcast = Some(PastRequest::of(&transaction));
             order::broadcast(functions, &mut transaction, &mut result);
@@ -132,7 +132,7 @@ impl Pairing {
     fn overlaps(&self, open: &PendingTransaction, frame: &ObservedFrame<'_>) -> Option<bool> {
         let has_no_answer_yet = !open.is_timed_out && !open.response.is_present();
         let waits = open.status != Status::BadRequest && !open.expects_no_response && has_no_answer_yet;
-        if open.unit == frame.unit() || !waits || frame.unit() == BROADCAST {
+        if open.unit == frame.unit() || !waits || frame.unit() == BROADCAST_UNIT {
             return None;
         }
         match interval(open.request.end, frame.start) {
@@ -152,7 +152,7 @@ impl Pairing {
         if frame.mode == Mode::Tcp {
             return SameRequest::New;
         }
-        if frame.unit() == BROADCAST {
+        if frame.unit() == BROADCAST_UNIT {
             let before = self.history.last_broadcast.take().filter(|before| before.is_repeated_by(frame));
             return before.map_or(SameRequest::New, |before| self.echo_or_retry(frame, before.end, before.txn));
         }
@@ -256,7 +256,7 @@ impl Pairing {
         let is_damaged = transaction.status == Status::BadRequest;
         let was_silent = !transaction.response.is_present() && !transaction.expects_no_response && !is_damaged;
         // A request that its response repeats must not teach the time-out that tells such a response from a retry.
-        if was_silent && next.verdict.good() && !mirrors_request(functions, transaction.request.pdu()) {
+        if was_silent && next.verdict.is_good() && !mirrors_request(functions, transaction.request.pdu()) {
             self.masters.add_timeout(is_retried);
             if let Some(waited) = transaction.waited.filter(|_| transaction.overlap.is_none()) {
                 self.timing.record_timeout(waited, is_retried);

@@ -6,7 +6,7 @@ use crate::pairing::history::UnexpectedResponse;
 use crate::pairing::result::Overlap;
 use crate::pairing::transaction::{EarlyResponse, UnitMismatch};
 use crate::pairing::{FrameLocation, ObservedFrame, Pairing, PairingResult, PendingTransaction};
-use modlens_protocol::direction::{answers, Asked, Direction, Match};
+use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::status::Status;
@@ -16,8 +16,8 @@ impl Pairing {
     /// Learns how much later than its response this request is seen, if it is the request of the early response.
     pub(super) fn learn_skew(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) {
         let Some((early, request_end)) = self.early_response.take().zip(frame.end) else { return };
-        let request = Asked { unit: frame.unit(), pdu: frame.pdu() };
-        if answers(functions, request, early.unit, &early.pdu) == Match::Fully {
+        let request = RequestRef { unit: frame.unit(), pdu: frame.pdu() };
+        if match_response(functions, request, early.unit, &early.pdu) == ResponseMatch::Fully {
             self.timing.record_skew(request_end, early.start);
         }
     }
@@ -89,8 +89,8 @@ impl Pairing {
     /// Index of the open request that the response answers.
     fn find_request(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
         let fits = |transaction: &PendingTransaction| {
-            let request = Asked { unit: transaction.unit, pdu: transaction.request.pdu() };
-            !transaction.is_timed_out && answers(functions, request, frame.unit(), frame.pdu()) != Match::No
+            let request = RequestRef { unit: transaction.unit, pdu: transaction.request.pdu() };
+            !transaction.is_timed_out && match_response(functions, request, frame.unit(), frame.pdu()) != ResponseMatch::No
         };
         // Serial frames carry no transaction identifier: theirs are all `None`, hence equal.
         let by_id = self.open.iter().position(|transaction| transaction.mbap_id == frame.mbap_id && fits(transaction));
@@ -184,8 +184,8 @@ impl Pairing {
     /// Why a response came that no open request fits, as far as the past explains it.
     fn explain_unrequested(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> Explanation {
         let is_late_for = |old: &PendingTransaction| {
-            let request = Asked { unit: old.unit, pdu: old.request.pdu() };
-            let fits = answers(functions, request, frame.unit(), frame.pdu()) == Match::Fully;
+            let request = RequestRef { unit: old.unit, pdu: old.request.pdu() };
+            let fits = match_response(functions, request, frame.unit(), frame.pdu()) == ResponseMatch::Fully;
             old.is_timed_out && !old.has_late_response && fits && self.history.is_complete_since(old.txn)
         };
         let late_for = self.open.iter().position(|old| is_late_for(old));
@@ -209,8 +209,8 @@ impl Pairing {
     fn find_request_to_other_unit(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<u64> {
         let open = self.open.back().filter(|open| open.unit != frame.unit() && frame.mode != Mode::Tcp)?;
         let waits = open.status != Status::BadRequest && !open.response.is_present() && !open.expects_no_response;
-        let request = Asked { unit: frame.unit(), pdu: open.request.pdu() };
-        let fits = waits && answers(functions, request, frame.unit(), frame.pdu()) == Match::Fully;
+        let request = RequestRef { unit: frame.unit(), pdu: open.request.pdu() };
+        let fits = waits && match_response(functions, request, frame.unit(), frame.pdu()) == ResponseMatch::Fully;
         fits.then_some(open.txn)
     }
 

@@ -2,7 +2,7 @@
 //!
 //! All statistics are kept over the natural logarithm of times, because response times scatter by factors.
 
-use modlens_protocol::direction::Pause;
+use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::Ns;
 
 /// However well a silence fits a time-out or a response, it never counts for more than this.
@@ -153,7 +153,7 @@ impl TimingModel {
     ///
     /// Both times are log-normal. For example, with typical response times of 10 ms and a time-out of 250 ms, 250 ms of
     /// silence give more than 10 bits, and 12 ms less than -10.
-    pub fn timeout_log_odds(&self, silence: Option<Ns>) -> Pause {
+    pub fn timeout_log_odds(&self, silence: Option<Ns>) -> TimeoutLogOdds {
         let silence = silence.map(|ns| (ns.max(1) as f64).ln());
         let (Some(silence), Some(response)) = (silence, self.response_log_mean) else {
             return 0.0;

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use crate::framer::line_framer::LineFramer;
-use crate::framer::silence::Rule;
-use crate::framer::{Context, Cut, Framer};
+use crate::framer::silence::SilenceRule;
+use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::pairing::{ObservedFrame, Pairing};
 use crate::records::Bus;
@@ -41,7 +41,7 @@ pub struct BusOptions {
     /// The step of the clock; estimated from the reads where `None`.
     pub resolution: Option<Ns>,
     /// RTU frames end at these silences only, as the specification says; by evidence where `None`.
-    pub rule: Option<Rule>,
+    pub rule: Option<SilenceRule>,
 }
 
 /// The state of one bus, or of one TCP connection.
@@ -88,8 +88,8 @@ impl BusOptions {
     }
 
     /// The silences that frames are checked against: those the user gave, or the specification's for these line settings.
-    pub fn rule(&self) -> Option<Rule> {
-        self.rule.or_else(|| self.line.map(|line| Rule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }))
+    pub fn rule(&self) -> Option<SilenceRule> {
+        self.rule.or_else(|| self.line.map(|line| SilenceRule { t35_ns: line.t35_ns(), t15_ns: line.t15_ns() }))
     }
 }
 
@@ -212,7 +212,7 @@ impl BusState {
     /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed.
     ///
     /// Of two lines, the one is asked whose frame was on the wire first.
-    pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+    pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_merged(functions, live, adu);
         }
@@ -229,17 +229,17 @@ impl BusState {
         let is_single_line = self.lines.len() == 1;
         let timing = &self.pairing.timing;
         let side_votes = self.side_votes;
-        let context = Context {
+        let context = FramerContext {
             functions,
-            asked: self.pairing.outstanding_request(),
-            ahead: !live,
-            shared: !is_single_line,
-            speaker: if is_single_line { None } else { self.speaker(at) },
-            certain: self.options.bus.network.as_ref().and_then(|_| connection_side(self.lines[at].0)),
+            outstanding_request: self.pairing.outstanding_request(),
+            may_look_ahead: !live,
+            is_multi_line: !is_single_line,
+            line_direction: if is_single_line { None } else { self.speaker(at) },
+            connection_side: self.options.bus.network.as_ref().and_then(|_| connection_side(self.lines[at].0)),
             known_units: &self.known_units,
             paired_units: &self.paired_units,
-            pause: &|silence| timing.timeout_log_odds(silence.filter(|_| is_single_line)),
-            said: &move |side| declared_direction(side_votes, side),
+            timeout_log_odds: &|silence| timing.timeout_log_odds(silence.filter(|_| is_single_line)),
+            declared_direction: &move |side| declared_direction(side_votes, side),
         };
         let state = &mut self.lines[at].1;
         let cut = state.framer.next(&state.input, &context, adu);
@@ -251,7 +251,7 @@ impl BusState {
 impl BusState {
     /// The next frame of two lines without a clock. Both lines are framed as far as their bytes and the window go; then
     /// the order of the frames found is inferred.
-    fn next_merged(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, Cut)> {
+    fn next_merged(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.merged_order.is_empty() {
             self.frame_unmerged(functions, live);
             for at in 0..self.lines.len() {
@@ -270,17 +270,17 @@ impl BusState {
         let mut at = 0;
         let mut lines_without_frame = 0;
         while lines_without_frame < self.lines.len() {
-            let context = Context {
+            let context = FramerContext {
                 functions,
-                asked: None,
-                ahead: !live,
-                shared: true,
-                speaker: self.speaker(at),
-                certain: None,
+                outstanding_request: None,
+                may_look_ahead: !live,
+                is_multi_line: true,
+                line_direction: self.speaker(at),
+                connection_side: None,
                 known_units: &self.known_units,
                 paired_units: &self.paired_units,
-                pause: &|_| 0.0,
-                said: &|side| declared_direction(self.side_votes, side),
+                timeout_log_odds: &|_| 0.0,
+                declared_direction: &|side| declared_direction(self.side_votes, side),
             };
             let has_frame = self.lines[at].1.frame_next(&context);
             lines_without_frame = if has_frame { 0 } else { lines_without_frame + 1 };
@@ -313,7 +313,7 @@ pub(crate) fn learn_side(side_votes: &mut [i32; 2], side: Option<Side>, directio
 
 /// Learns from a good frame which units there are, and what the log's words mean.
 pub(crate) fn learn(known_units: &mut [bool; 256], side_votes: &mut [i32; 2], frame: &ObservedFrame<'_>, side: Option<Side>) {
-    if !frame.verdict.good() || frame.adu.len() < 2 {
+    if !frame.verdict.is_good() || frame.adu.len() < 2 {
         return;
     }
     known_units[frame.adu[0] as usize] = true;
@@ -347,7 +347,7 @@ mod tests {
         let bus = session.add_bus(BusOptions { mode: Some(Mode::Rtu), ..BusOptions::named("bus") });
         let line = session.buses[bus].line(0);
         line.input = Input::at(START);
-        line.framer.jump(START);
+        line.framer.skip_to(START);
         let with_crc = |adu: &[u8]| [adu, &crc16(adu).to_le_bytes()].concat();
         let transaction = [with_crc(&[1, 3, 0, 0, 0, 1]), with_crc(&[1, 3, 2, 0, 7])].concat();
         for _ in 0..10 {
@@ -358,6 +358,6 @@ mod tests {
         let offsets: Vec<u64> = batch.frames.iter().map(|frame| frame.offset).collect();
         let expected: Vec<u64> = (0..10).flat_map(|at| [START + 15 * at, START + 15 * at + 8]).collect();
         assert_eq!(offsets, expected);
-        assert!(batch.frames.iter().all(|frame| frame.verdict.good()));
+        assert!(batch.frames.iter().all(|frame| frame.verdict.is_good()));
     }
 }

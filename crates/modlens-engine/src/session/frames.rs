@@ -1,8 +1,8 @@
 //! Emission of frames: each is checked, paired and written to the tables, and the bus learns from it.
 
 use crate::findings::{self, words, Found};
-use crate::framer::silence::Rule;
-use crate::framer::Cut;
+use crate::framer::silence::SilenceRule;
+use crate::framer::FrameResult;
 use crate::input::Input;
 use crate::pairing::ObservedFrame;
 use crate::records::{FindingRow, Frame, Span};
@@ -19,7 +19,7 @@ use modlens_protocol::Ns;
 impl Session {
     /// Emits the next frame of a line, the first `cut.length` bytes of its input: checks and pairs it, adds its rows, and
     /// learns from it. `at` is the index of the line.
-    pub(super) fn emit_frame(&mut self, bus: usize, at: usize, cut: &Cut, adu: &[u8]) {
+    pub(super) fn emit_frame(&mut self, bus: usize, at: usize, cut: &FrameResult, adu: &[u8]) {
         let number = self.next_frame;
         self.next_frame += 1;
         let state = &mut self.buses[bus];
@@ -84,9 +84,9 @@ impl Session {
 impl BusState {
     /// Removes an emitted frame from the input of its line, and learns from it how late reads come and who speaks there.
     #[inline]
-    fn consume_frame(&mut self, at: usize, functions: &Functions, cut: &Cut, adu: &[u8], end: Option<Ns>) {
+    fn consume_frame(&mut self, at: usize, functions: &Functions, cut: &FrameResult, adu: &[u8], end: Option<Ns>) {
         let (line_id, line) = &mut self.lines[at];
-        if cut.verdict.good() {
+        if cut.verdict.is_good() {
             line.lateness.learn(&line.input, cut.length);
             // Line 0 is the only one of its bus. Frames that waited to be merged have voted before.
             if *line_id != 0 && line.unmerged.is_none() && !cut.tentative {
@@ -100,7 +100,14 @@ impl BusState {
 
 /// The frame as pairing and the checks get it; its findings are not known yet.
 #[inline]
-fn observed<'a>(number: u64, wire: &'a [u8], adu: &'a [u8], cut: &Cut, timing: &FrameTiming, mode: Mode) -> ObservedFrame<'a> {
+fn observed<'a>(
+    number: u64,
+    wire: &'a [u8],
+    adu: &'a [u8],
+    cut: &FrameResult,
+    timing: &FrameTiming,
+    mode: Mode,
+) -> ObservedFrame<'a> {
     ObservedFrame {
         number,
         wire,
@@ -124,9 +131,9 @@ fn observed<'a>(number: u64, wire: &'a [u8], adu: &'a [u8], cut: &Cut, timing: &
 fn find_on_frame(
     functions: &Functions,
     input: &Input,
-    cut: &Cut,
+    cut: &FrameResult,
     frame: &ObservedFrame<'_>,
-    (config, rule): (&TimingConfig, Option<Rule>),
+    (config, rule): (&TimingConfig, Option<SilenceRule>),
     found: &mut Found,
 ) {
     findings::frame::content(functions, frame, found);
@@ -139,7 +146,7 @@ fn find_on_frame(
 /// Counts whether a receiver that goes by silences of t3.5 alone would have cut this frame like the framer did: whether
 /// there is one before it (or nothing at all), and none inside.
 #[inline]
-fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, Rule)) {
+fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
     let is_long = |pause: Option<Ns>| pause.is_some_and(|pause| pause >= rule.t35_ns);
     let before = input.hard_edge(0) || offset == 0 || is_long(input.pause_before(0));
     let inside = is_long(input.longest_pause(0, frame.wire.len()));
@@ -148,10 +155,10 @@ fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedF
 
 /// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller.
 #[inline]
-fn frame_row(cut: &Cut, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
+fn frame_row(cut: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
     let is_frame = cut.verdict != Verdict::Noise;
     let code = frame.adu.get(1).copied().filter(|_| is_frame);
-    let is_exception = code.is_some_and(|code| code & EXCEPTION_BIT != 0) && cut.verdict.good();
+    let is_exception = code.is_some_and(|code| code & EXCEPTION_BIT != 0) && cut.verdict.is_good();
     Frame {
         number: frame.number,
         bus: 0,
@@ -169,7 +176,7 @@ fn frame_row(cut: &Cut, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: S
         verdict: cut.verdict,
         tentative: cut.tentative,
         confidence: cut.confidence,
-        cut_by: cut.cut_by,
+        delimited_by: cut.delimited_by,
         txn: None,
         mbap_id: cut.mbap_id,
         findings,

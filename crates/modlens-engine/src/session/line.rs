@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 
 use crate::framer::line_framer::LineFramer;
-use crate::framer::{Cut, Framer};
+use crate::framer::{FrameResult, Framer};
 use crate::input::Input;
 use crate::session::lateness::Lateness;
 use crate::session::two_lines::alignment::LineFrame;
-use modlens_protocol::direction::readings;
+use modlens_protocol::direction::possible_directions;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
@@ -30,13 +30,13 @@ pub(crate) struct LineState {
 impl LineState {
     /// Whether the framer holds nothing back: the next frame is decided by its own bytes alone.
     pub(crate) fn is_settled(&self) -> bool {
-        self.unmerged.is_none() && self.framer.settled(self.input.offset())
+        self.unmerged.is_none() && self.framer.is_settled_at(self.input.offset())
     }
 }
 
 /// The frames of a line that wait for their place among those of the other line.
 pub(crate) struct UnmergedFrames {
-    pub(crate) cuts: VecDeque<Cut>,
+    pub(crate) cuts: VecDeque<FrameResult>,
     /// For each of `cuts`, what its place depends on.
     pub(crate) frames: VecDeque<LineFrame>,
     /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
@@ -52,7 +52,7 @@ impl UnmergedFrames {
 /// The votes of a line after one more frame: +1 for a frame that only a master can send, -1 for one that only a unit can
 /// send, 0 for one that may be either.
 pub(crate) fn add_vote(votes: i32, functions: &Functions, adu: &[u8]) -> i32 {
-    let vote = match readings(functions, adu.get(1..).unwrap_or(&[])) {
+    let vote = match possible_directions(functions, adu.get(1..).unwrap_or(&[])) {
         (true, false) => 1,
         (false, true) => -1,
         _ => 0,

@@ -107,11 +107,15 @@ impl Session {
         let (text, fields) = (metadata.frame, &metadata.fields);
         let mut scratch = Vec::new();
         let adu =
-            if fields.verdict.good() { unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0 } else { &[][..] };
+            if fields.verdict.is_good() { unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0 } else { &[][..] };
         let byte_of = |key: &str| number(text, key).map(|value| value as u8);
-        let (unit, code) =
-            if fields.verdict.good() { (adu.first().copied(), adu.get(1).copied()) } else { (byte_of("unit"), byte_of("code")) };
-        let exception = code.filter(|code| code & EXCEPTION_BIT != 0 && fields.verdict.good()).and_then(|_| adu.get(2).copied());
+        let (unit, code) = if fields.verdict.is_good() {
+            (adu.first().copied(), adu.get(1).copied())
+        } else {
+            (byte_of("unit"), byte_of("code"))
+        };
+        let exception =
+            code.filter(|code| code & EXCEPTION_BIT != 0 && fields.verdict.is_good()).and_then(|_| adu.get(2).copied());
         let start = time.filter(|_| !text.split(' ').any(|word| word == "no_time"));
         let number = reimport.frames_before + fields.number;
         self.next_frame = self.next_frame.max(number + 1);
@@ -153,7 +157,7 @@ impl Session {
             verdict: fields.verdict,
             tentative: observed.tentative,
             confidence: byte_of("confidence").unwrap_or(metadata::DEFAULTS.confidence),
-            cut_by: fields.cut_by,
+            delimited_by: fields.delimited_by,
             txn: metadata::number(text, "txn").map(|txn| reimport.txns_before + txn),
             mbap_id: observed.mbap_id,
             findings: self.batch.store_findings(&finding_codes(text)),
@@ -197,7 +201,7 @@ impl Session {
         };
         self.next_txn = self.next_txn.max(txn + 1);
         let mut scratch = Vec::new();
-        let adu = if fields.verdict.good() {
+        let adu = if fields.verdict.is_good() {
             unwrap(fields.mode, fields.verdict, &metadata.bytes, &mut scratch).0.to_vec()
         } else {
             frame.unit.into_iter().chain(frame.code).collect()

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::framer::silence::Rule;
+use crate::framer::silence::SilenceRule;
 use crate::pairing::BufferedFrame;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
@@ -25,7 +25,7 @@ pub struct CaptureOptions {
     /// Line settings of serial interfaces.
     pub line: Option<LineSettings>,
     /// The silences at which RTU frames of serial interfaces end; by evidence where `None`.
-    pub rule: Option<Rule>,
+    pub rule: Option<SilenceRule>,
 }
 
 /// A capture that is being read.

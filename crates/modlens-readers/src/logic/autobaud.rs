@@ -7,7 +7,7 @@ use crate::logic::edges::Edge;
 use crate::logic::uart::{Character, UartReceiver};
 use modlens_protocol::functions::Functions;
 use modlens_protocol::line::{LineSettings, Parity};
-use modlens_protocol::recognize::evidence_bytes;
+use modlens_protocol::recognize::valid_serial_bytes;
 
 /// Baud rates that devices are commonly set to.
 const BAUD_RATES: [u32; 18] = [
@@ -100,7 +100,7 @@ fn try_settings(
     ChannelSettings {
         line,
         inverted,
-        valid_frame_bytes: evidence_bytes(functions, &bytes),
+        valid_frame_bytes: valid_serial_bytes(functions, &bytes),
         characters: found.len(),
         error_characters,
     }

@@ -4,11 +4,11 @@
 //! frames in a row are needed, because the headers of other protocols are full of zeros, too.
 
 use modlens_protocol::checksum::crc_valid;
-use modlens_protocol::direction::{answers, readings, Asked, Match};
+use modlens_protocol::direction::{match_response, possible_directions, RequestRef, ResponseMatch};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-use modlens_protocol::mbap::{announced, layout_fits};
-use modlens_protocol::recognize::evidence;
+use modlens_protocol::mbap::{announced_length, layout_fits};
+use modlens_protocol::recognize::mode_by_valid_frames;
 use modlens_protocol::Ns;
 
 /// A connection on a known port without a frame in so many bytes is not Modbus.
@@ -82,7 +82,7 @@ fn on_known_port(functions: &Functions, held: &[BufferedChunk]) -> Option<Classi
         let mut start = 0;
         for segment in mine() {
             let bytes = &all[start..];
-            let whole = announced(bytes).filter(|&length| length <= bytes.len());
+            let whole = announced_length(bytes).filter(|&length| length <= bytes.len());
             // If the packet ends exactly where the header says, an unknown layout does not speak against Modbus.
             if whole.is_some_and(|length| length == segment.bytes.len() || layout_fits(functions, &bytes[MBAP_BYTES..length])) {
                 return Some(Classification::Modbus(Mode::Tcp, client_side(functions, held)));
@@ -94,8 +94,9 @@ fn on_known_port(functions: &Functions, held: &[BufferedChunk]) -> Option<Classi
         }
         // Frames of RTU or ASCII may be split or joined arbitrarily. What looks like the beginning of an MBAP frame may
         // still become one, so it is not taken for RTU.
-        let may_be_mbap = announced(&all).is_some();
-        if let Some(mode) = evidence(functions, &all).filter(|mode| *mode == Mode::Ascii || (*mode == Mode::Rtu && !may_be_mbap))
+        let may_be_mbap = announced_length(&all).is_some();
+        if let Some(mode) =
+            mode_by_valid_frames(functions, &all).filter(|mode| *mode == Mode::Ascii || (*mode == Mode::Rtu && !may_be_mbap))
         {
             return Some(Classification::Modbus(mode, None));
         }
@@ -108,7 +109,7 @@ fn anywhere(functions: &Functions, held: &[BufferedChunk]) -> Option<Classificat
     let frames: Vec<FrameCandidate<'_>> = held.iter().flat_map(|segment| whole_frames(functions, segment)).collect();
     for (at, request) in frames.iter().enumerate() {
         let has_response = frames[at + 1..].iter().any(|other| is_response_to(functions, request, other));
-        if has_response && readings(functions, request.pdu).0 {
+        if has_response && possible_directions(functions, request.pdu).0 {
             return Some(Classification::Modbus(request.mode, Some(request.side)));
         }
     }
@@ -116,7 +117,7 @@ fn anywhere(functions: &Functions, held: &[BufferedChunk]) -> Option<Classificat
         let mine = || frames.iter().filter(|it| it.side == side);
         let count = held.iter().filter(|segment| segment.side == side).count();
         if mine().count() >= MIN_FRAMES_IN_A_ROW.max(count) {
-            let asks = mine().all(|it| readings(functions, it.pdu).0);
+            let asks = mine().all(|it| possible_directions(functions, it.pdu).0);
             let mode = mine().next()?.mode;
             return Some(Classification::Modbus(mode, Some(if asks { side } else { 1 - side })));
         }
@@ -128,13 +129,14 @@ fn anywhere(functions: &Functions, held: &[BufferedChunk]) -> Option<Classificat
 fn is_response_to(functions: &Functions, request: &FrameCandidate<'_>, other: &FrameCandidate<'_>) -> bool {
     other.side != request.side
         && (other.mode, other.transaction_id) == (request.mode, request.transaction_id)
-        && answers(functions, Asked { unit: request.unit, pdu: request.pdu }, other.unit, other.pdu) == Match::Fully
+        && match_response(functions, RequestRef { unit: request.unit, pdu: request.pdu }, other.unit, other.pdu)
+            == ResponseMatch::Fully
 }
 
 /// The side of the client: that of the first frame that can only be a request, or the opposite of that of the first one
 /// that can only be a response.
 fn client_side(functions: &Functions, held: &[BufferedChunk]) -> Option<usize> {
-    held.iter().flat_map(|segment| whole_frames(functions, segment)).find_map(|it| match readings(functions, it.pdu) {
+    held.iter().flat_map(|segment| whole_frames(functions, segment)).find_map(|it| match possible_directions(functions, it.pdu) {
         (true, false) => Some(it.side),
         (false, true) => Some(1 - it.side),
         _ => None,
@@ -149,7 +151,7 @@ fn whole_frames<'a>(functions: &'a Functions, segment: &'a BufferedChunk) -> Vec
         return found;
     }
     let mut rest = &segment.bytes[..];
-    while let Some(length) = announced(rest).filter(|&length| length <= rest.len()) {
+    while let Some(length) = announced_length(rest).filter(|&length| length <= rest.len()) {
         let pdu = &rest[MBAP_BYTES..length];
         if !has_known_function(functions, pdu) || !layout_fits(functions, pdu) {
             break;

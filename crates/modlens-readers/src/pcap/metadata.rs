@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use pcap_parser::{OptionCode, PcapNGOption};
 
 use modlens_protocol::direction::Direction;
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
@@ -104,7 +104,7 @@ pub struct Defaults {
     /// The verdict on the frame.
     pub verdict: Verdict,
     /// What delimited the frame.
-    pub cut_by: CutBy,
+    pub delimited_by: DelimitedBy,
     /// The score margin in bits between the frame and the best rival hypothesis.
     pub confidence: u8,
     /// The status of a transaction.
@@ -113,7 +113,7 @@ pub struct Defaults {
 
 /// The defaults on which writer and reader have to agree.
 pub const DEFAULTS: Defaults =
-    Defaults { mode: Mode::Rtu, verdict: Verdict::Ok, cut_by: CutBy::Length, confidence: 60, status: Status::Ok };
+    Defaults { mode: Mode::Rtu, verdict: Verdict::Ok, delimited_by: DelimitedBy::Length, confidence: 60, status: Status::Ok };
 
 /// The metadata that every frame has.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +127,7 @@ pub struct FrameMetadata {
     /// Whether it is a request or a response.
     pub direction: Direction,
     /// What delimited the frame.
-    pub cut_by: CutBy,
+    pub delimited_by: DelimitedBy,
 }
 
 impl FrameMetadata {
@@ -144,7 +144,9 @@ impl FrameMetadata {
                 Direction::text,
                 value(metadata, "direction"),
             )?,
-            cut_by: value_or_default(metadata, "cut_by", DEFAULTS.cut_by, |name| named(&CutBy::ALL, CutBy::text, name))?,
+            delimited_by: value_or_default(metadata, "cut_by", DEFAULTS.delimited_by, |name| {
+                named(&DelimitedBy::ALL, DelimitedBy::text, name)
+            })?,
         })
     }
 }

@@ -8,7 +8,7 @@ use crate::pcap::file::CapturedPacket;
 use crate::pcap::metadata::{self, PacketMetadata};
 use crate::pcap::net::{Endpoint, Segment};
 use modlens_protocol::checksum::crc_valid;
-use modlens_protocol::mbap::HEADER as MBAP;
+use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 
 /// `LINKTYPE_USER0`, which by convention holds plain RTU frames.
 const USER0: u16 = 147;
@@ -184,7 +184,7 @@ fn exported_pdu(data: &[u8]) -> SerialPacket<'_> {
 /// frame and whether they lack a checksum.
 fn unwrap_udp_export(pdu: &[u8]) -> Option<(&[u8], bool)> {
     let announced = usize::from(u16::from_be_bytes(*pdu.get(4..)?.first_chunk()?));
-    let adu = pdu.get(MBAP..)?;
+    let adu = pdu.get(MBAP_PREFIX_BYTES..)?;
     let trailer = adu.get(announced..)?;
     Some(match trailer {
         // Text of an ASCII frame has more than two bytes, so that a CRC that begins with a colon is not taken for it.

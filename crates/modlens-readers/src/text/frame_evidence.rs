@@ -1,12 +1,12 @@
 //! Evidence that a run of bytes is Modbus: valid checksums, MBAP headers with the right length, PDUs with a known layout.
 
 use modlens_protocol::checksum::crc_valid;
-use modlens_protocol::direction::readings;
+use modlens_protocol::direction::possible_directions;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::hex::byte_at;
-use modlens_protocol::mbap::announced;
-use modlens_protocol::recognize::rtu_bytes;
+use modlens_protocol::mbap::announced_length;
+use modlens_protocol::recognize::valid_rtu_bytes;
 
 /// The shortest RTU frame: unit, function code and CRC.
 const MIN_RTU_BYTES: usize = 4;
@@ -26,7 +26,7 @@ pub(super) fn proven_framing(bytes: &[u8]) -> Option<Mode> {
 /// answers both, so that the CRC is computed once.
 pub(super) fn check_frame(bytes: &[u8]) -> (bool, Option<Mode>) {
     let is_rtu = bytes.len() >= MIN_RTU_BYTES && crc_valid(bytes);
-    let is_tcp = announced(bytes) == Some(bytes.len()) && bytes.len() > 8;
+    let is_tcp = announced_length(bytes) == Some(bytes.len()) && bytes.len() > 8;
     match (is_rtu, is_tcp) {
         (true, false) => (true, Some(Mode::Rtu)),
         (false, true) => (true, Some(Mode::Tcp)),
@@ -45,7 +45,7 @@ pub(super) fn direction_evidence(bytes: &[u8], proven_framing: Option<Mode>) -> 
         Some(Mode::Tcp) => &bytes[7..],
         _ => return 0,
     };
-    let (request, response) = readings(Functions::embedded(), pdu);
+    let (request, response) = possible_directions(Functions::embedded(), pdu);
     i32::from(request) - i32::from(response)
 }
 
@@ -64,12 +64,14 @@ pub(super) fn proven_bytes(bytes: &[u8]) -> usize {
         Some(Mode::Tcp | Mode::Ascii) => return bytes.len(),
         _ => {}
     }
-    rtu_bytes(Functions::embedded(), bytes)
+    valid_rtu_bytes(Functions::embedded(), bytes)
 }
 
 /// Whether bytes that were printed without a checksum have the layout of a request or a response.
 pub(super) fn has_frame_layout(bytes: &[u8]) -> bool {
-    bytes.len() >= 3 && bytes[1] & !EXCEPTION_BIT != 0 && readings(Functions::embedded(), &bytes[1..]) != (false, false)
+    bytes.len() >= 3
+        && bytes[1] & !EXCEPTION_BIT != 0
+        && possible_directions(Functions::embedded(), &bytes[1..]) != (false, false)
 }
 
 /// Whether the function code is not 0, which the specification reserves. A run of zeros has a valid CRC, too, and must not

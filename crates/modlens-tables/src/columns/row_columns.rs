@@ -93,7 +93,7 @@ columns! {
     ("tentative", |_, f| f.tentative),
     ("confidence", |_, f| f.confidence),
     ("gap_us", |_, f| f.gap.map(Us)),
-    ("cut_by", |_, f| Word(f.cut_by.text())),
+    ("cut_by", |_, f| Word(f.delimited_by.text())),
     ("txn", |_, f| f.txn),
     ("mbap_id", |_, f| f.mbap_id),
     ("findings", |b, f| Codes(f.findings.of(&b.codes))),

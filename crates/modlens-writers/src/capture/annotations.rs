@@ -17,7 +17,7 @@ use modlens_tables::cell_text::push_us;
 use modlens_tables::columns::exception_name;
 
 /// Bits of the flags option (draft-ietf-opsawg-pcapng, section 4.3).
-const BROADCAST: u32 = 3 << 2;
+const BROADCAST_UNIT: u32 = 3 << 2;
 const CHECKSUM_ERROR: u32 = 1 << 24;
 const TOO_SHORT: u32 = 1 << 26;
 const WRONG_GAP: u32 = 1 << 27;
@@ -36,8 +36,8 @@ pub fn comment((finding, detail): &FindingNote) -> String {
 /// The flags of a frame, most of which stand for errors.
 pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
     let mut flags = 0;
-    if frame.verdict.good() && frame.unit == Some(0) && frame.mode != Mode::Tcp && frame.direction == Direction::Request {
-        flags |= BROADCAST;
+    if frame.verdict.is_good() && frame.unit == Some(0) && frame.mode != Mode::Tcp && frame.direction == Direction::Request {
+        flags |= BROADCAST_UNIT;
     }
     flags |= match frame.verdict {
         Verdict::BadChecksum => CHECKSUM_ERROR,
@@ -101,8 +101,8 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
     if frame.verdict != DEFAULTS.verdict {
         push_word(" verdict=", frame.verdict.text(), out);
     }
-    if frame.cut_by != DEFAULTS.cut_by {
-        push_word(" cut_by=", frame.cut_by.text(), out);
+    if frame.delimited_by != DEFAULTS.delimited_by {
+        push_word(" cut_by=", frame.delimited_by.text(), out);
     }
     if frame.confidence != DEFAULTS.confidence {
         push_number(" confidence=", u64::from(frame.confidence), out);
@@ -116,7 +116,7 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
     if frame.start.is_none() {
         out.extend_from_slice(b" no_time");
     }
-    if !frame.verdict.good() {
+    if !frame.verdict.is_good() {
         for (key, value) in [(" unit=", frame.unit), (" code=", frame.code)] {
             if let Some(value) = value {
                 push_number(key, u64::from(value), out);

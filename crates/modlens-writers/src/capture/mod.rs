@@ -312,7 +312,7 @@ impl Capture {
 
     /// Writes a frame in the style `tcp`. Frames that TCP could not carry are only counted.
     fn synthetic(&mut self, batch: &Batch, frame: &Frame, route: Route, time: u64, out: &mut Vec<u8>) {
-        if !frame.verdict.good() || frame.direction == Direction::Unknown {
+        if !frame.verdict.is_good() || frame.direction == Direction::Unknown {
             self.left_out += 1;
             return;
         }

@@ -12,7 +12,7 @@ use modlens_readers::pcap::adu::unwrap;
 /// Appends the data of a packet with link type 252 (exported PDU).
 pub(super) fn bytes(style: Encapsulation, batch: &Batch, frame: &Frame, route: Route, notes: &[FindingNote], out: &mut Vec<u8>) {
     let wire = frame.wire.of(&batch.arena);
-    if !frame.verdict.good() {
+    if !frame.verdict.is_good() {
         let (protocol, info) = annotations::columns(batch, frame, notes);
         payload::data(&protocol, &info, wire, out);
         return;
@@ -36,7 +36,7 @@ pub(super) fn annotations(
     origin: Option<Ns>,
     out: &mut Vec<u8>,
 ) {
-    if frame.mode == Mode::Ascii && frame.verdict.good() {
+    if frame.mode == Mode::Ascii && frame.verdict.is_good() {
         let text = String::from_utf8_lossy(frame.wire.of(&batch.arena));
         blocks::comment(&format!("Modbus ASCII {}", text.trim_end()), out);
     }
@@ -52,7 +52,8 @@ pub(super) fn annotations(
     blocks::flags(annotations::flags(batch, frame), out);
     // The dissector `mbrtu` gets an RTU frame even if the frame on the line had another mode. The original bytes are
     // then stored in our custom option.
-    let is_verbatim =
-        style != Encapsulation::Rtu || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu || !frame.verdict.good();
+    let is_verbatim = style != Encapsulation::Rtu
+        || frame.verdict != Verdict::NoChecksum && frame.mode == Mode::Rtu
+        || !frame.verdict.is_good();
     blocks::custom(out, |out| annotations::custom(batch, frame, is_verbatim, origin, out));
 }

@@ -6,7 +6,7 @@
 //! guesses the direction and leaves most functions undecoded.
 
 use modlens_protocol::checksum::crc16;
-use modlens_protocol::mbap::HEADER as MBAP;
+use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 
 /// Wireshark assumes that the side with this port is the server.
 pub const SERVER_PORT: u16 = 502;
@@ -61,7 +61,7 @@ fn routed<const N: usize>(name: [u8; 5], kind: u8, route: Route) -> [u8; N] {
 }
 
 /// The MBAP header of an ADU of this length (unit and PDU).
-pub fn mbap(id: u16, length: usize) -> [u8; MBAP] {
+pub fn mbap(id: u16, length: usize) -> [u8; MBAP_PREFIX_BYTES] {
     let ([a, b], [c, d]) = (id.to_be_bytes(), (length as u16).to_be_bytes());
     [a, b, 0, 0, c, d]
 }
@@ -69,7 +69,7 @@ pub fn mbap(id: u16, length: usize) -> [u8; MBAP] {
 /// Appends a serial frame for `mbudp`. `adu` is unit and PDU, `trailer` the bytes after them: the CRC, or the text of
 /// an ASCII frame.
 pub fn udp(route: Route, adu: &[u8], trailer: &[u8], out: &mut Vec<u8>) {
-    let mut header: [u8; ROUTED_BYTES + MBAP] = routed(*b"mbudp", 3, route);
+    let mut header: [u8; ROUTED_BYTES + MBAP_PREFIX_BYTES] = routed(*b"mbudp", 3, route);
     header[ROUTED_BYTES..].copy_from_slice(&mbap(route.id, adu.len()));
     out.extend_from_slice(&header);
     out.extend_from_slice(adu);

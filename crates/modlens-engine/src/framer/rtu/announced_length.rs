@@ -1,6 +1,6 @@
 //! The frame lengths that a header announces, by the table of functions.
 
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, Layout, EXCEPTION_BIT};
 
@@ -12,7 +12,7 @@ pub const EXCEPTION_RESPONSE_BYTES: usize = 5;
 
 /// The whole-frame lengths that a header announces, with CRC, the likelier direction first: the response where the header
 /// answers the outstanding request, else the request.
-pub fn announced_lengths(context: &Context<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
+pub fn announced_lengths(context: &FramerContext<'_>, frame: &[u8]) -> [Option<(Direction, Extent)>; 2] {
     let (code, body) = (frame[1], &frame[2..]);
     if code & EXCEPTION_BIT != 0 {
         let function = code & !EXCEPTION_BIT;
@@ -30,7 +30,7 @@ pub fn announced_lengths(context: &Context<'_>, frame: &[u8]) -> [Option<(Direct
     };
     let request = Some((Direction::Request, whole_frame(&row.request)));
     let response = (row.response != Layout::NoResponse).then(|| (Direction::Response, whole_frame(&row.response)));
-    if context.asked.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
+    if context.outstanding_request.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
         [response, request]
     } else {
         [request, response]

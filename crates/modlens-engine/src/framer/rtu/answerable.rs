@@ -5,8 +5,8 @@
 //! allocated while a line talks.
 
 use crate::framer::rtu::side::RESPONSE;
-use modlens_protocol::direction::Asked;
-use modlens_protocol::framing::BROADCAST;
+use modlens_protocol::direction::RequestRef;
+use modlens_protocol::framing::BROADCAST_UNIT;
 
 /// A request that may be answered.
 #[derive(Clone, Debug, Default)]
@@ -27,8 +27,8 @@ pub struct HeldRequest {
 
 impl HeldRequest {
     /// The request as other parts of the engine refer to it.
-    pub fn as_asked(&self) -> Asked<'_> {
-        Asked { unit: self.unit, pdu: &self.pdu }
+    pub fn as_asked(&self) -> RequestRef<'_> {
+        RequestRef { unit: self.unit, pdu: &self.pdu }
     }
 
     /// Whether it is addressed to this unit and has this function code.
@@ -178,7 +178,7 @@ impl RequestPool {
     ) {
         answerable.superseded = answerable.outstanding.take();
         answerable.last_answered = self.if_asked_again(answerable.last_answered, bytes[0], &bytes[1..length - 2]);
-        if bytes[0] != BROADCAST {
+        if bytes[0] != BROADCAST_UNIT {
             let id = self.add_prefix(bytes[0], &bytes[1..], length - 3);
             self.get_mut(id).expected_response = expected_response;
             answerable.outstanding = Some(id);
@@ -229,7 +229,7 @@ impl RequestPool {
         let outstanding = before.outstanding.map(|id| self.get(id));
         let is_repeated = outstanding.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.is_repeated);
         // A broadcast is never answered.
-        let outstanding = (unit != BROADCAST).then(|| {
+        let outstanding = (unit != BROADCAST_UNIT).then(|| {
             let id = self.add(unit, pdu);
             let request = self.get_mut(id);
             (request.is_damaged, request.is_repeated) = (!is_crc_valid, is_repeated);

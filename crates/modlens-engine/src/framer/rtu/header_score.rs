@@ -8,9 +8,9 @@ use crate::framer::rtu::score::field_score;
 use crate::framer::rtu::score_bounds::{CachedBound, OBSERVATION_HEADROOM};
 use crate::framer::rtu::side::{index_of, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::TrafficModel;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::weights::{self, usual_bits, OPEN_LENGTH_BITS, UNSOLICITED_BITS};
-use modlens_protocol::direction::expected_block;
+use modlens_protocol::direction::expected_data_bytes;
 use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Functions, EXCEPTION_BIT};
 
 /// The most that the header of an unfinished frame may turn out to be worth.
@@ -22,7 +22,7 @@ pub struct HeaderBound {
 }
 
 /// How many bytes of a frame that begins like this its header is judged by.
-pub fn judged_header_bytes(context: &Context<'_>, frame: &[u8]) -> u64 {
+pub fn judged_header_bytes(context: &FramerContext<'_>, frame: &[u8]) -> u64 {
     let &[_, code, ref body @ ..] = frame else { return 2 };
     let function = code & !EXCEPTION_BIT;
     let leading = context.functions.leading_bytes(function);
@@ -33,12 +33,12 @@ pub fn judged_header_bytes(context: &Context<'_>, frame: &[u8]) -> u64 {
 /// An upper bound of the score of an unfinished frame by its header; `None` if no frame can go on beyond the bytes `seen`.
 pub fn header_bound(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     outstanding: Option<&HeldRequest>,
     seen: &[u8],
 ) -> Option<HeaderBound> {
     if seen.len() < 2 {
-        let bits = model.bits(seen[0]) - model.unit(seen[0]) + weights::OPEN_LENGTH_BITS;
+        let bits = model.bits(seen[0]) - model.unit_cost(seen[0]) + weights::OPEN_LENGTH_BITS;
         return Some(HeaderBound { bits, until_bytes: 2 });
     }
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
@@ -53,7 +53,7 @@ pub fn header_bound(
                 until_bytes = until_bytes.min(length as u64);
                 0.0
             }
-            Extent::Open(_) if !model.familiar(unit, code, direction) => continue,
+            Extent::Open(_) if !model.is_familiar(unit, code, direction) => continue,
             Extent::Open(_) => weights::OPEN_LENGTH_BITS,
         };
         let due = if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
@@ -67,9 +67,16 @@ pub fn header_bound(
 }
 
 /// Score in bits of unit, function code and limited fields of a header, in one direction.
-fn header_score(model: &TrafficModel, context: &Context<'_>, row: Option<&FunctionRow>, seen: &[u8], direction: usize) -> f32 {
+fn header_score(
+    model: &TrafficModel,
+    context: &FramerContext<'_>,
+    row: Option<&FunctionRow>,
+    seen: &[u8],
+    direction: usize,
+) -> f32 {
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
-    let mut score = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
+    let mut score =
+        model.bits(unit) - model.unit_cost(unit) + model.bits(code) - model.function_cost(context.functions, code, direction);
     if let Some(row) = row {
         score += row.field_limits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
         if direction == REQUEST && row.offsets.request_block.is_some_and(|(at, _)| body.len() >= at) {
@@ -82,7 +89,7 @@ fn header_score(model: &TrafficModel, context: &Context<'_>, row: Option<&Functi
 /// Score in bits that the outstanding request adds to the header of a response: negative where it does not answer it.
 fn due_header_score(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     row: Option<&FunctionRow>,
     outstanding: Option<&HeldRequest>,
     seen: &[u8],
@@ -90,9 +97,9 @@ fn due_header_score(
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
     let answered = outstanding.filter(|request| request.matches(unit, code & !EXCEPTION_BIT));
     let Some(request) = answered else { return -weights::UNSOLICITED_BITS };
-    let expected = row.and_then(|row| expected_block(row, &request.pdu));
+    let expected = row.and_then(|row| expected_data_bytes(row, &request.pdu));
     let agrees = expected.is_none_or(|expected| body.first().is_none_or(|&count| usize::from(count) == expected));
-    let known = model.unit(unit) + model.function(context.functions, code, RESPONSE);
+    let known = model.unit_cost(unit) + model.function_cost(context.functions, code, RESPONSE);
     known + if agrees { body.first().map_or(0.0, |&count| model.bits(count)) } else { -weights::BROKEN_RULE_BITS }
 }
 
@@ -161,7 +168,7 @@ fn max_field_score(permit: &FieldLimits) -> f32 {
 mod tests {
     use super::*;
     use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy};
-    use crate::framer::Context;
+    use crate::framer::FramerContext;
     use modlens_protocol::direction::Direction;
     use proptest::prelude::*;
 
@@ -188,17 +195,17 @@ mod tests {
         ) {
             let mut model = TrafficModel::default();
             let units = [false; 256];
-            let context = Context {
+            let context = FramerContext {
                 functions: Functions::embedded(),
-                asked: None,
-                ahead: true,
-                shared: false,
-                speaker: None,
-                certain: None,
+                outstanding_request: None,
+                may_look_ahead: true,
+                is_multi_line: false,
+                line_direction: None,
+                connection_side: None,
                 known_units: &units,
                 paired_units: &units,
-                pause: &|_| 0.0,
-                said: &|_| Direction::Unknown,
+                timeout_log_odds: &|_| 0.0,
+                declared_direction: &|_| Direction::Unknown,
             };
             for (unit, code, direction, body) in parts {
                 let seen = [&[unit, if code > 16 { code | EXCEPTION_BIT } else { code }][..], &body].concat();

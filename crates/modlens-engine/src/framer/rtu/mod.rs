@@ -22,11 +22,11 @@ pub(crate) mod traffic_model;
 use crate::damage::recovery::{damaged_hypothesis, DamageRecovery, Surroundings};
 use crate::fast_path::frame_check::{FrameCheck, FrameLength};
 use crate::fast_path::rtu_frame::{check_frame, check_frame_behind_strays};
-use crate::framer::{Context, Cut, Framer};
+use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::weights::{COARSE_MIN_GAP_NS, FRAME_BREAK_CHARACTERS_FACTOR, FRAME_BREAK_NS, MAX_CONFIDENCE_BITS};
-use modlens_protocol::direction::{judge, Direction};
-use modlens_protocol::framing::{CutBy, Mode, Verdict};
+use modlens_protocol::direction::{infer_direction, Direction};
+use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::functions::Extent;
 use modlens_protocol::line::LineSettings;
 use modlens_protocol::Ns;
@@ -36,7 +36,7 @@ use answerable::copy_prefix;
 use search::{is_held_back, Decision, Search};
 
 /// The framer of an RTU line.
-pub struct Rtu {
+pub struct RtuFramer {
     pub(crate) search: Search,
     /// What the search decided and is not given out yet.
     decision: Option<Decision>,
@@ -53,7 +53,7 @@ pub struct Rtu {
 }
 
 /// Times.
-impl Rtu {
+impl RtuFramer {
     /// A framer for a line with these settings.
     pub fn new(line: Option<&LineSettings>) -> Self {
         Self {
@@ -85,14 +85,14 @@ impl Rtu {
 }
 
 /// The fast path.
-impl Rtu {
+impl RtuFramer {
     /// Whether the first bytes are an unambiguous frame.
     ///
     /// Tried at most once per stream offset. A second attempt after more bytes have come could give a different result, and
     /// the output would then depend on how the input was split into blocks.
     #[inline]
-    fn try_fast_path(&mut self, input: &Input, context: &Context<'_>) -> FrameCheck {
-        let is_idle = !context.shared || self.search.is_idle();
+    fn try_fast_path(&mut self, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
+        let is_idle = !context.is_multi_line || self.search.is_idle();
         let has_failed = self.fast_path_failed_at == Some(input.offset());
         if has_failed || !is_idle || self.search.committed_offset() > input.offset() {
             return FrameCheck::NoFrame;
@@ -110,12 +110,12 @@ impl Rtu {
     /// Whether an unambiguous frame stands behind a few stray bytes of a recording; it becomes the decision then.
     ///
     /// Tried at most once per stream offset, for the reason that `try_fast_path` gives.
-    fn try_fast_path_after_strays(&mut self, input: &Input, context: &Context<'_>) -> FrameCheck {
-        let is_single_line = context.speaker.is_none() && context.certain.is_none() && !context.shared;
+    fn try_fast_path_after_strays(&mut self, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
+        let is_single_line = context.line_direction.is_none() && context.connection_side.is_none() && !context.is_multi_line;
         let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.record);
         let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
         let is_in_step = !has_failed && self.search.committed_offset() == input.offset();
-        let is_possible = context.ahead && is_single_line && is_plain_read && is_in_step;
+        let is_possible = context.may_look_ahead && is_single_line && is_plain_read && is_in_step;
         if !(is_possible && self.search.has_sound_outstanding_request()) {
             return FrameCheck::NoFrame;
         }
@@ -141,7 +141,13 @@ impl Rtu {
 
     /// Gives out the frame that the fast path found at the first byte.
     #[inline]
-    fn emit_fast_path_frame(&mut self, input: &Input, context: &Context<'_>, length: FrameLength, adu: &mut Vec<u8>) -> Cut {
+    fn emit_fast_path_frame(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        length: FrameLength,
+        adu: &mut Vec<u8>,
+    ) -> FrameResult {
         let bytes = input.bytes();
         self.last_was_damaged = false;
         self.learn_inner_pause(input, length.bytes());
@@ -153,17 +159,17 @@ impl Rtu {
             return self.emit_frame(input, context, length.bytes(), direction, confidence, adu);
         }
         copy_prefix(adu, bytes, length.bytes() - 2);
-        Cut { verdict: Verdict::Ok, direction, confidence, ..Cut::noise(length.bytes(), CutBy::Length) }
+        FrameResult { verdict: Verdict::Ok, direction, confidence, ..FrameResult::noise(length.bytes(), DelimitedBy::Length) }
     }
 }
 
 /// The search, and what it decided.
-impl Rtu {
+impl RtuFramer {
     /// The first frame or noise row, by search where the fast path does not find it.
     ///
     /// Apart from `next`, which has to be short: nearly all frames are unambiguous.
     #[inline(never)]
-    fn next_by_search(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    fn next_by_search(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         if let Some(cut) = self.record_without_checksum(input, context, adu) {
             return Some(cut);
         }
@@ -174,8 +180,8 @@ impl Rtu {
             if let Some(cut) = self.emit_decision(input, context, adu) {
                 return Some(cut);
             }
-            if context.shared && self.search.is_idle() {
-                self.search.set_outstanding_request(context.asked);
+            if context.is_multi_line && self.search.is_idle() {
+                self.search.set_outstanding_request(context.outstanding_request);
             }
             match self.try_fast_path(input, context) {
                 FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
@@ -197,7 +203,7 @@ impl Rtu {
     }
 
     /// The first row of what was decided: unframed bytes before the frame, or the frame. `None` if nothing is left of it.
-    fn emit_decision(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    fn emit_decision(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let decision = self.decision?;
         let (Decision::UnframedTo(unframed_to)
         | Decision::Frame { start: unframed_to, .. }
@@ -213,7 +219,7 @@ impl Rtu {
                 self.learn_inner_pause(input, length);
                 self.recovery.truncation.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
                 let cut = self.emit_frame(input, context, length, direction, confidence, adu);
-                Some(Cut { tentative, ..cut })
+                Some(FrameResult { tentative, ..cut })
             }
             Decision::Damaged { start, end, direction } => {
                 self.last_was_damaged = true;
@@ -224,7 +230,7 @@ impl Rtu {
     }
 
     /// The first frame of the bytes up to stream offset `to`, which no valid frame claims: a damaged frame, or noise.
-    fn next_unframed(&mut self, input: &Input, context: &Context<'_>, to: u64, adu: &mut Vec<u8>) -> Cut {
+    fn next_unframed(&mut self, input: &Input, context: &FramerContext<'_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
         let next_frame = match self.decision {
             Some(Decision::Frame { start, end, direction, .. } | Decision::Damaged { start, end, direction }) => {
                 let from = (start - input.offset()) as usize;
@@ -242,11 +248,11 @@ impl Rtu {
     fn damaged_hypothesis(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         length: usize,
         direction: Direction,
         adu: &mut Vec<u8>,
-    ) -> Cut {
+    ) -> FrameResult {
         let frame_gap_ns = self.frame_gap_ns(input);
         let at = Surroundings { context, input, next_frame: None, follows_damaged_frame: true, frame_gap_ns };
         let cut = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
@@ -261,12 +267,12 @@ impl Rtu {
     fn emit_frame(
         &self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         length: usize,
         direction: Direction,
         confidence: u8,
         adu: &mut Vec<u8>,
-    ) -> Cut {
+    ) -> FrameResult {
         let frame = &input.bytes()[..length];
         adu.clear();
         adu.extend_from_slice(&frame[..length - 2]);
@@ -274,16 +280,16 @@ impl Rtu {
         let has_announced_length = announced.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length));
         let ends_in_silence =
             || input.closed || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
-        let cut_by = match has_announced_length {
-            true => CutBy::Length,
-            false if ends_in_silence() => CutBy::Silence,
-            false => CutBy::Checksum,
+        let delimited_by = match has_announced_length {
+            true => DelimitedBy::Length,
+            false if ends_in_silence() => DelimitedBy::Silence,
+            false => DelimitedBy::Checksum,
         };
-        Cut { verdict: Verdict::Ok, direction, confidence, ..Cut::noise(length, cut_by) }
+        FrameResult { verdict: Verdict::Ok, direction, confidence, ..FrameResult::noise(length, delimited_by) }
     }
 
     /// The row of a record, if the recording prints no checksums: there a record is one frame.
-    fn record_without_checksum(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+    fn record_without_checksum(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.first_read().filter(|read| read.no_checksum)?;
         let length = (read.end - input.offset()) as usize;
         let bytes = &input.bytes()[..length];
@@ -291,18 +297,25 @@ impl Rtu {
         adu.extend_from_slice(bytes);
         self.search.skip_to(input.offset() + length as u64);
         if length < 2 {
-            return Some(Cut::noise(length, CutBy::Record));
+            return Some(FrameResult::noise(length, DelimitedBy::Record));
         }
-        let pause = (context.pause)(input.pause_before(0));
-        let direction = judge(context.functions, context.asked, bytes[0], &bytes[1..], context.said_at(input, 0), pause);
-        Some(Cut { verdict: Verdict::NoChecksum, direction, ..Cut::noise(length, CutBy::Record) })
+        let pause = (context.timeout_log_odds)(input.pause_before(0));
+        let direction = infer_direction(
+            context.functions,
+            context.outstanding_request,
+            bytes[0],
+            &bytes[1..],
+            context.declared_direction_at(input, 0),
+            pause,
+        );
+        Some(FrameResult { verdict: Verdict::NoChecksum, direction, ..FrameResult::noise(length, DelimitedBy::Record) })
     }
 }
 
-impl Framer for Rtu {
-    fn next(&mut self, input: &Input, context: &Context<'_>, adu: &mut Vec<u8>) -> Option<Cut> {
+impl Framer for RtuFramer {
+    fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let has_checksum = || input.first_read().is_some_and(|read| !read.no_checksum);
-        if self.decision.is_none() && !context.shared && has_checksum() {
+        if self.decision.is_none() && !context.is_multi_line && has_checksum() {
             match self.try_fast_path(input, context) {
                 FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),
                 FrameCheck::NeedsMoreBytes => return None,
@@ -316,12 +329,12 @@ impl Framer for Rtu {
         Mode::Rtu
     }
 
-    fn jump(&mut self, offset: u64) {
+    fn skip_to(&mut self, offset: u64) {
         self.decision = None;
         self.search.skip_to(offset);
     }
 
-    fn settled(&self, offset: u64) -> bool {
+    fn is_settled_at(&self, offset: u64) -> bool {
         self.decision.is_none() && self.fast_path_failed_at != Some(offset) && self.search.is_settled_at(offset)
     }
 

@@ -8,10 +8,10 @@ use crate::framer::rtu::answerable::{fingerprint, AnswerableRequests, HeldReques
 use crate::framer::rtu::log2::log2;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, TrafficModel};
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::weights;
-use modlens_protocol::direction::{answers, consistent, expected_block, Match, Pause};
-use modlens_protocol::framing::BROADCAST;
+use modlens_protocol::direction::{counts_agree, expected_data_bytes, match_response, ResponseMatch, TimeoutLogOdds};
+use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::functions::{Extent, FieldLimits, FunctionRow, Layout, Operation, EXCEPTION_BIT};
 
 /// Unit, function code, exception code and CRC.
@@ -26,15 +26,16 @@ pub fn is_impossible(frame: &[u8]) -> bool {
 }
 
 /// Score in bits of a frame by itself in this direction; `None` where no frame can look like this.
-pub fn frame_score(model: &TrafficModel, context: &Context<'_>, frame: &[u8], direction: usize) -> Option<f32> {
+pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
     if is_impossible(frame) || (code & EXCEPTION_BIT != 0 && direction == REQUEST) {
         return None;
     }
-    let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, direction);
+    let header =
+        model.bits(unit) - model.unit_cost(unit) + model.bits(code) - model.function_cost(context.functions, code, direction);
     let mut score = model.bits_of(&frame[frame.len() - 2..]) + header;
-    if direction == RESPONSE && unit == BROADCAST {
+    if direction == RESPONSE && unit == BROADCAST_UNIT {
         score -= weights::BROADCAST_READ_BITS;
     }
     if code & EXCEPTION_BIT != 0 {
@@ -43,7 +44,7 @@ pub fn frame_score(model: &TrafficModel, context: &Context<'_>, frame: &[u8], di
     let Some(row) = context.functions.row(code, body) else {
         return Some(score - model.open_length_cost(code, direction, body));
     };
-    if direction == REQUEST && unit == BROADCAST && row.operation == Operation::Read {
+    if direction == REQUEST && unit == BROADCAST_UNIT && row.operation == Operation::Read {
         score -= weights::BROADCAST_READ_BITS;
     }
     Some(score + layout_score(model, row, body, direction))
@@ -79,7 +80,7 @@ fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction:
     score += row.field_limits[direction].iter().map(|permit| field_score(model, permit, body)).sum::<f32>();
     if direction == REQUEST {
         if let Some((at, _)) = row.offsets.request_block {
-            score += if consistent(row, body) { model.bits(body[at - 1]) } else { -weights::BROKEN_RULE_BITS };
+            score += if counts_agree(row, body) { model.bits(body[at - 1]) } else { -weights::BROKEN_RULE_BITS };
         }
     }
     let half_a_register = |&(at, is_bits): &(usize, bool)| !is_bits && (body.len() - at) % 2 == 1;
@@ -116,11 +117,11 @@ pub struct Preceding {
 /// `pause` is the log-odds of the silence before the frame, timeout against response.
 pub fn context_score(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
     direction: usize,
-    pause: Pause,
+    pause: TimeoutLogOdds,
     preceding: Preceding,
 ) -> (f32, bool) {
     if direction == REQUEST {
@@ -139,10 +140,10 @@ fn turn_costs(model: &TrafficModel, answerable: AnswerableRequests<'_>, precedin
 /// The part of `context_score` for requests: is it polled, a retry, an echo, or another master's?
 fn request_context_score(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
-    pause: Pause,
+    pause: TimeoutLogOdds,
     preceding: Preceding,
 ) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
@@ -156,7 +157,7 @@ fn request_context_score(
         // A retry comes after a timeout; the echo of the tap's own adapter comes once, at once.
         let retry = unanswered - pause.min(0.0);
         let again = if outstanding.is_repeated { retry } else { retry.min(model.echo_costs().0) };
-        let known = model.unit(unit) + model.function(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]);
+        let known = model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], REQUEST) + model.bits_of(&pdu[1..]);
         return polled.max(known - weights::RETRY_CHOICE_BITS) - again;
     }
     // The request before the outstanding one, repeated: then the outstanding one was rather another frame.
@@ -170,28 +171,29 @@ fn request_context_score(
 /// The part of `context_score` for responses: does it answer the outstanding request, and how much of it was predicted?
 fn response_context_score(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
-    pause: Pause,
+    pause: TimeoutLogOdds,
     preceding: Preceding,
 ) -> (f32, bool) {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
     let outstanding = answerable.outstanding;
     let (_, unsolicited) = turn_costs(model, answerable, preceding);
-    let matched = outstanding.map_or(Match::No, |request| answers(context.functions, request.as_asked(), unit, pdu));
-    let Some(request) = outstanding.filter(|_| matched != Match::No) else {
+    let matched =
+        outstanding.map_or(ResponseMatch::No, |request| match_response(context.functions, request.as_asked(), unit, pdu));
+    let Some(request) = outstanding.filter(|_| matched != ResponseMatch::No) else {
         let after_damage = preceding.has_same_header && outstanding.is_none();
         let unsolicited = unsolicited - if after_damage { weights::DAMAGED_REQUEST_BITS } else { 0.0 };
         return (belated_response_score(model, context, answerable, frame, pause).max(-unsolicited), false);
     };
     // Unit and function are predicted by the request.
-    let mut score = model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) - weights::ANSWERED_BITS;
+    let mut score = model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], RESPONSE) - weights::ANSWERED_BITS;
     if let Some(row) = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0) {
         let is_last_response = |(_, last): (&HeldRequest, _)| last == fingerprint(frame);
         if row.response == Layout::NoResponse || request.is_damaged {
             // No response is predicted, or not its fields; if one comes, it is this one all the same.
-        } else if matched == Match::Partly {
+        } else if matched == ResponseMatch::Partly {
             score -= weights::BROKEN_RULE_BITS;
         } else if answerable.last_answered.is_some_and(is_last_response) {
             score += model.bits_of(&pdu[1..]);
@@ -207,7 +209,7 @@ fn response_context_score(
 
 /// Score in bits of the bytes of a response that its request predicts: the byte count, or the fields that it repeats.
 fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &HeldRequest, pdu: &[u8]) -> f32 {
-    if expected_block(row, &request.pdu).is_some() {
+    if expected_data_bytes(row, &request.pdu).is_some() {
         model.bits(pdu[1])
     } else if request.pdu == pdu {
         model.bits_of(&pdu[1..])
@@ -222,13 +224,13 @@ fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &HeldR
 /// last response; the better of the two, and `f32::MIN` where it fits neither.
 fn belated_response_score(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     answerable: AnswerableRequests<'_>,
     frame: &[u8],
-    pause: Pause,
+    pause: TimeoutLogOdds,
 ) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let fits = |request: &&HeldRequest| answers(context.functions, request.as_asked(), unit, pdu) == Match::Fully;
+    let fits = |request: &&HeldRequest| match_response(context.functions, request.as_asked(), unit, pdu) == ResponseMatch::Fully;
     let late = answerable.superseded.filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
         (request, model.late_response_cost() + retry, false)
@@ -246,7 +248,7 @@ fn belated_response_score(
                 predicted_body_score(model, row, request, pdu)
             }
         });
-        model.unit(unit) + model.function(context.functions, pdu[0], RESPONSE) + body - cost
+        model.unit_cost(unit) + model.function_cost(context.functions, pdu[0], RESPONSE) + body - cost
     });
     scores.fold(f32::MIN, f32::max)
 }
@@ -255,7 +257,7 @@ fn belated_response_score(
 /// a request of a familiar unit and function, or the response to the outstanding request.
 pub fn damaged_frame_score(
     model: &TrafficModel,
-    context: &Context<'_>,
+    context: &FramerContext<'_>,
     outstanding: Option<&HeldRequest>,
     frame: &[u8],
     direction: usize,
@@ -263,15 +265,16 @@ pub fn damaged_frame_score(
     let (unit, code, body) = (frame[0], frame[1], &frame[2..frame.len() - 2]);
     let row = context.functions.row(code, body)?;
     if direction == REQUEST {
-        if !model.familiar(unit, code, REQUEST) || !consistent(row, body) {
+        if !model.is_familiar(unit, code, REQUEST) || !counts_agree(row, body) {
             return None;
         }
-        let header = model.bits(unit) - model.unit(unit) + model.bits(code) - model.function(context.functions, code, REQUEST);
+        let header =
+            model.bits(unit) - model.unit_cost(unit) + model.bits(code) - model.function_cost(context.functions, code, REQUEST);
         let unanswered = if outstanding.is_some() { weights::UNANSWERED_BITS } else { 0.0 };
         return Some(header + layout_score(model, row, body, REQUEST) - weights::DAMAGED_BITS - unanswered);
     }
     let request = outstanding.filter(|request| request.matches(unit, code))?;
-    let expected = expected_block(row, &request.pdu);
+    let expected = expected_data_bytes(row, &request.pdu);
     if expected.is_some_and(|expected| body.first().map(|&count| usize::from(count)) != Some(expected)) {
         return None;
     }

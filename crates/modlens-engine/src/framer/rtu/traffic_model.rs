@@ -213,7 +213,7 @@ impl TrafficModel {
     }
 
     /// Cost in bits of this many unframed bytes between two frames: the cheaper of a short run of stray bytes and noise.
-    pub fn between(&self, bytes: u64) -> f32 {
+    pub fn unframed_cost(&self, bytes: u64) -> f32 {
         if bytes == 0 {
             return self.adjacent_cost;
         }
@@ -223,7 +223,7 @@ impl TrafficModel {
     }
 
     /// Cost in bits of this many unframed bytes behind the last frame of a path while no frame follows yet.
-    pub fn astray(&self, bytes: u64) -> f32 {
+    pub fn open_unframed_cost(&self, bytes: u64) -> f32 {
         if bytes == 0 {
             0.0
         } else {
@@ -236,7 +236,7 @@ impl TrafficModel {
 /// Units and functions: what their occurrence costs.
 impl TrafficModel {
     /// Cost of a unit number, in bits.
-    pub fn unit(&self, unit: u8) -> f32 {
+    pub fn unit_cost(&self, unit: u8) -> f32 {
         self.unit_cost_if_seen(unit, self.unit_count(unit))
     }
 
@@ -252,7 +252,7 @@ impl TrafficModel {
     }
 
     /// Cost of a function code in a direction, in bits.
-    pub fn function(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
+    pub fn function_cost(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
         self.function_cost_if_seen(functions, code, direction, self.function_count(code, direction))
     }
 
@@ -268,7 +268,7 @@ impl TrafficModel {
     }
 
     /// Whether unit and function are both common on this line, so that such a header needs no further proof.
-    pub fn familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
+    pub fn is_familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
         self.unit_count(unit) >= weights::FAMILIAR_FRAMES && self.function_count(code, direction) >= weights::FAMILIAR_FRAMES
     }
 
@@ -455,13 +455,13 @@ impl TrafficModel {
     }
 
     /// Whether pauses inside frames prove nothing on this line, because valid frames have them, too.
-    pub fn pauses_inside(&self) -> bool {
+    pub fn has_inner_pauses(&self) -> bool {
         let factor = weights::FRAMES_PER_INNER_PAUSE_FACTOR;
         self.frames_with_inner_pause * factor > self.frames + factor
     }
 
     /// How many stray bytes usually stand in one place of this line, at most.
-    pub fn strays_at_most(&self) -> usize {
+    pub fn max_stray_bytes(&self) -> usize {
         if self.frames_after_stray_bytes * weights::FRAMES_PER_STRAY_RUN_FACTOR > self.frames {
             weights::MAX_STRAY_NOISY_BYTES
         } else {

@@ -15,8 +15,8 @@
 //! merged     A a B b C D d
 //! ```
 
-use modlens_protocol::direction::{answers, Asked, Direction, Match};
-use modlens_protocol::framing::BROADCAST;
+use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
+use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 
 /// Frames of each line that are aligned at once, where most of them pair up.
@@ -62,7 +62,7 @@ impl LineFrame {
 
     /// Noise and broadcasts neither want a response nor are one.
     fn is_unpaired(&self) -> bool {
-        self.adu.len() < 2 || self.adu[0] == BROADCAST
+        self.adu.len() < 2 || self.adu[0] == BROADCAST_UNIT
     }
 }
 
@@ -163,12 +163,12 @@ fn pair_score(functions: &Functions, first: &LineFrame, second: &LineFrame) -> O
         let same = request.adu[0] == response.adu[0] && request.adu[1] == response.adu[1] & !EXCEPTION_BIT;
         return same.then_some((DAMAGED_BITS, request_line));
     }
-    let asked = Asked { unit: request.adu[0], pdu: request.pdu() };
-    match answers(functions, asked, response.adu[0], response.pdu()) {
-        Match::No => None,
-        Match::Partly => Some((PARTIAL_MATCH_BITS, request_line)),
-        Match::Fully if response.adu[1] & EXCEPTION_BIT != 0 => Some((EXCEPTION_BITS, request_line)),
-        Match::Fully => Some((FULL_MATCH_BITS, request_line)),
+    let asked = RequestRef { unit: request.adu[0], pdu: request.pdu() };
+    match match_response(functions, asked, response.adu[0], response.pdu()) {
+        ResponseMatch::No => None,
+        ResponseMatch::Partly => Some((PARTIAL_MATCH_BITS, request_line)),
+        ResponseMatch::Fully if response.adu[1] & EXCEPTION_BIT != 0 => Some((EXCEPTION_BITS, request_line)),
+        ResponseMatch::Fully => Some((FULL_MATCH_BITS, request_line)),
     }
 }
 

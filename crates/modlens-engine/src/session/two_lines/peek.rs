@@ -3,7 +3,7 @@
 //! Only frames whose layout gives their length count, with a right checksum.
 
 use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
-use modlens_protocol::direction::{answers, Asked, Direction, Match};
+use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::functions::{Extent, Functions, EXCEPTION_BIT};
 
 /// A frame is found behind fewer stray bytes than this.
@@ -26,13 +26,13 @@ pub(super) enum Fit {
 }
 
 /// How well the first bytes of a line fit as the response to a request.
-pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: Asked<'_>) -> Fit {
+pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: RequestRef<'_>) -> Fit {
     let Some(&function) = request.pdu.first() else { return Fit::No };
     if let Some((frame, _)) = first_frame(functions, bytes, Direction::Response) {
-        return match answers(functions, request, frame[0], &frame[1..]) {
-            Match::No => Fit::No,
-            Match::Partly => Fit::Partly,
-            Match::Fully => Fit::Fully,
+        return match match_response(functions, request, frame[0], &frame[1..]) {
+            ResponseMatch::No => Fit::No,
+            ResponseMatch::Partly => Fit::Partly,
+            ResponseMatch::Fully => Fit::Fully,
         };
     }
     let is_header = |pair: &[u8]| pair[0] == request.unit && pair[1] & !EXCEPTION_BIT == function;

@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 use crate::framer::Framer;
 use crate::session::bus::BusState;
 use crate::session::two_lines::peek::{first_frame, response_fit, Fit};
-use modlens_protocol::direction::{Asked, Direction};
+use modlens_protocol::direction::{Direction, RequestRef};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -56,11 +56,11 @@ impl BusState {
     fn fit_of_next_request(&self, functions: &Functions, requests: usize, response: &[u8]) -> Fit {
         let bytes = self.lines[requests].1.input.bytes();
         if let Some((frame, _)) = first_frame(functions, bytes, Direction::Request) {
-            return response_fit(functions, response, Asked { unit: frame[0], pdu: &frame[1..] });
+            return response_fit(functions, response, RequestRef { unit: frame[0], pdu: &frame[1..] });
         }
         match bytes {
             &[unit, ref pdu @ ..] if !pdu.is_empty() => {
-                response_fit(functions, response, Asked { unit, pdu: &pdu[..1] }).min(Fit::Header)
+                response_fit(functions, response, RequestRef { unit, pdu: &pdu[..1] }).min(Fit::Header)
             }
             _ => Fit::No,
         }

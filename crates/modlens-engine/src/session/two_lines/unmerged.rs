@@ -3,11 +3,11 @@
 //! Each line is framed by itself. Its frames wait here until `merge_order` has found their place among those of the other
 //! line.
 
-use crate::framer::{Context, Cut, Framer};
+use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::session::line::{add_vote, LineState};
 use crate::session::two_lines::alignment::{merge_order, LineFrame, WINDOW_FRAMES};
-use modlens_protocol::direction::{readings, Direction};
+use modlens_protocol::direction::{possible_directions, Direction};
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::Functions;
 
@@ -29,7 +29,7 @@ impl LineState {
     }
 
     /// Finds one more frame in the bytes that have come, unless the window is full; says whether there was one.
-    pub(in crate::session) fn frame_next(&mut self, context: &Context<'_>) -> bool {
+    pub(in crate::session) fn frame_next(&mut self, context: &FramerContext<'_>) -> bool {
         let Self { unmerged: Some(unmerged), input, framer, request_votes, .. } = self else { return false };
         if unmerged.frames.len() >= WINDOW_FRAMES || input.bytes().is_empty() {
             return false;
@@ -38,7 +38,7 @@ impl LineState {
         let Some(cut) = framer.next(input, context, &mut adu) else { return false };
         input.consume(cut.length);
         let adu = if cut.verdict == Verdict::Noise { Vec::new() } else { adu };
-        let is_good = cut.verdict.good();
+        let is_good = cut.verdict.is_good();
         if is_good {
             *request_votes = add_vote(*request_votes, context.functions, &adu);
         }
@@ -51,14 +51,15 @@ impl LineState {
     pub(in crate::session) fn assign_ambiguous_to(&mut self, functions: &Functions, speaker: Direction) {
         let Some(unmerged) = &mut self.unmerged else { return };
         for (cut, frame) in unmerged.cuts.iter_mut().zip(&mut unmerged.frames) {
-            if frame.adu.len() > 1 && cut.direction != speaker && readings(functions, &frame.adu[1..]) == (true, true) {
+            if frame.adu.len() > 1 && cut.direction != speaker && possible_directions(functions, &frame.adu[1..]) == (true, true)
+            {
                 (cut.direction, frame.direction) = (speaker, speaker);
             }
         }
     }
 
     /// The next waiting frame of this line; `adu` gets its unit and PDU.
-    pub(in crate::session) fn pop_unmerged(&mut self, adu: &mut Vec<u8>) -> Option<Cut> {
+    pub(in crate::session) fn pop_unmerged(&mut self, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let unmerged = self.unmerged.as_mut()?;
         *adu = unmerged.frames.pop_front()?.adu;
         unmerged.cuts.pop_front()

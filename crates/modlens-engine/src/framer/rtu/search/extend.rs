@@ -8,10 +8,10 @@ use crate::framer::rtu::score::{self, Preceding};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights;
-use modlens_protocol::direction::Pause;
+use modlens_protocol::direction::TimeoutLogOdds;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
@@ -21,7 +21,7 @@ struct ValidSubstring<'a> {
     from: usize,
     bytes: &'a [u8],
     /// Log-odds of the silence before it, timeout against response.
-    pause: Pause,
+    pause: TimeoutLogOdds,
     /// The result of `nested_scores`.
     nested: Vec<f32>,
 }
@@ -41,7 +41,7 @@ impl Search {
     pub(super) fn add_valid_hypotheses(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         start: u64,
         frame_gap_ns: Ns,
         floor: f32,
@@ -54,16 +54,16 @@ impl Search {
         if score::is_impossible(frame) {
             return;
         }
-        let pause = (context.pause)(input.pause_before(from));
+        let pause = (context.timeout_log_odds)(input.pause_before(from));
         let nested = if self.may_contain_frames(context, frame) { self.nested_scores(start) } else { Vec::new() };
         let substring = ValidSubstring { from, bytes: frame, pause, nested };
         let timing = timing_score(input, from, to, frame_gap_ns);
-        let declared = context.said_at(input, from);
+        let declared = context.declared_direction_at(input, from);
         for direction in [REQUEST, RESPONSE] {
             let Some(own) = score::frame_score(&self.model, context, frame, direction) else { continue };
             let contradiction = match declared {
                 Some(declared) if declared == side::direction_of(direction) => 0.0,
-                Some(_) if context.speaker.is_some() => weights::WRONG_LINE_BITS,
+                Some(_) if context.line_direction.is_some() => weights::WRONG_LINE_BITS,
                 Some(_) => weights::BROKEN_RULE_BITS,
                 None => 0.0,
             };
@@ -94,7 +94,7 @@ impl Search {
     fn best_placements(
         &self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         substring: &ValidSubstring<'_>,
         direction: usize,
         own: f32,
@@ -120,7 +120,8 @@ impl Search {
                     let answerable = self.requests.look_up(before.answerable);
                     // Stray bytes do not make a silence shorter that the line kept around them.
                     let strays_in_silence = after_strays && before.end >= input.offset();
-                    let pause = if strays_in_silence { (context.pause)(input.quiet_since(before.end, from)) } else { pause };
+                    let pause =
+                        if strays_in_silence { (context.timeout_log_odds)(input.quiet_since(before.end, from)) } else { pause };
                     let preceding = Preceding { unframed_bytes, has_same_header };
                     score::context_score(&self.model, context, answerable, frame, direction, pause, preceding)
                 }
@@ -128,7 +129,7 @@ impl Search {
             cached = (!after_strays).then_some((key, (around, answers)));
             let frame_score = own + around;
             let inside = nested.get(i).copied().unwrap_or(0.0);
-            let path_score = before.path_score - self.model.between(unframed_bytes) + frame_score + inside;
+            let path_score = before.path_score - self.model.unframed_cost(unframed_bytes) + frame_score + inside;
             let place: &mut Option<Placement> = &mut best[usize::from(answers)];
             if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
                 *place = Some(Placement { path_score, parent: i, frame_score });
@@ -164,7 +165,13 @@ impl Search {
     /// Adds frames with an invalid CRC that begin right behind another frame and have exactly the length they announce.
     ///
     /// Nothing is added where a frame with a valid CRC ends (`no_valid_end` is false).
-    pub(super) fn add_damaged_hypotheses(&mut self, input: &Input, context: &Context<'_>, frame_gap_ns: Ns, no_valid_end: bool) {
+    pub(super) fn add_damaged_hypotheses(
+        &mut self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        frame_gap_ns: Ns,
+        no_valid_end: bool,
+    ) {
         self.skip.next_damaged_end_at = u64::MAX;
         for parent in 0..self.lattice.len() {
             if self.lattice[parent].next_damaged_end_at <= self.scanned_to {
@@ -180,7 +187,7 @@ impl Search {
     fn add_damaged_hypotheses_behind(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         parent: usize,
         frame_gap_ns: Ns,
         no_valid_end: bool,
@@ -216,7 +223,7 @@ impl Search {
     }
 
     /// Adds one frame with an invalid CRC behind a hypothesis, if it is expected there.
-    fn add_damaged_hypothesis(&mut self, context: &Context<'_>, parent: usize, start: u64, frame: &[u8], direction: usize) {
+    fn add_damaged_hypothesis(&mut self, context: &FramerContext<'_>, parent: usize, start: u64, frame: &[u8], direction: usize) {
         let outstanding = self.lattice[parent].answerable.outstanding.map(|id| self.requests.get(id));
         let score = score::damaged_frame_score(&self.model, context, outstanding, frame, direction);
         let Some(frame_score) = score else { return };

@@ -12,7 +12,7 @@ impl Search {
     /// The score in bits of the path that ends with this hypothesis, as it stands at the last byte scanned: less the cost of
     /// the bytes behind the frame.
     pub(super) fn current_score(&self, hypothesis: &Hypothesis) -> f32 {
-        hypothesis.path_score - self.model.astray(self.scanned_to - hypothesis.end)
+        hypothesis.path_score - self.model.open_unframed_cost(self.scanned_to - hypothesis.end)
     }
 
     /// The last hypothesis of the path with the best score now, and that score.

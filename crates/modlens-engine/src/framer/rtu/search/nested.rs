@@ -6,7 +6,7 @@
 
 use crate::framer::rtu::search::hypothesis::ROOT;
 use crate::framer::rtu::search::state::Search;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::weights;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::functions::{Operation, EXCEPTION_BIT};
@@ -14,7 +14,7 @@ use modlens_protocol::functions::{Operation, EXCEPTION_BIT};
 impl Search {
     /// Whether a frame that begins like this may contain others: responses to reads may not, their payload is measured and
     /// not copied.
-    pub(super) fn may_contain_frames(&self, context: &Context<'_>, frame: &[u8]) -> bool {
+    pub(super) fn may_contain_frames(&self, context: &FramerContext<'_>, frame: &[u8]) -> bool {
         let &[unit, code, ref body @ ..] = frame else { return false };
         let copies_payload = |operation| !matches!(operation, Operation::Read);
         let row = || context.functions.row(code, body).is_some_and(|row| copies_payload(row.operation));

@@ -3,14 +3,14 @@
 use crate::framer::rtu::search::commit::Decision;
 use crate::framer::rtu::search::hypothesis::ROOT;
 use crate::framer::rtu::search::state::Search;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights::MIN_DAMAGED_FRAME_BYTES;
 use modlens_protocol::Ns;
 
 impl Search {
     /// Scans the bytes that have come until something is committed. `frame_gap_ns` is the shortest pause between frames.
-    pub fn advance(&mut self, input: &Input, context: &Context<'_>, frame_gap_ns: Ns) -> Option<Decision> {
+    pub fn advance(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
         if !self.is_scanning {
             self.begin_scan();
         }
@@ -68,7 +68,7 @@ impl Search {
     }
 
     /// Scans bytes until valid substrings end, and adds their hypotheses and those of damaged frames that end there.
-    fn scan(&mut self, input: &Input, context: &Context<'_>, bytes: &[u8], frame_gap_ns: Ns) {
+    fn scan(&mut self, input: &Input, context: &FramerContext<'_>, bytes: &[u8], frame_gap_ns: Ns) {
         let mut valid_starts = std::mem::take(&mut self.valid_starts);
         self.scanned_to += self.scanner.scan(self.scanned_to, bytes, &mut valid_starts) as u64;
         let hypotheses_before = self.lattice.len();

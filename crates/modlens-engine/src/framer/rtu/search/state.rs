@@ -7,8 +7,8 @@ use crate::framer::rtu::search::commit::SkipAhead;
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
-use crate::framer::Context;
-use modlens_protocol::direction::{Asked, Direction};
+use crate::framer::FramerContext;
+use modlens_protocol::direction::{Direction, RequestRef};
 
 /// The search over one line.
 pub struct Search {
@@ -87,7 +87,7 @@ impl Search {
     }
 
     /// Sets the outstanding request, where the other line of a two-line tap carries the requests.
-    pub fn set_outstanding_request(&mut self, request: Option<Asked<'_>>) {
+    pub fn set_outstanding_request(&mut self, request: Option<RequestRef<'_>>) {
         self.reserve_request();
         let id = request.map(|request| self.requests.add(request.unit, request.pdu));
         self.lattice[ROOT].answerable.outstanding = id;
@@ -132,7 +132,7 @@ impl Search {
 
     /// Commits a frame that the fast path found behind the root and some stray bytes. `bytes` begin behind the root.
     #[inline]
-    pub fn commit_fast_path_frame(&mut self, context: &Context<'_>, bytes: &[u8], stray_bytes: usize, length: FrameLength) {
+    pub fn commit_fast_path_frame(&mut self, context: &FramerContext<'_>, bytes: &[u8], stray_bytes: usize, length: FrameLength) {
         if self.lattice.len() > 1 {
             self.lattice.truncate(1);
         }

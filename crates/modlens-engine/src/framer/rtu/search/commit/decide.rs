@@ -7,7 +7,7 @@ use crate::framer::rtu::crc_scan::MAX_CANDIDATE_SPAN;
 use crate::framer::rtu::search::commit::state::{CommitState, Completion, Decision, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights;
 use modlens_protocol::functions::Extent;
@@ -18,7 +18,7 @@ impl Search {
     pub(in crate::framer::rtu::search) fn decide(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         is_closed: bool,
     ) -> Option<Decision> {
         self.skip.needs_more_bytes = false;
@@ -56,10 +56,10 @@ impl Search {
     }
 
     /// The state of the first frame of the best path.
-    fn frame_state(&mut self, input: &Input, context: &Context<'_>, best: usize, score: f32) -> CommitState {
+    fn frame_state(&mut self, input: &Input, context: &FramerContext<'_>, best: usize, score: f32) -> CommitState {
         let first = self.lattice[best].first_on_path;
         let Hypothesis { start, end, is_crc_valid, .. } = self.lattice[first];
-        let (margin, patience) = if context.ahead {
+        let (margin, patience) = if context.may_look_ahead {
             (weights::OFFLINE_COMMIT_MARGIN_BITS, weights::OFFLINE_TIE_PATIENCE_BYTES)
         } else {
             (weights::COMMIT_MARGIN_BITS, weights::TIE_PATIENCE_BYTES)
@@ -82,16 +82,17 @@ impl Search {
         if let Some(until) = self.nested_until(input, context, start, end).filter(|&until| self.scanned_to < until) {
             return CommitState::Nested { until };
         }
-        let has_no_clock = (context.pause)(input.pause_before((start - input.offset()) as usize)) == 0.0;
+        let has_no_clock = (context.timeout_log_odds)(input.pause_before((start - input.offset()) as usize)) == 0.0;
         let opposite = score - weights::OPPOSITE_DIRECTION_MARGIN_BITS;
         let has_unclear_direction =
-            has_no_clock && context.speaker.is_none() && first == best && self.has_opposite_rival(first, opposite);
+            has_no_clock && context.line_direction.is_none() && first == best && self.has_opposite_rival(first, opposite);
         if has_unclear_direction || (!is_crc_valid && first == best) {
             return CommitState::AwaitsSuccessor { until: reach };
         }
         let unframed = self.scanned_to - self.lattice[best].end;
-        let further_cost = self.model.astray(unframed.max(weights::SETTLED_BEHIND_BYTES)) - self.model.astray(unframed);
-        let now = score - if context.ahead { weights::LOOKAHEAD_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
+        let further_cost =
+            self.model.open_unframed_cost(unframed.max(weights::SETTLED_BEHIND_BYTES)) - self.model.open_unframed_cost(unframed);
+        let now = score - if context.may_look_ahead { weights::LOOKAHEAD_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
         let bar = RivalBar { now, least: now - further_cost - weights::ROUNDING_BITS };
         match self.overtakable_until(input, context, first, bar) {
             Some(until) => CommitState::Overtakable { until: until.min(reach) },
@@ -101,7 +102,7 @@ impl Search {
 
     /// The stream offset up to which it is open whether a frame stands inside a longer one that begins right behind the root;
     /// `None` if it does not.
-    fn nested_until(&mut self, input: &Input, context: &Context<'_>, start: u64, end: u64) -> Option<u64> {
+    fn nested_until(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, end: u64) -> Option<u64> {
         let base = input.offset();
         let outer_start = self.committed_offset();
         let begins_read = || input.timed && input.starts_read((start - base) as usize);
@@ -115,10 +116,12 @@ impl Search {
         let mut until = None;
         for (_, extent) in announced_lengths(context, outer).into_iter().flatten() {
             let (span, completion) = match extent {
-                Extent::Open(_) if context.ahead => (MAX_CANDIDATE_SPAN, self.open_length_completion(input, end)),
+                Extent::Open(_) if context.may_look_ahead => (MAX_CANDIDATE_SPAN, self.open_length_completion(input, end)),
                 Extent::Open(_) => (MAX_CANDIDATE_SPAN, Completion::Completes),
                 Extent::Exactly(_) if !self.may_contain_frames(context, outer) => continue,
-                Extent::Exactly(length) if context.ahead => (length as u64, self.completion(input, context, outer_start)),
+                Extent::Exactly(length) if context.may_look_ahead => {
+                    (length as u64, self.completion(input, context, outer_start))
+                }
                 Extent::Exactly(length) => (length as u64, Completion::Completes),
                 Extent::AtLeast(_) => continue,
             };
@@ -132,7 +135,7 @@ impl Search {
 
     /// The stream offset up to which an unfinished frame that has begun before the end of `first` may outscore it; `None` if
     /// none can.
-    fn overtakable_until(&mut self, input: &Input, context: &Context<'_>, first: usize, bar: RivalBar) -> Option<u64> {
+    fn overtakable_until(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bar: RivalBar) -> Option<u64> {
         let frame = &self.lattice[first];
         // A frame that begins inside a certain one does not outscore it. But behind stray bytes the certain one may itself
         // stand inside a longer frame.
@@ -140,13 +143,13 @@ impl Search {
         if is_certain && frame.start == self.committed_offset() {
             return None;
         }
-        let last_start = if is_certain && context.ahead { frame.start } else { frame.end };
+        let last_start = if is_certain && context.may_look_ahead { frame.start } else { frame.end };
         let starts = self.committed_offset().max(self.scanned_to.saturating_sub(MAX_CANDIDATE_SPAN))..last_start;
         // What was possible a byte ago mostly still is.
         let last_rival = self.skip.last_rival.take();
         let known = last_rival.and_then(|rival| self.check_rival_again(input, context, first, &starts, bar, rival));
         let found = match known {
-            None if context.ahead => self.find_rival_by_lookahead(input, context, first, starts, bar),
+            None if context.may_look_ahead => self.find_rival_by_lookahead(input, context, first, starts, bar),
             None => self.find_rival_by_header(input, context, first, starts, bar),
             known => known,
         };
@@ -158,7 +161,7 @@ impl Search {
     fn check_rival_again(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         first: usize,
         starts: &Range<u64>,
         bar: RivalBar,
@@ -167,7 +170,7 @@ impl Search {
         let behind = &self.lattice[parent];
         let continues_other_path = start == behind.end && parent != ROOT && behind.first_on_path != first;
         let until = match starts.contains(&start) || continues_other_path {
-            true if context.ahead => self.will_outscore_until(input, context, parent, start, bar.now),
+            true if context.may_look_ahead => self.will_outscore_until(input, context, parent, start, bar.now),
             true => self.may_outscore_until(input, context, behind, start, bar.now),
             false => None,
         };

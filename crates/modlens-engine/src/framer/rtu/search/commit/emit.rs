@@ -6,10 +6,10 @@ use crate::framer::rtu::search::hypothesis::ROOT;
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::side::{self, REQUEST, RESPONSE};
 use crate::framer::rtu::traffic_model::{FramePosition, RequestCopy, TrafficModel};
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights;
-use modlens_protocol::direction::{self, Direction, Match};
+use modlens_protocol::direction::{self, Direction, ResponseMatch};
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
 
 impl Search {
@@ -23,7 +23,7 @@ impl Search {
     }
 
     /// Commits the first frame of the best path, whose score is given: it becomes the root and teaches the model.
-    pub(super) fn commit_frame(&mut self, input: &Input, context: &Context<'_>, first: usize, score: f32) -> Decision {
+    pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
         let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
         let lead = score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max);
         let frame = &self.lattice[first];
@@ -63,7 +63,7 @@ impl Search {
     }
 
     /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
-    fn is_tentative(&self, context: &Context<'_>, first: usize, bytes: &[u8]) -> bool {
+    fn is_tentative(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
         let frame = &self.lattice[first];
         let unframed_bytes = frame.start - self.committed_offset();
         let outstanding = self.outstanding_request();
@@ -77,7 +77,7 @@ impl Search {
     }
 
     /// Teaches the model a frame that is committed.
-    fn learn_frame(&mut self, context: &Context<'_>, first: usize, bytes: &[u8]) {
+    fn learn_frame(&mut self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) {
         let frame = &self.lattice[first];
         let direction = frame.direction;
         let request = frame.answerable.outstanding.filter(|_| direction == REQUEST).map(|id| self.requests.get(id));
@@ -100,7 +100,7 @@ impl Search {
     #[inline]
     pub(in crate::framer::rtu::search) fn learn_late_response(
         &mut self,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         frame: &[u8],
         answers_outstanding: bool,
     ) {
@@ -114,7 +114,9 @@ impl Search {
             Some(retry) if answers_outstanding && (retry.unit, &retry.pdu) == (superseded.unit, &superseded.pdu) => {
                 self.model.learn_late_response(false);
             }
-            None if direction::answers(context.functions, superseded.as_asked(), frame[0], pdu) == Match::Fully => {
+            None if direction::match_response(context.functions, superseded.as_asked(), frame[0], pdu)
+                == ResponseMatch::Fully =>
+            {
                 self.model.learn_late_response(true);
             }
             _ => {}
@@ -123,7 +125,7 @@ impl Search {
 }
 
 /// Learns the length of a frame whose layout is not public.
-fn learn_open_length(model: &mut TrafficModel, context: &Context<'_>, frame: &[u8], direction: usize) {
+fn learn_open_length(model: &mut TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) {
     let (code, body) = (frame[1], &frame[2..frame.len() - 2]);
     if code & EXCEPTION_BIT != 0 {
         return;
@@ -136,7 +138,7 @@ fn learn_open_length(model: &mut TrafficModel, context: &Context<'_>, frame: &[u
 }
 
 /// What a request is to the one before it. Where the response may look like the request, nothing is learned.
-fn request_copy(context: &Context<'_>, frame: &[u8], is_repeated: bool) -> RequestCopy {
+fn request_copy(context: &FramerContext<'_>, frame: &[u8], is_repeated: bool) -> RequestCopy {
     match context.functions.row(frame[1] & !EXCEPTION_BIT, &frame[2..]) {
         Some(row) if !row.has_equal_layouts && is_repeated => RequestCopy::Repeated,
         Some(row) if !row.has_equal_layouts => RequestCopy::First,
@@ -146,16 +148,19 @@ fn request_copy(context: &Context<'_>, frame: &[u8], is_repeated: bool) -> Reque
 
 /// Whether a response proves that its request is one. A response that equals its request proves nothing, because wrong bytes
 /// may come twice; neither does one that may have any length, because then any place may fit.
-fn vouches_for(context: &Context<'_>, request: &HeldRequest, response: &[u8]) -> bool {
+fn vouches_for(context: &FramerContext<'_>, request: &HeldRequest, response: &[u8]) -> bool {
     let (&code, body) = request.pdu.split_first().unwrap_or((&0, &[]));
     let is_known = context.functions.row(code, body).is_some_and(|row| matches!(row.response, Layout::Body(_)));
     is_known && request.pdu[..] != response[1..response.len() - 2]
 }
 
 /// Whether the framer holds a decision back: in a recording, unframed bytes are judged together with the frame behind them.
-pub fn is_held_back(decision: &Decision, input: &Input, context: &Context<'_>) -> bool {
+pub fn is_held_back(decision: &Decision, input: &Input, context: &FramerContext<'_>) -> bool {
     let Decision::UnframedTo(to) = *decision else { return false };
-    context.ahead && !input.closed && to < input.offset() + weights::OFFLINE_HOLD_BACK_BYTES && !comes_in_records(input, to)
+    context.may_look_ahead
+        && !input.closed
+        && to < input.offset() + weights::OFFLINE_HOLD_BACK_BYTES
+        && !comes_in_records(input, to)
 }
 
 /// Whether the first bytes come in records of a recording, or end where one begins: there each is judged by itself.

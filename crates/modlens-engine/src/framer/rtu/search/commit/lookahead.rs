@@ -12,7 +12,7 @@ use crate::framer::rtu::search::commit::state::{Completion, Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::{Hypothesis, ROOT};
 use crate::framer::rtu::search::state::Search;
 use crate::framer::rtu::{header_score, score, side};
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights;
 use modlens_protocol::checksum::{crc_valid_at, first_valid_length};
@@ -25,7 +25,7 @@ impl Search {
     pub(super) fn find_rival_by_lookahead(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         first: usize,
         starts: Range<u64>,
         bar: RivalBar,
@@ -68,7 +68,7 @@ impl Search {
     pub(super) fn will_outscore_until(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         parent: usize,
         start: u64,
         bar: f32,
@@ -87,7 +87,7 @@ impl Search {
 
     /// Whether a frame that begins at `start` ends behind the last byte scanned with a valid CRC, in a length that its header
     /// admits.
-    pub(super) fn completion(&self, input: &Input, context: &Context<'_>, start: u64) -> Completion {
+    pub(super) fn completion(&self, input: &Input, context: &FramerContext<'_>, start: u64) -> Completion {
         let at = (start - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
         let seen = (self.scanned_to - start) as usize;
@@ -102,7 +102,7 @@ impl Search {
                 Extent::Exactly(length) => (length, crc_valid_at(bytes, length)),
                 Extent::AtLeast(length) if length > max_length => continue,
                 Extent::AtLeast(_) => (max_length, false),
-                Extent::Open(_) if !self.model.familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
+                Extent::Open(_) if !self.model.is_familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
                 Extent::Open(_) => (max_length, first_valid_length(&bytes[..max_length.min(bytes.len())], seen + 1).is_some()),
             };
             match completes {
@@ -115,7 +115,7 @@ impl Search {
     }
 
     /// Whether a damaged frame right behind this hypothesis is complete and worth more than the bar.
-    fn damaged_completion(&self, input: &Input, context: &Context<'_>, behind: &Hypothesis, bar: f32) -> Completion {
+    fn damaged_completion(&self, input: &Input, context: &FramerContext<'_>, behind: &Hypothesis, bar: f32) -> Completion {
         let at = (behind.end - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
         if bytes.get(1).is_none_or(|code| code & EXCEPTION_BIT != 0) {
@@ -163,7 +163,13 @@ impl Search {
 
     /// A frame that begins with one of some stray bytes and would outscore the unambiguous frame of this length behind them,
     /// if there is one.
-    pub fn rival_in_stray_bytes(&self, input: &Input, context: &Context<'_>, stray_bytes: usize, length: usize) -> FrameCheck {
+    pub fn rival_in_stray_bytes(
+        &self,
+        input: &Input,
+        context: &FramerContext<'_>,
+        stray_bytes: usize,
+        length: usize,
+    ) -> FrameCheck {
         let outstanding = self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id));
         for at in 0..stray_bytes {
             let seen = &input.bytes()[at..stray_bytes + length];
@@ -176,7 +182,7 @@ impl Search {
             if matches!(found, FrameCheck::NoFrame) {
                 continue;
             }
-            let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.between(at as u64);
+            let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.unframed_cost(at as u64);
             let header = || header_score::header_bound(&self.model, context, outstanding, seen);
             let bar = weights::CERTAIN_FRAME_BITS - weights::STRAY_RIVAL_MARGIN_BITS;
             if may_contain() || header().is_some_and(|header| path_score + header.bits > bar) {
@@ -196,7 +202,7 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
 
 /// The frame with a valid CRC that begins at this index of the input and reaches beyond index `to`, in a length that its
 /// header admits.
-fn complete_frame_beyond(input: &Input, context: &Context<'_>, at: usize, to: usize) -> FrameCheck {
+fn complete_frame_beyond(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let max_length = max_frame_length(input, at);
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {

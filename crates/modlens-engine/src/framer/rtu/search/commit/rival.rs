@@ -6,7 +6,7 @@ use crate::framer::rtu::header_score;
 use crate::framer::rtu::search::commit::state::{Rival, RivalBar};
 use crate::framer::rtu::search::hypothesis::Hypothesis;
 use crate::framer::rtu::search::state::Search;
-use crate::framer::Context;
+use crate::framer::FramerContext;
 use crate::input::Input;
 use crate::weights;
 use modlens_protocol::functions::EXCEPTION_BIT;
@@ -30,7 +30,7 @@ impl Search {
     pub(super) fn find_rival_by_header(
         &mut self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         first: usize,
         starts: Range<u64>,
         bar: RivalBar,
@@ -71,7 +71,7 @@ impl Search {
     pub(super) fn may_outscore_until(
         &self,
         input: &Input,
-        context: &Context<'_>,
+        context: &FramerContext<'_>,
         behind: &Hypothesis,
         start: u64,
         bar: f32,
@@ -81,7 +81,7 @@ impl Search {
         }
         // A frame that begins where one is due may well contain another one: its end is awaited.
         let due = if start == behind.end { weights::FRAME_DUE_BITS } else { 0.0 };
-        let path_score = behind.path_score - self.model.between(start - behind.end) + due;
+        let path_score = behind.path_score - self.model.unframed_cost(start - behind.end) + due;
         if path_score <= bar - weights::MAX_HEADER_BITS {
             return None;
         }
@@ -97,11 +97,18 @@ impl Search {
     /// outstanding request. It costs two look-ups, and nearly always spares the exact bound behind each path.
     ///
     /// `seen` ends where the bytes end that may be looked at; `units` are addressed by an outstanding request on any path.
-    pub(super) fn cannot_exceed(&mut self, context: &Context<'_>, seen: &[u8], start: u64, bits: f32, units: &UnitSet) -> bool {
+    pub(super) fn cannot_exceed(
+        &mut self,
+        context: &FramerContext<'_>,
+        seen: &[u8],
+        start: u64,
+        bits: f32,
+        units: &UnitSet,
+    ) -> bool {
         let &[unit, code, ..] = seen else { return false };
         let header = self.model.max_header_score(context.functions, unit, code);
         let is_due = || self.lattice.iter().any(|before| before.end == start);
-        let is_little = header + weights::FRAME_DUE_BITS <= bits || (header - self.model.between(1) <= bits && !is_due());
+        let is_little = header + weights::FRAME_DUE_BITS <= bits || (header - self.model.unframed_cost(1) <= bits && !is_due());
         let answers = |before: &Hypothesis| {
             let outstanding = before.answerable.outstanding.map(|id| self.requests.get(id));
             outstanding.is_some_and(|request| request.matches(unit, code & !EXCEPTION_BIT))
