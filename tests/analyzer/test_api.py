@@ -68,14 +68,14 @@ def test_arrow_streams_are_taken_by_others(library: str, captures: Path) -> None
 
 
 def test_nothing_is_read_before_somebody_looks(tmp_path: Path) -> None:
-    """A missing file is told when it is needed."""
+    """A missing file is reported when it is first read."""
     recording = decode(tmp_path / "no.hex")
     with pytest.raises(SourceError, match="no such file"):
         next(iter(recording))
 
 
 def test_settings_that_cannot_be() -> None:
-    """They are told at once."""
+    """Invalid arguments are reported at once."""
     with pytest.raises(UsageError, match="line settings"):
         decode("x", line="fast")
     with pytest.raises(UsageError, match="mode 'rtx'"):

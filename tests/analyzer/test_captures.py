@@ -235,7 +235,7 @@ def test_a_device_that_dials_in_is_the_server_all_the_same(tmp_path: Path) -> No
 
 
 def test_an_identifier_of_the_devices_own(tmp_path: Path) -> None:
-    """Always 0, whatever was asked: paired all the same, and told."""
+    """A transaction identifier of 0 in all responses: they are paired, with a finding."""
     own = b"\0\0" + ANSWER[2:]
     packets = [
         bytes(ip(True) / tcp(True, 100, 900, ASK)),
@@ -414,7 +414,7 @@ def test_captures_of_the_border(tmp_path: Path) -> None:
 
 
 def test_ports_of_the_api(tmp_path: Path) -> None:
-    """Some numbers, or everywhere; what cannot be a port is told."""
+    """Single ports, or all of them; an impossible port is refused."""
     name = tmp_path / "other.pcap"
     packets = [bytes(packet) for packet in exchange(lambda sent: ethernet() / ip(sent))]
     moved = []

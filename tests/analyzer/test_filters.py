@@ -1,4 +1,4 @@
-"""The filter language: what may be said, what it means, and how mistakes are told."""
+"""The filter language: syntax, meaning, and error messages."""
 
 from __future__ import annotations
 

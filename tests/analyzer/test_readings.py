@@ -172,7 +172,7 @@ def test_registers_around_a_value_stay() -> None:
 
 
 def test_an_answer_shorter_than_asked_is_not_filled_up() -> None:
-    """Of a value whose second register is missing nothing is told but the first one."""
+    """A value whose second register is missing gives no reading but that of its first register."""
     request, _ = read(10, b"\0\0\0\0")
     rows = read_frames(U32, (request, b"\x01\x03\x02\x00\x07"))
     assert [row.name for row in rows if row.name] == []

@@ -13,7 +13,7 @@ from analyzer.session import FileRun, RecordingStatus, Run, Settings, Sink, pump
 
 
 class Counter:
-    """A sink that counts frames, and fails when it is told to."""
+    """A sink that counts frames, and fails at a given batch."""
 
     def __init__(self, name: str, error: Exception | None = None) -> None:
         self.name = name
@@ -53,7 +53,7 @@ def test_every_sink_gets_everything(recording: str) -> None:
 
 
 def test_a_sink_that_fails_leaves_the_others_whole(recording: str) -> None:
-    """A full disk or a closed pipe is told by its sink's name."""
+    """A full disk or a closed pipe is reported with the name of its sink."""
     run = FileRun([recording], Settings())
     good = Counter("good")
     full = Counter("full", SourceError("full: no space left"))
@@ -127,6 +127,6 @@ def test_the_size_of_blocks_does_not_show(
 
 
 def test_settings_are_checked() -> None:
-    """Wrong use is told before a port is touched."""
+    """Wrong use is reported before a port is opened."""
     with pytest.raises(UsageError, match="time-out"):
         Settings(timeout_ns=0)

@@ -63,7 +63,7 @@ def shell_environment(home: Path) -> dict[str, str]:
 
 
 def shell(line: str, *, cwd: Path, env: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
-    """What a line of a document does when somebody types it."""
+    """The result of a command line in a document."""
     return subprocess.run(
         ["sh", "-c", line],
         cwd=cwd, env=env, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,

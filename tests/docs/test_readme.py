@@ -60,7 +60,7 @@ def test_a_command_works_as_written(line: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("line", TAPS)
 def test_a_tap_works_as_written(line: str, tmp_path: Path) -> None:
-    """With the ends of pseudo terminals for ports; what is heard becomes a row."""
+    """The ports are pseudo terminals; each transaction on them becomes a row."""
     names = PORT.findall(line)
     ends = {name: pty.openpty() for name in names}
     for name, (_, port) in ends.items():

@@ -73,7 +73,7 @@ def test_the_core_knows_them(tree: Path) -> None:
 
 @pytest.mark.parametrize("folder", ["conformance", "border", "dissectors"])
 def test_the_tests_that_walk_the_registries_find_them(folder: str, built: Path) -> None:
-    """Nobody has told them of a new function, format, export, column or finding."""
+    """Tests that find a new function, format, export, column or finding by themselves."""
     words = ["pytest", "-q", "-p", "no:cacheprovider", f"tests/{folder}"]
     # The README gets its rows by hand, and the stub was not changed.
     run([sys.executable, "-m", *words, "-k", "not readme and not stub"], built)

@@ -39,7 +39,7 @@ def test_the_unit_is_valid(tmp_path: Path) -> None:
 
 
 def test_the_unit_s_command_runs_and_ends(tmp_path: Path) -> None:
-    """It writes what it hears, and SIGTERM leaves the file whole."""
+    """The tap writes what it receives, and SIGTERM leaves a complete file."""
     (block,) = blocks(DOCUMENT, "ini")
     unit = configparser.ConfigParser()
     unit.read_string(block.text)

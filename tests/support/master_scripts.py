@@ -129,7 +129,7 @@ def _diagnostics(client: ModbusSerialClient, unit: int) -> Steps:
 
 
 def exceptions(client: ModbusSerialClient, unit: int = 1) -> Steps:
-    """Ask for what the device does not have, does not allow or is told to refuse."""
+    """Requests that the device refuses: unknown, not permitted, or configured to fail."""
     yield partial(client.read_holding_registers, 0, count=10, device_id=unit)
     yield partial(client.execute, False, UnknownFunctionRequest(dev_id=unit))
     yield partial(client.readwrite_registers, address=0, read_count=1, values=[1], device_id=unit)

@@ -140,7 +140,7 @@ class PtyBus:
             return tuple(self._truth)
 
     def inject(self, data: bytes, sender: str = "noise") -> None:
-        """Put `data` on the line as soon as it is free, heard by all, undisturbed."""
+        """Put `data` on the line as soon as it is free; all receive it undisturbed."""
         noise = Transmission(sender, data, data, time.monotonic_ns(), turnaround=False)
         with self._changed:
             self._line.submit(noise)
@@ -319,7 +319,7 @@ def flip_bit(data: bytes, bit: int) -> bytes:
 def _listeners(
     participants: Sequence[str], hears: Mapping[str, Collection[str]]
 ) -> dict[str, list[str]]:
-    """Turn "who hears whom" into "who is heard by whom"."""
+    """Invert the mapping from each participant to those it receives."""
     if len(set(participants)) != len(participants):
         raise ValueError(f"participants named twice: {list(participants)}")
     named = set(hears).union(*hears.values())

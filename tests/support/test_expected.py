@@ -75,7 +75,7 @@ def test_noise_has_neither_direction_nor_unit() -> None:
 
 
 def test_accounts_that_do_not_add_up_are_refused() -> None:
-    """A write in parts, a write nobody speaks of, a frame that never came."""
+    """A frame written in parts, one without trace, and one that was never written."""
     truth = [sent("unit1", RESPONSE)]
     for account in ([RESPONSE[:3], RESPONSE[3:]], [], [RESPONSE, RESPONSE]):
         with pytest.raises(DisagreementError):

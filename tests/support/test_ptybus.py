@@ -1,4 +1,4 @@
-"""The pty bus: pacing, nobody hears itself, and the recorder writes down the truth.
+"""The pty bus: pacing, no echo to the sender, and a correct recording.
 
 Only lower bounds of times are asserted: a busy machine may be late, never early.
 """
@@ -144,7 +144,7 @@ def test_one_who_writes_while_another_sends_waits() -> None:
 
 
 def test_units_of_a_four_wire_line_hear_the_master_only() -> None:
-    """`hears` cuts units off from each other, but not the tap and not the master."""
+    """`hears` keeps units from receiving each other, but not the tap and the master."""
     names = ["master", "unit1", "unit2", "tap"]
     hears = {"unit1": ["master"], "unit2": ["master"]}
     with PtyBus(names, hears=hears) as bus, ChunkLogRecorder(bus.path("tap")) as recorder:

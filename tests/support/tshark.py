@@ -13,7 +13,7 @@ SEPARATOR = "|"
 
 
 def environment(home: Path) -> dict[str, str]:
-    """An environment without anybody's preferences."""
+    """An environment without the user's preferences."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith("WIRESHARK")}
     return {**kept, "HOME": str(home), "XDG_CONFIG_HOME": str(home / ".config"), "TZ": "UTC"}
 

@@ -142,7 +142,10 @@ def test_a_function_that_the_device_does_not_have(tmp_path: Path) -> None:
 
 
 def test_a_profile_brings_its_vendors_functions(tmp_path: Path) -> None:
-    """`vendor_functions` names rows as `--functions` does; a wrong one is told with its key."""
+    """`vendor_functions` loads rows as `--functions` does.
+
+    An unknown one is reported by its key.
+    """
     profiles(tmp_path)
     path = recording(tmp_path, "01 65 01 10 02 0007")
     bare = next(iter(decode(path).frames))

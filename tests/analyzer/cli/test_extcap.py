@@ -126,7 +126,7 @@ def exchange(number: int) -> bytes:
 
 
 class Talk:
-    """A pty on which somebody talks until the end of the `with`."""
+    """A pseudo terminal with traffic until the end of the `with` block."""
 
     def __enter__(self) -> str:
         self._master, slave = pty.openpty()
@@ -196,7 +196,7 @@ def test_the_dialog_says_what_wireshark_understands(modlens: Modlens) -> None:
 
 
 def test_wrong_use_of_extcap(modlens: Modlens, tmp_path: Path) -> None:
-    """By a person, and by settings that nobody filled in."""
+    """Wrong use on the command line, and settings that were left empty in Wireshark's dialog."""
     assert "say what to do" in modlens("extcap").err
     words = ["extcap", "--capture", "--extcap-interface"]
     assert "--capture needs --fifo" in modlens(*words, "modlens-port").err

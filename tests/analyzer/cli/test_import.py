@@ -52,7 +52,7 @@ def here(capfd: pytest.CaptureFixture[str]) -> Modlens:
 def test_encodings(
     data: bytes, options: tuple[str, ...], note: str | None, tmp_path: Path, here: Modlens
 ) -> None:
-    """As marked, as told, or guessed with a note."""
+    """The encoding is that of the byte order mark, that of the option, or guessed with a note."""
     done = here("import", "csv", of(tmp_path / "map.csv", data), *options)
     assert done.status == 0
     (point,) = tomllib.loads(done.out)["registers"]

@@ -169,7 +169,7 @@ def test_show_at_wrong_use(words: tuple[str, ...], part: str, modlens: Modlens) 
 
 
 def test_order_mismatch_is_found(tmp_path: Path, modlens: Modlens) -> None:
-    """A profile that reads swapped floats unswapped is told so, once, with the right order."""
+    """A profile with the wrong order of floats is reported once, with the right order."""
     path = tmp_path / "wrong.toml"
     path.write_text(
         'profile = 1\n[[registers]]\nat = "hr:6"\nname = "power"\ntype = "f32"\n'

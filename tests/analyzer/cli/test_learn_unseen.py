@@ -1,4 +1,4 @@
-"""`modlens learn` on devices that nobody had looked at before: chance makes them, seed by seed.
+"""`modlens learn` on randomly generated devices, one for each seed.
 
 Nine of ten of all values of several registers have to be found with type and order, those among
 them whose registers the recording alone does not show to be one (`RandomDevice.decidable`: every

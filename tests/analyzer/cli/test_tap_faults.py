@@ -103,7 +103,7 @@ def test_a_stalled_display_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_a_closed_pipe_ends_the_tap() -> None:
-    """As `modlens tap PORT | head` does: nobody is left to write to, and nothing is said of it."""
+    """`modlens tap PORT | head` ends without an error when the reader has closed the pipe."""
     wired = Wired()
     running = tap(wired.name, stdout=subprocess.PIPE)
     assert running.stdout is not None
@@ -122,7 +122,7 @@ def test_a_closed_pipe_ends_the_tap() -> None:
 
 
 def test_a_full_disk_stops_one_file_only(tmp_path: Path) -> None:
-    """It is told at once, the other file is whole, the exit status says it."""
+    """The error is reported at once, the other file is complete, the exit status is 3."""
     wired = Wired()
     (tmp_path / "full.csv").symlink_to("/dev/full")
     rows = tmp_path / "rows.jsonl"

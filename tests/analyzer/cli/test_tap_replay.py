@@ -67,7 +67,7 @@ def replayed(folder: Path, *words: str) -> None:
 
 
 def disturbance(seed: int) -> Callable[[str, bytes], bytes]:
-    """Of the unit's answers: flipped bits, lost bytes, answers that nobody hears."""
+    """Disturbs the unit's responses: flipped bits, lost bytes, lost responses."""
     rng = random.Random(seed)
 
     def disturb(sender: str, written: bytes) -> bytes:
@@ -87,7 +87,7 @@ def disturbance(seed: int) -> Callable[[str, bytes], bytes]:
 
 
 def polls(bus: PtyBus, client: ModbusSerialClient, rounds: int) -> None:
-    """The client's polls, noise between them, and a request at the end that nobody answers."""
+    """The client's polls with noise between them, and a last request without response."""
     with contextlib.closing(client):
         client.connect()
         for number in range(rounds):

@@ -43,7 +43,7 @@ def taken(conditions: StopConditions, kinds: str) -> int:
 
 
 def test_limits() -> None:
-    """By number, by time, by an event; a filter that means nothing is told at once."""
+    """A tap ends by number, by time, by an event; an invalid filter is reported at once."""
     assert taken(StopConditions(3, None, None), "......") == 3
     assert taken(StopConditions(None, None, "exception == 2"), "..x...") == 3
     assert taken(StopConditions(None, None, None), "......") == 0

@@ -155,7 +155,7 @@ def test_segments_by_size_and_how_many_are_kept(tmp_path: Path) -> None:
 
 
 def test_segments_by_time_and_size_of_all(tmp_path: Path) -> None:
-    """A clock that is told; --keep as a size."""
+    """With a simulated clock; `--keep` is given as a size."""
     now = [1_700_000_000.0]
     recorder = Recorder(
         str(tmp_path / "bus"), PORTS[:1], rotate=Rotation(seconds=60), keep=Retention(bytes=1500),
@@ -189,7 +189,7 @@ def test_keep_is_for_segments(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full")
 def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
-    """The tap goes on; it is told once."""
+    """A failed recording is reported once, and the tap goes on."""
     path = tmp_path / "bus.pcapng"
     failures: list[SourceError] = []
     recorder = Recorder(str(path), PORTS[:1], on_failure=failures.append)
@@ -205,7 +205,7 @@ def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
 
 
 class Live:
-    """A `modlens tap --record` on a pseudo terminal that somebody writes to."""
+    """`modlens tap --record` on a pseudo terminal with traffic."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -145,7 +145,7 @@ def test_what_others_save_anew_is_read_back(again: str, tmp_path: Path) -> None:
 
 
 def test_a_cut_keeps_the_numbers_and_verdicts(tmp_path: Path) -> None:
-    """What a retry repeats or a late answer belongs to is told, though it is not in the file."""
+    """A retry keeps the number of the request it repeats, though the filter left that out."""
     source = recording("pymodbus_disturbed")
     where = "status != 'ok' or retry_of is not None"
     path = export(source, tmp_path / "cut.pcapng", where=where)
@@ -162,7 +162,7 @@ def _wanted(row: dict[str, Any]) -> bool:
 
 
 def test_a_growing_capture_of_a_tap(tmp_path: Path) -> None:
-    """Frames are written when they are told; their transactions follow, but for the last ones."""
+    """Frames are written as soon as they are final, their transactions later, but for the last."""
     path = CAPTURES / "pymodbus_disturbed" / "recording.jsonl"
     whole = decode(path, line="19200-8E1")
     growing = _modlens.Capture("udp", live=True)

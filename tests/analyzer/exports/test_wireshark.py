@@ -234,7 +234,7 @@ def test_the_style_rtu_is_decoded_as_rtu(tmp_path: Path) -> None:
 
 
 def test_the_style_tcp_is_a_sound_conversation(tmp_path: Path) -> None:
-    """Handshakes, sequence numbers, checksums; told as synthetic, what is missing is counted."""
+    """TCP of the style `tcp` is consistent and marked as synthetic; omitted frames are counted."""
     path = export(recording(*MIXED), tmp_path / "tcp.pcapng", options=styled("tcp"))
     strict = ("-o", "tcp.check_checksum:TRUE", "-o", "ip.check_checksum:TRUE")
     assert tshark(path, *strict, "-Y", "tcp.analysis.flags || _ws.malformed") == ""

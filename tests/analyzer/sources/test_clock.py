@@ -44,7 +44,7 @@ def test_a_correction_does_not_show() -> None:
 
 
 def test_a_clock_that_is_set_forward_is_followed_when_somebody_says_so() -> None:
-    """The step is told once; until then what is under way on the line keeps its times."""
+    """The step is reported once; until a pause, transactions in progress keep their times."""
     machine = Machine()
     machine.wall += 3600 * S
     assert machine.clock.check() == ClockChange(step_ns=3600 * S)
@@ -59,7 +59,7 @@ def test_a_clock_that_is_set_forward_is_followed_when_somebody_says_so() -> None
 
 
 def test_a_clock_that_is_set_back_is_not_followed() -> None:
-    """It is told once; when it is right again nothing jumps."""
+    """The step is reported once; when the clock is right again, times do not jump."""
     machine = Machine()
     machine.wall -= 3600 * S
     assert machine.clock.check() == ClockChange(step_ns=-3600 * S)
@@ -86,7 +86,7 @@ def test_a_sleep_is_no_step_of_the_clock(nap: float) -> None:
 
 
 def test_a_clock_may_be_set_in_the_sleep() -> None:
-    """As by a server of times, right after it: both are told."""
+    """A suspension followed by a correction of the clock (NTP): both are reported."""
     machine = Machine()
     machine.sleep(100)
     machine.wall += 50 * S

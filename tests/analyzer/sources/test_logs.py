@@ -288,7 +288,7 @@ def test_the_table_reads_what_each_dialect_writes() -> None:
 
 @pytest.mark.parametrize("name", ["hex", "socat", "emodbus", "node-modbus-serial"])
 def test_a_growing_log_is_followed(name: str, tmp_path: Path) -> None:
-    """What came last is told, though no further line shows that it is whole; then it goes on."""
+    """The last entry is decoded although no further line has completed it; later lines are read."""
     path = tmp_path / "bus.log"
     end = -2 if name == "emodbus" else None
     text = write(name, [LogEntry(one.ns, one.sent, one.data[:end]) for one in EXCHANGE])
@@ -336,7 +336,7 @@ def test_a_growing_log_is_followed(name: str, tmp_path: Path) -> None:
 def test_a_stray_byte_hides_no_log(
     name: str, change: Callable[[bytes], bytes], order: str | None, frames: Decode
 ) -> None:
-    """One line is not understood, that is all; `--from raw` is told what it is."""
+    """Only one line is not understood; `--from raw` is refused with the name of the format."""
     log = f"{WIRE[0]}\n{WIRE[1]}\n".encode() * 20
     data = change(log)
     if order == "raw":

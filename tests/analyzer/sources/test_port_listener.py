@@ -61,7 +61,7 @@ def gather(listening: PortListener, count: int, patience: float = 5.0) -> list[t
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_what_comes_in_has_its_port_and_its_time(count: int, tmp_path: Path) -> None:
-    """Each port's bytes, in order of arrival; silence in between is told; no thread stays."""
+    """The bytes of each port come in order of arrival with the silences; no thread stays."""
     before = threading.active_count()
     ends = [FarEnd(tmp_path / f"tty{number}") for number in range(count)]
     tapped = [TappedPort(str(end.link), LINE) for end in ends]

@@ -138,7 +138,7 @@ def test_the_driver_is_never_enabled(
 
 
 def test_a_port_is_opened_exclusively(wire: tuple[int, str]) -> None:
-    """A second program is told; after the first has gone it may."""
+    """A second program gets an error until the first has closed the port."""
     _, name = wire
     with Port(name, LINE), pytest.raises(PortError, match="in use by another program"):
         Port(name, LINE)
@@ -146,7 +146,7 @@ def test_a_port_is_opened_exclusively(wire: tuple[int, str]) -> None:
 
 
 def test_a_lost_port_is_reported(wire: tuple[int, str]) -> None:
-    """The adapter is pulled out: the reader hears of it at once."""
+    """If the adapter is unplugged, the reader gets an error at once."""
     far, near = pty.openpty()
     with PortReader(os.ttyname(near), LINE) as hearing:
         os.close(near)
@@ -179,7 +179,7 @@ def test_an_unknown_scheme_is_wrong_use() -> None:
 
 
 def test_a_socket_is_a_port() -> None:
-    """A device server: bytes in, nothing out, and its end is told."""
+    """A device server: bytes are read, none are written, and its end is reported."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         name = f"socket://127.0.0.1:{server.getsockname()[1]}"
         with PortReader(name, LINE) as hearing:
@@ -195,7 +195,7 @@ def test_a_socket_is_a_port() -> None:
 def test_a_port_without_a_descriptor_is_read_by_a_thread(
     monkeypatch: pytest.MonkeyPatch, wire: tuple[int, str]
 ) -> None:
-    """As RFC 2217 and Windows are; its end is told, and no thread stays."""
+    """A port without file descriptor (RFC 2217, Windows): its end is reported, no thread stays."""
     monkeypatch.setattr(serial_module, "_descriptor", lambda port: None)
     before = threading.active_count()
     with PortReader(wire[1], LINE) as hearing:

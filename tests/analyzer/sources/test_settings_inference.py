@@ -1,4 +1,4 @@
-"""What a recording made with wrong settings says: bits on a line, heard by a UART, recorded."""
+"""Settings inferred from recordings that were made with other settings on a simulated line."""
 
 from __future__ import annotations
 

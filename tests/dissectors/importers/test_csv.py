@@ -589,7 +589,7 @@ def test_orders_have_one_table() -> None:
     ],
 )
 def test_the_assumed_base_is_noted(base: int | str | None, said: str) -> None:
-    """Assumed or told; and that no column names the table."""
+    """The base is assumed or given, and that no column names the table is noted."""
     found = importers.read("csv", "Address,Name\n40008,x\n", "map", Options(base=base))
     assert said in found.notes
     assumed = "no column says the table: holding registers (assumed)"
@@ -615,7 +615,7 @@ def test_an_assumed_order_is_noted(line: str, options: Options, said: bool) -> N
 
 
 def test_several_units_want_one_chosen() -> None:
-    """None told, or one that is not there."""
+    """No unit is given, or one that is not in the file."""
     text = rows("Address,Name,Slave", "7,x,3", "7,y,4")
     for unit in (None, 9):
         with pytest.raises(UsageError, match=r"map: which unit\? --unit N; there are 3, 4"):

@@ -45,7 +45,7 @@ def test_every_view_looks_as_it_should(view: str, width: int, height: int) -> No
 
 
 def test_keys_do_what_the_foot_says() -> None:
-    """Pause, filter (a wrong one is told), mark, pages, another size, quit."""
+    """Pause, filter (an invalid one is reported), mark, pages, resize, quit."""
     with showing(80, 24, "log", DISTURBED) as terminal:
         terminal.wait_for("txn")
         terminal.press("p")
