@@ -179,7 +179,8 @@ def _from_entry_point(point: _EntryPoint) -> Profile:
     try:
         found = point.load()
         text = found() if callable(found) else found
-    except Exception as error:  # what another package does wrong
+    # An entry point runs the code of another package, which may raise anything.
+    except Exception as error:
         what = f"cannot be loaded: {type(error).__name__}: {error}; see to its package"
         raise ProfileError(what, path=where) from error
     if not isinstance(text, str):

@@ -141,7 +141,8 @@ class GroupsField(PacketListField):
     def _item(self, item: Any) -> Any:
         if not isinstance(item, Mapping):
             return item
-        # mypy takes the arguments of scapy's metaclass for those of the packet.
+        # The cast is for mypy, which takes the arguments of scapy's metaclass for those of the
+        # packet.
         made = cast("Callable[[], Packet]", self.cls)()
         for name, value in item.items():
             made.setfieldval(name, value)

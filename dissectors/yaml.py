@@ -34,7 +34,9 @@ def load(text: str, path: str) -> Any:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
         raise ProfileError(f"no YAML: {error.problem}", path=path, line=line) from None
-    except YAMLError as error:  # a character that YAML does not allow
+    # The text has a character that YAML does not allow; such errors have a position instead of a
+    # mark.
+    except YAMLError as error:
         at = text.count("\n", 0, getattr(error, "position", 0)) + 1
         what = str(error).splitlines()[0]
         raise ProfileError(f"no YAML: {what}", path=path, line=at) from None
@@ -79,7 +81,8 @@ def scalar(node: Any) -> Any:
         if tag == "float":
             return float(text.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
     except ValueError:
-        return text  # a tag that does not fit: !!int x
+        # A tag may contradict the text, as in `!!int x`.
+        return text
     if tag == "bool":
         return text.lower() == "true"
     return None if tag == "null" else text

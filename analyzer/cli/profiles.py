@@ -56,7 +56,7 @@ def _list() -> None:
         try:
             profile = load(one.name)
         except ModlensError as error:
-            # The other ones are as good as they were.
+            # One profile with mistakes does not keep the others from being listed.
             title = f"cannot be used: {error.message.splitlines()[0]}"
             screen.lines([[(f"{one.name:<12} ", "note"), (visible(title), "bad")]])
             continue

@@ -52,7 +52,7 @@ class Format(exports.Format):
                 and raw is not None
             ):
                 spaces = self._values.setdefault(unit, {kind: {} for kind in SIZE_KEYS})
-                # With a profile a row is a point, which may have several registers.
+                # With a profile, a row is a point, whose raw value may be several registers.
                 for at, value in enumerate(str(raw).split(), int(address)):
                     spaces[str(kind)][at] = int(value)
         return b""

@@ -143,7 +143,8 @@ class Recording:
     def _is_regular(self) -> bool:
         try:
             return stat.S_ISREG(os.fstat(self._file.fileno()).st_mode)
-        except (OSError, AttributeError):  # a member of an archive
+        # A member of an archive has no file descriptor; it never blocks.
+        except (OSError, AttributeError):
             return True
 
     def _read_plain_sample(self) -> bytes:
@@ -294,7 +295,8 @@ def check_readable(name: str) -> None:
         mode = os.stat(name).st_mode
     except OSError as error:
         raise _source_error(name, error) from error
-    except ValueError as error:  # a null character
+    # A file name with a null character raises `ValueError`.
+    except ValueError as error:
         raise SourceError(f"{name!r}: {error}") from error
     if stat.S_ISDIR(mode):
         raise SourceError(f"{name}: a directory; name the files in it, as {name.rstrip('/')}/*")

@@ -100,7 +100,7 @@ class Archives:
     """
 
     def __init__(self) -> None:
-        # The archive that was used last, below it the one in it, and so on.
+        # The archive that was opened last, behind it the archive inside it, and so on.
         self._chain: list[tuple[str, ExitStack, dict[str, Member] | None]] = []
 
     def __enter__(self) -> Self:

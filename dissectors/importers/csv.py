@@ -99,7 +99,8 @@ def write(profile: Profile) -> tuple[str, list[str]]:
         plain = " ".join(cell.splitlines())
         if plain != cell:
             notes.append(f"device.{key}: written on one line")
-        # Commas at the end of a setting are those that a spreadsheet fills lines up with.
+        # Readers drop commas at the end of a setting, because spreadsheets pad short lines with
+        # them.
         if plain != plain.rstrip(","):
             notes.append(f"device.{key}: written without the commas at its end")
             plain = plain.rstrip(",")

@@ -225,7 +225,9 @@ def _filters(
     """Scale and offset that the `multiply` and `offset` filters have together."""
     scale, offset = 1.0, 0.0
     if kind := parse_decimal(row.get("multiply")):
-        scale /= kind  # of a number: what the value is multiplied by before it is written
+        # `multiply` of a number entity is the factor by which a value is multiplied before it is
+        # written.
+        scale /= kind
     for one in _list(row.get("filters")):
         pair = next(iter(one.items())) if isinstance(one, Mapping) and one else (one, None)
         value = parse_decimal(pair[1]) if not isinstance(pair[1], Mapping | list) else None

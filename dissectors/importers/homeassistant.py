@@ -132,7 +132,7 @@ def _add(builder: ProfileBuilder, entity: _Entity) -> None:
         count = more + 1 if more and kind in _READ_ONLY else None
         builder.add(label, space, address, access=access, count=count)
     elif kind == "binary_sensors":
-        # Of a register, a binary sensor is the lowest bit.
+        # A binary sensor on a register is the register's lowest bit.
         builder.add(label, space, address, part=(0, 0))
         known = known - {"virtual_count", "slave_count"}
     elif kind not in ("sensors", "climates"):
@@ -201,7 +201,7 @@ def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
     if word in _KINDS:
         return _KINDS[word], None, None
     if word in _OLD:
-        # Until 2021 the count said how wide a number is; one register if nothing was said.
+        # Until 2021 `count` gave the width of a number in registers, one by default.
         kind = f"{_OLD[word]}{16 * (count or 1)}"
         if kind in REGISTERS_OF_TYPE:
             return kind, None, None
@@ -212,7 +212,8 @@ def _type(row: Mapping[str, Any]) -> tuple[str, int | None, str | None]:
         size = int(match[2] or 1) + len(match[4])
         if kind == "str":
             return kind, (size + 1) // 2, None
-        # Without a mark, or with = or @, struct goes by the machine; nearly all are little-endian.
+        # Without a prefix, or with = or @, `struct` uses the machine's byte order, which is nearly
+        # always little-endian.
         return kind, size, None if match[1] in (">", "!") else "DCBA"
     raise NotConvertible(f"data type {structure or word!r} is not understood")
 
@@ -306,7 +307,7 @@ def _keys(point: Mapping[str, Any], order: str, table: str) -> dict[str, Any]:
     elif width and point.get("count", width) != width:
         keys["virtual_count"] = point["count"] // width - 1
     if width in (None, 1):
-        # Of one register, or of a text, only its bytes can be turned.
+        # In one register, and in a text, only the two bytes of each register can be swapped.
         order = {"CDAB": "ABCD", "DCBA": "BADC"}.get(order, order)
     if order in _SWAPS:
         keys["swap"] = _SWAPS[order]
@@ -333,6 +334,6 @@ def _places(number: float) -> int:
 
 
 def _item(keys: Mapping[str, Any]) -> str:
-    # JSON's texts and numbers are YAML's.
+    # Strings and numbers in JSON are valid YAML.
     lines = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in keys.items()]
     return "      - " + "\n        ".join(lines)

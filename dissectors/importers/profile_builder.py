@@ -199,7 +199,7 @@ class ProfileBuilder:
         if REGISTERS_OF_TYPE.get(kind, 1) > 1:
             order = order or self.order
         elif order is not None:
-            # One register, or a text: only the order of its two bytes says something.
+            # For one register, or a text, only the order of the two bytes of a register matters.
             order = "BADC" if order in ("BADC", "DCBA") and space in ("hr", "ir") else None
         if order not in (None, "ABCD"):
             point["order"] = order

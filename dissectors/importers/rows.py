@@ -261,7 +261,8 @@ class RowConverter:
         if not kind.has_width and kind.word is not None and size is None:
             self.builder.note_once("types that do not say how wide they are take 16 bits (assumed)")
         if size in (None, width) or (registers is None and size in (2 * width, 16 * width)):
-            return word, None  # a length counts bytes or bits, too
+            # The length is twice or 16 times the width: it counts bytes or bits, not registers.
+            return word, None
         if registers is not None and registers >= 1 and registers % width == 0:
             return word, int(registers)
         cells.note(f"a {word} does not take {size} registers; left out")

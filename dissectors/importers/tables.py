@@ -136,7 +136,7 @@ def _keys(
     for key, names in _header_words(words).items():
         columns = [at for name in names for at, word in enumerate(words) if word == name]
         if key == "type" and len(columns) > 1:
-            # TYPE beside FORMAT: the one says the table, the other the type.
+            # Some tables have both TYPE and FORMAT: one names the table, the other the data type.
             tables = [at for at in columns if _says_tables(row[at : at + 1] for row in rows)][:1]
             columns = [at for at in columns if at not in tables]
             for at in tables:
