@@ -1,6 +1,6 @@
 //! Rows as they leave the session: plain structs over one arena of bytes.
 //!
-//! Columns are not stored: `columns` reads them off the rows when somebody asks.
+//! Columns are not stored: `columns` reads them off the rows on demand.
 
 mod buses;
 

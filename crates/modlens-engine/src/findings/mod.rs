@@ -3,7 +3,7 @@
 //! A finding is declared with its title, reason and advice in `modlens_protocol::finding`. Here it is discovered, in one of
 //! these files, and its detail (what was seen this time) is worded in `words`:
 //!
-//! | file | what is odd | when it is asked |
+//! | file | what is odd | when it is called |
 //! |--|--|--|
 //! | `frame` | the content of one frame, its reception, its damage | when the frame is emitted |
 //! | `timing` | silences before and inside a frame, the clock | when the frame is emitted |

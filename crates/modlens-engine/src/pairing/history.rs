@@ -187,7 +187,7 @@ impl History {
         self.retry_candidates.is_empty() && self.last_broadcast.is_none()
     }
 
-    /// Forgets the requests that the next one may repeat: it cannot be told whether it is a retry.
+    /// Forgets the requests that the next one may repeat: the evidence does not tell whether it is a retry.
     pub(super) fn clear_retry_candidates(&mut self) {
         self.retry_candidates.clear();
     }

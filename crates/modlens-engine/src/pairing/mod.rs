@@ -1,8 +1,27 @@
 //! Joins the requests and responses of one bus to transactions.
 //!
-//! Its input is whole frames; where they begin is decided by the framer, and who sent them by `direction`. Some findings
-//! show only after the row of their frame is written (a second master, a response from the wrong unit): these become
-//! delayed findings.
+//! Its input is whole frames; where they begin is decided by the framer, and who sent them by `direction`. A request opens a
+//! transaction. What closes it gives it its status:
+//!
+//! | event | status |
+//! |--|--|
+//! | the response that fits | `ok`, `exception` |
+//! | a damaged frame in place of the response, then the next request | `bad_response` |
+//! | the next request, after at least the master's time-out, or the same one | `no_response` |
+//! | another request, too soon for a time-out, though the unit does respond | `not_seen`: the tap has missed the response |
+//! | the time-out, live | `no_response` |
+//! | bytes missing from the recording, or its end | `not_seen` |
+//! | none; the request is a broadcast | `broadcast` |
+//!
+//! A request with a wrong checksum opens a transaction of status `bad_request`, and a response that no open request fits is
+//! a transaction by itself, `unrequested`; `history` tells whether it is late or sent twice. On a serial line one request is
+//! open at a time, or two that overlap (`masters`); on a TCP connection as many as there are transaction identifiers.
+//!
+//! The time-out is learned from the master's retries (`timing`): it tells a retry from a response that repeats its request,
+//! a second master from one that gave up, and a silent unit from a response that the tap has missed.
+//!
+//! Some findings show only after the row of their frame is written (a second master, a response from the wrong unit): these
+//! become delayed findings.
 
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]

@@ -175,7 +175,7 @@ impl BusState {
         }
     }
 
-    /// The parameters from which the times of a line's next frame are computed. Pairing is told the clock on this
+    /// The parameters from which the times of a line's next frame are computed. Pairing gets the clock on this
     /// occasion, since what has been learned of it changes with every frame.
     pub(crate) fn timing_config(&mut self, at: usize) -> TimingConfig {
         let resolution = self.resolution(at);
@@ -211,7 +211,7 @@ impl BusState {
 
     /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed.
     ///
-    /// Of two lines, the one is asked whose frame was on the wire first.
+    /// Of two lines, the frame that was on the wire first is returned first.
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_merged(functions, live, adu);

@@ -10,7 +10,7 @@
 //! far wider: it must be longer than the hole.
 //!
 //! ```text
-//! requests   A B C   D      with A to D asked in turn, and the response to C missing
+//! requests   A B C   D      of requests A to D with responses a to d, c being missing
 //! responses  a b     d
 //! merged     A a B b C D d
 //! ```

@@ -57,7 +57,7 @@ impl BusState {
     /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted
     /// until then, because the first frames would be paired the wrong way.
     ///
-    /// It is only asked for two lines with a clock whose source does not say who sends: not for a connection, whose sides
+    /// The survey is only needed for two lines with a clock whose source does not say who sends: not for a connection, whose sides
     /// are known, nor for ASCII.
     pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
         if self.is_surveyed || self.lines.is_empty() {
