@@ -169,7 +169,7 @@ fn framing(bytes: &[u8]) -> u64 {
         input.push(&Chunk { bytes: block, ..Chunk::default() });
         drain(&mut input);
     }
-    (input.closed, input.ended) = (true, true);
+    (input.is_closed, input.is_ended) = (true, true);
     drain(&mut input);
     count
 }

@@ -139,7 +139,7 @@ impl UnframedRegion<'_, '_> {
 
     /// The index of the first pause inside a frame that no correction makes valid: the frame ended there.
     fn gap_inside(&self, candidate: &Candidate, end: usize) -> Option<usize> {
-        let pauses_are_usual = !self.input.coarse && self.model.has_inner_pauses();
+        let pauses_are_usual = !self.input.has_multibyte_reads && self.model.has_inner_pauses();
         if candidate.is_corrected || pauses_are_usual || self.end_bonus(candidate.end) > 0.0 {
             return None;
         }

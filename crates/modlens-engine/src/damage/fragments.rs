@@ -96,7 +96,7 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether the first `end` bytes must be part of a frame: they came without a pause, and stray bytes are rare here.
     fn is_lone_fragment(&self, end: usize) -> bool {
-        let pauses_are_known = self.input.timed || self.is_framed_independently();
+        let pauses_are_known = self.input.has_times || self.is_framed_independently();
         let is_frame_part = self.has_few_strays() && self.model.max_stray_bytes() < end;
         pauses_are_known && is_frame_part && !(1..end).any(|at| self.has_frame_gap(at))
     }
@@ -122,7 +122,7 @@ impl UnframedRegion<'_, '_> {
         if end >= limit {
             return true;
         }
-        if self.input.timed {
+        if self.input.has_times {
             self.input.pause_before(end).is_some_and(|pause| pause >= self.frame_gap_ns)
         } else {
             self.model.has_unit(bytes[end])
@@ -153,7 +153,7 @@ impl UnframedRegion<'_, '_> {
         let (Some(DamageKind::LostBytes { count, .. }), Some(char_ns)) = (frame.damage, self.input.char_ns) else { return false };
         let Some(missing) = count.checked_sub(self.length - frame.end).filter(|&missing| missing > 0) else { return false };
         let expected_ns = missing as Ns * char_ns;
-        let tolerance_ns = if self.input.coarse { COARSE_FRAME_GAP_NS / 2 } else { 2 * char_ns };
+        let tolerance_ns = if self.input.has_multibyte_reads { COARSE_FRAME_GAP_NS / 2 } else { 2 * char_ns };
         let pause = self.input.pause_before(frame.end);
         pause.is_some_and(|pause| (pause - expected_ns).abs() <= tolerance_ns.max(expected_ns / 8))
     }

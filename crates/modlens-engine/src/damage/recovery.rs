@@ -120,13 +120,13 @@ fn emit(frame: &DamagedFrame, wire: &[u8], delimited_by: DelimitedBy, adu: &mut 
 /// it is noise unless `burst_frame` makes a damaged frame of it.
 fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameResult {
     let Surroundings { input, context, .. } = *at;
-    let edge = input.edge_after(0, length, at.frame_gap_ns);
+    let edge = input.boundary_after(0, length, at.frame_gap_ns);
     let burst_bytes = edge.unwrap_or(length).min(MAX_NOISE_ROW_BYTES);
     let delimited_by = match edge {
-        Some(end) if input.read(end).is_some_and(|read| read.record) => DelimitedBy::Record,
+        Some(end) if input.read(end).is_some_and(|read| read.starts_record) => DelimitedBy::Record,
         None if burst_bytes == MAX_NOISE_ROW_BYTES => DelimitedBy::Limit,
         None if burst_bytes < input.bytes().len() => DelimitedBy::Frame,
-        None if input.ended => DelimitedBy::End,
+        None if input.is_ended => DelimitedBy::End,
         _ => DelimitedBy::Silence,
     };
     let cut = burst_frame(input, context, burst_bytes, delimited_by).unwrap_or(FrameResult::noise(burst_bytes, delimited_by));
@@ -147,7 +147,7 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
     let bytes = &input.bytes()[..burst_bytes];
     let is_entire_input = input.offset() == 0 && delimited_by == DelimitedBy::End;
     let is_record =
-        delimited_by == DelimitedBy::Record || (input.read(0).is_some_and(|read| read.record) && input.starts_read(0));
+        delimited_by == DelimitedBy::Record || (input.read(0).is_some_and(|read| read.starts_record) && input.starts_read(0));
     if burst_bytes < ENVELOPE_BYTES || !(is_entire_input || is_record) {
         return None;
     }
@@ -173,7 +173,7 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
         }
     }
     // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
-    let is_bounded = is_entire_input || input.timed || matches!(delimited_by, DelimitedBy::Silence | DelimitedBy::Record);
+    let is_bounded = is_entire_input || input.has_times || matches!(delimited_by, DelimitedBy::Silence | DelimitedBy::Record);
     let may_be_frame = burst_bytes <= MAX_CANDIDATE_BYTES;
     match (shorter, longer) {
         (Some((length, direction)), _) if is_familiar && !is_bounded => {

@@ -59,12 +59,12 @@ impl UnframedRegion<'_, '_> {
     /// Whether this line is framed independently of the other one, as the lines of a two-line tap without a clock are.
     /// Outstanding requests are unknown then, so a response does not need one.
     pub(crate) fn is_framed_independently(&self) -> bool {
-        self.context.line_direction.is_some() && self.context.outstanding_request.is_none() && !self.input.timed
+        self.context.line_direction.is_some() && self.context.outstanding_request.is_none() && !self.input.has_times
     }
 
     /// Whether the recording holds nothing but this region.
     pub(crate) fn is_entire_input(&self) -> bool {
-        let is_all = self.input.ended && self.length == self.input.bytes().len();
+        let is_all = self.input.is_ended && self.length == self.input.bytes().len();
         self.input.offset() == 0 && self.next_frame.is_none() && is_all
     }
 
@@ -75,7 +75,8 @@ impl UnframedRegion<'_, '_> {
 
     /// Whether there is a pause before this byte that ends a frame, as far as the clock can tell.
     pub(crate) fn has_frame_gap(&self, at: usize) -> bool {
-        let min_gap_ns = if self.input.coarse { self.frame_gap_ns.max(COARSE_FRAME_GAP_NS) } else { self.frame_gap_ns };
+        let min_gap_ns =
+            if self.input.has_multibyte_reads { self.frame_gap_ns.max(COARSE_FRAME_GAP_NS) } else { self.frame_gap_ns };
         self.input.pause_before(at).is_some_and(|pause| pause >= min_gap_ns)
     }
 

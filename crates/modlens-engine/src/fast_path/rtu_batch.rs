@@ -13,7 +13,7 @@ impl Session {
     pub(super) fn emit_rtu_exchanges(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
         // Where frames are checked against a rule of silence, the statistics of silences need each frame by itself.
-        if state.lines[0].1.input.timed && state.options.rule().is_some() {
+        if state.lines[0].1.input.has_times && state.options.rule().is_some() {
             return;
         }
         let config = state.timing_config(0);
@@ -48,12 +48,12 @@ impl Session {
         let Some(last) = last else { return };
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
-        self.batch.arena.extend_from_slice(line.input.forgotten(totals.bytes));
+        self.batch.arena.extend_from_slice(line.input.consumed_bytes(totals.bytes));
         self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
         if let Some(framer) = line.framer.rtu_mut() {
             framer.sync_after_batch(&line.input, &last);
         }
-        let response = &line.input.forgotten(last.response_bytes + CRC_BYTES)[..last.response_bytes];
+        let response = &line.input.consumed_bytes(last.response_bytes + CRC_BYTES)[..last.response_bytes];
         state.pairing.sync_after_batch(response[0], &response[1..]);
     }
 }

@@ -45,7 +45,7 @@ impl RtuFramer {
         if !is_answered || !crc_valid_at(rest, response_bytes) || !crc_valid_at(input.bytes(), request_bytes) {
             return None;
         }
-        let is_certain = !expected.echoes_request || is_response(pause(request_bytes), input.timed, rest, request_bytes);
+        let is_certain = !expected.echoes_request || is_response(pause(request_bytes), input.has_times, rest, request_bytes);
         is_certain.then_some(expected)
     }
 
@@ -69,7 +69,7 @@ impl RtuFramer {
     /// consumed.
     pub fn sync_after_batch(&mut self, input: &Input, expected: &ExpectedExchange) {
         let lengths = [expected.request_bytes, expected.response_bytes].map(|length| length + CRC_BYTES);
-        let (request, response) = input.forgotten(lengths.iter().sum()).split_at(lengths[0]);
+        let (request, response) = input.consumed_bytes(lengths.iter().sum()).split_at(lengths[0]);
         self.last_was_damaged = false;
         self.search.sync_after_batch(request, response, input.offset());
     }

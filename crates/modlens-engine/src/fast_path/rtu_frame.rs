@@ -66,15 +66,15 @@ fn is_permitted_request(frame: &[u8], context: &FramerContext<'_>) -> bool {
 #[inline]
 fn check_frame_at(search: &Search, input: &Input, context: &FramerContext<'_>, at: usize) -> FrameCheck {
     let bytes = input.bytes().get(at..).unwrap_or(&[]);
-    if bytes.len() < HEADER_BYTES && !input.closed {
+    if bytes.len() < HEADER_BYTES && !input.is_closed {
         return FrameCheck::NeedsMoreBytes;
     }
     let Some(length) = expected_length(search, input, context, at) else { return FrameCheck::NoFrame };
     let frame_bytes = length.bytes();
     if bytes.len() < frame_bytes {
-        return if input.closed { FrameCheck::NoFrame } else { FrameCheck::NeedsMoreBytes };
+        return if input.is_closed { FrameCheck::NoFrame } else { FrameCheck::NeedsMoreBytes };
     }
-    let is_whole = crc_valid_at(bytes, frame_bytes) && input.edge_after(0, at + frame_bytes - 1, input.break_ns).is_none();
+    let is_whole = crc_valid_at(bytes, frame_bytes) && input.boundary_after(0, at + frame_bytes - 1, input.break_ns).is_none();
     if is_whole {
         FrameCheck::Frame(length)
     } else {
@@ -122,7 +122,7 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
     // second one may be a retry.
     let repeats_request = bytes.get(1..=request.pdu.len()) == Some(&request.pdu[..]);
     let is_copy = repeats_request && (row.has_equal_layouts || length.bytes() == request.pdu.len() + 3);
-    let pause = || if at > 0 { input.quiet_since(input.offset(), at) } else { input.pause_before(at) };
+    let pause = || if at > 0 { input.silence_since(input.offset(), at) } else { input.pause_before(at) };
     if is_copy && request.is_tentative {
         return None;
     }
@@ -131,9 +131,9 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
             return None;
         }
         match is_followed_by_copy(bytes, request.pdu.len() + 3) {
-            Some(false) if !input.timed => {}
+            Some(false) if !input.has_times => {}
             Some(_) => return None,
-            None if input.timed => return None,
+            None if input.has_times => return None,
             // One byte more than there are, so that the caller waits for what follows.
             None => return Some(FrameLength::at_least(bytes.len() + 1)),
         }

@@ -14,11 +14,11 @@ use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 #[inline]
 fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]) -> Option<MatchedExchange> {
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
-    let (header, request) = client.bytes().split_first_chunk::<MBAP>()?;
+    let (header, request) = client.bytes().split_first_chunk::<MBAP_PREFIX_BYTES>()?;
     let expected = ExpectedExchange::from_request(functions, Mode::Tcp, request).filter(may_hold_no_map)?;
     let lengths = [MBAP_PREFIX_BYTES + expected.request_bytes, MBAP_PREFIX_BYTES + expected.response_bytes];
-    let (requested_at, next_request_at) = client.packet(lengths[0])?;
-    let (answered_at, _) = server.packet(lengths[1])?;
+    let (requested_at, next_request_at) = client.whole_packet(lengths[0])?;
+    let (answered_at, _) = server.whole_packet(lengths[1])?;
     // The response comes behind the request, in time, and before the next request.
     let is_in_turn = requested_at < answered_at
         && answered_at - requested_at < state.pairing.request_timeout()
@@ -57,7 +57,7 @@ impl Session {
         let Some(response_bytes) = last_response_bytes else { return };
         let state = &mut self.buses[bus];
         self.stats.record_batch(state.counts, Mode::Tcp, totals.exchanges, totals.bytes as u64);
-        let response = state.lines[server].1.input.forgotten(response_bytes);
+        let response = state.lines[server].1.input.consumed_bytes(response_bytes);
         state.pairing.sync_after_batch(response[0], &response[1..]);
     }
 }

@@ -86,13 +86,13 @@ fn frame_of_checksum(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
 /// has lost.
 #[inline]
 pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
-    if !input.marked() {
+    if !input.has_marks() {
         return;
     }
-    if input.line_error(0, length) {
-        found.push((Finding::LineError, words::line_error(input.errors_in(0, length), length)));
+    if input.has_line_error(0, length) {
+        found.push((Finding::LineError, words::line_error(input.count_marked_bytes(0, length), length)));
     }
-    if input.hole(0, length) {
+    if input.has_loss(0, length) {
         found.push((Finding::LostBytes, words::receiver_lost_bytes()));
     }
 }

@@ -15,7 +15,7 @@ const MIN_STEPS_PER_T15: Ns = 4;
 /// the user gave. It stands at the head of the input; `resolution` is the step of the clock.
 pub(crate) fn silences(input: &Input, rule: Option<SilenceRule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
     let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.is_good()) else { return };
-    if input.coarse || MIN_STEPS_PER_T15 * resolution > rule.t15_ns {
+    if input.has_multibyte_reads || MIN_STEPS_PER_T15 * resolution > rule.t15_ns {
         return;
     }
     if let Some(silence) = input.pause_before(0).filter(|&silence| silence < rule.t35_ns) {

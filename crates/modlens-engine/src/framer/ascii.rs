@@ -52,7 +52,7 @@ impl AsciiFramer {
     /// silence or the end of the recording. `None` if more bytes are needed to tell.
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
-        let boundary = input.edge_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
+        let boundary = input.boundary_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
         let available = &bytes[..boundary.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
         let end = |frame_end, hex_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end, delimited_by, fault });
         if let Some(i) = memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
@@ -62,7 +62,9 @@ impl AsciiFramer {
                 _ => match available.get(i + 1) {
                     Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, DelimitedBy::Delimiter, None),
                     Some(_) => return end(i + 1, i, DelimitedBy::Delimiter, None),
-                    None if available.len() < bytes.len() || input.closed => return end(i + 1, i, DelimitedBy::Delimiter, None),
+                    None if available.len() < bytes.len() || input.is_closed => {
+                        return end(i + 1, i, DelimitedBy::Delimiter, None)
+                    }
                     None => return None,
                 },
             }
@@ -73,10 +75,10 @@ impl AsciiFramer {
         }
         match boundary {
             Some(_) => {
-                end(length, length, if input.hard_edge(length) { DelimitedBy::Record } else { DelimitedBy::Silence }, None)
+                end(length, length, if input.is_boundary(length) { DelimitedBy::Record } else { DelimitedBy::Silence }, None)
             }
-            None if input.ended => end(length, length, DelimitedBy::End, None),
-            None if input.closed => end(length, length, DelimitedBy::Silence, None),
+            None if input.is_ended => end(length, length, DelimitedBy::End, None),
+            None if input.is_closed => end(length, length, DelimitedBy::Silence, None),
             None => None,
         }
     }
@@ -85,7 +87,7 @@ impl AsciiFramer {
     fn without_colon(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let bytes = input.bytes();
         let available = &bytes[..bytes.len().min(MAX_NOISE_ROW_BYTES)];
-        match ascii::find_colonless(available, input.closed, context.known_units) {
+        match ascii::find_colonless(available, input.is_closed, context.known_units) {
             Some(message) if message.start > 0 => return Some(FrameResult::noise(message.start, DelimitedBy::Restart)),
             Some(message) => {
                 let has_lrc = decode_hex(&available[message.hex_start..message.hex_end], adu) && message.is_complete;
@@ -96,7 +98,7 @@ impl AsciiFramer {
             }
             None => {}
         }
-        if let Some(boundary) = input.edge_after(0, available.len(), CHARACTER_TIMEOUT_NS) {
+        if let Some(boundary) = input.boundary_after(0, available.len(), CHARACTER_TIMEOUT_NS) {
             let colon = memchr(b':', &available[..boundary]);
             return Some(
                 colon.map_or(FrameResult::noise(boundary, DelimitedBy::Silence), |at| {
@@ -107,8 +109,8 @@ impl AsciiFramer {
         match memchr(b':', available) {
             Some(at) => Some(FrameResult::noise(at, DelimitedBy::Restart)),
             None if available.len() == MAX_NOISE_ROW_BYTES => Some(FrameResult::noise(MAX_NOISE_ROW_BYTES, DelimitedBy::Limit)),
-            None if input.closed => {
-                Some(FrameResult::noise(available.len(), if input.ended { DelimitedBy::End } else { DelimitedBy::Silence }))
+            None if input.is_closed => {
+                Some(FrameResult::noise(available.len(), if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence }))
             }
             None => None,
         }
@@ -121,7 +123,7 @@ impl AsciiFramer {
         let mut cut = FrameResult { verdict: Verdict::Incomplete, ..FrameResult::noise(end.frame_end, end.delimited_by) };
         cut.fault = end.fault;
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
-        let no_checksum = input.read(0).is_some_and(|read| read.no_checksum);
+        let no_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
         if !no_checksum && end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
             cut.direction = ascii::direction(context, adu);
             // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd

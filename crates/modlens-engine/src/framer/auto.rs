@@ -49,10 +49,10 @@ impl AutoFramer {
     /// The mode of the line, if its first bytes show it already.
     fn mode_of(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
         let bytes = input.bytes();
-        if let Some(mode) = input.read(0).and_then(|read| read.framing) {
+        if let Some(mode) = input.read(0).and_then(|read| read.proven_framing) {
             return Some(mode);
         }
-        if input.read(0).is_some_and(|read| read.no_checksum) && bytes.first() != Some(&b':') {
+        if input.read(0).is_some_and(|read| read.lacks_checksum) && bytes.first() != Some(&b':') {
             return Some(Mode::Rtu);
         }
         let checked = &bytes[..bytes.len().min(LAST_MODE_CHECK_BYTES)];
@@ -62,7 +62,7 @@ impl AutoFramer {
             }
             self.next_check_bytes *= 2;
         }
-        if !input.closed && bytes.len() < LAST_MODE_CHECK_BYTES {
+        if !input.is_closed && bytes.len() < LAST_MODE_CHECK_BYTES {
             return None;
         }
         Some(mode_by_valid_frames(functions, checked).unwrap_or_else(|| mode_by_appearance(functions, checked)))
@@ -71,7 +71,7 @@ impl AutoFramer {
     /// The frame of a record that proves another mode than the chosen one.
     fn next_of_other_mode(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.read(0)?;
-        let mode = read.framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
+        let mode = read.proven_framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
         let length = (read.end - input.offset()) as usize;
         if !input.starts_read(0) {
             return None;

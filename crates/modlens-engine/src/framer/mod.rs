@@ -110,7 +110,7 @@ impl FramerContext<'_> {
 pub trait Framer: Send + Sync {
     /// The first frame or noise row, once it is final; `adu` gets the unit and the PDU of a frame in binary.
     ///
-    /// `None` means that more bytes, a silence or the end are needed. When `input.closed`, no bytes are kept.
+    /// `None` means that more bytes, a silence or the end are needed. When `input.is_closed`, no bytes are kept.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult>;
 
     /// The framing.

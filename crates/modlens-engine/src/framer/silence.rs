@@ -39,11 +39,11 @@ impl SilenceFramer {
     /// The length of the first frame, and the evidence for its end; `None` if it is still open.
     fn first_end(&self, input: &Input) -> Option<(usize, DelimitedBy)> {
         let available = input.bytes().len().min(MAX_NOISE_ROW_BYTES);
-        match input.edge_after(0, available, self.rule.t35_ns) {
-            Some(end) if input.read(end).is_some_and(|read| read.record) => Some((end, DelimitedBy::Record)),
+        match input.boundary_after(0, available, self.rule.t35_ns) {
+            Some(end) if input.read(end).is_some_and(|read| read.starts_record) => Some((end, DelimitedBy::Record)),
             Some(end) => Some((end, DelimitedBy::Silence)),
             None if available == MAX_NOISE_ROW_BYTES => Some((available, DelimitedBy::Limit)),
-            None if input.closed => Some((available, if input.ended { DelimitedBy::End } else { DelimitedBy::Silence })),
+            None if input.is_closed => Some((available, if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence })),
             None => None,
         }
     }
@@ -60,7 +60,7 @@ impl Framer for SilenceFramer {
         if length < MIN_FRAME_BYTES || delimited_by == DelimitedBy::Limit {
             return Some(FrameResult::noise(length, delimited_by));
         }
-        let lacks_checksum = input.read(0).is_some_and(|read| read.no_checksum);
+        let lacks_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
         adu.extend_from_slice(if lacks_checksum { bytes } else { &bytes[..length - 2] });
         let verdict = match crc_valid(bytes) {
             _ if lacks_checksum => Verdict::NoChecksum,

@@ -34,16 +34,16 @@ fn begins_with_frame(functions: &Functions, bytes: &[u8]) -> Option<bool> {
 
 /// Whether the read that begins here ends with the frame, or with a CRC behind it.
 fn is_whole_read(input: &Input, length: usize) -> bool {
-    let rest = input.rest_of_read(0);
-    let is_read = input.read(0).is_some_and(|read| read.record || read.time != NO_TIME);
+    let rest = input.bytes_left_in_read(0);
+    let is_read = input.read(0).is_some_and(|read| read.starts_record || read.time != NO_TIME);
     is_read && rest == length || (rest == length + CRC_BYTES && has_crc_behind(input, length))
 }
 
 /// Whether a gateway has left the CRC of the RTU frame behind the PDU, and the read ends with it.
 fn has_crc_behind(input: &Input, length: usize) -> bool {
     // Blocks of a file are no reads: a read has a time or starts a record.
-    input.read(length - 1).is_some_and(|read| read.record || read.time != NO_TIME)
-        && input.rest_of_read(length - 1) == 1 + CRC_BYTES
+    input.read(length - 1).is_some_and(|read| read.starts_record || read.time != NO_TIME)
+        && input.bytes_left_in_read(length - 1) == 1 + CRC_BYTES
         && input.bytes().get(PREFIX_BYTES..length + CRC_BYTES).is_some_and(crc_valid)
 }
 
@@ -79,7 +79,7 @@ impl TcpFramer {
             match bytes.get(end..).and_then(|behind| begins_with_frame(functions, behind)) {
                 Some(true) if end == length => return LengthCheck::Plausible,
                 Some(true) => return LengthCheck::Wrong(end),
-                None if !input.closed => return LengthCheck::Undecided,
+                None if !input.is_closed => return LengthCheck::Undecided,
                 _ => {}
             }
         }
@@ -90,18 +90,18 @@ impl TcpFramer {
     fn begins(input: &Input, context: &FramerContext<'_>, at: usize) -> Option<bool> {
         let bytes = &input.bytes()[at..];
         if bytes.len() < HEADER_BYTES {
-            return input.closed.then_some(false);
+            return input.is_closed.then_some(false);
         }
         let Some(length) = announced_length(bytes) else { return Some(false) };
         // A record, or the first bytes behind a loss, may begin anywhere in a frame.
-        let follows_edge = input.hard_edge(0);
+        let follows_edge = input.is_boundary(0);
         if at == 0 && (!follows_edge || is_whole_read(input, length)) {
             return Some(true);
         }
         // Behind bytes that belong to no frame, a header alone is weak evidence.
         match bytes.get(PREFIX_BYTES + 1..length) {
             Some(pdu) => Some(pdu[0] & !EXCEPTION_BIT != 0 && layout_fits(context.functions, pdu)),
-            None => input.closed.then_some(false),
+            None => input.is_closed.then_some(false),
         }
     }
 
@@ -116,7 +116,7 @@ impl TcpFramer {
             mbap_id,
             ..FrameResult::noise(length, delimited_by)
         };
-        if let Some(edge) = input.edge_after(0, length - 1, Ns::MAX) {
+        if let Some(edge) = input.boundary_after(0, length - 1, Ns::MAX) {
             adu.extend_from_slice(bytes.get(PREFIX_BYTES..edge).unwrap_or(&[]));
             return Some(incomplete(edge, DelimitedBy::Record));
         }
@@ -133,8 +133,8 @@ impl TcpFramer {
         }
         if bytes.len() < length {
             adu.extend_from_slice(&bytes[PREFIX_BYTES..]);
-            let delimited_by = if input.ended { DelimitedBy::End } else { DelimitedBy::Silence };
-            return input.closed.then(|| incomplete(bytes.len(), delimited_by));
+            let delimited_by = if input.is_ended { DelimitedBy::End } else { DelimitedBy::Silence };
+            return input.is_closed.then(|| incomplete(bytes.len(), delimited_by));
         }
         adu.extend_from_slice(&bytes[PREFIX_BYTES..length]);
         Some(Self::complete(input, context, adu, length, mbap_id))
@@ -168,13 +168,13 @@ impl Framer for TcpFramer {
             match begins {
                 Some(true) if at == 0 => return Self::frame(input, context, adu),
                 Some(false) if at + 1 < MAX_NOISE_ROW_BYTES => self.noise_bytes += 1,
-                None if !(input.closed && at > 0) => return None,
+                None if !(input.is_closed && at > 0) => return None,
                 begins => {
                     let length = if begins == Some(false) { at + 1 } else { at };
                     let delimited_by = match begins {
                         Some(true) => DelimitedBy::Frame,
                         Some(false) => DelimitedBy::Limit,
-                        None if input.ended => DelimitedBy::End,
+                        None if input.is_ended => DelimitedBy::End,
                         None => DelimitedBy::Silence,
                     };
                     self.noise_bytes = 0;

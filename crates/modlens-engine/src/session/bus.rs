@@ -159,7 +159,7 @@ impl BusState {
 
     /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided.
     pub(crate) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
-        if !self.lines.iter().all(|(_, line)| line.input.takes_alike(chunk)) {
+        if !self.lines.iter().all(|(_, line)| line.input.is_uniform_with(chunk)) {
             return false;
         }
         let Some((time, newest)) = chunk.time().zip(self.newest) else { return self.lines.len() == 1 && chunk.line == 0 };
@@ -168,7 +168,8 @@ impl BusState {
             // The two sides of a connection: in the order of time, without two segments at the same time, and without a
             // silence that would end a frame of either side.
             2 if self.options.bus.network.is_some() => {
-                let is_silent = |line: &LineState| line.input.newest().is_some_and(|last| time - last >= line.input.break_ns);
+                let is_silent =
+                    |line: &LineState| line.input.last_byte_time().is_some_and(|last| time - last >= line.input.break_ns);
                 Some(time) > self.latest && !self.lines.iter().any(|(_, line)| is_silent(line))
             }
             _ => false,
@@ -183,7 +184,7 @@ impl BusState {
         let (_, line) = &self.lines[at];
         self.pairing.resolution = self.options.resolution.unwrap_or_else(|| Lateness::finest_resolution(&line.input));
         self.pairing.read_lateness = resolution;
-        self.pairing.is_wire_order = !(has_several_lines && self.lines.iter().any(|(_, line)| line.input.coarse));
+        self.pairing.is_wire_order = !(has_several_lines && self.lines.iter().any(|(_, line)| line.input.has_multibyte_reads));
         TimingConfig {
             has_clock: self.options.bus.clock != Clock::None,
             resolution,
@@ -205,7 +206,7 @@ impl BusState {
     pub(crate) fn advance_silence(&mut self, now: Ns) {
         self.now = self.now.max(Some(now));
         for (_, line) in &mut self.lines {
-            line.input.wait(now);
+            line.input.advance_time(now);
         }
     }
 

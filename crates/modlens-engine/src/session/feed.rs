@@ -124,7 +124,7 @@ impl Session {
     /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on.
     pub fn flush_bus(&mut self, bus: usize) {
         for (_, line) in &mut self.buses[bus].lines {
-            (line.input.closed, line.input.ended) = (true, true);
+            (line.input.is_closed, line.input.is_ended) = (true, true);
         }
         self.emit_frames(bus);
         self.buses[bus].pairing.finish(&mut self.done);

@@ -61,7 +61,7 @@ impl FrameTiming {
         to: &mut Vec<(u64, u64)>,
     ) {
         if place == Place::Packet && self.last_origin != self.origin {
-            to.extend(input.between(length).map(|packet| (number, packet)));
+            to.extend(input.inner_read_origins(length).map(|packet| (number, packet)));
         }
     }
 
@@ -71,7 +71,7 @@ impl FrameTiming {
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large and mostly empty; inlined, the empty parts are never built.
     pub(crate) fn of(input: &Input, length: usize, setting: &TimingConfig) -> Self {
-        let has_clock = setting.has_clock && input.timed;
+        let has_clock = setting.has_clock && input.has_times;
         let time_of = |index: usize| if has_clock { input.byte_time(index) } else { None };
         let first = time_of(0).map(|ns| ns - input.char_ns.unwrap_or(0));
         // The start is counted back from the time of the read. It cannot lie before the end of the frame before.

@@ -33,7 +33,7 @@ impl Session {
         let mut frame = observed(number, wire, adu, cut, &timing, config.mode);
         self.found.clear();
         find_on_frame(&self.functions, input, cut, &frame, (&config, rule), &mut self.found);
-        if let Some(rule) = rule.filter(|_| config.has_clock && input.timed && config.mode == Mode::Rtu) {
+        if let Some(rule) = rule.filter(|_| config.has_clock && input.has_times && config.mode == Mode::Rtu) {
             count_silence(&mut self.stats, bus, input, &frame, (timing.offset, rule));
         }
         self.codes.clear();
@@ -148,7 +148,7 @@ fn find_on_frame(
 #[inline]
 fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
     let is_long = |pause: Option<Ns>| pause.is_some_and(|pause| pause >= rule.t35_ns);
-    let before = input.hard_edge(0) || offset == 0 || is_long(input.pause_before(0));
+    let before = input.is_boundary(0) || offset == 0 || is_long(input.pause_before(0));
     let inside = is_long(input.longest_pause(0, frame.wire.len()));
     stats.silence(bus, rule.t35_ns, frame, before, inside);
 }

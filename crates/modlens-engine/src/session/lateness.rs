@@ -39,10 +39,10 @@ impl Lateness {
     /// Learns from a good frame, the first `length` bytes of the input, by a step towards the percentile: up for each
     /// read that was later, down for each that was not.
     pub fn learn(&mut self, input: &Input, length: usize) {
-        if !input.coarse {
+        if !input.has_multibyte_reads {
             return;
         }
-        let (later, reads) = input.later_reads(length, self.percentile_90 as Ns);
+        let (later, reads) = input.count_pauses(length, self.percentile_90 as Ns);
         if reads == 0 {
             return;
         }
@@ -54,7 +54,7 @@ impl Lateness {
 
     /// The step of this line's clock as reports have it: two times that differ by less may be in any order.
     pub fn resolution(self, input: &Input) -> Ns {
-        if input.coarse {
+        if input.has_multibyte_reads {
             self.percentile_90 as Ns
         } else {
             BYTE_RESOLUTION_NS
@@ -63,7 +63,7 @@ impl Lateness {
 
     /// The step of this line's clock at best, as pairing has it: a time too coarse to be reported is still evidence.
     pub fn finest_resolution(input: &Input) -> Ns {
-        if input.coarse {
+        if input.has_multibyte_reads {
             READ_RESOLUTION_NS
         } else {
             BYTE_RESOLUTION_NS

@@ -47,7 +47,7 @@ impl Session {
         let devices: Vec<usize> = self.buses[bus].devices.iter().map(|(_, device)| *device).collect();
         for bus in devices.into_iter().chain([bus]) {
             for (_, line) in &mut self.buses[bus].lines {
-                line.input.closed = true;
+                line.input.is_closed = true;
             }
             self.emit_frames(bus);
         }

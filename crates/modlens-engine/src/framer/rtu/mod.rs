@@ -69,7 +69,7 @@ impl RtuFramer {
 
     /// The shortest pause that counts as one between frames: longer where reads have several bytes.
     fn frame_gap_ns(&self, input: &Input) -> Ns {
-        if input.coarse {
+        if input.has_multibyte_reads {
             self.frame_gap_ns.max(COARSE_MIN_GAP_NS)
         } else {
             self.frame_gap_ns
@@ -78,7 +78,10 @@ impl RtuFramer {
 
     /// Learns whether valid frames of this line, like this one of `length` bytes, have pauses inside.
     fn learn_inner_pause(&mut self, input: &Input, length: usize) {
-        if input.timed && !input.coarse && input.edge_after(0, length - 1, self.frame_gap_ns(input)).is_some() {
+        if input.has_times
+            && !input.has_multibyte_reads
+            && input.boundary_after(0, length - 1, self.frame_gap_ns(input)).is_some()
+        {
             self.search.model.learn_inner_pause();
         }
     }
@@ -112,7 +115,7 @@ impl RtuFramer {
     /// Tried at most once per stream offset, for the reason that `try_fast_path` gives.
     fn try_fast_path_after_strays(&mut self, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
         let is_single_line = context.line_direction.is_none() && context.connection_side.is_none() && !context.is_multi_line;
-        let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.record);
+        let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.starts_record);
         let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
         let is_in_step = !has_failed && self.search.committed_offset() == input.offset();
         let is_possible = context.may_look_ahead && is_single_line && is_plain_read && is_in_step;
@@ -195,7 +198,7 @@ impl RtuFramer {
             }
             let held_back_to = self.search.committed_offset();
             self.decision = match self.search.advance(input, context, self.frame_gap_ns(input)) {
-                None if input.closed && held_back_to > input.offset() => Some(Decision::UnframedTo(held_back_to)),
+                None if input.is_closed && held_back_to > input.offset() => Some(Decision::UnframedTo(held_back_to)),
                 None => return None,
                 decision => decision,
             };
@@ -279,7 +282,7 @@ impl RtuFramer {
         let announced = announced_lengths(context, frame);
         let has_announced_length = announced.iter().flatten().any(|(_, extent)| *extent == Extent::Exactly(length));
         let ends_in_silence =
-            || input.closed || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
+            || input.is_closed || input.pause_before(length).is_some_and(|pause| pause >= self.frame_gap_ns(input));
         let delimited_by = match has_announced_length {
             true => DelimitedBy::Length,
             false if ends_in_silence() => DelimitedBy::Silence,
@@ -290,7 +293,7 @@ impl RtuFramer {
 
     /// The row of a record, if the recording prints no checksums: there a record is one frame.
     fn record_without_checksum(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        let read = input.first_read().filter(|read| read.no_checksum)?;
+        let read = input.first_read().filter(|read| read.lacks_checksum)?;
         let length = (read.end - input.offset()) as usize;
         let bytes = &input.bytes()[..length];
         adu.clear();
@@ -314,7 +317,7 @@ impl RtuFramer {
 
 impl Framer for RtuFramer {
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        let has_checksum = || input.first_read().is_some_and(|read| !read.no_checksum);
+        let has_checksum = || input.first_read().is_some_and(|read| !read.lacks_checksum);
         if self.decision.is_none() && !context.is_multi_line && has_checksum() {
             match self.try_fast_path(input, context) {
                 FrameCheck::Frame(length) => return Some(self.emit_fast_path_frame(input, context, length, adu)),

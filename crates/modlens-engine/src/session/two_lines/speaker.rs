@@ -64,8 +64,8 @@ impl BusState {
             return false;
         }
         let lacks_side =
-            |input: &Input| input.timed && input.first_read().is_some_and(|read| !read.record && read.side.is_none());
-        let is_full = |input: &Input| input.ended || input.bytes().len() >= SURVEY_BYTES || !lacks_side(input);
+            |input: &Input| input.has_times && input.first_read().is_some_and(|read| !read.starts_record && read.side.is_none());
+        let is_full = |input: &Input| input.is_ended || input.bytes().len() >= SURVEY_BYTES || !lacks_side(input);
         let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
         let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
         let mut with_bytes = self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());

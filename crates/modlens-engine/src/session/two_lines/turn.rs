@@ -82,7 +82,7 @@ impl BusState {
         if self.fit_of_next_request(functions, requests, behind) == Fit::Fully {
             return Some(responses);
         }
-        let may_come = !input.ended && !input.closed && self.may_be_overtaken(responses);
+        let may_come = !input.is_ended && !input.is_closed && self.may_be_overtaken(responses);
         (!may_come).then_some(requests)
     }
 
@@ -107,7 +107,7 @@ impl BusState {
     /// for a TCP connection, for byte-exact times, and as long as it is unknown who speaks on which line.
     fn roles(&self) -> Option<(usize, usize)> {
         let is_two_line_tap = self.lines.len() == 2 && self.options.bus.network.is_none();
-        if !is_two_line_tap || !self.lines.iter().any(|(_, line)| line.input.coarse) {
+        if !is_two_line_tap || !self.lines.iter().any(|(_, line)| line.input.has_multibyte_reads) {
             return None;
         }
         let is_rtu = self.lines.iter().all(|(_, line)| line.framer.mode() == Mode::Rtu);
@@ -127,7 +127,7 @@ impl BusState {
                 at != requests && response_fit(functions, input.bytes(), request) != Fit::No && !self.is_after_timeout(at)
             }
         };
-        let is_over = input.ended || input.closed;
+        let is_over = input.is_ended || input.is_closed;
         !is_due && !is_over && self.may_be_overtaken(at)
     }
 

@@ -68,14 +68,14 @@ impl LineState {
     /// Whether the window is full, or nothing can come any more that would fill it.
     fn is_window_complete(&self) -> bool {
         let is_full = self.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() >= WINDOW_FRAMES);
-        is_full || (self.input.ended && self.input.bytes().is_empty())
+        is_full || (self.input.is_ended && self.input.bytes().is_empty())
     }
 }
 
 /// The lines of the next frames, as indices into `lines`; empty while more frames of one line must be known first.
 pub(in crate::session) fn next_lines(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
     let has_waited_enough = lines.iter().any(|(_, line)| line.input.bytes().len() > MAX_WAITING_BYTES);
-    let is_over = lines.iter().all(|(_, line)| line.input.ended && line.input.bytes().is_empty());
+    let is_over = lines.iter().all(|(_, line)| line.input.is_ended && line.input.bytes().is_empty());
     let lacks_second_line = lines.len() < 2 && !is_over;
     if !has_waited_enough && (lacks_second_line || !lines.iter().all(|(_, line)| line.is_window_complete())) {
         return Vec::new();

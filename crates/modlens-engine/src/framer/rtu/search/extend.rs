@@ -121,7 +121,7 @@ impl Search {
                     // Stray bytes do not make a silence shorter that the line kept around them.
                     let strays_in_silence = after_strays && before.end >= input.offset();
                     let pause =
-                        if strays_in_silence { (context.timeout_log_odds)(input.quiet_since(before.end, from)) } else { pause };
+                        if strays_in_silence { (context.timeout_log_odds)(input.silence_since(before.end, from)) } else { pause };
                     let preceding = Preceding { unframed_bytes, has_same_header };
                     score::context_score(&self.model, context, answerable, frame, direction, pause, preceding)
                 }
@@ -207,7 +207,8 @@ impl Search {
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
                     // Where each byte has its time, a frame that lost bytes ends at a pause, before it has its length.
-                    let is_paused = !input.coarse && input.edge_after(from, from + frame.len() - 1, frame_gap_ns).is_some();
+                    let is_paused =
+                        !input.has_multibyte_reads && input.boundary_after(from, from + frame.len() - 1, frame_gap_ns).is_some();
                     if no_valid_end && !is_paused && frame[1] & EXCEPTION_BIT == 0 {
                         self.add_damaged_hypothesis(context, parent, start, frame, side::index_of(direction));
                     }
@@ -258,8 +259,8 @@ fn last_same_header(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
 /// Score in bits of pauses and record boundaries before a frame and inside it.
 fn timing_score(input: &Input, from: usize, to: usize, frame_gap_ns: Ns) -> f32 {
     let follows_pause = input.pause_before(from).is_some_and(|pause| pause >= frame_gap_ns);
-    let starts_record = || input.read(from).is_some_and(|read| read.record && input.starts_read(from));
+    let starts_record = || input.read(from).is_some_and(|read| read.starts_record && input.starts_read(from));
     let before = if follows_pause || starts_record() { weights::PAUSE_BEFORE_BITS } else { 0.0 };
-    let inside = if input.edge_after(from, to - 1, frame_gap_ns).is_some() { weights::PAUSE_INSIDE_BITS } else { 0.0 };
+    let inside = if input.boundary_after(from, to - 1, frame_gap_ns).is_some() { weights::PAUSE_INSIDE_BITS } else { 0.0 };
     before - inside
 }

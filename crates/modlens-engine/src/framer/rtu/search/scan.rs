@@ -26,7 +26,7 @@ impl Search {
         while self.scanned_to < end {
             let index = (self.scanned_to - base) as usize;
             if self.scanned_to == read_end {
-                if self.scanned_to > self.committed_offset() && input.hard_edge(index) {
+                if self.scanned_to > self.committed_offset() && input.is_boundary(index) {
                     if let Some(decision) = self.decide(input, context, true) {
                         return Some(decision);
                     }
@@ -47,7 +47,7 @@ impl Search {
         }
         // Where no frame leads, the adapter may still hold back the end of one.
         let a_frame_leads = || self.lattice[self.best_path().0].first_on_path != ROOT;
-        let is_closed = input.closed || (input.paused && a_frame_leads());
+        let is_closed = input.is_closed || (input.is_paused && a_frame_leads());
         if is_closed && self.scanned_to > self.committed_offset() {
             return self.decide(input, context, true);
         }

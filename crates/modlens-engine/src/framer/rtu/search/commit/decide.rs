@@ -105,7 +105,7 @@ impl Search {
     fn nested_until(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, end: u64) -> Option<u64> {
         let base = input.offset();
         let outer_start = self.committed_offset();
-        let begins_read = || input.timed && input.starts_read((start - base) as usize);
+        let begins_read = || input.has_times && input.starts_read((start - base) as usize);
         if start - outer_start < weights::MIN_OUTER_HEADER_BYTES || begins_read() {
             return None;
         }

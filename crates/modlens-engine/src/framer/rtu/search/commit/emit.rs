@@ -158,13 +158,13 @@ fn vouches_for(context: &FramerContext<'_>, request: &HeldRequest, response: &[u
 pub fn is_held_back(decision: &Decision, input: &Input, context: &FramerContext<'_>) -> bool {
     let Decision::UnframedTo(to) = *decision else { return false };
     context.may_look_ahead
-        && !input.closed
+        && !input.is_closed
         && to < input.offset() + weights::OFFLINE_HOLD_BACK_BYTES
         && !comes_in_records(input, to)
 }
 
 /// Whether the first bytes come in records of a recording, or end where one begins: there each is judged by itself.
 fn comes_in_records(input: &Input, to: u64) -> bool {
-    let begins = |index: usize| input.starts_read(index) && input.read(index).is_some_and(|read| read.record);
-    input.first_read().is_some_and(|read| read.record) || begins((to - input.offset()) as usize)
+    let begins = |index: usize| input.starts_read(index) && input.read(index).is_some_and(|read| read.starts_record);
+    input.first_read().is_some_and(|read| read.starts_record) || begins((to - input.offset()) as usize)
 }

@@ -94,7 +94,7 @@ impl Search {
         let max_length = max_frame_length(input, at);
         let mut completion = Completion::Never;
         if bytes.len() < 2 {
-            return if input.closed { Completion::Never } else { Completion::Unknown };
+            return if input.is_closed { Completion::Never } else { Completion::Unknown };
         }
         for (direction, extent) in announced_lengths(context, bytes).into_iter().flatten() {
             let (needed, completes) = match extent {
@@ -107,7 +107,7 @@ impl Search {
             };
             match completes {
                 true => return Completion::Completes,
-                false if needed > bytes.len() && !input.closed => completion = Completion::Unknown,
+                false if needed > bytes.len() && !input.is_closed => completion = Completion::Unknown,
                 false => {}
             }
         }
@@ -150,7 +150,7 @@ impl Search {
         let max_length = max_frame_length(input, at);
         let min_length = (end - root_end) as usize + 1;
         let completes = first_valid_length(&bytes[..max_length.min(bytes.len())], min_length).is_some();
-        if !completes && max_length > bytes.len() && !input.closed {
+        if !completes && max_length > bytes.len() && !input.is_closed {
             return Completion::Unknown;
         }
         self.skip.open_length_completion = Some((root_end, completes));
@@ -196,7 +196,7 @@ impl Search {
 /// The most bytes that a frame at this index of the input can have: none crosses a break or a record's start.
 fn max_frame_length(input: &Input, at: usize) -> usize {
     let rest = input.bytes().len() - at;
-    let edge = input.edge_after(at, at + rest.min(MAX_CANDIDATE_BYTES) - 1, input.break_ns);
+    let edge = input.boundary_after(at, at + rest.min(MAX_CANDIDATE_BYTES) - 1, input.break_ns);
     edge.map_or(MAX_CANDIDATE_BYTES, |edge| edge - at)
 }
 
@@ -219,7 +219,7 @@ fn complete_frame_beyond(input: &Input, context: &FramerContext<'_>, at: usize, 
         };
         match found {
             Some(length) => return FrameCheck::Frame(FrameLength::exactly(length)),
-            None if needed > bytes.len() && !input.closed => return FrameCheck::NeedsMoreBytes,
+            None if needed > bytes.len() && !input.is_closed => return FrameCheck::NeedsMoreBytes,
             None => {}
         }
     }
