@@ -33,15 +33,15 @@ impl Capture {
 
     #[pyo3(signature = (batch, kept=None))]
     fn put(&mut self, py: Python<'_>, batch: &Batch, kept: Option<&Table>) {
-        py.detach(|| self.core.put(&batch.core, kept.map(|table| &table.core)));
+        py.detach(|| self.core.add_batch(&batch.core, kept.map(|table| &table.core)));
     }
 
     fn more<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        as_bytes(py, |out| self.core.more(BLOCK_BYTES, out))
+        as_bytes(py, |out| self.core.append_ready(BLOCK_BYTES, out))
     }
 
     fn end<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        as_bytes(py, |out| self.core.end(out))
+        as_bytes(py, |out| self.core.finish(out))
     }
 
     #[getter]

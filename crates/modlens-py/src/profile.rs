@@ -115,7 +115,7 @@ impl Survey {
 #[pyfunction]
 pub fn judge(rows: Vec<Vec<u16>>) -> String {
     let rows: Vec<&[u16]> = rows.iter().map(Vec::as_slice).collect();
-    let claim = |claim: &learn::TypeHypothesis| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.sure, "reason": claim.reason});
+    let claim = |claim: &learn::TypeHypothesis| json!({"type": claim.kind.word(), "order": claim.order.word(), "bits": claim.bits, "sure": claim.is_certain, "reason": claim.reason});
     learn::rank_types(&rows, 0.0, None).iter().map(claim).collect::<Json>().to_string()
 }
 

@@ -68,7 +68,7 @@ impl Lines {
             return Err(value_error("rows of several tables".into()));
         }
         let first: Vec<RowRef<'_>> = rows.iter().map(|row| row.core()).collect();
-        let look = TableOptions { base: address_notation(address)?, times, zone: zone(shift), width, labels };
+        let look = TableOptions { addresses: address_notation(address)?, times, zone: zone(shift), width, labels };
         Ok(Self { core: lines::TableLines::new(kind, &first, look), kind: kind.name() })
     }
 

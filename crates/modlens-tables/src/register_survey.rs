@@ -146,7 +146,7 @@ struct LearnedPoint {
     kind: &'static str,
     order: Order,
     bits: f64,
-    sure: bool,
+    is_certain: bool,
     reason: String,
     rivals: Vec<(&'static str, Order)>,
 }
@@ -164,7 +164,7 @@ impl LearnedPoint {
 
     /// The weight in the choice between overlapping points. A point without a close rival counts more than a guess.
     fn weight(&self) -> f64 {
-        if self.sure {
+        if self.is_certain {
             self.bits
         } else {
             self.bits / 4.0
@@ -175,7 +175,7 @@ impl LearnedPoint {
         let rivals: Vec<Json> = self.rivals.iter().map(|(kind, order)| json!({"type": kind, "order": order.word()})).collect();
         json!({
             "address": self.address, "count": self.count, "type": self.kind, "order": self.order.word(),
-            "bits": (self.bits * 10.0).round() / 10.0, "sure": self.sure, "reason": self.reason, "rivals": rivals,
+            "bits": (self.bits * 10.0).round() / 10.0, "sure": self.is_certain, "reason": self.reason, "rivals": rivals,
         })
     }
 }
@@ -196,7 +196,7 @@ fn learned_points(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<L
             kind: "str",
             order: if run.swapped { Order::Badc } else { Order::Abcd },
             bits: 40.0,
-            sure: true,
+            is_certain: true,
             reason: format!("constant letters: {:?}", run.text),
             rivals: Vec::new(),
         })
@@ -219,7 +219,8 @@ fn learned_points(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<L
 
 /// The order that most of the certain points have: at least three of them, and two thirds of all.
 fn usual_order(points: &[LearnedPoint]) -> Option<Order> {
-    let orders: Vec<Order> = points.iter().filter(|point| point.sure && point.kind != "str").map(|point| point.order).collect();
+    let orders: Vec<Order> =
+        points.iter().filter(|point| point.is_certain && point.kind != "str").map(|point| point.order).collect();
     let votes = |order: Order| orders.iter().filter(|&&other| other == order).count();
     let (order, _) = Order::ALL.into_iter().max_by_key(|(order, _)| votes(*order))?;
     (votes(order) >= 3 && votes(order) * 3 >= orders.len() * 2).then_some(order)
@@ -257,7 +258,7 @@ fn best_hypothesis_at(blocks: &Blocks, address: u16, width: u16, device_order: O
         kind: best_hypothesis.kind.word(),
         order: best_hypothesis.order,
         bits: best_hypothesis.bits,
-        sure: best_hypothesis.sure,
+        is_certain: best_hypothesis.is_certain,
         reason: best_hypothesis.reason.clone(),
         rivals,
     })
@@ -296,7 +297,7 @@ fn choose_non_overlapping(mut all: Vec<LearnedPoint>) -> Vec<LearnedPoint> {
         if best_of_first[remaining] > best_of_first[i] {
             let mut point = all[i].clone();
             let rival = all.iter().zip(&best_total_with).filter(|(other, _)| other.overlaps(&point)).map(|(_, bits)| *bits);
-            point.sure &= rival.fold(0.0, f64::max) + MIN_MARGIN_BITS <= best_total_with[i];
+            point.is_certain &= rival.fold(0.0, f64::max) + MIN_MARGIN_BITS <= best_total_with[i];
             chosen.push(point);
             remaining = last_before[i];
         } else {

@@ -69,14 +69,14 @@ fn pcapng() -> Writer {
     Box::new(move |batch, write| {
         let Some(batch) = batch else {
             out.clear();
-            capture.end(&mut out);
+            capture.finish(&mut out);
             write(&out);
             return 0;
         };
-        capture.put(batch, None);
+        capture.add_batch(batch, None);
         loop {
             out.clear();
-            capture.more(PIECE, &mut out);
+            capture.append_ready(PIECE, &mut out);
             if out.is_empty() {
                 return batch.frames.len();
             }

@@ -18,9 +18,9 @@ pub struct TypeHypothesis {
     /// The evidence as text.
     pub reason: String,
     /// Whether no other hypothesis comes close.
-    pub sure: bool,
+    pub is_certain: bool,
     /// Mean absolute difference between consecutive samples. A wrong order makes it larger.
-    pub(super) step: f64,
+    pub(super) mean_step: f64,
 }
 
 /// The evidence that a type needs to be reported, in bits.

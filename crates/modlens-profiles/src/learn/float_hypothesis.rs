@@ -67,7 +67,7 @@ pub fn float_hypothesis(values: &[u64], words: usize, order: Order, exact_reques
     push_range(kind, &numbers, &mut reason);
     // Floats with plausible exponents are a small part of all bit patterns, so a float is preferred to an integer with
     // the same evidence.
-    Some(TypeHypothesis { kind, order, bits: bits + 3.0, reason, sure: false, step: movement.step })
+    Some(TypeHypothesis { kind, order, bits: bits + 3.0, reason, is_certain: false, mean_step: movement.step })
 }
 
 /// Evidence in bits for numbers that are short in decimal although their low bits are not zero, as if somebody had

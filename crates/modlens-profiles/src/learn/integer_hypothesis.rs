@@ -63,7 +63,7 @@ pub fn integer_hypothesis(values: &[u64], words: usize, order: Order, exact_requ
     };
     let numbers: Vec<f64> = values.iter().map(number).collect();
     push_range(kind, &numbers, &mut reason);
-    Some(TypeHypothesis { kind, order, bits, reason, sure: false, step: movement.step })
+    Some(TypeHypothesis { kind, order, bits, reason, is_certain: false, mean_step: movement.step })
 }
 
 /// Evidence in bits for an upper register that never changes, beside a lower one that does. It never suffices without

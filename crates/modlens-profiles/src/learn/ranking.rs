@@ -39,11 +39,11 @@ pub fn rank_types(rows: &[&[u16]], exact_request_share: f64, device_order: Optio
         let least_step = hypotheses
             .iter()
             .filter(|hypothesis| is_of_kind(hypothesis))
-            .map(|hypothesis| hypothesis.step)
+            .map(|hypothesis| hypothesis.mean_step)
             .fold(f64::MAX, f64::min)
             .max(1.0);
         for hypothesis in hypotheses.iter_mut().filter(|hypothesis| is_of_kind(hypothesis)) {
-            hypothesis.bits -= (hypothesis.step.max(1.0) / least_step).log2().min(10.0);
+            hypothesis.bits -= (hypothesis.mean_step.max(1.0) / least_step).log2().min(10.0);
         }
     }
     for hypothesis in &mut hypotheses {
@@ -60,7 +60,7 @@ pub fn rank_types(rows: &[&[u16]], exact_request_share: f64, device_order: Optio
         [only] => only.bits,
         [best, next, ..] => best.bits - next.bits,
     };
-    hypotheses[0].sure = hypotheses[0].bits >= MIN_HYPOTHESIS_BITS && margin >= MIN_MARGIN_BITS;
+    hypotheses[0].is_certain = hypotheses[0].bits >= MIN_HYPOTHESIS_BITS && margin >= MIN_MARGIN_BITS;
     hypotheses
 }
 
@@ -93,7 +93,7 @@ mod tests {
     fn best(rows: &[[u16; 2]]) -> Option<(Type, Order)> {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
         let hypotheses = rank_types(&rows, 0.0, None);
-        hypotheses.first().filter(|hypothesis| hypothesis.sure).map(|hypothesis| (hypothesis.kind, hypothesis.order))
+        hypotheses.first().filter(|hypothesis| hypothesis.is_certain).map(|hypothesis| (hypothesis.kind, hypothesis.order))
     }
 
     fn words(bits: u32, order: Order) -> [u16; 2] {
@@ -121,7 +121,7 @@ mod tests {
         let rows: Vec<&[u16]> = rows.iter().map(|row| &row[..]).collect();
         rank_types(&rows, 0.0, device_order)
             .first()
-            .filter(|hypothesis| hypothesis.sure)
+            .filter(|hypothesis| hypothesis.is_certain)
             .map(|hypothesis| (hypothesis.kind, hypothesis.order))
     }
 

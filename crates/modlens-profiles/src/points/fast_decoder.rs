@@ -19,17 +19,17 @@ enum DecoderKind {
     /// Not covered here: the caller has to take the general path through a `Value`.
     General,
     /// An unsigned register without scale.
-    Plain,
+    UnsignedRegister,
     /// A single precision float in two registers.
-    Float,
+    Float32,
     /// An unsigned register divided by a power of ten.
-    Scaled,
+    ScaledRegister,
     /// An integer with everything that `IntegerDecoder` can express.
     Integer,
     /// An integer with the scale factor in `factors[slot]`, whose exponent is added to this one.
     Factor { exponent: i32, slot: u16 },
     /// A double precision float in four registers.
-    Double(Order),
+    Float64(Order),
 }
 
 /// How to extract an integer from one or two registers. All of the operations below are always executed; neutral
@@ -37,7 +37,7 @@ enum DecoderKind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct IntegerDecoder {
     /// Whether the low byte of a register comes first.
-    swapped: bool,
+    has_swapped_bytes: bool,
     /// Rotation to the left, in bits, that moves the most significant register to the front.
     rotate_left: u8,
     /// Shift to the left, in bits, that moves the first significant bit to the front; `shift_right` then shifts to the right,
@@ -68,7 +68,7 @@ const POWERS: [f64; 23] = [
 
 impl FastDecoder {
     /// The decoder of a register without a point.
-    pub const BARE: Self = Self { width: 1, kind: DecoderKind::Plain, integer: IntegerDecoder::BARE };
+    pub const BARE: Self = Self { width: 1, kind: DecoderKind::UnsignedRegister, integer: IntegerDecoder::BARE };
 
     /// A decoder that refers the caller to the general path.
     pub fn general(width: u16) -> Self {
@@ -81,9 +81,9 @@ impl FastDecoder {
         let has_no_scale = point.scale.is_none() && point.offset.is_none() && factor.is_none();
         let is_unscaled = has_no_scale && point.nan.is_empty();
         match point.kind {
-            Type::F64 if is_unscaled => return Self { kind: DecoderKind::Double(point.order), ..general },
+            Type::F64 if is_unscaled => return Self { kind: DecoderKind::Float64(point.order), ..general },
             Type::F32 if is_unscaled => {
-                return Self { width, kind: DecoderKind::Float, integer: IntegerDecoder::of(2, point.order) }
+                return Self { width, kind: DecoderKind::Float32, integer: IntegerDecoder::of(2, point.order) }
             }
             _ => {}
         }
@@ -99,7 +99,7 @@ impl FastDecoder {
         match POWERS.get(-exponent as usize).map(|&divisor| IntegerDecoder { divisor, ..integer }) {
             Some(IntegerDecoder::BARE) => Self::BARE,
             Some(integer @ IntegerDecoder { divisor, .. }) if integer == (IntegerDecoder { divisor, ..IntegerDecoder::BARE }) => {
-                Self { width, kind: DecoderKind::Scaled, integer }
+                Self { width, kind: DecoderKind::ScaledRegister, integer }
             }
             Some(integer) => Self { width, kind: DecoderKind::Integer, integer },
             None => general,
@@ -113,13 +113,13 @@ impl FastDecoder {
     /// learns it: a branch for each of the frequent forms is cheaper than one code path for all of them.
     #[inline]
     pub fn number(&self, bytes: &[u8], at: usize, factors: &[Option<i32>]) -> Result<f64, ()> {
-        if self.kind == DecoderKind::Plain {
+        if self.kind == DecoderKind::UnsignedRegister {
             return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)));
         }
-        if self.kind == DecoderKind::Scaled {
+        if self.kind == DecoderKind::ScaledRegister {
             return Ok(f64::from(u16::from_be_bytes(array(bytes, at)?)) / self.integer.divisor);
         }
-        if self.kind == DecoderKind::Float {
+        if self.kind == DecoderKind::Float32 {
             let number = f32::from_bits(self.integer.most_significant_first(u32::from_be_bytes(array(bytes, at)?)));
             return Ok(if number.is_finite() { f64::from(number) } else { NO_NUMBER });
         }
@@ -139,7 +139,7 @@ impl FastDecoder {
                 let divisor = *POWERS.get(-(exponent + power) as usize).ok_or(())?;
                 Ok(IntegerDecoder { divisor, ..self.integer }.number(load_two_registers(bytes, at, self.width)?))
             }
-            DecoderKind::Double(order) => {
+            DecoderKind::Float64(order) => {
                 let number = f64::from_bits(bits_of_four_registers(array(bytes, at)?, order));
                 Ok(if number.is_finite() { number } else { NO_NUMBER })
             }
@@ -161,7 +161,7 @@ fn load_two_registers(bytes: &[u8], at: usize, width: u16) -> Result<u32, ()> {
 impl IntegerDecoder {
     /// An unsigned register.
     const BARE: Self = Self {
-        swapped: false,
+        has_swapped_bytes: false,
         rotate_left: 0,
         shift_left: 0,
         shift_right: 16,
@@ -182,9 +182,9 @@ impl IntegerDecoder {
         };
         let rotate_left = 16 * u8::from(behind);
         if registers == 1 {
-            Self { swapped: order.swaps_bytes(), rotate_left, ..Self::BARE }
+            Self { has_swapped_bytes: order.swaps_bytes(), rotate_left, ..Self::BARE }
         } else {
-            Self { swapped: order.swaps_bytes(), rotate_left, shift_right: 0, mask: 0xFFFF_FFFF, ..Self::BARE }
+            Self { has_swapped_bytes: order.swaps_bytes(), rotate_left, shift_right: 0, mask: 0xFFFF_FFFF, ..Self::BARE }
         }
     }
 
@@ -201,7 +201,7 @@ impl IntegerDecoder {
     /// The loaded registers with the most significant byte first.
     #[inline]
     fn most_significant_first(&self, registers: u32) -> u32 {
-        if self.swapped { registers.swap_bytes() } else { registers }.rotate_left(u32::from(self.rotate_left))
+        if self.has_swapped_bytes { registers.swap_bytes() } else { registers }.rotate_left(u32::from(self.rotate_left))
     }
 
     /// The significant bits as a signed number.

@@ -281,7 +281,7 @@ impl PlanInstance {
         each: impl FnMut(&[f64]),
     ) {
         let (decoders, factors) = (&self.plan.decoders[..], &self.factors[..]);
-        buffer.of(entries, each, |entry| {
+        buffer.for_each_chunk(entries, each, |entry| {
             let at = 2 * usize::from(entry.address.wrapping_sub(first));
             let number = decoders[usize::from(entry.decoder)].number(bytes, at, factors);
             number.unwrap_or_else(|()| self.long_number(*entry, bytes, at))
@@ -366,7 +366,7 @@ impl Default for NumberBuffer {
 impl NumberBuffer {
     /// Computes the number of each item and passes the numbers on, one buffer at a time.
     #[inline]
-    pub fn of<T>(&mut self, items: &[T], mut each: impl FnMut(&[f64]), number: impl Fn(&T) -> f64) {
+    pub fn for_each_chunk<T>(&mut self, items: &[T], mut each: impl FnMut(&[f64]), number: impl Fn(&T) -> f64) {
         for items in items.chunks(PART_NUMBERS) {
             self.0.iter_mut().zip(items).for_each(|(slot, item)| *slot = number(item));
             each(&self.0[..items.len()]);

@@ -193,7 +193,7 @@ impl Samples {
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide_point.width)).filter(|_| enough).collect();
         let point = plan.point(plan.compiled_point(wide_point.compiled));
         let hypotheses = rank_types(&rows, 0.0, None);
-        let best = hypotheses.first().filter(|hypothesis| hypothesis.sure && hypothesis.order != point.order)?;
+        let best = hypotheses.first().filter(|hypothesis| hypothesis.is_certain && hypothesis.order != point.order)?;
         // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings
         // as an integer.
         let same_kind_of_number = is_float(best.kind) == is_float(point.kind);

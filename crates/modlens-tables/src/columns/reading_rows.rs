@@ -254,7 +254,7 @@ impl AllRows {
             Data::Bits(..) | Data::Coil(_) => {
                 let items = block.items(batch);
                 let bit = |entry: &LayoutEntry| f64::from(items.get(usize::from(entry.address.wrapping_sub(block.first))));
-                buffer.of(entries, each, bit);
+                buffer.for_each_chunk(entries, each, bit);
             }
         }
     }
@@ -266,7 +266,7 @@ fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Number
     match items {
         Items::Words(bytes) => {
             let pairs = bytes[2 * places.start..2 * places.end].as_chunks().0;
-            buffer.of(pairs, each, |pair| f64::from(u16::from_be_bytes(*pair)));
+            buffer.for_each_chunk(pairs, each, |pair| f64::from(u16::from_be_bytes(*pair)));
         }
         Items::Bits(bytes, _) => {
             let bit = |place: usize| [0.0, 1.0][usize::from(bytes[place / 8] >> (place % 8) & 1)];

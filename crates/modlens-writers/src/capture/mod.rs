@@ -103,8 +103,9 @@ impl Capture {
         }
     }
 
-    /// Adds a batch. `kept` has its transactions or frames that a filter kept. Call `more` to get what can be written.
-    pub fn put(&mut self, batch: &Arc<Batch>, kept: Option<&Table>) {
+    /// Adds a batch. `kept` has its transactions or frames that a filter kept. Call `append_ready` to get what can be
+    /// written.
+    pub fn add_batch(&mut self, batch: &Arc<Batch>, kept: Option<&Table>) {
         if let Some(kept) = kept {
             self.filtered = Some(kept.kind);
             self.kept.extend((0..kept.len()).filter_map(|row| kept.number(row)));
@@ -131,15 +132,15 @@ impl Capture {
 
     /// Appends the packets that can be written now, until `out` holds `enough` bytes: a small buffer that is used again
     /// and again stays in the processor's cache. Appends nothing if nothing is left.
-    pub fn more(&mut self, enough: usize, out: &mut Vec<u8>) {
-        self.head(out);
-        self.drain(false, enough, out);
+    pub fn append_ready(&mut self, enough: usize, out: &mut Vec<u8>) {
+        self.append_header(out);
+        self.write_waiting(false, enough, out);
     }
 
     /// Appends all remaining packets.
-    pub fn end(&mut self, out: &mut Vec<u8>) {
-        self.head(out);
-        self.drain(true, usize::MAX, out);
+    pub fn finish(&mut self, out: &mut Vec<u8>) {
+        self.append_header(out);
+        self.write_waiting(true, usize::MAX, out);
         if self.left_out > 0 && !self.options.classic {
             let words = format!("{} frames are not in this file: damaged ones, noise, or of unknown direction", self.left_out);
             blocks::statistics(0, self.newest, &words, out);
@@ -147,7 +148,7 @@ impl Capture {
     }
 
     /// Appends the file header, once.
-    fn head(&mut self, out: &mut Vec<u8>) {
+    fn append_header(&mut self, out: &mut Vec<u8>) {
         if std::mem::replace(&mut self.has_header, true) {
             return;
         }
@@ -169,7 +170,7 @@ impl Capture {
 
     /// Writes the waiting frames until one has to wait, or `enough` bytes were written. `all` is set at the end of the
     /// recording, when no frame waits any longer.
-    fn drain(&mut self, all: bool, enough: usize, out: &mut Vec<u8>) {
+    fn write_waiting(&mut self, all: bool, enough: usize, out: &mut Vec<u8>) {
         while let Some((batch, first)) = self.waiting.pop_front() {
             for (at, frame) in batch.frames.iter().enumerate().skip(first) {
                 let keep = if out.len() < enough { self.should_write(frame, all) } else { None };
@@ -178,7 +179,7 @@ impl Capture {
                     self.drop_written();
                     return;
                 };
-                self.frame(&batch, at, keep, out);
+                self.write_or_keep(&batch, at, keep, out);
             }
         }
         self.drop_written();
@@ -224,7 +225,7 @@ impl Capture {
     }
 
     /// Writes a frame, or keeps it as possible context of the next one.
-    fn frame(&mut self, batch: &Arc<Batch>, at: usize, keep: bool, out: &mut Vec<u8>) {
+    fn write_or_keep(&mut self, batch: &Arc<Batch>, at: usize, keep: bool, out: &mut Vec<u8>) {
         if keep {
             for (batch, at) in std::mem::take(&mut self.context_before) {
                 self.write(&batch, at, out);
@@ -256,7 +257,7 @@ impl Capture {
         let txn = frame.txn.unwrap_or(frame.number);
         let route = self.ports.route(frame.bus as usize, txn, frame.direction, echo || frame.txn.is_none());
         if self.options.style == Encapsulation::Tcp {
-            self.synthetic(batch, frame, route, time, out);
+            self.write_tcp_frame(batch, frame, route, time, out);
             return;
         }
         self.written += 1;
@@ -273,13 +274,13 @@ impl Capture {
         let origin = if self.origin_written { None } else { origin(frame) };
         self.origin_written |= origin.is_some();
         packet::annotations(self.options.style, batch, frame, &findings_by_frame, origin, out);
-        self.transactions(frame, out);
+        self.append_annotations(frame, out);
         blocks::end_options(out);
         blocks::end_block(start, out);
     }
 
     /// Appends the annotations of all transactions that are complete with this frame.
-    fn transactions(&mut self, frame: &Frame, out: &mut Vec<u8>) {
+    fn append_annotations(&mut self, frame: &Frame, out: &mut Vec<u8>) {
         if let Some(txn) = frame.txn {
             match self.pending_annotations.get(txn).map(|(batch, at)| &batch.transactions[at]) {
                 Some(row) if frame.number < last_frame(row) => {}
@@ -311,7 +312,7 @@ impl Capture {
     }
 
     /// Writes a frame in the style `tcp`. Frames that TCP could not carry are only counted.
-    fn synthetic(&mut self, batch: &Batch, frame: &Frame, route: Route, time: u64, out: &mut Vec<u8>) {
+    fn write_tcp_frame(&mut self, batch: &Batch, frame: &Frame, route: Route, time: u64, out: &mut Vec<u8>) {
         if !frame.verdict.is_good() || frame.direction == Direction::Unknown {
             self.left_out += 1;
             return;
@@ -398,8 +399,8 @@ mod tests {
         let frames: [&[u8]; 2] = [&[1, 3, 0, 0, 0, 1, 0x84, 0x0A], &[1, 3, 2, 0, 7, 0xF9, 0x86]];
         for at in 0..40 {
             session.feed(bus, &Chunk { bytes: frames[at % 2], times: Times::Read(at as Ns * 200_000_000), ..Chunk::default() });
-            capture.put(&Arc::new(session.take()), None);
-            capture.more(usize::MAX, &mut out);
+            capture.add_batch(&Arc::new(session.take()), None);
+            capture.append_ready(usize::MAX, &mut out);
         }
         assert!(capture.written >= 38, "{}", capture.written);
         assert!(capture.unannotated.len() < 2, "{:?}", capture.unannotated);

@@ -69,7 +69,7 @@ impl ValueList<'_> {
     }
 
     /// As many values as fit into `room` columns, and the number of the remaining ones.
-    pub fn within(&self, room: usize) -> String {
+    pub fn fitting_text(&self, room: usize) -> String {
         let first = self.len().min(room / 2 + 1); // each takes at least two columns
         let mut text_ends = Vec::with_capacity(first);
         let mut out = String::new();
@@ -128,45 +128,45 @@ impl CellContent<'_> {
 
 /// The head of a column: its title, its least and greatest width, its alignment, and its share of the free room.
 ///
-/// A column with `most` and `share` 0 is never cut.
+/// A column with `max_width` and `room_share` 0 is never cut.
 #[derive(Clone, Debug)]
 pub struct ColumnHead {
     pub title: String,
-    pub least: usize,
-    pub most: usize,
-    pub share: usize,
-    pub right: bool,
+    pub min_width: usize,
+    pub max_width: usize,
+    pub room_share: usize,
+    pub is_right_aligned: bool,
 }
 
 impl ColumnHead {
     /// A column of left-aligned text, as wide as its widest cell in the first rows.
-    pub fn left(title: &str, least: usize) -> Self {
-        Self { title: title.to_owned(), least, most: 0, share: 0, right: false }
+    pub fn left(title: &str, min_width: usize) -> Self {
+        Self { title: title.to_owned(), min_width, max_width: 0, room_share: 0, is_right_aligned: false }
     }
 
     /// A column of right-aligned numbers.
-    pub fn right(title: &str, least: usize) -> Self {
-        Self { right: true, ..Self::left(title, least) }
+    pub fn right(title: &str, min_width: usize) -> Self {
+        Self { is_right_aligned: true, ..Self::left(title, min_width) }
     }
 
     /// Limits the width.
-    pub fn at_most(self, most: usize) -> Self {
-        Self { most, ..self }
+    pub fn at_most(self, max_width: usize) -> Self {
+        Self { max_width, ..self }
     }
 
     /// Gives the column a share of the room that is left.
     pub fn sharing(self) -> Self {
-        Self { share: 1, ..self }
+        Self { room_share: 1, ..self }
     }
 
     /// The width of the column for these cells.
     fn width(&self, cells: impl Iterator<Item = String>) -> usize {
-        let least = self.least.max(width(&self.title));
-        if self.share > 0 {
-            return least;
+        let min_width = self.min_width.max(width(&self.title));
+        if self.room_share > 0 {
+            return min_width;
         }
         let widest = cells.map(|cell| width(&cell)).max().unwrap_or(0);
-        least.max(if self.most > 0 { widest.min(self.most) } else { widest })
+        min_width.max(if self.max_width > 0 { widest.min(self.max_width) } else { widest })
     }
 }
 
@@ -189,27 +189,27 @@ impl GridColumn {
 /// The columns of a table with their widths.
 pub struct Grid {
     columns: Vec<GridColumn>,
-    widths: Vec<usize>,
+    column_widths: Vec<usize>,
     gap: &'static str,
 }
 
 impl Grid {
     /// Derives the widths from the first rows, for `room` columns of the terminal.
     pub fn new(columns: Vec<GridColumn>, rows: &[RowRef<'_>], room: usize, gap: &'static str) -> Self {
-        let mut widths: Vec<usize> =
+        let mut column_widths: Vec<usize> =
             columns.iter().map(|column| column.head.width(rows.iter().map(|row| (column.read)(row).0.full_text()))).collect();
-        let taken = widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
-        let mut rest = room.saturating_sub(taken);
-        let mut shares: usize = columns.iter().map(|column| column.head.share).sum();
-        for (column, width) in columns.iter().zip(&mut widths) {
-            if column.head.share > 0 {
-                let additional = rest * column.head.share / shares;
+        let taken = column_widths.iter().sum::<usize>() + gap.len() * (columns.len() - 1);
+        let mut room_left = room.saturating_sub(taken);
+        let mut shares: usize = columns.iter().map(|column| column.head.room_share).sum();
+        for (column, width) in columns.iter().zip(&mut column_widths) {
+            if column.head.room_share > 0 {
+                let additional = room_left * column.head.room_share / shares;
                 *width += additional;
-                rest -= additional;
-                shares -= column.head.share;
+                room_left -= additional;
+                shares -= column.head.room_share;
             }
         }
-        Self { columns, widths, gap }
+        Self { columns, column_widths, gap }
     }
 
     /// The line of titles.
@@ -218,12 +218,12 @@ impl Grid {
         self.line(titles)
     }
 
-    /// The line of a row. The text of the column `given` is `cell`.
-    pub fn row(&self, row: &RowRef<'_>, given: usize, cell: String) -> Vec<StyledText> {
+    /// The line of a row. The text of the column `replaced_column` is `cell`.
+    pub fn row(&self, row: &RowRef<'_>, replaced_column: usize, cell: String) -> Vec<StyledText> {
         let mut cell = Some(cell);
         self.line(self.columns.iter().enumerate().map(|(index, column)| {
             let (shown, style) = (column.read)(row);
-            match cell.take_if(|_| index == given) {
+            match cell.take_if(|_| index == replaced_column) {
                 Some(text) => (CellContent::Text(text), style),
                 None => (shown, style),
             }
@@ -233,14 +233,16 @@ impl Grid {
     /// The parts of a line.
     fn line<'a>(&self, cells: impl Iterator<Item = (CellContent<'a>, Style)>) -> Vec<StyledText> {
         let mut parts = Vec::with_capacity(2 * self.columns.len() + 4);
-        for ((column, &room), (cell, style)) in self.columns.iter().zip(&self.widths).zip(cells) {
+        for ((column, &room), (cell, style)) in self.columns.iter().zip(&self.column_widths).zip(cells) {
             if !parts.is_empty() {
                 parts.push((self.gap.to_owned(), Style::Plain));
             }
             match cell {
                 CellContent::Run(pieces) => push_run(&pieces, room, &mut parts),
-                CellContent::ValueList(values) => parts.push((fitted(values.within(room), &column.head, room), style)),
-                CellContent::Text(text) => parts.push((fitted(text, &column.head, room), style)),
+                CellContent::ValueList(values) => {
+                    parts.push((fit_to_width(values.fitting_text(room), &column.head, room), style))
+                }
+                CellContent::Text(text) => parts.push((fit_to_width(text, &column.head, room), style)),
             }
         }
         parts
@@ -248,12 +250,12 @@ impl Grid {
 }
 
 /// A text in the width of its column; a number that does not fit is not cut.
-fn fitted(text: String, head: &ColumnHead, room: usize) -> String {
-    if width(&text) > room && head.share == 0 && head.most == 0 {
+fn fit_to_width(text: String, head: &ColumnHead, room: usize) -> String {
+    if width(&text) > room && head.room_share == 0 && head.max_width == 0 {
         return text;
     }
     let mut out = String::with_capacity(room.max(text.len()));
-    push_fitted(&text, room, head.right, &mut out);
+    push_fitted(&text, room, head.is_right_aligned, &mut out);
     out
 }
 
@@ -264,7 +266,7 @@ fn push_run(pieces: &[(CellContent<'_>, Style)], room: usize, parts: &mut Vec<St
         let start_column = end.map_or(0, |end| end + 1);
         let Some(columns_left) = room.checked_sub(start_column) else { break };
         let text = match piece {
-            CellContent::ValueList(values) => values.within(columns_left),
+            CellContent::ValueList(values) => values.fitting_text(columns_left),
             CellContent::Text(text) => text.clone(),
             CellContent::Run(_) => continue,
         };
@@ -309,16 +311,16 @@ mod tests {
 
     #[test]
     fn as_many_values_are_shown_as_fit() {
-        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1), ("7", 1)]).within(10), "555 0 … +2");
-        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1)]).within(9), "555 0 100");
-        assert_eq!(ValueList::Numbers(Items::Words(&[0, 1, 255, 255])).within(7), "1 65535");
-        assert_eq!(ValueList::Bytes(&[1, 0xAB]).within(80), "01 ab");
-        assert_eq!(ValueList::Bytes(&[]).within(0), "");
+        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1), ("7", 1)]).fitting_text(10), "555 0 … +2");
+        assert_eq!(texts(&[("555", 1), ("0", 1), ("100", 1)]).fitting_text(9), "555 0 100");
+        assert_eq!(ValueList::Numbers(Items::Words(&[0, 1, 255, 255])).fitting_text(7), "1 65535");
+        assert_eq!(ValueList::Bytes(&[1, 0xAB]).fitting_text(80), "01 ab");
+        assert_eq!(ValueList::Bytes(&[]).fitting_text(0), "");
     }
 
     #[test]
     fn groups_of_bits_count_as_bits() {
-        assert_eq!(texts(&[("10110011", 8), ("10110011", 8), ("1", 1)]).within(14), "10110011 … +9");
+        assert_eq!(texts(&[("10110011", 8), ("10110011", 8), ("1", 1)]).fitting_text(14), "10110011 … +9");
     }
 
     #[test]
@@ -338,7 +340,7 @@ mod tests {
         fn all_values_or_some_and_the_number_of_the_others(numbers: Vec<u16>, room in 1usize..60) {
             let spelled: Vec<String> = numbers.iter().map(u16::to_string).collect();
             let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_be_bytes()).collect();
-            let shown = ValueList::Numbers(Items::Words(&bytes)).within(room);
+            let shown = ValueList::Numbers(Items::Words(&bytes)).fitting_text(room);
             match shown.split_once('…') {
                 None => prop_assert_eq!(&shown, &spelled.join(" ")),
                 Some((begun, more)) => {

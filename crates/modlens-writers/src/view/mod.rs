@@ -27,7 +27,7 @@ const WIDE_COLUMNS: usize = 120;
 /// The appearance of a table.
 pub struct TableOptions {
     /// The notation of addresses.
-    pub base: AddressNotation,
+    pub addresses: AddressNotation,
     /// The times to show.
     pub times: TimeDisplay,
     /// The user's time zone.
@@ -46,21 +46,21 @@ pub struct TableLines {
 }
 
 /// The index of the time column.
-const TIME_COLUMN: usize = 1;
+const TIME_COLUMN_INDEX: usize = 1;
 
 impl TableLines {
     /// The lines of a table that begins with these rows, of which there must be at least one.
     pub fn new(kind: TableKind, rows: &[RowRef<'_>], options: TableOptions) -> Self {
         let is_wide = options.width >= WIDE_COLUMNS;
         let mut time_column = TimeColumn::new(options.times, kind, &rows[0], if is_wide { 6 } else { 3 }, options.zone);
-        let mut columns = table_columns::columns(kind, options.base, rows, is_wide);
+        let mut columns = table_columns::columns(kind, options.addresses, rows, is_wide);
         // The cells of the time column depend on previous rows, unlike those of all other columns.
         let widest = rows.iter().map(|row| safe_text::width(&time_column.cell(row))).max().unwrap_or(0);
         let head = time_column.head();
-        let head = grid::ColumnHead { least: head.least.max(widest), ..head };
-        columns.insert(TIME_COLUMN, GridColumn::new(head, |_| (CellContent::Text(String::new()), Style::Dim)));
+        let head = grid::ColumnHead { min_width: head.min_width.max(widest), ..head };
+        columns.insert(TIME_COLUMN_INDEX, GridColumn::new(head, |_| (CellContent::Text(String::new()), Style::Dim)));
         if let Some(labels) = options.labels {
-            columns.insert(TIME_COLUMN + 1, table_columns::bus(kind, labels));
+            columns.insert(TIME_COLUMN_INDEX + 1, table_columns::bus(kind, labels));
         }
         let grid = Grid::new(columns, rows, options.width, if is_wide { "  " } else { " " });
         Self { grid, time_column, started: false }
@@ -75,7 +75,7 @@ impl TableLines {
     pub fn row(&mut self, row: &RowRef<'_>) -> Vec<StyledText> {
         let time = self.time_column.cell(row);
         self.time_column.advance(row);
-        self.grid.row(row, TIME_COLUMN, time)
+        self.grid.row(row, TIME_COLUMN_INDEX, time)
     }
 
     /// Passes on the lines of a range of rows, with the titles before the first row of all, and each date before its
@@ -107,5 +107,5 @@ pub fn push_plain(parts: &[StyledText], out: &mut String) {
 
 /// The values of a transaction, as many as fit into `width` columns.
 pub fn carried(row: &RowRef<'_>, base: AddressNotation, width: usize) -> String {
-    TransactionValues::new(ColumnLookup(TableKind::Transactions)).values(row, base).within(width)
+    TransactionValues::new(ColumnLookup(TableKind::Transactions)).values(row, base).fitting_text(width)
 }

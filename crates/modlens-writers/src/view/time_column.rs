@@ -27,7 +27,7 @@ enum TimeColumnContent {
 
 /// The time column of one table.
 pub struct TimeColumn {
-    kind: TimeColumnContent,
+    content: TimeColumnContent,
     title: String,
     digits: usize,
     time: Option<usize>,
@@ -47,7 +47,7 @@ impl TimeColumn {
         let column = |key| table.column(key).ok();
         let elapsed = column("elapsed_us").expect("every table has it");
         let mut column = Self {
-            kind: TimeColumnContent::Place,
+            content: TimeColumnContent::Place,
             title: String::new(),
             digits,
             time: column("time"),
@@ -61,11 +61,11 @@ impl TimeColumn {
         let relative = column.elapsed_us(first).is_some();
         match (wanted, column.time(first)) {
             (TimeDisplay::Clock, Some(ns)) => {
-                column.kind = TimeColumnContent::Clock;
+                column.content = TimeColumnContent::Clock;
                 column.title = format!("time {}", zone_text(column.utc_offset(ns)));
             }
-            (TimeDisplay::Delta, _) if relative => (column.kind, column.title) = (TimeColumnContent::Delta, "delta s".into()),
-            _ if relative => (column.kind, column.title) = (TimeColumnContent::Elapsed, "elapsed s".into()),
+            (TimeDisplay::Delta, _) if relative => (column.content, column.title) = (TimeColumnContent::Delta, "delta s".into()),
+            _ if relative => (column.content, column.title) = (TimeColumnContent::Elapsed, "elapsed s".into()),
             _ => column.title = column.position(first).map_or("place", |(position, _)| position_name(position)).into(),
         }
         column
@@ -73,7 +73,7 @@ impl TimeColumn {
 
     /// The head of the column.
     pub fn head(&self) -> ColumnHead {
-        let least = match self.kind {
+        let least = match self.content {
             TimeColumnContent::Clock => "00:00:00.".len() + self.digits,
             TimeColumnContent::Place => 7,
             TimeColumnContent::Elapsed | TimeColumnContent::Delta => 5 + self.digits,
@@ -83,7 +83,7 @@ impl TimeColumn {
 
     /// The text of a row's cell.
     pub fn cell(&mut self, row: &RowRef<'_>) -> String {
-        match self.kind {
+        match self.content {
             TimeColumnContent::Clock => {
                 self.time(row).map_or_else(String::new, |ns| self.local(ns)[11..=19 + self.digits].to_owned())
             }
@@ -98,7 +98,7 @@ impl TimeColumn {
 
     /// The date of a row, if it differs from that of the row before.
     pub fn day(&mut self, row: &RowRef<'_>) -> Option<String> {
-        let ns = self.time(row).filter(|_| self.kind == TimeColumnContent::Clock)?;
+        let ns = self.time(row).filter(|_| self.content == TimeColumnContent::Clock)?;
         let mut text = self.local(ns);
         text.truncate(10);
         if text == self.day {
@@ -110,7 +110,7 @@ impl TimeColumn {
 
     /// Ends a row: times since the previous row count from it now.
     pub fn advance(&mut self, row: &RowRef<'_>) {
-        if self.kind == TimeColumnContent::Delta {
+        if self.content == TimeColumnContent::Delta {
             self.previous_us = self.elapsed_us(row);
         }
     }
