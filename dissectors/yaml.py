@@ -1,6 +1,6 @@
 """YAML 1.2 with line numbers, as the tree that the core's profiles take.
 
-ruamel.yaml is an extra (`pip install 'modlens[yaml]'`). PyYAML is not used: it reads YAML 1.1,
+ruamel.yaml is an extra (`pip install ruamel.yaml`). PyYAML is not used: it reads YAML 1.1,
 where `0107` is 71, `12:30` is 750 and `NO` is false.
 """
 
@@ -27,7 +27,7 @@ def load(text: str, path: str) -> Any:
         from ruamel.yaml import YAML  # noqa: PLC0415 - an extra
         from ruamel.yaml.error import MarkedYAMLError, YAMLError  # noqa: PLC0415
     except ImportError:
-        raise UsageError(f"{path}: YAML needs ruamel.yaml; pip install 'modlens[yaml]'") from None
+        raise UsageError(f"{path}: YAML needs ruamel.yaml; pip install ruamel.yaml") from None
     try:
         return YAML(typ="rt").compose(text)
     except MarkedYAMLError as error:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analyzer.bus_file import choose_buses
 from analyzer.cli.live_screen import LiveScreen
@@ -28,6 +28,9 @@ from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
 from analyzer.views.summary import damaged
 from dissectors.errors import SourceError, UsageError
+
+if TYPE_CHECKING:
+    from analyzer.feeds.mqtt import Mqtt
 
 __all__ = ["add_arguments", "run"]
 
@@ -95,7 +98,17 @@ def _add_triggers(parser: argparse.ArgumentParser) -> None:
 
 def _add_feeds(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("feeds")
-    group.add_argument("--mqtt", metavar="URL", help="publish to mqtt://[user:pw@]host/prefix")
+    group.add_argument(
+        "--mqtt", metavar="URL", help="publish to mqtt://[user@]host/prefix, or mqtts:// for TLS"
+    )
+    group.add_argument(
+        "--mqtt-password-file",
+        metavar="FILE",
+        help="the user's password (else from $MODLENS_MQTT_PASSWORD)",
+    )
+    group.add_argument("--mqtt-ca", metavar="FILE", help="trust these authorities (PEM) for mqtts")
+    group.add_argument("--mqtt-cert", metavar="FILE", help="our own certificate (PEM) for mqtts")
+    group.add_argument("--mqtt-key", metavar="FILE", help="the key of --mqtt-cert (PEM)")
     group.add_argument("--mqtt-spool", metavar="FILE", help="keep there what the broker lacks yet")
     group.add_argument(
         "--home-assistant", action="store_true", help="with --mqtt: announce values as sensors"
@@ -155,6 +168,9 @@ def run(options: argparse.Namespace) -> int:
             if not outputs.reader_gone:
                 messages.statistics(stats)
                 messages.summary(stats)
+    if any(getattr(sink, "failed", False) for sink in extra_sinks) and not outputs.status:
+        messages.error("nothing was delivered to the MQTT broker")
+        return SourceError.exit_status
     if options.strict and damaged(stats) and not outputs.status:
         return DAMAGED
     return outputs.status
@@ -285,6 +301,10 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
         raise UsageError("tap: --around needs --where EXPR and -o FILE")
     if options.view is not None and options.to is not None:
         raise UsageError("tap: --view and --to both want standard output; leave one out")
+    feed = ("home_assistant", *(name for name in vars(options) if name.startswith("mqtt_")))
+    given = next((name for name in feed if getattr(options, name)), None)
+    if given is not None and options.mqtt is None:
+        raise UsageError(f"tap: --{given.replace('_', '-')} needs --mqtt URL")
     return replace(settings, tables=tuple(sorted({*settings.tables, "transactions"})))
 
 
@@ -305,32 +325,48 @@ def _sinks(
             EventCapture(options.around, options.where, one, options.columns)
             for one in targets(options)
         ]
-    for make in (_mqtt, _metrics):
-        feed = make(options, live)
-        if feed is not None:
-            opened.callback(feed.rollback)
-            tap_messages.info(f"publishing to {feed.name}")
-            sinks.append(feed)
-    return sinks
+    return sinks + _feeds(options, live, tap_messages, opened)
 
 
-def _mqtt(options: argparse.Namespace, live: LiveRun) -> OutputSink | None:
+def _feeds(
+    options: argparse.Namespace, live: LiveRun, tap_messages: _TapMessages, opened: ExitStack
+) -> list[OutputSink]:
+    feeds: list[OutputSink] = []
+    mqtt = _mqtt(options, tap_messages)
+    if mqtt is not None:
+        feeds.append(mqtt)
+    if options.metrics is not None:
+        from analyzer.feeds.metrics import Metrics, parse_address  # noqa: PLC0415
+
+        stats: Callable[[], dict[str, Any]] = live.stats
+        metrics = Metrics(parse_address(options.metrics), stats, mqtt)
+        tap_messages.info(f"publishing to {metrics.name}")
+        feeds.append(metrics)
+    for feed in feeds:
+        opened.callback(feed.rollback)
+    return feeds
+
+
+def _mqtt(options: argparse.Namespace, tap_messages: _TapMessages) -> Mqtt | None:
     if options.mqtt is None:
         return None
-    from analyzer.feeds.mqtt import Mqtt, parse_broker  # noqa: PLC0415
+    from analyzer.feeds.broker import parse_broker  # noqa: PLC0415
+    from analyzer.feeds.mqtt import Mqtt  # noqa: PLC0415
 
-    return Mqtt(
-        parse_broker(options.mqtt), spool=options.mqtt_spool, discovery=options.home_assistant
+    broker = parse_broker(
+        options.mqtt,
+        password_file=options.mqtt_password_file,
+        ca=options.mqtt_ca,
+        certificate=options.mqtt_cert,
+        key=options.mqtt_key,
     )
-
-
-def _metrics(options: argparse.Namespace, live: LiveRun) -> OutputSink | None:
-    if options.metrics is None:
-        return None
-    from analyzer.feeds.metrics import Metrics, parse_address  # noqa: PLC0415
-
-    stats: Callable[[], dict[str, Any]] = live.stats
-    return Metrics(parse_address(options.metrics), stats)
+    tap_messages.info(f"publishing to {broker}")
+    return Mqtt(
+        broker,
+        spool=options.mqtt_spool,
+        discovery=options.home_assistant,
+        notify=tap_messages.info,
+    )
 
 
 def _seconds(text: str | None) -> float | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import _modlens
 from dissectors.errors import SourceError, UsageError
@@ -33,22 +33,40 @@ def parse_address(text: str) -> tuple[str, int]:
     return host.strip("[]") or LOOPBACK, int(port)
 
 
+class BrokerFeed(Protocol):
+    """What is published of a feed to a broker."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker has accepted the connection."""
+
+    @property
+    def waiting(self) -> int:
+        """The number of messages that the broker has not acknowledged."""
+
+
 class Metrics:
     """A sink that counts, and a server that publishes the counters; `port` is the server's.
 
-    `UsageError` where the package prometheus-client is not installed, `SourceError` where the port
-    cannot be had.
+    `broker` is the MQTT feed of the same tap, whose state is published, too. `UsageError` where the
+    package prometheus-client is not installed, `SourceError` where the port cannot be had.
     """
 
     table = "transactions"
 
-    def __init__(self, where: tuple[str, int], stats: Callable[[], Mapping[str, Any]]) -> None:
+    def __init__(
+        self,
+        where: tuple[str, int],
+        stats: Callable[[], Mapping[str, Any]],
+        broker: BrokerFeed | None = None,
+    ) -> None:
         try:
             import prometheus_client as prometheus  # noqa: PLC0415
         except ImportError as error:
-            raise UsageError("--metrics needs a package: pip install 'modlens[metrics]'") from error
+            raise UsageError("--metrics needs a package: pip install prometheus-client") from error
         self.row_count = 0
         self._stats = stats
+        self._broker = broker
         self._next_update_s = 0.0
         registry = prometheus.CollectorRegistry()
         rows, unit = ("bus", "unit", "function", "status"), ("bus", "unit")
@@ -76,6 +94,12 @@ class Metrics:
             "Share of the time the line is used",
             ("bus",),
             registry=registry,
+        )
+        self._connected = prometheus.Gauge(
+            "modlens_mqtt_connected", "1 while the broker accepts messages", registry=registry
+        )
+        self._undelivered = prometheus.Gauge(
+            "modlens_mqtt_undelivered_messages", "Messages not acknowledged yet", registry=registry
         )
         try:
             self._server, self._thread = prometheus.start_http_server(
@@ -120,6 +144,9 @@ class Metrics:
 
         This is done in the sink's thread, because the server's thread must not call the core.
         """
+        if self._broker is not None:
+            self._connected.set(self._broker.is_connected)
+            self._undelivered.set(self._broker.waiting)
         for bus in self._stats()["buses"]:
             self._damaged.labels(bus["bus"]).set(bus["frames"].get("bad_checksum", 0))
             if bus["load"] is not None:

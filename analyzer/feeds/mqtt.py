@@ -15,73 +15,61 @@ from __future__ import annotations
 
 import json
 import re
+import sys
+import threading
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from typing import Any
-from urllib.parse import unquote, urlsplit
 
 import _modlens
 from analyzer.addresses import SHORT
 from analyzer.columns import pick
+from analyzer.feeds.broker import Broker, tls_context
 from analyzer.feeds.spool import Message, Spool
 from dissectors.errors import UsageError
 
-__all__ = ["Broker", "Mqtt", "parse_broker"]
+__all__ = ["Mqtt"]
 
 IN_FLIGHT = 200
 """Messages that may be given to the client before the first of them is acknowledged."""
 
 DISCOVERY = "homeassistant"
-_PORT = 1883
 _KEEPALIVE_S = 30
 _MAX_RECONNECT_S = 30
+_FIRST_OUTCOME_S = 3.0
+"""How long the start of a tap waits to hear whether the broker accepts the connection."""
+
+_GOODBYE_S = 2.0
 _MAX_VALUES = 200_000
+_BIT_TABLES = ("coil", "discrete_input")
 _NOT_IN_TOPIC = re.compile(r"[^\w.-]+")
-
-
-@dataclass(frozen=True, slots=True)
-class Broker:
-    """The broker: host, port, credentials (None without), and the prefix of all topics."""
-
-    host: str
-    port: int
-    user: str | None
-    password: str | None
-    prefix: str
-
-
-def parse_broker(url: str) -> Broker:
-    """Parse `mqtt://[user:password@]host[:port][/prefix]`; `UsageError` for another text.
-
-    >>> parse_broker("mqtt://192.168.1.9/plant").prefix
-    'plant'
-    """
-    try:
-        parts = urlsplit(url if "://" in url else f"mqtt://{url}")
-        port = parts.port or _PORT
-    except ValueError as error:
-        raise UsageError(f"--mqtt {url}: {error}") from error
-    if parts.scheme != "mqtt" or not parts.hostname:
-        raise UsageError(f"--mqtt {url}: write mqtt://host, mqtt://user:password@host:1883/prefix")
-    user = None if parts.username is None else unquote(parts.username)
-    password = None if parts.password is None else unquote(parts.password)
-    prefix = parts.path.strip("/") or "modlens"
-    return Broker(parts.hostname, port, user, password, prefix)
 
 
 class Mqtt:
     """A sink that publishes; `UsageError` where the package paho-mqtt is not installed.
 
     With `spool` unacknowledged messages are kept in this file; with `discovery` Home Assistant is
-    told of each value.
+    told of each value. `notify` is called, in the sink's thread, when the connection changes.
     """
 
     table = "transactions"
 
-    def __init__(self, where: Broker, *, spool: str | None = None, discovery: bool = False) -> None:
-        self.name = f"mqtt://{where.host}:{where.port}/{where.prefix}"
+    def __init__(
+        self,
+        where: Broker,
+        *,
+        spool: str | None = None,
+        discovery: bool = False,
+        notify: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.name = str(where)
         self.row_count = 0
+        self.delivered = 0
+        self.state = "connecting"
+        self._notify = notify
+        self._reported_state = self.state
+        self._has_outcome = threading.Event()
+        self._spool_path = spool
         self._prefix = where.prefix
         self._discovery = discovery
         self._spool = Spool(spool)
@@ -94,6 +82,8 @@ class Mqtt:
         self._client = self._make_client(where)
         self._client.connect_async(where.host, where.port, _KEEPALIVE_S)
         self._client.loop_start()
+        self._has_outcome.wait(_FIRST_OUTCOME_S)
+        self._report_state()
 
     def put(self, batch: _modlens.Batch) -> None:
         """Queue the messages of a batch, and publish those that are waiting."""
@@ -102,16 +92,18 @@ class Mqtt:
             self._spool.add(*self._messages(table))
             self.row_count += len(table)
         self._publish_waiting()
+        self._report_state()
 
     def close(self) -> None:
         """Publish `offline` and disconnect; unacknowledged messages stay in the spool's file."""
         self._publish_waiting()
         if self._client.is_connected():
             goodbye = self._client.publish(self._status, b"offline", qos=1, retain=True)
-            goodbye.wait_for_publish(2.0)
+            goodbye.wait_for_publish(_GOODBYE_S)
         self._client.disconnect()
         self._client.loop_stop()
-        self._spool.acknowledge(self._take_confirmed())
+        self._acknowledge()
+        self._report_end()
         self._spool.close()
 
     def rollback(self) -> None:
@@ -123,6 +115,16 @@ class Mqtt:
         return len(self._spool)
 
     @property
+    def is_connected(self) -> bool:
+        """Whether the broker has accepted the connection."""
+        return bool(self._client.is_connected())
+
+    @property
+    def failed(self) -> bool:
+        """Whether there was something to deliver, and the broker has acknowledged nothing."""
+        return not self.delivered and (self.row_count > 0 or len(self._spool) > 0)
+
+    @property
     def _status(self) -> str:
         return f"{self._prefix}/status"
 
@@ -132,23 +134,65 @@ class Mqtt:
             from paho.mqtt import client as paho  # noqa: PLC0415
             from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
         except ImportError as error:
-            raise UsageError("--mqtt needs a package: pip install 'modlens[mqtt]'") from error
+            raise UsageError("--mqtt needs a package: pip install paho-mqtt") from error
         client = paho.Client(CallbackAPIVersion.VERSION2)
+        if where.tls:
+            client.tls_set_context(tls_context(where))
         if where.user is not None:
             client.username_pw_set(where.user, where.password)
         client.will_set(self._status, b"offline", qos=1, retain=True)
         client.reconnect_delay_set(1, _MAX_RECONNECT_S)
         client.max_inflight_messages_set(IN_FLIGHT)
         client.on_connect = self._on_connect
+        client.on_connect_fail = self._on_connect_fail
+        client.on_disconnect = self._on_disconnect
         client.on_publish = self._on_publish
         client.on_message = self._on_message
         return client
 
-    def _on_connect(self, client: Any, *_: object) -> None:
+    def _on_connect(
+        self, client: Any, data: object, flags: object, reason: Any, *_: object
+    ) -> None:
         """Runs in the client's thread, so it only publishes the status and subscribes."""
+        if reason.is_failure:
+            self._set_state(f"the broker refuses the connection ({str(reason).lower()})")
+            return
+        self._set_state("connected")
         client.publish(self._status, b"online", qos=1, retain=True)
         if self._discovery:
             client.subscribe(f"{DISCOVERY}/status")
+
+    def _on_connect_fail(self, client: Any, data: object) -> None:
+        # The client calls this while it handles the exception, and does not pass it on.
+        error = sys.exception() if sys.version_info >= (3, 12) else sys.exc_info()[1]
+        reason = getattr(error, "strerror", None) or str(error or "no answer")
+        self._set_state(f"no connection ({reason})")
+
+    def _on_disconnect(
+        self, client: Any, data: object, flags: object, reason: Any, *_: object
+    ) -> None:
+        if reason.is_failure and self.state == "connected":
+            self._set_state(f"the connection is lost ({str(reason).lower()})")
+
+    def _set_state(self, state: str) -> None:
+        self.state = state
+        self._has_outcome.set()
+
+    def _report_state(self) -> None:
+        state = self.state
+        if state != self._reported_state:
+            self._reported_state = state
+            again = "" if state == "connected" else "; trying again"
+            self._notify(f"{self.name}: {state}{again}")
+
+    def _report_end(self) -> None:
+        """Say at the end what has not arrived, and where it is kept."""
+        left = len(self._spool)
+        if left:
+            kept = "lost" if self._spool_path is None else f"kept in {self._spool_path}"
+            self._notify(f"{self.name}: {self.delivered} messages delivered, {left} not: {kept}")
+        if self._spool.dropped:
+            self._notify(f"{self.name}: {self._spool.dropped} messages dropped: the queue was full")
 
     def _on_publish(self, client: Any, data: object, number: int, *_: object) -> None:
         self._confirmed.append(number)
@@ -160,12 +204,17 @@ class Mqtt:
         if self._must_announce:
             self._must_announce = False
             self._spool.add(*self._sensors.values())
-        self._spool.acknowledge(self._take_confirmed())
+        self._acknowledge()
         if not self._client.is_connected():
             return
         for number, one in self._spool.waiting(IN_FLIGHT - len(self._in_flight)):
             sent = self._client.publish(one.topic, one.payload, qos=1, retain=one.retain)
             self._in_flight[sent.mid] = number
+
+    def _acknowledge(self) -> None:
+        numbers = self._take_confirmed()
+        self.delivered += len(numbers)
+        self._spool.acknowledge(numbers)
 
     def _take_confirmed(self) -> list[int]:
         """The spool's numbers of the messages acknowledged since the last call."""
@@ -189,12 +238,13 @@ class Mqtt:
         if self._values.get(topic) == value or len(self._values) >= _MAX_VALUES:
             return
         if self._discovery and topic not in self._sensors:
-            self._sensors[topic] = self._sensor(topic, row, name)
+            self._sensors[topic] = self._sensor(topic, value, row, name)
             yield self._sensors[topic]
         self._values[topic] = value
-        yield Message(topic, str(value).encode(), retain=True)
+        payload = str(int(value) if isinstance(value, bool) else value)
+        yield Message(topic, payload.encode(), retain=True)
 
-    def _sensor(self, topic: str, row: _modlens.Row, name: str) -> Message:
+    def _sensor(self, topic: str, value: Any, row: _modlens.Row, name: str) -> Message:
         """The MQTT discovery message by which Home Assistant makes a sensor of one value."""
         node = _topic_level(f"{self._prefix}_{row.bus}_{row.unit}")
         about = {
@@ -208,7 +258,11 @@ class Mqtt:
                 "manufacturer": "seen by modlens",
             },
         }
-        where = f"{DISCOVERY}/sensor/{node}/{_topic_level(name)}/config"
+        kind = "sensor"
+        if isinstance(value, bool) or row.register_type in _BIT_TABLES:
+            kind = "binary_sensor"
+            about |= {"payload_on": "1", "payload_off": "0"}
+        where = f"{DISCOVERY}/{kind}/{node}/{_topic_level(name)}/config"
         return Message(where, json.dumps(about).encode(), retain=True)
 
 

@@ -164,7 +164,7 @@ def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
     paths = {"PYTHONPATH": str(tmp_path)}
     assert sys.version_info >= (3, 11)
     yaml = of(tmp_path / "m.yaml", "profile: 1\n")
-    wanted = "YAML needs ruamel.yaml; pip install 'modlens[yaml]'"
+    wanted = "YAML needs ruamel.yaml; pip install ruamel.yaml"
     for words in (
         ("import", "homeassistant", yaml), ("import", "esphome", yaml), ("profiles", "check", yaml),
     ):  # fmt: skip

@@ -21,7 +21,8 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 import _modlens
 from analyzer import SourceError, UsageError
-from analyzer.feeds.mqtt import Broker, Mqtt, parse_broker
+from analyzer.feeds.broker import Broker, parse_broker
+from analyzer.feeds.mqtt import Mqtt
 from analyzer.feeds.spool import Message, Spool
 from tests.analyzer.cli.test_triggers import batches
 from tests.conftest import need_program
