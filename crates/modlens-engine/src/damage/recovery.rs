@@ -70,15 +70,15 @@ impl DamageRecovery {
         let first = self.found.front().filter(|(start, _)| *start == offset);
         let Some((_, frame)) = first else {
             let noise_bytes = self.found.front().map_or(region_bytes, |(start, _)| (start - offset) as usize);
-            let cut = burst(at, noise_bytes, adu);
-            let is_glitch = cut.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..cut.length]);
-            return FrameResult { damage: is_glitch.then_some(DamageKind::Glitch), ..cut };
+            let result = burst(at, noise_bytes, adu);
+            let is_glitch = result.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..result.length]);
+            return FrameResult { damage: is_glitch.then_some(DamageKind::Glitch), ..result };
         };
         let length = frame.end - frame.start;
         let delimited_by = if length == region_bytes { DelimitedBy::Frame } else { DelimitedBy::Length };
-        let cut = emit(frame, &at.input.bytes()[..length], delimited_by, adu);
+        let result = emit(frame, &at.input.bytes()[..length], delimited_by, adu);
         self.found.pop_front();
-        cut
+        result
     }
 }
 
@@ -129,13 +129,13 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameRe
         None if input.is_ended => DelimitedBy::End,
         _ => DelimitedBy::Silence,
     };
-    let cut = burst_frame(input, context, burst_bytes, delimited_by).unwrap_or(FrameResult::noise(burst_bytes, delimited_by));
+    let result = burst_frame(input, context, burst_bytes, delimited_by).unwrap_or(FrameResult::noise(burst_bytes, delimited_by));
     adu.clear();
-    if cut.verdict != Verdict::Noise {
-        let end = if cut.verdict == Verdict::Incomplete { cut.length } else { cut.length - 2 };
+    if result.verdict != Verdict::Noise {
+        let end = if result.verdict == Verdict::Incomplete { result.length } else { result.length - 2 };
         adu.extend_from_slice(&input.bytes()[..end]);
     }
-    cut
+    result
 }
 
 /// The damaged frame that a burst has to be because nothing else stands in its record or in the whole recording: somebody

@@ -1,6 +1,6 @@
 //! The fast path of the RTU framer for whole exchanges: a request and its response are taken in one step.
 //!
-//! Each exchange has to leave the framer in exactly the state in which `Rtu::next` would leave it behind the two frames.
+//! Each exchange has to leave the framer in exactly the state in which `RtuFramer::next` would leave it behind the two frames.
 
 use crate::fast_path::expected_exchange::ExpectedExchange;
 use crate::fast_path::frame_check::is_followed_by_copy;
@@ -19,7 +19,7 @@ impl RtuFramer {
     /// The exchange at the head of the input, if there is no doubt about it: its unit and function are familiar, and its
     /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
     ///
-    /// May be called only while nothing is open (`Framer::settled`). `last_answered`: unit and function of the exchange
+    /// May be called only while nothing is open (`Framer::is_settled_at`). `last_answered`: unit and function of the exchange
     /// before; `pause`: the log2 odds timeout : response of the silence before a byte.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.

@@ -93,8 +93,8 @@ impl AsciiFramer {
                 let has_lrc = decode_hex(&available[message.hex_start..message.hex_end], adu) && message.is_complete;
                 adu.truncate(adu.len() - usize::from(has_lrc));
                 let direction = ascii::direction(context, adu);
-                let cut = FrameResult::noise(message.end, DelimitedBy::Delimiter);
-                return Some(FrameResult { verdict: Verdict::Incomplete, direction, damage: message.damage, ..cut });
+                let result = FrameResult::noise(message.end, DelimitedBy::Delimiter);
+                return Some(FrameResult { verdict: Verdict::Incomplete, direction, damage: message.damage, ..result });
             }
             None => {}
         }
@@ -120,52 +120,52 @@ impl AsciiFramer {
     fn frame(&mut self, input: &Input, context: &FramerContext<'_>, end: &MessageEnd, adu: &mut Vec<u8>) -> FrameResult {
         let text = &input.bytes()[1..end.hex_end];
         let is_hex = decode_hex(text, adu);
-        let mut cut = FrameResult { verdict: Verdict::Incomplete, ..FrameResult::noise(end.frame_end, end.delimited_by) };
-        cut.fault = end.fault;
+        let mut result = FrameResult { verdict: Verdict::Incomplete, ..FrameResult::noise(end.frame_end, end.delimited_by) };
+        result.fault = end.fault;
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
         let no_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
         if !no_checksum && end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
-            cut.direction = ascii::direction(context, adu);
+            result.direction = ascii::direction(context, adu);
             // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd
             // number of characters and exactly one byte missing.
             let is_odd = text.len() % 2 == 1 && text.iter().all(u8::is_ascii_hexdigit);
             let lost_end = is_odd && ascii::missing_bytes(context, adu) == Some(1);
-            cut.damage = lost_end.then_some(DamageKind::LostBytes { at: text.len() + 1, count: 3 });
-            return cut;
+            result.damage = lost_end.then_some(DamageKind::LostBytes { at: text.len() + 1, count: 3 });
+            return result;
         }
         if let Some(damage) = ascii::explain_odd_digits(text).filter(|_| !no_checksum) {
             let direction = ascii::direction(context, adu);
-            return FrameResult { direction, damage: Some(damage), ..cut };
+            return FrameResult { direction, damage: Some(damage), ..result };
         }
-        cut.verdict = match is_hex {
+        result.verdict = match is_hex {
             true if no_checksum => Verdict::NoChecksum,
             true if has_valid_lrc => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
         // One whole byte, two characters, is missing by the announced length: then the LRC is invalid for that reason.
-        if cut.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
+        if result.verdict == Verdict::BadChecksum && is_hex && ascii::missing_bytes(context, adu) == Some(1) {
             let direction = ascii::direction(context, adu);
             let damage = Some(DamageKind::LostBytes { at: text.len() + 1, count: 2 });
-            return FrameResult { verdict: Verdict::Incomplete, direction, damage, ..cut };
+            return FrameResult { verdict: Verdict::Incomplete, direction, damage, ..result };
         }
         if !no_checksum {
             adu.pop();
         }
-        if cut.verdict.is_good() && adu.len() >= 2 {
-            self.complete_valid(&mut cut, input, context, text, adu);
+        if result.verdict.is_good() && adu.len() >= 2 {
+            self.complete_valid(&mut result, input, context, text, adu);
         } else {
-            cut.direction = ascii::direction(context, adu);
+            result.direction = ascii::direction(context, adu);
         }
-        cut
+        result
     }
 
     /// Adds the direction, the confidence and the faults of a valid message, and adopts the delimiter that it sets.
-    fn complete_valid(&mut self, cut: &mut FrameResult, input: &Input, context: &FramerContext<'_>, text: &[u8], adu: &[u8]) {
+    fn complete_valid(&mut self, result: &mut FrameResult, input: &Input, context: &FramerContext<'_>, text: &[u8], adu: &[u8]) {
         if text.iter().any(u8::is_ascii_lowercase) {
-            cut.fault = cut.fault.or(Some(FramingFault::LowerCaseHex));
+            result.fault = result.fault.or(Some(FramingFault::LowerCaseHex));
         }
         let pause = (context.timeout_log_odds)(input.pause_before(0));
-        cut.direction = infer_direction(
+        result.direction = infer_direction(
             context.functions,
             context.outstanding_request,
             adu[0],
@@ -173,7 +173,7 @@ impl AsciiFramer {
             context.declared_direction_at(input, 0),
             pause,
         );
-        cut.confidence = VALID_FRAME_BITS;
+        result.confidence = VALID_FRAME_BITS;
         // Diagnostics, sub-function 3: Change ASCII Input Delimiter.
         if let [_, 8, 0, 3, delimiter, ..] = *adu {
             self.delimiter = delimiter;
