@@ -143,7 +143,8 @@ pub(crate) fn missing_bytes(context: &FramerContext<'_>, adu: &[u8]) -> Option<u
 pub(crate) fn direction(context: &FramerContext<'_>, adu: &[u8]) -> Direction {
     let &[unit, code, ..] = adu else { return Direction::Unknown };
     let function = code & !EXCEPTION_BIT;
-    let is_due = context.outstanding_request.is_some_and(|asked| asked.unit == unit && asked.pdu.first() == Some(&function));
+    let is_due =
+        context.outstanding_request.is_some_and(|request| request.unit == unit && request.pdu.first() == Some(&function));
     if is_due || code & EXCEPTION_BIT != 0 {
         return Direction::Response;
     }

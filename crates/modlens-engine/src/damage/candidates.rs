@@ -91,7 +91,7 @@ impl UnframedRegion<'_, '_> {
     pub(crate) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
         let function = code & !EXCEPTION_BIT;
-        let is_other_side = self.context.line_direction.is_some_and(|speaker| speaker != side::direction_of(direction));
+        let is_other_side = self.context.line_direction.is_some_and(|sender| sender != side::direction_of(direction));
         if function == 0 || is_other_side || (code != function && direction == REQUEST) {
             return None;
         }
