@@ -1,4 +1,4 @@
-//! Runs algorithms over scenarios, tap modes and seeds, and adds up what comes out.
+//! Runs algorithms over scenarios, tap modes and seeds, and collects their scores.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::sim::noise::{NoiseCase, Pattern};
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::TapMode;
 
-/// Makes the algorithms of a run; each thread has its own.
+/// A function that makes the algorithms of a run; each thread has its own.
 pub type Makers = fn() -> Vec<Box<dyn Algorithm>>;
 
 /// What to run.
@@ -21,35 +21,35 @@ pub struct Plan {
     pub modes: Vec<TapMode>,
     /// Seeds.
     pub seeds: Vec<u64>,
-    /// Frames where a scenario has 3000; the others in proportion.
+    /// The number of frames of a scenario whose default is 3000; the numbers of other scenarios are scaled in proportion.
     pub frames: usize,
-    /// Names of algorithms; all where empty.
+    /// Names of algorithms; empty for all.
     pub algorithms: Vec<String>,
     /// Threads.
     pub threads: usize,
 }
 
-/// Scores of one scenario: by algorithm and mode, one per seed.
+/// The scores of one scenario by (algorithm, mode), one per seed.
 pub type Cells = BTreeMap<(usize, usize), Vec<Score>>;
 
-/// What came out: one entry per scenario of the plan.
+/// The scores of a run.
 pub struct Outcome {
     /// Names of the algorithms.
     pub names: Vec<&'static str>,
-    /// Which of them say what people act on.
-    pub labelling: Vec<bool>,
-    /// Scores of each scenario.
+    /// Which algorithms give labels.
+    pub gives_labels: Vec<bool>,
+    /// The scores of each scenario of the plan.
     pub scenarios: Vec<Cells>,
 }
 
 impl Plan {
-    /// The algorithms that were asked for.
-    pub fn chosen(&self, makers: Makers) -> Vec<Box<dyn Algorithm>> {
+    /// The algorithms of the plan.
+    pub fn chosen_algorithms(&self, makers: Makers) -> Vec<Box<dyn Algorithm>> {
         let wanted = |name: &str| self.algorithms.is_empty() || self.algorithms.iter().any(|other| other == name);
         makers().into_iter().filter(|algorithm| wanted(algorithm.name())).collect()
     }
 
-    /// Runs everything.
+    /// Runs all scenarios, on several threads.
     pub fn run(&self, makers: Makers) -> Outcome {
         let next = std::sync::atomic::AtomicUsize::new(0);
         let done = std::sync::Mutex::new(vec![Cells::new(); self.scenarios.len()]);
@@ -63,10 +63,10 @@ impl Plan {
                 });
             }
         });
-        let algorithms = self.chosen(makers);
+        let algorithms = self.chosen_algorithms(makers);
         Outcome {
             names: algorithms.iter().map(|algorithm| algorithm.name()).collect(),
-            labelling: algorithms.iter().map(|algorithm| algorithm.labels()).collect(),
+            gives_labels: algorithms.iter().map(|algorithm| algorithm.labels()).collect(),
             scenarios: done.into_inner().expect("no thread panicked"),
         }
     }
@@ -77,18 +77,18 @@ impl Plan {
             let frames = (scenario.frames * self.frames).div_ceil(3000);
             let traffic = Traffic::new(scenario, seed, frames);
             let cases: Vec<_> = self.modes.iter().map(|&mode| traffic.tap(mode)).collect();
-            for (at, algorithm) in self.chosen(makers).iter_mut().enumerate() {
-                let mut timeless: Option<Score> = None;
+            for (at, algorithm) in self.chosen_algorithms(makers).iter_mut().enumerate() {
+                let mut score_without_times: Option<Score> = None;
                 for (mode, case) in cases.iter().enumerate() {
                     if !algorithm.reads(case) {
                         continue;
                     }
-                    let result = match &timeless {
+                    let result = match &score_without_times {
                         Some(score) => score.clone(),
                         None => score(case, &algorithm.run(case)),
                     };
                     if !algorithm.uses_times() {
-                        timeless = Some(result.clone());
+                        score_without_times = Some(result.clone());
                     }
                     cells.entry((at, mode)).or_default().push(result);
                 }
@@ -99,13 +99,13 @@ impl Plan {
 }
 
 impl Outcome {
-    /// The mean over the seeds, in percent; `None` where the algorithm does not read the scenario.
+    /// The mean over the seeds of a figure, in percent; `None` if the algorithm cannot process the scenario.
     pub fn mean(&self, scenario: usize, algorithm: usize, mode: usize, of: fn(&Score) -> f64) -> Option<f64> {
         let scores = self.scenarios[scenario].get(&(algorithm, mode))?;
         Some(100.0 * scores.iter().map(of).sum::<f64>() / scores.len() as f64)
     }
 
-    /// All of an algorithm's scores, added up; in one tap mode, or in all.
+    /// The sum of an algorithm's scores in one tap mode, or in all.
     pub fn total(&self, algorithm: usize, mode: Option<usize>) -> Score {
         let mut total = Score::default();
         for cells in &self.scenarios {
@@ -116,27 +116,27 @@ impl Outcome {
     }
 }
 
-/// False frames in noise.
+/// The false frames that an algorithm finds in noise.
 #[derive(Clone, Copy, Debug)]
 pub struct NoiseRow {
-    /// Which noise.
+    /// The kind of noise.
     pub pattern: Pattern,
-    /// Behind clean traffic.
+    /// Whether clean traffic comes before the noise.
     pub warm: bool,
-    /// Which algorithm of the plan.
+    /// Index of the algorithm in the plan.
     pub algorithm: usize,
-    /// Facts per MB.
+    /// False frames per MB that are reported as certain.
     pub facts: f64,
-    /// Tentative frames per MB.
+    /// False frames per MB that are marked as unconfirmed.
     pub tentative: f64,
 }
 
-/// What noise to run.
+/// The noise to run.
 #[derive(Clone, Debug)]
 pub struct NoisePlan {
-    /// Patterns.
+    /// The kinds of noise.
     pub patterns: Vec<Pattern>,
-    /// Bytes of each.
+    /// The number of bytes of each kind.
     pub bytes: usize,
     /// Seeds.
     pub seeds: Vec<u64>,
@@ -145,15 +145,15 @@ pub struct NoisePlan {
 }
 
 impl NoisePlan {
-    /// Counts false frames, cold and warm.
+    /// Counts false frames in noise alone and after clean traffic.
     pub fn run(&self, plan: &Plan, makers: Makers) -> Vec<NoiseRow> {
         let mut rows = Vec::new();
         for &pattern in &self.patterns {
             for warm in [false, true] {
-                let mut counts = vec![(0, 0); plan.chosen(makers).len()];
+                let mut counts = vec![(0, 0); plan.chosen_algorithms(makers).len()];
                 for &seed in &self.seeds {
                     let noise = NoiseCase::new(pattern, seed, self.bytes, self.mode, warm);
-                    for (count, algorithm) in counts.iter_mut().zip(plan.chosen(makers)) {
+                    for (count, algorithm) in counts.iter_mut().zip(plan.chosen_algorithms(makers)) {
                         let mut algorithm = algorithm;
                         if algorithm.reads(&noise.case) {
                             let (facts, tentative) = false_frames(&algorithm.run(&noise.case), noise.from);

@@ -1,4 +1,4 @@
-//! modlens itself, as one more algorithm. The only file that knows its core.
+//! modlens itself as an `Algorithm`.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,35 +15,35 @@ use modlens_protocol::status::Status;
 use modlens_readers::chunk::{Chunk, Times};
 
 use crate::model::{Direction, Framing, Label, Settings};
-use crate::reported::{Algorithm, Reported};
+use crate::reported::{Algorithm, ReportedFrame};
 use crate::sim::case::Case;
 
-/// How often a live tap looks at the clock while nothing comes.
+/// The interval at which a live tap polls the clock while no bytes arrive.
 const TICK_NS: i64 = 5_000_000;
 
-/// A silence longer than this has ended everything that it can end.
-const PATIENCE_NS: i64 = 2_000_000_000;
+/// After a silence of this length no decision is open any more, so the clock is not polled further.
+const MAX_SILENCE_NS: i64 = 2_000_000_000;
 
-/// modlens: over a recording, or live.
+/// modlens on a recording, or live.
 #[derive(Clone, Copy, Debug)]
 pub struct Modlens {
     live: bool,
-    /// By silences only, as the specification says.
+    /// Frames are cut at silences only, as the specification says.
     textbook: bool,
 }
 
 impl Modlens {
-    /// Over a recording.
+    /// modlens on a recording.
     pub fn offline() -> Self {
         Self { live: false, textbook: false }
     }
 
-    /// Live, in the recording's own time.
+    /// modlens on a live tap, simulated in the time of the recording.
     pub fn live() -> Self {
         Self { live: true, textbook: false }
     }
 
-    /// Over a recording, with `--segmentation silence`.
+    /// modlens on a recording with `--segmentation silence`.
     pub fn textbook() -> Self {
         Self { live: false, textbook: true }
     }
@@ -60,7 +60,7 @@ impl Algorithm for Modlens {
         }
     }
 
-    fn run(&mut self, case: &Case) -> Vec<Reported> {
+    fn run(&mut self, case: &Case) -> Vec<ReportedFrame> {
         Run::new(case, *self).all(case)
     }
 
@@ -75,11 +75,11 @@ struct Run {
     bus: usize,
     live: bool,
     now: Option<i64>,
-    frames: Vec<Reported>,
-    /// Where the frame of this number stands in `frames`.
-    places: HashMap<u64, usize>,
-    /// The request of this transaction.
-    requests: HashMap<u64, u64>,
+    frames: Vec<ReportedFrame>,
+    /// The index in `frames` by the number of a frame.
+    index_of_frame: HashMap<u64, usize>,
+    /// The number of the request by that of its transaction.
+    request_of_transaction: HashMap<u64, u64>,
 }
 
 impl Run {
@@ -87,7 +87,7 @@ impl Run {
         let live = how.live;
         let wanted = Wanted { frames: true, transactions: true, findings: true };
         let mut session = Session::new(Arc::new(Functions::default()), wanted, live, None);
-        let timed = case.feeds().next().is_some_and(|feed| feed.time.is_some());
+        let timed = case.timed_reads().next().is_some_and(|feed| feed.time.is_some());
         let clock = if timed { Clock::Relative } else { Clock::None };
         let name: Arc<str> = Arc::from(case.name.as_str());
         let bus = session.add_bus(BusOptions {
@@ -104,11 +104,19 @@ impl Run {
             line: Some(line(case.settings)),
             resolution: None,
         });
-        Self { session, bus, live, now: None, frames: Vec::new(), places: HashMap::new(), requests: HashMap::new() }
+        Self {
+            session,
+            bus,
+            live,
+            now: None,
+            frames: Vec::new(),
+            index_of_frame: HashMap::new(),
+            request_of_transaction: HashMap::new(),
+        }
     }
 
-    fn all(mut self, case: &Case) -> Vec<Reported> {
-        for feed in case.feeds() {
+    fn all(mut self, case: &Case) -> Vec<ReportedFrame> {
+        for feed in case.timed_reads() {
             if let (true, Some(before), Some(time)) = (self.live, self.now, feed.time) {
                 self.wait(before, time);
             }
@@ -119,16 +127,16 @@ impl Run {
             self.take();
         }
         if let (true, Some(now)) = (self.live, self.now) {
-            self.wait(now, now + PATIENCE_NS);
+            self.wait(now, now + MAX_SILENCE_NS);
         }
         self.session.flush();
         self.take();
         self.frames
     }
 
-    /// Time goes by without bytes.
+    /// Polls the session while time passes without bytes.
     fn wait(&mut self, from: i64, to: i64) {
-        let end = to.min(from + PATIENCE_NS);
+        let end = to.min(from + MAX_SILENCE_NS);
         let mut now = from + TICK_NS;
         while now < end {
             self.session.poll(now);
@@ -155,7 +163,7 @@ impl Run {
             return;
         }
         let end = row.offset + u64::from(row.wire.length);
-        let mut frame = Reported::new(row.line, row.offset, end, row.verdict.is_good());
+        let mut frame = ReportedFrame::new(row.line, row.offset, end, row.verdict.is_good());
         frame.direction = match row.direction {
             direction::Direction::Request => Direction::Request,
             direction::Direction::Response => Direction::Response,
@@ -163,15 +171,15 @@ impl Run {
         };
         frame.tentative = row.tentative;
         frame.txn = row.txn;
-        frame.t_emit = self.now.filter(|_| self.live);
-        self.places.insert(row.number, self.frames.len());
+        frame.emitted_ns = self.now.filter(|_| self.live);
+        self.index_of_frame.insert(row.number, self.frames.len());
         self.frames.push(frame);
     }
 
     fn transactions(&mut self, batch: &Batch) {
         for row in &batch.transactions {
             if row.request.frame != 0 {
-                self.requests.insert(row.number, row.request.frame);
+                self.request_of_transaction.insert(row.number, row.request.frame);
             }
             if row.status == Status::NoResponse {
                 self.label(row.request.frame, Label::NoResponse);
@@ -180,9 +188,9 @@ impl Run {
                 self.label(row.request.frame, Label::Retry);
             }
             if let Some(old) = row.late_for {
-                // A late answer is a row of its own; for the scorer it belongs to the request that it answers.
+                // A late response has a row of its own, but for the scorer it shares the transaction of its request.
                 self.label(row.response.frame, Label::Late);
-                if let Some(&place) = self.places.get(&row.response.frame) {
+                if let Some(&place) = self.index_of_frame.get(&row.response.frame) {
                     self.frames[place].txn = Some(old);
                 }
             }
@@ -192,7 +200,7 @@ impl Run {
     fn findings(&mut self, batch: &Batch) {
         for row in &batch.findings {
             let Some(label) = label(row.finding.doc().code) else { continue };
-            let request = row.txn.and_then(|txn| self.requests.get(&txn).copied());
+            let request = row.txn.and_then(|txn| self.request_of_transaction.get(&txn).copied());
             if let Some(frame) = row.frame.or(request) {
                 self.label(frame, label);
             }
@@ -200,13 +208,13 @@ impl Run {
     }
 
     fn label(&mut self, frame: u64, label: Label) {
-        if let Some(&place) = self.places.get(&frame) {
+        if let Some(&place) = self.index_of_frame.get(&frame) {
             self.frames[place].labels.insert(label);
         }
     }
 }
 
-/// Findings that are scored; the codes of the core's table. The others come from the transactions' columns.
+/// The label of a finding, by its code. The other labels come from columns of transactions.
 fn label(code: &str) -> Option<Label> {
     Some(match code {
         "duplicate" | "duplicate_response" => Label::Duplicate,
@@ -227,7 +235,7 @@ fn line(settings: Settings) -> LineSettings {
     LineSettings {
         baud: settings.baud,
         data_bits: settings.data_bits,
-        parity: if settings.parity { Parity::Even } else { Parity::None },
+        parity: if settings.has_even_parity { Parity::Even } else { Parity::None },
         half_stop_bits: 2,
     }
 }

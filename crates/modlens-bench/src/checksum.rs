@@ -1,6 +1,7 @@
-//! CRC-16/MODBUS and LRC (serial line specification, 6.2), the bench's own: a shared mistake would go unseen.
+//! CRC-16/MODBUS and LRC (serial line specification, 6.2). The bench has its own implementation, because a mistake shared
+//! with the core would not be noticed.
 
-/// The register after each possible low byte.
+/// The effect of each value of the low byte on the register.
 static TABLE: [u16; 256] = table();
 
 const fn table() -> [u16; 256] {
@@ -19,7 +20,7 @@ const fn table() -> [u16; 256] {
     all
 }
 
-/// The register after one more byte; it starts at FFFF.
+/// The CRC register after one more byte. Its initial value is FFFF.
 #[inline]
 pub fn step(state: u16, byte: u8) -> u16 {
     (state >> 8) ^ TABLE[usize::from(state as u8 ^ byte)]

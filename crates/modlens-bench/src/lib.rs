@@ -1,8 +1,8 @@
-//! The bench: a bus simulator, a scorer, and the rivals that modlens is measured against. Not shipped.
+//! The bench: a bus simulator, a scorer, and the rival methods that modlens is compared with. It is not shipped.
 //!
-//! `sim` makes recordings of buses with every known trouble, and the truth about them; an `Algorithm` finds frames in
-//! them; `score` compares the two. `accuracy` runs all of it and prints tables. Nothing here knows how modlens works,
-//! except `adapter`.
+//! `sim` makes recordings of buses with every known fault, together with the truth about them. An `Algorithm` finds frames
+//! in a recording, and `score` compares them with the truth. `accuracy` runs all combinations and prints tables. Only
+//! `adapter` and `speed` use the core of modlens.
 //!
 //! ```
 //! use modlens_bench::{baselines::Length, reported::Algorithm, score::score, sim::{case::Traffic, scenario::Scenario, tap::TapMode}};

@@ -1,4 +1,4 @@
-//! `modlens-bench`: prints how well frames are found, and writes simulated recordings.
+//! `modlens-bench`: prints tables of accuracy and speed, and writes simulated recordings.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -8,7 +8,7 @@ use modlens_bench::accuracy::Makers;
 use modlens_bench::adapter::Modlens;
 use modlens_bench::differences::{damaged_differences, differences};
 use modlens_bench::options::{Options, HELP};
-use modlens_bench::reported::{Algorithm, Reported};
+use modlens_bench::reported::{Algorithm, ReportedFrame};
 use modlens_bench::score::Score;
 use modlens_bench::sim::bulk::{Bulk, Mixed};
 use modlens_bench::sim::case::{Case, Traffic};
@@ -18,7 +18,7 @@ use modlens_bench::speed::{self, Layer, Load};
 use modlens_bench::{baselines, tables};
 
 /// Bulk traffic is written in blocks of this size.
-const BLOCK: usize = 1 << 20;
+const BLOCK_BYTES: usize = 1 << 20;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -33,7 +33,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &[String]) -> Result<(), String> {
     let Some((command, rest)) = arguments.split_first().filter(|(first, _)| *first != "--help") else {
-        say(HELP);
+        print(HELP);
         return Ok(());
     };
     let options = Options::parse(rest)?;
@@ -45,14 +45,14 @@ fn run(arguments: &[String]) -> Result<(), String> {
         "speed" => show_speed(&options),
         "write" => write(&options).map_err(|why| why.to_string())?,
         "bulk" => bulk(&options).map_err(|why| why.to_string())?,
-        "scenarios" => Scenario::all().for_each(|scenario| say(&format!("{}\n", scenario.name))),
+        "scenarios" => Scenario::all().for_each(|scenario| print(&format!("{}\n", scenario.name))),
         other => return Err(format!("{other} is no command; see --help")),
     }
     Ok(())
 }
 
-/// Prints; a reader that has seen enough ends the program quietly.
-fn say(text: &str) {
+/// Prints a text. If the output is closed, as by `head`, the program ends without an error.
+fn print(text: &str) {
     if io::stdout().write_all(text.as_bytes()).is_err() {
         std::process::exit(0);
     }
@@ -72,39 +72,41 @@ fn accuracy(options: &Options) {
     let plan = &options.plan;
     let outcome = plan.run(MAKERS);
     for algorithm in 0..outcome.names.len() {
-        say(&tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| s.fd().f1()));
-        say(&tables::by_mode(plan, &outcome, algorithm, "pair F1", |s: &Score| s.pairs.f1()));
-        if outcome.labelling[algorithm] {
+        print(&tables::by_mode(plan, &outcome, algorithm, "F1 of start, end and direction", |s: &Score| {
+            s.frames_with_direction().f1()
+        }));
+        print(&tables::by_mode(plan, &outcome, algorithm, "pair F1", |s: &Score| s.pairs.f1()));
+        if outcome.gives_labels[algorithm] {
             let title = "damaged frames located";
-            say(&tables::by_mode(plan, &outcome, algorithm, title, |s: &Score| s.damaged.recall()));
+            print(&tables::by_mode(plan, &outcome, algorithm, title, |s: &Score| s.damaged.recall()));
         }
     }
-    say(&tables::totals(&outcome));
-    say(&tables::labels(plan, &outcome));
-    say(&tables::latencies(&outcome));
+    print(&tables::totals(&outcome));
+    print(&tables::labels(plan, &outcome));
+    print(&tables::latencies(&outcome));
     if options.noise.bytes > 0 {
         noise(options);
     }
 }
 
 fn noise(options: &Options) {
-    let names: Vec<&str> = options.plan.chosen(MAKERS).iter().map(|algorithm| algorithm.name()).collect();
+    let names: Vec<&str> = options.plan.chosen_algorithms(MAKERS).iter().map(|algorithm| algorithm.name()).collect();
     let rows = options.noise.run(&options.plan, MAKERS);
-    say(&tables::noise(&names, &rows));
+    print(&tables::noise(&names, &rows));
 }
 
-/// Every case and algorithm of the plan, one behind the other.
-fn show_differences(options: &Options, differences: fn(&Case, &[Reported]) -> String) {
+/// Prints the differences of every case and algorithm of the plan.
+fn show_differences(options: &Options, differences: fn(&Case, &[ReportedFrame]) -> String) {
     let plan = &options.plan;
     for scenario in &plan.scenarios {
         for &seed in &plan.seeds {
             let traffic = Traffic::new(scenario, seed, plan.frames);
             for &mode in &plan.modes {
                 let case = traffic.tap(mode);
-                for mut algorithm in plan.chosen(MAKERS) {
+                for mut algorithm in plan.chosen_algorithms(MAKERS) {
                     if algorithm.reads(&case) {
                         let what = differences(&case, &algorithm.run(&case));
-                        say(&format!("== {} {} seed {seed}, {}\n{what}", scenario.name, mode.text(), algorithm.name()));
+                        print(&format!("== {} {} seed {seed}, {}\n{what}", scenario.name, mode.text(), algorithm.name()));
                     }
                 }
             }
@@ -112,23 +114,23 @@ fn show_differences(options: &Options, differences: fn(&Case, &[Reported]) -> St
     }
 }
 
-/// MB a CPU second of every load and layer, then the memory that a long noise takes.
+/// Prints the speed of every load and layer in MB per CPU second, then the memory that a long noise takes.
 fn show_speed(options: &Options) {
     let seed = options.plan.seeds[0];
-    say("MB a CPU second, one thread; * where four times the bytes took more than six times as long\n");
+    print("MB a CPU second, one thread; * where four times the bytes took more than six times as long\n");
     let layers: Vec<Layer> = Layer::ALL.into_iter().filter(|layer| options.layer.is_none_or(|only| *layer == only)).collect();
     let row =
         |name: &str, cells: Vec<String>| cells.iter().fold(format!("{name:<18}"), |row, cell| format!("{row}{cell:>13}")) + "\n";
-    say(&row("", layers.iter().map(|layer| layer.name().to_owned()).collect()));
+    print(&row("", layers.iter().map(|layer| layer.name().to_owned()).collect()));
     for (name, load) in Load::ALL.into_iter().filter(|(name, _)| options.only.as_ref().is_none_or(|only| name.contains(only))) {
         let bytes = load.bytes(options.bytes, seed);
         let cells = layers.iter().map(|&layer| speed::rate(layer, &bytes));
-        say(&row(name, cells.map(|(rate, linear)| format!("{rate:.0}{}", if linear { " " } else { "*" })).collect()));
+        print(&row(name, cells.map(|(rate, linear)| format!("{rate:.0}{}", if linear { " " } else { "*" })).collect()));
     }
     if options.noise.bytes > 0 {
         let bytes = options.noise.bytes as u64;
         if let Some((early, late)) = speed::memory(bytes, seed) {
-            say(&format!(
+            print(&format!(
                 "peak memory {early:.1} MB after {} MB of noise, {late:.1} MB after {}\n",
                 bytes / 16_000_000,
                 bytes / 1_000_000
@@ -137,7 +139,7 @@ fn show_speed(options: &Options) {
     }
 }
 
-/// One chunk log and one truth per scenario, mode and seed.
+/// Writes one chunk log and one file of the truth per scenario, mode and seed.
 fn write(options: &Options) -> io::Result<()> {
     let plan = &options.plan;
     let many = plan.scenarios.len() * plan.modes.len() * plan.seeds.len() > 1;
@@ -154,7 +156,7 @@ fn write(options: &Options) -> io::Result<()> {
                 let mut truth = BufWriter::new(File::create(format!("{name}.truth.jsonl"))?);
                 write_truth(&case, &mut truth)?;
                 truth.flush()?;
-                say(&format!("{name}.jsonl: --line {} ({} frames)\n", case.settings.text(), case.truth.len()));
+                print(&format!("{name}.jsonl: --line {} ({} frames)\n", case.settings.text(), case.truth.len()));
             }
         }
     }
@@ -168,7 +170,7 @@ fn bulk(options: &Options) -> io::Result<()> {
     while left > 0 {
         bulk.bytes.clear();
         bulk.frames.clear();
-        mixed.more(left.min(BLOCK), &mut bulk);
+        mixed.more(left.min(BLOCK_BYTES), &mut bulk);
         left = left.saturating_sub(bulk.bytes.len());
         file.write_all(&bulk.bytes)?;
     }

@@ -1,17 +1,17 @@
-//! The words that simulator, rivals and scorer share: directions, labels, line settings, framing.
+//! Types that simulator, rivals and scorer share: directions, labels, line settings, framing.
 
-/// Who sent a frame.
+/// The direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// The master.
+    /// From the master to a slave.
     Request,
-    /// A unit.
+    /// From a slave to the master.
     Response,
-    /// Not said.
+    /// Not decided.
     Unknown,
 }
 
-/// How frames are put on the line.
+/// The transmission mode of a serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Framing {
     /// Binary with CRC (serial line specification, 2.5.1).
@@ -20,29 +20,29 @@ pub enum Framing {
     Ascii,
 }
 
-/// What people act on.
+/// A fault on the bus that users act on, attached to a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Label {
-    /// A request that nobody answered; stands at the request.
+    /// A request without response; attached to the request.
     NoResponse,
-    /// The same request again after no answer; at the second one.
+    /// A request that repeats one without response; attached to the second request.
     Retry,
-    /// The answer to a request that the master had given up; at it, or at the retry's own answer behind it.
+    /// A response to a request that had already timed out; attached to it, or to the response to the retry behind it.
     Late,
-    /// The same answer twice; at the second one.
+    /// A response that was sent twice; attached to the second one.
     Duplicate,
-    /// The request as the adapter's own receiver heard it; at the copy.
+    /// A request that the adapter's own receiver has picked up; attached to the copy.
     Echo,
-    /// Another unit answered than the one asked; at the answer.
+    /// A response from another unit than the one addressed; attached to the response.
     WrongUnit,
-    /// A request while another master waits for its answer; at any frame of the two exchanges.
+    /// A request while another master waits for its response; attached to any frame of the two transactions.
     TwoMasters,
-    /// Bytes are missing in the recording; at the frame that is short of them.
+    /// Bytes that are missing in the recording; attached to the frame that lacks them.
     LostBytes,
 }
 
 impl Label {
-    /// All of them.
+    /// All labels.
     pub const ALL: [Self; 8] = [
         Self::NoResponse,
         Self::Retry,
@@ -54,7 +54,7 @@ impl Label {
         Self::LostBytes,
     ];
 
-    /// As truth files spell it.
+    /// The name in files of the truth.
     pub fn text(self) -> &'static str {
         match self {
             Self::NoResponse => "no_response",
@@ -74,24 +74,24 @@ impl Label {
 pub struct Labels(u8);
 
 impl Labels {
-    /// Adds one.
+    /// Adds a label.
     pub fn insert(&mut self, label: Label) {
         self.0 |= 1 << label as u8;
     }
 
-    /// Takes one away; says whether it was there.
+    /// Removes a label; returns whether it was in the set.
     pub fn remove(&mut self, label: Label) -> bool {
-        let there = self.contains(label);
+        let was_present = self.contains(label);
         self.0 &= !(1 << label as u8);
-        there
+        was_present
     }
 
-    /// Whether it is there.
+    /// Whether the label is in the set.
     pub fn contains(self, label: Label) -> bool {
         self.0 & (1 << label as u8) != 0
     }
 
-    /// Those that are there.
+    /// The labels in the set.
     pub fn iter(self) -> impl Iterator<Item = Label> {
         Label::ALL.into_iter().filter(move |&label| self.contains(label))
     }
@@ -104,14 +104,14 @@ pub struct Settings {
     pub baud: u32,
     /// Data bits of a character.
     pub data_bits: u8,
-    /// With even parity, or none.
-    pub parity: bool,
+    /// Even parity; without it there is no parity bit.
+    pub has_even_parity: bool,
 }
 
 impl Settings {
     /// Bits of a character on the line, with one stop bit.
     pub fn bits(self) -> u32 {
-        2 + u32::from(self.data_bits) + u32::from(self.parity)
+        2 + u32::from(self.data_bits) + u32::from(self.has_even_parity)
     }
 
     /// The time of a character, in ns.
@@ -128,9 +128,9 @@ impl Settings {
         }
     }
 
-    /// As `modlens --line` takes it.
+    /// The settings in the form that `modlens --line` takes.
     pub fn text(self) -> String {
-        format!("{}-{}{}1", self.baud, self.data_bits, if self.parity { 'E' } else { 'N' })
+        format!("{}-{}{}1", self.baud, self.data_bits, if self.has_even_parity { 'E' } else { 'N' })
     }
 }
 
@@ -140,10 +140,10 @@ mod tests {
 
     #[test]
     fn times_of_the_line() {
-        let line = Settings { baud: 9600, data_bits: 8, parity: true };
+        let line = Settings { baud: 9600, data_bits: 8, has_even_parity: true };
         assert_eq!((line.bits(), line.text().as_str()), (11, "9600-8E1"));
         assert!((line.t35_ns() - 4_010_416.6).abs() < 1.0);
-        let fast = Settings { baud: 115_200, data_bits: 7, parity: true };
+        let fast = Settings { baud: 115_200, data_bits: 7, has_even_parity: true };
         assert_eq!((fast.bits(), fast.t35_ns() as u32), (10, 1_750_000));
     }
 

@@ -34,22 +34,22 @@ modlens-bench scenarios            names of the scenarios
   --dirty                      bulk: with flipped bits and stray bytes
 ";
 
-/// Parsed options.
+/// The parsed options.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What to run.
+    /// The runs on simulated traffic.
     pub plan: Plan,
-    /// What noise to run.
+    /// The runs on noise.
     pub noise: NoisePlan,
-    /// Where to write.
+    /// The path or the stem of the files to write.
     pub out: Option<String>,
-    /// Bytes of bulk traffic.
+    /// The number of bytes of bulk traffic, or of each load of a speed measurement.
     pub bytes: usize,
-    /// Which loads to measure; all where `None`.
+    /// Only loads with this text in their name are measured; `None` for all.
     pub only: Option<String>,
-    /// Which layer to measure; all where `None`.
+    /// The layer to measure; `None` for all.
     pub layer: Option<Layer>,
-    /// Bulk traffic with damage.
+    /// Bulk traffic contains damage.
     pub dirty: bool,
 }
 

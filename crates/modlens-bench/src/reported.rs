@@ -1,43 +1,43 @@
-//! What an algorithm says of a case, in neutral words, and the trait that makes algorithms comparable.
+//! The frames that an algorithm reports, in a form common to all algorithms, and the trait that algorithms implement.
 
 use crate::model::{Direction, Labels};
 use crate::sim::case::Case;
 
 /// A frame that an algorithm reports. Noise is not reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reported {
+pub struct ReportedFrame {
     /// Offset of the first byte in its line's stream.
     pub start: u64,
     /// Offset behind the last byte.
     pub end: u64,
-    /// Who sent it.
+    /// Request or response.
     pub direction: Direction,
-    /// Believed to be whole.
-    pub crc_ok: bool,
-    /// Whole, but not sold as a fact.
+    /// The algorithm claims that the frame is whole and undamaged.
+    pub is_whole: bool,
+    /// The claim is marked as unconfirmed.
     pub tentative: bool,
-    /// What request and response share.
+    /// Number of the transaction, which a request and its response share.
     pub txn: Option<u64>,
     /// 0 for the only line; 1 and 2 for the lines A and B of a two-line tap.
     pub line: u8,
-    /// Live: when it was reported, in ns of the recording's clock.
-    pub t_emit: Option<i64>,
-    /// What it says of the frame.
+    /// In live runs the time at which it was reported, in ns of the recording's clock.
+    pub emitted_ns: Option<i64>,
+    /// The labels that the algorithm gives it.
     pub labels: Labels,
 }
 
-impl Reported {
-    /// A frame without anything said about it.
-    pub fn new(line: u8, start: u64, end: u64, crc_ok: bool) -> Self {
+impl ReportedFrame {
+    /// A frame of unknown direction, without transaction and labels.
+    pub fn new(line: u8, start: u64, end: u64, is_whole: bool) -> Self {
         Self {
             start,
             end,
             direction: Direction::Unknown,
-            crc_ok,
+            is_whole,
             tentative: false,
             txn: None,
             line,
-            t_emit: None,
+            emitted_ns: None,
             labels: Labels::default(),
         }
     }
@@ -48,20 +48,20 @@ pub trait Algorithm {
     /// Its name in tables.
     fn name(&self) -> &'static str;
 
-    /// The frames of this case.
-    fn run(&mut self, case: &Case) -> Vec<Reported>;
+    /// Finds the frames of a case.
+    fn run(&mut self, case: &Case) -> Vec<ReportedFrame>;
 
-    /// Whether times make a difference; where not, one run stands for all tap modes.
+    /// Whether the result depends on the times of the reads. If not, one run stands for all tap modes.
     fn uses_times(&self) -> bool {
         true
     }
 
-    /// Whether it can read this case at all.
+    /// Whether the algorithm can process this case at all.
     fn reads(&self, _case: &Case) -> bool {
         true
     }
 
-    /// Whether it says what people act on.
+    /// Whether the algorithm gives labels.
     fn labels(&self) -> bool {
         false
     }

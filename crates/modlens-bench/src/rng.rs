@@ -1,7 +1,8 @@
-//! Randomness that is the same on every platform: xoshiro256++, and logarithm and exponential of our own.
+//! Random numbers that are the same on every platform: xoshiro256++, with a logarithm and an exponential function of its
+//! own.
 //!
-//! Only `+ - * /` and `sqrt` are used, which IEEE 754 defines to the last bit; the `ln` and `exp` of a platform's
-//! mathematics library are not, and one differing digit would change a whole recording.
+//! Only `+ - * /` and `sqrt` are used, whose results IEEE 754 defines to the last bit. The results of `ln` and `exp` depend
+//! on the platform's mathematics library, and one differing digit would change a whole recording.
 
 /// A stream of random numbers.
 #[derive(Clone, Debug)]
@@ -11,9 +12,9 @@ pub struct Rng {
 }
 
 impl Rng {
-    /// The stream of this seed and name. Streams of different names have nothing to do with each other.
+    /// The stream of this seed and name. Streams with different names are independent.
     pub fn new(seed: u64, name: &str) -> Self {
-        // FNV-1a over the name, then SplitMix64, as the authors of xoshiro advise.
+        // The name is hashed with FNV-1a; SplitMix64 then makes the state, as the authors of xoshiro recommend.
         let hash =
             name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3));
         let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ hash;
@@ -72,12 +73,12 @@ impl Rng {
         self.unit() < probability
     }
 
-    /// One of these, all equally likely.
+    /// One of these values, all equally likely.
     pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
         of[self.below(of.len())]
     }
 
-    /// An index, as likely as its weight.
+    /// An index with a probability in proportion to its weight.
     pub fn weighted(&mut self, weights: &[u32]) -> usize {
         let total: u32 = weights.iter().sum();
         let mut left = self.below(total as usize) as u32;
@@ -90,7 +91,7 @@ impl Rng {
         weights.len() - 1
     }
 
-    /// Normal with mean 0 and deviation 1 (the polar method, which needs no cosine).
+    /// A normally distributed number with mean 0 and deviation 1, by the polar method, which needs no cosine.
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
@@ -111,7 +112,7 @@ impl Rng {
         median * exp(deviation * self.normal())
     }
 
-    /// Exponential with this mean.
+    /// An exponentially distributed number with this mean.
     pub fn exponential(&mut self, mean: f64) -> f64 {
         -mean * ln(1.0 - self.unit())
     }

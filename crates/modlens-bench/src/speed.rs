@@ -1,4 +1,4 @@
-//! How fast bytes become frames and rows, through the public API of the core; CPU seconds of one thread.
+//! Measures how fast the core makes frames and rows of bytes, in CPU seconds of one thread, through its public API.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,28 +18,28 @@ use crate::sim::case::Traffic;
 use crate::sim::noise::Pattern;
 use crate::sim::scenario::Scenario;
 
-/// Blocks as `analyzer.sources` gives them.
-const BLOCK: usize = 1 << 18;
+/// The size of the blocks in which `analyzer.sources` reads files.
+const BLOCK_BYTES: usize = 1 << 18;
 
-/// Bytes of a frame of `field` traffic, about.
-const FIELD_FRAME: usize = 16;
+/// The approximate mean length of a frame in simulated scenarios.
+const MEAN_FRAME_BYTES: usize = 16;
 
-/// How far the core is asked to go.
+/// The layer of the core up to which bytes are processed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layer {
-    /// Where frames begin and end, and who sent them.
+    /// Framing: start, end and direction of frames.
     Framing,
-    /// Frames, checks, pairing, statistics, and the rows of transactions.
+    /// Framing, checks, pairing, statistics, and rows of transactions.
     Transactions,
-    /// The rows of frames, transactions and findings.
+    /// All of it, with rows of frames, transactions and findings.
     Everything,
 }
 
 impl Layer {
-    /// All of them.
+    /// All layers.
     pub const ALL: [Self; 3] = [Self::Framing, Self::Transactions, Self::Everything];
 
-    /// As the table spells it.
+    /// The name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Framing => "framing",
@@ -53,7 +53,7 @@ impl Layer {
         Self::ALL.into_iter().find(|layer| layer.name() == name)
     }
 
-    /// Decodes all of it and counts what came out.
+    /// Processes the bytes and returns the number of frames or rows.
     pub fn run(self, bytes: &[u8]) -> u64 {
         match self {
             Self::Framing => framing(bytes),
@@ -63,25 +63,25 @@ impl Layer {
     }
 }
 
-/// What bytes to decode.
+/// The kind of bytes whose processing is measured.
 #[derive(Clone, Copy, Debug)]
 pub enum Load {
     /// The traffic of `sim::bulk`.
     Mixed,
-    /// One exchange, over and over.
+    /// One request and its response of so many registers, repeated.
     Poll(u16),
     /// The scenario of this name.
     Scenario(&'static str),
     /// Noise.
     Noise(Pattern),
-    /// These bytes, over and over: what breaks searches.
+    /// These bytes, repeated; such input makes naive searches quadratic.
     Pattern(&'static [u8]),
-    /// Requests of a hundred registers to write, whose byte counts lie.
-    Lies,
+    /// Headers of requests to write a hundred registers with a false byte count, repeated.
+    FalseByteCounts,
 }
 
 impl Load {
-    /// All of them, with their names.
+    /// All kinds, with their names.
     pub const ALL: [(&'static str, Self); 17] = [
         ("clean mixed", Self::Mixed),
         ("clean 8+7", Self::Poll(1)),
@@ -99,10 +99,10 @@ impl Load {
         ("ff ff 00 00 00", Self::Pattern(&[0xFF, 0xFF, 0, 0, 0])),
         ("01 03", Self::Pattern(&[1, 3])),
         ("a8 ea", Self::Pattern(&[0xA8, 0xEA])),
-        ("lying writes", Self::Lies),
+        ("lying writes", Self::FalseByteCounts),
     ];
 
-    /// About so many bytes of it.
+    /// About so many bytes of this kind.
     pub fn bytes(self, size: usize, seed: u64) -> Vec<u8> {
         match self {
             Self::Mixed => {
@@ -118,14 +118,14 @@ impl Load {
             }
             Self::Scenario(name) => {
                 let scenario = Scenario::named(name).expect("a name of the table");
-                let mut traffic = Traffic::new(scenario, seed, size / FIELD_FRAME);
+                let mut traffic = Traffic::new(scenario, seed, size / MEAN_FRAME_BYTES);
                 let mut bytes = std::mem::take(&mut traffic.lines[0].bytes);
                 bytes.truncate(size);
                 bytes
             }
             Self::Noise(pattern) => pattern.bytes(seed, size),
             Self::Pattern(part) => repeated(part, size),
-            Self::Lies => repeated(&[0x10, 0x10, 0, 0, 0, 100, 0xFF], size),
+            Self::FalseByteCounts => repeated(&[0x10, 0x10, 0, 0, 0, 100, 0xFF], size),
         }
     }
 }
@@ -134,7 +134,7 @@ fn repeated(part: &[u8], size: usize) -> Vec<u8> {
     part.iter().copied().cycle().take(size / part.len() * part.len()).collect()
 }
 
-/// Frames and noise rows that the RTU framer finds, without anything behind it.
+/// The number of frames and noise rows that the RTU framer finds, without a session.
 fn framing(bytes: &[u8]) -> u64 {
     let functions = Functions::embedded();
     let mut framer = FixedFramer::new(Mode::Rtu, None, None);
@@ -158,14 +158,14 @@ fn framing(bytes: &[u8]) -> u64 {
             declared_direction: &|_| modlens_protocol::direction::Direction::Unknown,
         };
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
-        // As a session does: noise makes no unit known.
+        // Like a session, count a unit as known only after a valid frame.
         if cut.verdict.is_good() && !cut.tentative {
             known_units[adu[0] as usize] = true;
         }
         input.consume(cut.length);
         count += 1;
     };
-    for block in bytes.chunks(BLOCK) {
+    for block in bytes.chunks(BLOCK_BYTES) {
         input.push(&Chunk { bytes: block, ..Chunk::default() });
         drain(&mut input);
     }
@@ -209,7 +209,7 @@ fn rows(bytes: &[u8], everything: bool) -> u64 {
         let batch = session.take();
         count += (batch.frames.len() + batch.transactions.len() + batch.findings.len()) as u64;
     };
-    for block in bytes.chunks(BLOCK) {
+    for block in bytes.chunks(BLOCK_BYTES) {
         session.feed(bus, &Chunk { bytes: block, ..Chunk::default() });
         take(&mut session);
     }
@@ -218,7 +218,8 @@ fn rows(bytes: &[u8], everything: bool) -> u64 {
     count
 }
 
-/// MB a CPU second of this thread: the best of three runs, and whether four times the bytes took at most six times as long.
+/// The speed in MB per CPU second of this thread, the best of three runs, and whether four times the bytes take at most six
+/// times as long, which shows that the time is linear.
 pub fn rate(layer: Layer, bytes: &[u8]) -> (f64, bool) {
     let best = |bytes: &[u8]| {
         let seconds = (0..3).map(|_| timed(|| layer.run(bytes)));
@@ -234,22 +235,23 @@ fn timed(work: impl FnOnce() -> u64) -> f64 {
     start.zip(cpu()).map_or(wall.elapsed(), |(start, end)| end.saturating_sub(start)).as_secs_f64()
 }
 
-/// CPU time of this thread, where the kernel says it; else nothing.
+/// The CPU time of this thread; `None` if the kernel does not report it.
 fn cpu() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     text.split(' ').next()?.parse().ok().map(Duration::from_nanos)
 }
 
-/// Peak memory in MB before and after so many bytes of uniform noise, made and decoded block by block.
+/// The peak memory in MB after a sixteenth of so many bytes of uniform noise and after all of them; they are made and
+/// processed block by block.
 pub fn memory(bytes: u64, seed: u64) -> Option<(f64, f64)> {
     let (mut session, bus) = session(true);
     let mut before = None;
     let mut done = 0;
     while done < bytes {
-        let block = Pattern::Uniform.bytes(seed + done, BLOCK);
+        let block = Pattern::Uniform.bytes(seed + done, BLOCK_BYTES);
         session.feed(bus, &Chunk { bytes: &block, ..Chunk::default() });
         session.take();
-        done += BLOCK as u64;
+        done += BLOCK_BYTES as u64;
         if before.is_none() && done >= bytes / 16 {
             before = Some(peak()?);
         }

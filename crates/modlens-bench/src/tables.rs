@@ -6,7 +6,7 @@ use crate::accuracy::{NoiseRow, Outcome, Plan};
 use crate::model::Label;
 use crate::score::Score;
 
-/// Scenarios by tap modes, for one algorithm, in percent.
+/// The table of one algorithm: a figure in percent for each scenario and tap mode.
 pub fn by_mode(plan: &Plan, outcome: &Outcome, algorithm: usize, title: &str, of: fn(&Score) -> f64) -> String {
     let mut text = format!("\n{}: {title}, percent\n{:<15}", outcome.names[algorithm], "");
     for mode in &plan.modes {
@@ -42,7 +42,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// All scenarios and modes together: one line per algorithm.
+/// The table of totals over all scenarios and modes, one line per algorithm.
 pub fn totals(outcome: &Outcome) -> String {
     let mut text = String::from(
         "\nall scenarios and modes, percent\n                recall  precision  direction  pair rec.  pair prec.    pair F1  located  loc.prec.  false/missed\n",
@@ -53,7 +53,7 @@ pub fn totals(outcome: &Outcome) -> String {
             continue;
         }
         let frames = score.frames();
-        let direction = score.matched_fd as f64 / score.matched.max(1) as f64;
+        let direction = score.matched_with_direction as f64 / score.matched.max(1) as f64;
         let shares = [frames.recall(), frames.precision(), direction, score.pairs.recall(), score.pairs.precision()];
         let shares = shares.map(|share| format!("{:>10.3}", 100.0 * share)).join(" ");
         let rest = [score.pairs.f1(), score.damaged.recall(), score.damaged.precision()];
@@ -64,10 +64,10 @@ pub fn totals(outcome: &Outcome) -> String {
     text
 }
 
-/// What people act on: precision and recall of every label, by tap mode and in all.
+/// The table of labels: precision and recall of each, by tap mode and in total.
 pub fn labels(plan: &Plan, outcome: &Outcome) -> String {
     let mut text = String::new();
-    for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.labelling[*at]) {
+    for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.gives_labels[*at]) {
         write!(text, "\n{name}: what people act on, precision/recall, percent\n{:<14}", "").expect("text can grow");
         plan.modes.iter().for_each(|mode| write!(text, "{:>13}", mode.text()).expect("text can grow"));
         writeln!(text, "{:>13}{:>9}{:>9}", "all", "claimed", "wanted").expect("text can grow");
@@ -86,7 +86,7 @@ pub fn labels(plan: &Plan, outcome: &Outcome) -> String {
     text
 }
 
-/// How long live reports take.
+/// The latency of live reports, one line per algorithm.
 pub fn latencies(outcome: &Outcome) -> String {
     let mut text = String::new();
     for (at, name) in outcome.names.iter().enumerate() {
@@ -100,7 +100,7 @@ pub fn latencies(outcome: &Outcome) -> String {
     text
 }
 
-/// False frames per MB of noise.
+/// The table of false frames per MB of noise.
 pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
     let mut text = String::from("\nfalse frames per MB of noise (tentative ones in brackets)\n");
     write!(text, "{:<17}", "").expect("text can grow");

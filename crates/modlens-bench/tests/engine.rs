@@ -17,7 +17,7 @@ const MODES: [TapMode; 3] = [TapMode::Exact, TapMode::Ftdi16, TapMode::None];
 fn f1(scenario: &str, seed: u64, mode: TapMode) -> f64 {
     let scenario = Scenario::named(scenario).unwrap_or_else(|| panic!("no scenario {scenario}"));
     let case = Traffic::new(scenario, seed, FRAMES).tap(mode);
-    score(&case, &Modlens::offline().run(&case)).fd().f1()
+    score(&case, &Modlens::offline().run(&case)).frames_with_direction().f1()
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn the_rule_of_silence_on_clean_traffic_with_exact_times() {
     let clean = Scenario::named("clean").unwrap();
     for seed in 21..24 {
         let case = Traffic::new(clean, seed, FRAMES).tap(TapMode::Exact);
-        let f1 = score(&case, &Modlens::textbook().run(&case)).fd().f1();
+        let f1 = score(&case, &Modlens::textbook().run(&case)).frames_with_direction().f1();
         assert!(f1 >= 0.999, "{seed}: {f1:.4}");
     }
 }

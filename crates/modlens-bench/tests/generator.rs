@@ -66,10 +66,10 @@ fn all_taps_deliver_the_same_bytes() {
             for (line, heard) in traffic.lines.iter().zip(&case.lines) {
                 assert_eq!(line.bytes, heard.bytes);
                 let fed: Vec<u8> =
-                    case.feeds().filter(|feed| feed.line == line.id).flat_map(|feed| feed.bytes.to_vec()).collect();
+                    case.timed_reads().filter(|feed| feed.line == line.id).flat_map(|feed| feed.bytes.to_vec()).collect();
                 assert_eq!(fed, line.bytes);
             }
-            let orders: Vec<Option<i64>> = case.feeds().map(|feed| feed.time).collect();
+            let orders: Vec<Option<i64>> = case.timed_reads().map(|feed| feed.time).collect();
             assert!(orders.windows(2).all(|pair| pair[0] <= pair[1]), "{name} {mode:?}");
         }
     }
@@ -141,7 +141,7 @@ fn transactions_and_labels_hang_together() {
         let asked = requests.iter().find(|request| request.txn == frame.txn);
         if let (Some(asked), Direction::Response, true) = (asked, frame.direction, frame.valid) {
             let same = asked.unit == frame.unit;
-            assert_eq!(same, !(frame.labels.contains(Label::WrongUnit) || frame.maybe.contains(Label::WrongUnit)));
+            assert_eq!(same, !(frame.labels.contains(Label::WrongUnit) || frame.allowed_labels.contains(Label::WrongUnit)));
         }
         let answered = || case.truth.iter().any(|other| other.txn == frame.txn && other.direction == Direction::Response);
         if frame.labels.contains(Label::NoResponse) {

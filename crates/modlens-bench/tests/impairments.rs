@@ -176,9 +176,9 @@ fn late_wrong_and_repeated_answers() {
     let late = play(&Scenario { timeout: 0.10, late: 0.5, ..clean() });
     // Late: half of the time-outs of the first or second try; to be said where the retry's own answer came as well.
     near(share(&late, |frame| frame.labels.contains(Label::Late)), 0.05 * 0.9 / 2.0);
-    assert!(late.truth.iter().filter(|frame| frame.labels.contains(Label::Late)).all(|frame| frame.alt_txn.is_some()));
+    assert!(late.truth.iter().filter(|frame| frame.labels.contains(Label::Late)).all(|frame| frame.alternative_txn.is_some()));
     let wrong = play(&Scenario { wrong_unit: 0.04, ..clean() });
-    let labelled = |traffic: &Traffic, label| share(traffic, |f| f.labels.contains(label) || f.maybe.contains(label));
+    let labelled = |traffic: &Traffic, label| share(traffic, |f| f.labels.contains(label) || f.allowed_labels.contains(label));
     near(labelled(&wrong, Label::WrongUnit), 0.04 / 2.0);
     let repeated = play(&Scenario { dup_reply: 0.05, ..clean() });
     near(labelled(&repeated, Label::Duplicate), 0.05 / 2.05);
@@ -226,10 +226,10 @@ fn captures_begin_in_the_middle() {
 fn damaged_ascii() {
     let colon = play(&Scenario { bad_colon: 0.05, ..ascii() });
     near(share(&colon, |frame| frame.damage.colon), 0.05);
-    assert!(colon.truth.iter().all(|frame| frame.valid != frame.damage.colon && !frame.lenient));
+    assert!(colon.truth.iter().all(|frame| frame.valid != frame.damage.colon && !frame.is_unscored));
     let end = play(&Scenario { no_crlf: 0.05, ..ascii() });
     near(share(&end, |frame| frame.damage.no_end), 0.05);
-    assert!(end.truth.iter().all(|frame| frame.valid != frame.damage.no_end && frame.lenient == frame.damage.no_end));
+    assert!(end.truth.iter().all(|frame| frame.valid != frame.damage.no_end && frame.is_unscored == frame.damage.no_end));
     let lower = play(&Scenario { lower_case: 1.0, ..ascii() });
     assert!(lower.lines[0].bytes.iter().any(u8::is_ascii_lowercase));
     let noise = play(&Scenario { noise_gap: 0.25, ..ascii() });

@@ -36,7 +36,7 @@ fn the_rivals_are_as_good_as_elsewhere() {
     let outcome = plan.run(baselines::all);
     println!("{:<12} {:>16} {:>16} {:>16} {:>16}", "here/elsewhere", "gap exact", "gap ftdi16", "length", "scan");
     for (at, (name, wanted)) in WANTED.iter().enumerate() {
-        let cell = |algorithm, mode| outcome.mean(at, algorithm, mode, |score| score.fd().f1()).unwrap();
+        let cell = |algorithm, mode| outcome.mean(at, algorithm, mode, |score| score.frames_with_direction().f1()).unwrap();
         let here = [cell(0, 0), cell(0, 1), cell(1, 0), cell(2, 0)];
         let cells: Vec<String> = here.iter().zip(wanted).map(|(a, b)| format!("{a:>8.2}/{b:>7.2}")).collect();
         println!("{name:<12} {}", cells.join(" "));
@@ -64,15 +64,15 @@ fn noise_fools_the_rivals_as_much_as_elsewhere() {
 #[test]
 fn colons_and_bulk() {
     let ascii = Traffic::new(Scenario::named("ascii").unwrap(), 1, 600).tap(TapMode::Exact);
-    assert!(score(&ascii, &Colon.run(&ascii)).fd().f1() > 0.99);
+    assert!(score(&ascii, &Colon.run(&ascii)).frames_with_direction().f1() > 0.99);
     let bulk = Mixed::case(1, 400_000, false);
-    assert!(score(&bulk, &Length.run(&bulk)).fd().f1() > 0.999);
+    assert!(score(&bulk, &Length.run(&bulk)).frames_with_direction().f1() > 0.999);
 }
 
 #[test]
 fn two_lines_need_no_guess_at_the_direction() {
     let case = Traffic::new(Scenario::named("lines").unwrap(), 1, 1000).tap(TapMode::Exact);
     let score = score(&case, &Scan.run(&case));
-    assert_eq!(score.matched, score.matched_fd);
+    assert_eq!(score.matched, score.matched_with_direction);
     assert!(score.pairs.f1() > 0.95, "{:?}", score.pairs);
 }

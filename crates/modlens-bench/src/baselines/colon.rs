@@ -4,10 +4,10 @@ use crate::baselines::lines::by_line;
 use crate::baselines::pairing::Pairing;
 use crate::checksum::{crc, lrc};
 use crate::model::Framing;
-use crate::reported::{Algorithm, Reported};
+use crate::reported::{Algorithm, ReportedFrame};
 use crate::sim::case::Case;
 
-/// From a colon to CR LF; a colon inside begins again.
+/// Cuts frames from a colon to CR LF; a further colon begins a new frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Colon;
 
@@ -16,8 +16,8 @@ impl Algorithm for Colon {
         "colon"
     }
 
-    fn run(&mut self, case: &Case) -> Vec<Reported> {
-        let mut frames = by_line(case, messages);
+    fn run(&mut self, case: &Case) -> Vec<ReportedFrame> {
+        let mut frames = by_line(case, find_frames);
         frames.sort_by_key(|frame| (frame.line, frame.start));
         frames
     }
@@ -31,7 +31,7 @@ impl Algorithm for Colon {
     }
 }
 
-fn messages(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
+fn find_frames(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut start = None;
     for (at, &byte) in bytes.iter().enumerate() {
@@ -39,14 +39,14 @@ fn messages(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
             b':' => start = Some(at),
             b'\n' if at > 0 && bytes[at - 1] == b'\r' => {
                 if let Some(start) = start.take() {
-                    let body = decoded(&bytes[start + 1..at - 1]);
-                    let mut frame = Reported::new(line, start as u64, at as u64 + 1, body.is_some());
+                    let body = decode(&bytes[start + 1..at - 1]);
+                    let mut frame = ReportedFrame::new(line, start as u64, at as u64 + 1, body.is_some());
                     if let Some(body) = body {
-                        // The layouts speak of RTU frames: two checksum bytes instead of one.
+                        // The table of lengths is for RTU frames, which have two bytes of checksum instead of one.
                         let mut rtu = body[..body.len() - 1].to_vec();
                         let crc = crc(&rtu);
                         rtu.extend(crc.to_le_bytes());
-                        pairing.place(&rtu, &mut frame);
+                        pairing.assign(&rtu, &mut frame);
                     }
                     frames.push(frame);
                 }
@@ -57,8 +57,8 @@ fn messages(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
     frames
 }
 
-/// Unit, PDU and LRC, if all is hex and the LRC fits.
-fn decoded(digits: &[u8]) -> Option<Vec<u8>> {
+/// Decodes unit, PDU and LRC; `None` if there is a character that is no hex digit or if the LRC is invalid.
+fn decode(digits: &[u8]) -> Option<Vec<u8>> {
     if digits.len() % 2 == 1 || digits.len() < 6 {
         return None;
     }

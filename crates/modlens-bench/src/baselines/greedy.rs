@@ -1,21 +1,24 @@
-//! Greedy finders that go by the CRC: predicted lengths, and all lengths.
+//! Greedy methods that accept the first frame with a valid CRC: of the predicted lengths, or of all lengths.
 
 use crate::baselines::layout::{request_length, response_length};
 use crate::baselines::lines::{by_line, is_rtu};
 use crate::baselines::pairing::Pairing;
 use crate::checksum::{crc_fits, step};
 use crate::model::Direction;
-use crate::reported::{Algorithm, Reported};
+use crate::reported::{Algorithm, ReportedFrame};
 use crate::sim::case::Case;
 
-/// The longest and the shortest RTU frame (serial line specification, 2.5.1).
-const LIMITS: (usize, usize) = (4, 256);
+/// The shortest RTU frame (serial line specification, 2.5.1).
+const MIN_FRAME_BYTES: usize = 4;
+
+/// The longest RTU frame (serial line specification, 2.5.1).
+const MAX_FRAME_BYTES: usize = 256;
 
 /// Predicts the length from the header, as request and as response.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Length;
 
-/// Accepts the first length that the CRC confirms.
+/// Accepts the first length that gives a valid CRC.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scan;
 
@@ -24,8 +27,8 @@ impl Algorithm for Length {
         "length"
     }
 
-    fn run(&mut self, case: &Case) -> Vec<Reported> {
-        by_line(case, predicted)
+    fn run(&mut self, case: &Case) -> Vec<ReportedFrame> {
+        by_line(case, find_by_predicted_length)
     }
 
     fn uses_times(&self) -> bool {
@@ -42,8 +45,8 @@ impl Algorithm for Scan {
         "scan"
     }
 
-    fn run(&mut self, case: &Case) -> Vec<Reported> {
-        by_line(case, scanned)
+    fn run(&mut self, case: &Case) -> Vec<ReportedFrame> {
+        by_line(case, find_by_all_lengths)
     }
 
     fn uses_times(&self) -> bool {
@@ -55,20 +58,20 @@ impl Algorithm for Scan {
     }
 }
 
-fn predicted(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
+fn find_by_predicted_length(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut at = 0;
-    while at + LIMITS.0 <= bytes.len() {
+    while at + MIN_FRAME_BYTES <= bytes.len() {
         let rest = &bytes[at..];
-        let mut readings = [(Direction::Request, request_length(rest)), (Direction::Response, response_length(rest))];
+        let mut candidates = [(Direction::Request, request_length(rest)), (Direction::Response, response_length(rest))];
         if pairing.expects(rest) {
-            readings.swap(0, 1);
+            candidates.swap(0, 1);
         }
-        let fits = |length: usize| length <= LIMITS.1 && length <= rest.len() && crc_fits(&rest[..length]);
-        let found = readings.into_iter().find_map(|(direction, length)| Some((direction, length.filter(|&n| fits(n))?)));
+        let fits = |length: usize| length <= MAX_FRAME_BYTES && length <= rest.len() && crc_fits(&rest[..length]);
+        let found = candidates.into_iter().find_map(|(direction, length)| Some((direction, length.filter(|&n| fits(n))?)));
         at += found.map_or(1, |(direction, length)| {
-            let mut frame = Reported::new(line, at as u64, (at + length) as u64, true);
-            pairing.place_as(direction, &rest[..length], &mut frame);
+            let mut frame = ReportedFrame::new(line, at as u64, (at + length) as u64, true);
+            pairing.assign_with_direction(direction, &rest[..length], &mut frame);
             frames.push(frame);
             length
         });
@@ -76,14 +79,14 @@ fn predicted(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
     frames
 }
 
-fn scanned(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
+fn find_by_all_lengths(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut at = 0;
-    while at + LIMITS.0 <= bytes.len() {
+    while at + MIN_FRAME_BYTES <= bytes.len() {
         let rest = &bytes[at..];
-        at += first_fit(rest).map_or(1, |length| {
-            let mut frame = Reported::new(line, at as u64, (at + length) as u64, true);
-            pairing.place(&rest[..length], &mut frame);
+        at += first_valid_length(rest).map_or(1, |length| {
+            let mut frame = ReportedFrame::new(line, at as u64, (at + length) as u64, true);
+            pairing.assign(&rest[..length], &mut frame);
             frames.push(frame);
             length
         });
@@ -91,12 +94,12 @@ fn scanned(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<Reported> {
     frames
 }
 
-/// The shortest prefix whose last two bytes are its CRC: the register is 0 behind it.
-fn first_fit(bytes: &[u8]) -> Option<usize> {
+/// The length of the shortest prefix that ends with its CRC, after which the register is 0.
+fn first_valid_length(bytes: &[u8]) -> Option<usize> {
     let mut state = 0xFFFF;
-    for (at, &byte) in bytes.iter().take(LIMITS.1).enumerate() {
+    for (at, &byte) in bytes.iter().take(MAX_FRAME_BYTES).enumerate() {
         state = step(state, byte);
-        if state == 0 && at + 1 >= LIMITS.0 {
+        if state == 0 && at + 1 >= MIN_FRAME_BYTES {
             return Some(at + 1);
         }
     }

@@ -1,6 +1,6 @@
-//! How long frames are, as the tools of the field know it: from a table in the program, without vendor's functions.
+//! The lengths of frames as other tools know them, by a table in the program that has no proprietary functions.
 
-/// The length of a request that begins like this, if it can be derived.
+/// The length of a request that begins with these bytes, if the table has its function.
 pub(crate) fn request_length(frame: &[u8]) -> Option<usize> {
     let counted = |at: usize, base: usize| frame.get(at).map(|&count| base + usize::from(count));
     match frame.get(1)? {
@@ -15,7 +15,7 @@ pub(crate) fn request_length(frame: &[u8]) -> Option<usize> {
     }
 }
 
-/// The length of a response that begins like this, if it can be derived.
+/// The length of a response that begins with these bytes, if the table has its function.
 pub(crate) fn response_length(frame: &[u8]) -> Option<usize> {
     let counted = |at: usize, base: usize| frame.get(at).map(|&count| base + usize::from(count));
     match frame.get(1)? {
@@ -28,7 +28,7 @@ pub(crate) fn response_length(frame: &[u8]) -> Option<usize> {
     }
 }
 
-/// Whether a whole frame can be a request. What the table does not know can be anything.
+/// Whether a whole frame can be a request; true for functions that the table does not have.
 pub(crate) fn fits_request(frame: &[u8]) -> bool {
     match frame[1] {
         0x80.. => false,
@@ -38,7 +38,7 @@ pub(crate) fn fits_request(frame: &[u8]) -> bool {
     }
 }
 
-/// Whether a whole frame can be a response.
+/// Whether a whole frame can be a response; true for functions that the table does not have.
 pub(crate) fn fits_response(frame: &[u8]) -> bool {
     match frame[1] {
         8 => frame.len() >= 8,

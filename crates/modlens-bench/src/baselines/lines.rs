@@ -2,7 +2,7 @@
 
 use crate::baselines::pairing::{pair_lines, Pairing};
 use crate::model::Framing;
-use crate::reported::Reported;
+use crate::reported::ReportedFrame;
 use crate::sim::case::Case;
 use crate::sim::tap::Read;
 
@@ -14,7 +14,7 @@ pub(super) fn is_rtu(case: &Case) -> bool {
 /// Runs a finder over every line of a case and pairs what it finds.
 ///
 /// `find` gets the bytes of a line and a slot for pairing; on two lines pairing comes afterwards, in order of time.
-pub(super) fn by_line(case: &Case, find: impl Fn(&[u8], u8, &mut Pairing) -> Vec<Reported>) -> Vec<Reported> {
+pub(super) fn by_line(case: &Case, find: impl Fn(&[u8], u8, &mut Pairing) -> Vec<ReportedFrame>) -> Vec<ReportedFrame> {
     if let [line] = &case.lines[..] {
         return find(&line.bytes, line.id, &mut Pairing::default());
     }
@@ -30,7 +30,7 @@ pub(super) fn by_line(case: &Case, find: impl Fn(&[u8], u8, &mut Pairing) -> Vec
     pair_lines(frames, |frame| case.bytes(frame.line)[frame.start as usize..frame.end as usize].to_vec())
 }
 
-/// When the byte at this offset was read; offsets must not go back.
+/// A function that returns when the byte at an offset was read; the offsets of successive calls must not decrease.
 fn order_of(reads: &[Read]) -> impl FnMut(u64) -> i64 + '_ {
     let (mut at, mut end) = (0, 0u64);
     move |offset| {

@@ -1,10 +1,10 @@
-//! Direction and pairing of the rivals: one request is remembered. Better than in most of the tools they stand for.
+//! Direction and pairing for all rivals: the last request is remembered. Most real tools do less.
 
 use crate::baselines::layout::{fits_request, fits_response};
 use crate::model::Direction;
-use crate::reported::Reported;
+use crate::reported::ReportedFrame;
 
-/// A request that waits for its answer.
+/// The outstanding request.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     unit: u8,
@@ -12,7 +12,7 @@ struct Pending {
     txn: u64,
 }
 
-/// Remembers the last request.
+/// Assigns directions and transactions by the outstanding request.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pairing {
     pending: Option<Pending>,
@@ -20,30 +20,31 @@ pub(crate) struct Pairing {
 }
 
 impl Pairing {
-    /// Whether a frame that begins like this is expected as an answer.
+    /// Whether a frame that begins with these bytes may be the response to the outstanding request.
     pub(crate) fn expects(&self, frame: &[u8]) -> bool {
         self.pending.is_some_and(|pending| {
             frame.first() == Some(&pending.unit) && frame.get(1).is_some_and(|code| code & 0x7F == pending.function)
         })
     }
 
-    /// Decides about a whole frame: a fitting answer to the pending request, else a request, else an answer.
-    pub(crate) fn place(&mut self, frame: &[u8], reported: &mut Reported) {
+    /// Decides direction and transaction of a whole frame: a response if it fits the outstanding request, or else a request
+    /// if it can be one, or else a response.
+    pub(crate) fn assign(&mut self, frame: &[u8], reported: &mut ReportedFrame) {
         let direction = if self.expects(frame) && fits_response(frame) || !fits_request(frame) {
             Direction::Response
         } else {
             Direction::Request
         };
-        self.place_as(direction, frame, reported);
+        self.assign_with_direction(direction, frame, reported);
     }
 
-    /// The same where the direction is known: by the line, or by the length that fitted.
-    pub(crate) fn place_as(&mut self, direction: Direction, frame: &[u8], reported: &mut Reported) {
+    /// Decides the transaction of a frame whose direction is known from its line or its length.
+    pub(crate) fn assign_with_direction(&mut self, direction: Direction, frame: &[u8], reported: &mut ReportedFrame) {
         reported.direction = direction;
         if direction == Direction::Request {
             self.txn += 1;
             reported.txn = Some(self.txn);
-            // Nobody answers a broadcast.
+            // A broadcast has no response.
             let pending = Pending { unit: frame[0], function: frame[1] & 0x7F, txn: self.txn };
             self.pending = (frame[0] != 0).then_some(pending);
         } else if self.expects(frame) {
@@ -52,14 +53,14 @@ impl Pairing {
     }
 }
 
-/// Frames of a two-line tap, in the order of time: requests on line 1, responses on line 2.
-pub(crate) fn pair_lines(mut frames: Vec<(i64, Reported)>, bytes: impl Fn(&Reported) -> Vec<u8>) -> Vec<Reported> {
+/// Assigns transactions to the frames of a two-line tap in the order of time, with requests on line 1 and responses on line 2.
+pub(crate) fn pair_lines(mut frames: Vec<(i64, ReportedFrame)>, bytes: impl Fn(&ReportedFrame) -> Vec<u8>) -> Vec<ReportedFrame> {
     frames.sort_by_key(|(time, _)| *time);
     let mut pairing = Pairing::default();
     let paired = frames.into_iter().map(|(_, mut frame)| {
-        if frame.crc_ok {
+        if frame.is_whole {
             let direction = if frame.line == 1 { Direction::Request } else { Direction::Response };
-            pairing.place_as(direction, &bytes(&frame), &mut frame);
+            pairing.assign_with_direction(direction, &bytes(&frame), &mut frame);
         }
         frame
     });

@@ -1,9 +1,9 @@
-//! What people act on: is it said where it is true, and only there.
+//! Scores labels: whether they are given to the frames to which they apply, and only to those.
 
 use std::collections::HashSet;
 
 use crate::model::Label;
-use crate::reported::Reported;
+use crate::reported::ReportedFrame;
 use crate::score::matching::Matching;
 use crate::score::tally::Tally;
 use crate::sim::case::Case;
@@ -13,20 +13,20 @@ use crate::sim::truth::TruthFrame;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LabelScore(pub Tally);
 
-/// Scores all labels. Most stand at whole frames; two masters at any frame of their meeting, late answers at either of
-/// the two behind a retry; lost bytes at a place.
-pub(crate) fn score(case: &Case, reported: &[Reported], matching: &Matching) -> [LabelScore; 8] {
+/// Scores all labels. Most belong to one whole frame. `TwoMasters` may be given to any frame of an overlap, `Late` to either
+/// of the two responses after a retry, and `LostBytes` is scored by the place where bytes are missing.
+pub(crate) fn score(case: &Case, reported: &[ReportedFrame], matching: &Matching) -> [LabelScore; 8] {
     Label::ALL.map(|label| {
         LabelScore(match label {
-            Label::LostBytes => lost_bytes(case, reported),
-            Label::TwoMasters => in_groups(case, reported, matching, label, meeting),
-            Label::Late => in_groups(case, reported, matching, label, retried),
-            _ => at_frames(case, reported, matching, label),
+            Label::LostBytes => score_lost_bytes(case, reported),
+            Label::TwoMasters => score_by_group(case, reported, matching, label, overlap_of),
+            Label::Late => score_by_group(case, reported, matching, label, retry_of),
+            _ => score_by_frame(case, reported, matching, label),
         })
     })
 }
 
-fn at_frames(case: &Case, reported: &[Reported], matching: &Matching, label: Label) -> Tally {
+fn score_by_frame(case: &Case, reported: &[ReportedFrame], matching: &Matching, label: Label) -> Tally {
     let wanted = case.truth.iter().filter(|frame| frame.valid && frame.labels.contains(label));
     let mut tally = Tally { wanted: wanted.count() as u64, ..Tally::default() };
     for (frame, truth) in reported.iter().zip(&matching.truth_of) {
@@ -38,21 +38,21 @@ fn at_frames(case: &Case, reported: &[Reported], matching: &Matching, label: Lab
             tally.found += 1;
             tally.right += 1;
             tally.claimed += 1;
-        } else if !truth.is_some_and(|truth| truth.maybe.contains(label)) {
+        } else if !truth.is_some_and(|truth| truth.allowed_labels.contains(label)) {
             tally.claimed += 1;
         }
     }
     tally
 }
 
-/// The damaged frame of the truth that a damaged report means.
-fn damaged_at<'a>(case: &'a Case, frame: &Reported) -> Option<&'a TruthFrame> {
+/// The damaged frame of the truth that begins where a reported frame begins.
+fn damaged_at<'a>(case: &'a Case, frame: &ReportedFrame) -> Option<&'a TruthFrame> {
     case.truth.iter().find(|truth| !truth.valid && truth.line == frame.line && truth.start == frame.start)
 }
 
-/// For what stands in a group of frames (a meeting of two masters, the two answers behind a retry): one report a group
-/// is enough, any report in it is right, and one outside of all groups is false.
-fn in_groups(case: &Case, reported: &[Reported], matching: &Matching, label: Label, group: Group) -> Tally {
+/// Scores a label that belongs to a group of frames (an overlap of two masters, or the two responses after a retry). One
+/// label per group is enough, each label within a group is right, and a label outside all groups is wrong.
+fn score_by_group(case: &Case, reported: &[ReportedFrame], matching: &Matching, label: Label, group: Group) -> Tally {
     let clear = case.truth.iter().filter(|frame| frame.valid && frame.labels.contains(label));
     let wanted: HashSet<u32> = clear.filter_map(group).collect();
     let mut tally = Tally { wanted: wanted.len() as u64, ..Tally::default() };
@@ -68,7 +68,7 @@ fn in_groups(case: &Case, reported: &[Reported], matching: &Matching, label: Lab
                 tally.claimed += 1;
                 tally.right += 1;
             }
-            _ if truth.is_some_and(|truth| truth.maybe.contains(label)) => {}
+            _ if truth.is_some_and(|truth| truth.allowed_labels.contains(label)) => {}
             _ => tally.claimed += 1,
         }
     }
@@ -76,34 +76,35 @@ fn in_groups(case: &Case, reported: &[Reported], matching: &Matching, label: Lab
     tally
 }
 
-/// The group that a frame is in.
+/// A function that returns the number of the group to which a frame belongs.
 type Group = fn(&TruthFrame) -> Option<u32>;
 
-/// The meeting of two masters that a frame is part of.
-pub(crate) fn meeting(frame: &TruthFrame) -> Option<u32> {
-    (frame.episode > 0).then_some(frame.episode)
+/// The number of the overlap of two masters that a frame is part of.
+pub(crate) fn overlap_of(frame: &TruthFrame) -> Option<u32> {
+    (frame.overlap_id > 0).then_some(frame.overlap_id)
 }
 
-/// The retry that this frame or another one answers.
-pub(crate) fn retried(frame: &TruthFrame) -> Option<u32> {
-    frame.alt_txn.map(|_| frame.txn)
+/// The transaction of the retry to which this response or the other one belongs.
+pub(crate) fn retry_of(frame: &TruthFrame) -> Option<u32> {
+    frame.alternative_txn.map(|_| frame.txn)
 }
 
-/// A report is right if bytes are missing inside it or at one of its ends; a frame that lost bytes is found if such a
-/// report reaches into it. Where the head of one frame and the tail of another remain, nobody can see the seam.
-fn lost_bytes(case: &Case, reported: &[Reported]) -> Tally {
+/// Scores `LostBytes`. A labelled report is right if bytes are missing inside it or at one of its ends. A frame that lost
+/// bytes is found if a labelled report overlaps it, because the beginning of one frame joined to the end of another looks
+/// like one frame.
+fn score_lost_bytes(case: &Case, reported: &[ReportedFrame]) -> Tally {
     let label = Label::LostBytes;
-    let claims: Vec<&Reported> = reported.iter().filter(|frame| frame.labels.contains(label)).collect();
+    let claims: Vec<&ReportedFrame> = reported.iter().filter(|frame| frame.labels.contains(label)).collect();
     let mut tally = Tally::default();
     for frame in &claims {
         let inside = |&(line, place): &(u8, u64)| line == frame.line && (frame.start..=frame.end).contains(&place);
         let right = case.losses.iter().any(inside);
-        let maybe = damaged_at(case, frame).is_some_and(|truth| truth.maybe.contains(label));
+        let maybe = damaged_at(case, frame).is_some_and(|truth| truth.allowed_labels.contains(label));
         tally.right += u64::from(right);
         tally.claimed += u64::from(right || !maybe);
     }
     for truth in case.truth.iter().filter(|frame| frame.labels.contains(label)) {
-        let reaches = |claim: &&Reported| claim.line == truth.line && claim.start < truth.end && claim.end > truth.start;
+        let reaches = |claim: &&ReportedFrame| claim.line == truth.line && claim.start < truth.end && claim.end > truth.start;
         tally.wanted += 1;
         tally.found += u64::from(claims.iter().any(reaches));
     }

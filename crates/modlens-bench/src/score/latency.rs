@@ -1,6 +1,6 @@
-//! How long after the read that carried its last byte a frame is reported.
+//! The latency of live reports: the time from the read of a frame's last byte to the report of the frame.
 
-use crate::reported::Reported;
+use crate::reported::ReportedFrame;
 use crate::sim::case::Case;
 
 /// Latencies of live reports.
@@ -10,13 +10,13 @@ pub struct Latency {
 }
 
 impl Latency {
-    pub(crate) fn of(case: &Case, reported: &[Reported]) -> Self {
+    pub(crate) fn of(case: &Case, reported: &[ReportedFrame]) -> Self {
         let mut ns = Vec::new();
         for line in &case.lines {
             let mut frames: Vec<(u64, i64)> = reported
                 .iter()
-                .filter(|frame| frame.line == line.id && frame.crc_ok)
-                .filter_map(|frame| Some((frame.end - 1, frame.t_emit?)))
+                .filter(|frame| frame.line == line.id && frame.is_whole)
+                .filter_map(|frame| Some((frame.end - 1, frame.emitted_ns?)))
                 .collect();
             frames.sort_unstable();
             let mut reads = case.read_times(line.id);
@@ -34,7 +34,7 @@ impl Latency {
         self.ns.is_empty()
     }
 
-    /// In ms: p50, p95, p99 and the longest.
+    /// The median, the 95th and the 99th percentile, and the maximum, in ms.
     pub fn percentiles(&self) -> [f64; 4] {
         let mut sorted = self.ns.clone();
         sorted.sort_unstable();

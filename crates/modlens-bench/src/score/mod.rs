@@ -1,7 +1,8 @@
-//! The scorer: reported frames against the truth.
+//! The scorer, which compares reported frames with the truth.
 //!
-//! With V the valid frames of the truth, O the reported ones that claim to be whole, M those of O that match V in start
-//! and end: recall is M/V, precision M/O. The headline (`fd`) counts a match only with the right direction.
+//! Let V be the valid frames of the truth, O the reported frames that claim to be whole, and M those of O that match one of
+//! V in start and end. Recall is M/V and precision is M/O. The headline figure (`frames_with_direction`) counts a match only
+//! if its direction is right, too.
 
 pub(crate) mod labels;
 mod latency;
@@ -14,38 +15,38 @@ pub use latency::Latency;
 pub use tally::Tally;
 
 use crate::model::Label;
-use crate::reported::Reported;
+use crate::reported::ReportedFrame;
 use crate::sim::case::Case;
 use matching::Matching;
 
-/// What came out for one case, or for many.
+/// The score of one case, or the sum of several.
 #[derive(Clone, Debug, Default)]
 pub struct Score {
     /// Valid frames of the truth.
     pub valid: u64,
     /// Reported frames that claim to be whole.
     pub claimed: u64,
-    /// Those with the right start and end.
+    /// Reported frames that claim to be whole and have the right start and end.
     pub matched: u64,
-    /// Those with the right direction too.
-    pub matched_fd: u64,
-    /// Request and response joined.
+    /// Matched frames that have the right direction, too.
+    pub matched_with_direction: u64,
+    /// Responses that are assigned to their requests.
     pub pairs: Tally,
-    /// Damaged frames, by their start.
+    /// Damaged frames, found by their start.
     pub damaged: Tally,
-    /// What people act on, in the order of `Label::ALL`.
+    /// Labels, in the order of `Label::ALL`.
     pub labels: [LabelScore; 8],
-    /// Live: from the last byte's read to the report.
+    /// In live runs the time from the read of a frame's last byte to the report.
     pub latency: Latency,
 }
 
 impl Score {
-    /// Frames with exact start, end and direction: the headline.
-    pub fn fd(&self) -> Tally {
-        self.tally(self.matched_fd)
+    /// Frames with the right start, end and direction, the headline figure.
+    pub fn frames_with_direction(&self) -> Tally {
+        self.tally(self.matched_with_direction)
     }
 
-    /// Frames with exact start and end.
+    /// Frames with the right start and end.
     pub fn frames(&self) -> Tally {
         self.tally(self.matched)
     }
@@ -64,7 +65,7 @@ impl Score {
         self.valid += other.valid;
         self.claimed += other.claimed;
         self.matched += other.matched;
-        self.matched_fd += other.matched_fd;
+        self.matched_with_direction += other.matched_with_direction;
         self.pairs.add(&other.pairs);
         self.damaged.add(&other.damaged);
         for (mine, theirs) in self.labels.iter_mut().zip(&other.labels) {
@@ -74,8 +75,8 @@ impl Score {
     }
 }
 
-/// Compares what was reported with what was sent.
-pub fn score(case: &Case, reported: &[Reported]) -> Score {
+/// Scores reported frames against the truth of a case.
+pub fn score(case: &Case, reported: &[ReportedFrame]) -> Score {
     let matching = Matching::new(case, reported);
     let mut score = Score {
         valid: case.truth.iter().filter(|frame| frame.valid).count() as u64,
@@ -87,17 +88,18 @@ pub fn score(case: &Case, reported: &[Reported]) -> Score {
         ..Score::default()
     };
     for (frame, truth) in reported.iter().zip(&matching.truth_of) {
-        if let Some(truth) = truth.filter(|_| frame.crc_ok).map(|at| &case.truth[at]) {
+        if let Some(truth) = truth.filter(|_| frame.is_whole).map(|at| &case.truth[at]) {
             score.matched += 1;
-            score.matched_fd += u64::from(truth.echo || frame.direction == truth.direction);
+            score.matched_with_direction += u64::from(truth.echo || frame.direction == truth.direction);
         }
     }
     score
 }
 
-/// Facts and tentative frames that an algorithm claims behind this offset, where there is only noise.
-pub fn false_frames(reported: &[Reported], from: u64) -> (u64, u64) {
-    let claimed = reported.iter().filter(|frame| frame.crc_ok && frame.end > from);
+/// Counts the frames that are reported behind an offset where there is only noise: those reported as certain, and those
+/// marked as unconfirmed.
+pub fn false_frames(reported: &[ReportedFrame], from: u64) -> (u64, u64) {
+    let claimed = reported.iter().filter(|frame| frame.is_whole && frame.end > from);
     claimed.fold(
         (0, 0),
         |(facts, tentative), frame| {

@@ -1,30 +1,30 @@
-//! Counts of right and wrong answers, and the measures made of them.
+//! Counts of right and wrong reports, with recall, precision and F1.
 
-/// Right ones among the wanted and among the claimed.
+/// The counts for recall (found of wanted) and for precision (right of claimed).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Right among the wanted.
+    /// How many of the wanted ones were reported.
     pub found: u64,
-    /// Wanted.
+    /// How many should have been reported.
     pub wanted: u64,
-    /// Right among the claimed.
+    /// How many of the reported ones are right.
     pub right: u64,
-    /// Claimed.
+    /// How many were reported.
     pub claimed: u64,
 }
 
 impl Tally {
-    /// Share of the wanted that was found; 1 where nothing was wanted.
+    /// The share of the wanted ones that was reported; 1 if none was wanted.
     pub fn recall(&self) -> f64 {
         share(self.found, self.wanted)
     }
 
-    /// Share of the claimed that is right; 1 where nothing was claimed.
+    /// The share of the reported ones that is right; 1 if none was reported.
     pub fn precision(&self) -> f64 {
         share(self.right, self.claimed)
     }
 
-    /// The harmonic mean of the two.
+    /// F1, the harmonic mean of recall and precision.
     pub fn f1(&self) -> f64 {
         let (recall, precision) = (self.recall(), self.precision());
         if recall + precision == 0.0 {
@@ -34,7 +34,7 @@ impl Tally {
         }
     }
 
-    /// Adds another one.
+    /// Adds the counts of another tally.
     pub fn add(&mut self, other: &Self) {
         self.found += other.found;
         self.wanted += other.wanted;

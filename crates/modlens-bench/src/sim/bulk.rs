@@ -1,7 +1,7 @@
-//! Clean mixed traffic by the megabyte, for speed: a poll list of 120 entries on ten slaves, 15 % writes.
+//! Clean mixed traffic in bulk, for measurements of speed: a poll list of 120 entries on ten slaves, and 15 % writes.
 //!
-//! Function codes 3/4/1/2/5/6/15/16/23 make 56/14/6/9/2.5/5/1/5/1 % of the requests, 1 % of the answers are
-//! exceptions, 0.5 % of the requests are not answered; 28 bytes a frame and 26 registers a read on average.
+//! Function codes 3/4/1/2/5/6/15/16/23 make 56/14/6/9/2.5/5/1/5/1 % of the requests, 1 % of the responses are exceptions,
+//! and 0.5 % of the requests have no response. A frame has 28 bytes and a read 26 registers on average.
 
 use crate::checksum::rtu;
 use crate::model::{Direction, Framing, Settings};
@@ -14,13 +14,13 @@ use crate::sim::requests::mask_padding;
 use crate::sim::tap::{Read, TapMode};
 use crate::sim::truth::TruthFrame;
 
-/// The line that the times are for.
-pub const LINE: Settings = Settings { baud: 115_200, data_bits: 8, parity: true };
+/// The settings of the line from which the times follow.
+pub const LINE: Settings = Settings { baud: 115_200, data_bits: 8, has_even_parity: true };
 
-/// Registers of a read: 26 on average.
+/// Numbers of registers per read, 26 on average.
 const REGISTERS: [u16; 10] = [1, 2, 4, 8, 10, 20, 30, 40, 60, 85];
 
-/// Bits of a read.
+/// Numbers of coils or inputs per read.
 const BITS: [u16; 8] = [8, 16, 32, 64, 128, 400, 800, 1000];
 
 /// One frame of bulk traffic.
@@ -28,11 +28,11 @@ const BITS: [u16; 8] = [8, 16, 32, 64, 128, 400, 800, 1000];
 pub struct BulkFrame {
     /// Offset in the stream.
     pub start: u64,
-    /// Bytes.
+    /// The number of bytes.
     pub length: u16,
-    /// Who sent it.
+    /// Request or response.
     pub direction: Direction,
-    /// Not damaged.
+    /// It is not damaged.
     pub valid: bool,
     /// Number of its transaction.
     pub txn: u32,
@@ -40,20 +40,20 @@ pub struct BulkFrame {
     pub end_ns: i64,
 }
 
-/// Traffic and what is in it.
+/// Bulk traffic with its frames and counts.
 #[derive(Clone, Debug, Default)]
 pub struct Bulk {
     /// The bytes.
     pub bytes: Vec<u8>,
     /// The frames.
     pub frames: Vec<BulkFrame>,
-    /// Requests, answered or not.
+    /// The number of requests.
     pub transactions: u64,
-    /// Exception responses.
+    /// The number of exception responses.
     pub exceptions: u64,
-    /// Requests without answer.
+    /// The number of requests without response.
     pub timeouts: u64,
-    /// Registers in read responses.
+    /// The number of registers in read responses.
     pub registers_read: u64,
 }
 
@@ -83,7 +83,7 @@ impl Mixed {
         Self { rng, dirty, poll, turn: 0, offset: 0, txn: 0, now: 1e9 }
     }
 
-    /// Adds about so many bytes; offsets, transactions and times go on where the last call ended.
+    /// Appends about so many bytes; offsets, transactions and times continue where the last call ended.
     pub fn more(&mut self, bytes: usize, into: &mut Bulk) {
         let end = into.bytes.len() + bytes;
         while into.bytes.len() < end {
@@ -91,7 +91,7 @@ impl Mixed {
         }
     }
 
-    /// So many bytes and a case around them, without times.
+    /// A case without times that has so many bytes.
     pub fn case(seed: u64, bytes: usize, dirty: bool) -> Case {
         let mut bulk = Bulk::default();
         Self::new(seed, dirty).more(bytes, &mut bulk);
@@ -122,7 +122,7 @@ impl Mixed {
     }
 
     fn request(&mut self) -> (u8, Vec<u8>) {
-        // In half per cent: 85.5 % reads of the poll list, then 5, 6, 15, 16 and 23.
+        // The weights are in units of 0.5 %: 85.5 % are reads of the poll list, the others functions 5, 6, 15, 16 and 23.
         let kind = self.rng.weighted(&[171, 5, 10, 2, 10, 2]);
         if kind == 0 {
             self.turn += 1;
@@ -196,7 +196,7 @@ impl Mixed {
 }
 
 impl Bulk {
-    /// A case without times around the bytes.
+    /// Converts the traffic to a case without times.
     pub fn into_case(self, seed: u64) -> Case {
         let truth = self.frames.iter().map(|frame| {
             let bytes = &self.bytes[frame.start as usize..];
@@ -209,14 +209,14 @@ impl Bulk {
                 function: bytes[1] & 0x7F,
                 exception: bytes[1] & 0x80 != 0,
                 txn: frame.txn,
-                alt_txn: None,
+                alternative_txn: None,
                 valid: frame.valid,
-                lenient: false,
+                is_unscored: false,
                 echo: false,
-                unpaired: false,
+                needs_no_pair: false,
                 labels: crate::model::Labels::default(),
-                maybe: crate::model::Labels::default(),
-                episode: 0,
+                allowed_labels: crate::model::Labels::default(),
+                overlap_id: 0,
                 damage: Damage { flip: !frame.valid, ..Damage::default() },
             }
         });

@@ -5,9 +5,9 @@ use crate::rng::Rng;
 use crate::sim::reads;
 use crate::sim::registers::Registers;
 use crate::sim::scenario::Scenario;
-use crate::sim::slave::{Custom, PollItem, Slave, Style};
+use crate::sim::slave::{LengthStyle, PollItem, ProprietaryFunction, Slave};
 
-/// Codes that vendors use: user-defined, reserved and legacy ones (application protocol, 5 and annex A).
+/// Function codes that vendors use: user-defined, reserved and legacy ones (application protocol, 5 and annex A).
 const VENDOR_CODES: [u8; 30] = [
     65, 66, 67, 68, 69, 70, 71, 72, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 90, 91, 125, 126, 9, 10, 13, 14, 40,
     0x2E, 0x31,
@@ -19,7 +19,7 @@ pub(crate) struct Bus {
     pub(crate) settings: Settings,
     pub(crate) slaves: Vec<Slave>,
     pub(crate) poll: Vec<PollItem>,
-    pub(crate) customs: [Custom; 4],
+    pub(crate) proprietary_functions: [ProprietaryFunction; 4],
     /// The next entry of the poll list.
     pub(crate) turn: usize,
 }
@@ -28,7 +28,7 @@ impl Bus {
     pub(crate) fn new(scenario: &Scenario, rng: &mut Rng) -> Self {
         let settings = settings(scenario.framing, rng);
         let slaves = slaves(scenario, rng);
-        let customs = customs(rng);
+        let proprietary_functions = proprietary_functions(rng);
         let mut poll = Vec::new();
         for (slave, device) in slaves.iter().enumerate() {
             for _ in 0..rng.range(2, 5) {
@@ -36,7 +36,7 @@ impl Bus {
                 poll.push(PollItem { slave, pdu: reads::read(function, device, rng) });
             }
         }
-        Self { settings, slaves, poll, customs, turn: 0 }
+        Self { settings, slaves, poll, proprietary_functions, turn: 0 }
     }
 }
 
@@ -44,8 +44,8 @@ fn settings(framing: Framing, rng: &mut Rng) -> Settings {
     let baud = [9600, 19_200, 38_400, 57_600, 115_200][rng.weighted(&[5, 4, 1, 1, 2])];
     let eleven = rng.chance(2.0 / 3.0);
     match framing {
-        Framing::Rtu => Settings { baud, data_bits: 8, parity: eleven },
-        Framing::Ascii => Settings { baud, data_bits: 7, parity: true },
+        Framing::Rtu => Settings { baud, data_bits: 8, has_even_parity: eleven },
+        Framing::Ascii => Settings { baud, data_bits: 7, has_even_parity: true },
     }
 }
 
@@ -59,7 +59,7 @@ fn slaves(scenario: &Scenario, rng: &mut Rng) -> Vec<Slave> {
         }
         slaves.push(Slave {
             unit,
-            answer_ns: rng.log_normal(10e6, 0.6),
+            response_time_ns: rng.log_normal(10e6, 0.6),
             enron: rng.chance(scenario.enron),
             quirk: rng.chance(scenario.quirk),
             lower_case: rng.chance(scenario.lower_case),
@@ -79,16 +79,16 @@ fn unit(reserved_too: bool, rng: &mut Rng) -> u8 {
     }
 }
 
-fn customs(rng: &mut Rng) -> [Custom; 4] {
+fn proprietary_functions(rng: &mut Rng) -> [ProprietaryFunction; 4] {
     let mut codes = VENDOR_CODES;
     std::array::from_fn(|at| {
         let chosen = rng.range(at, codes.len() - 1);
         codes.swap(at, chosen);
         let style = match rng.below(3) {
-            0 => Style::Fixed { request: rng.range(0, 12), response: rng.range(0, 40) },
-            1 => Style::Counted,
-            _ => Style::Random,
+            0 => LengthStyle::Fixed { request: rng.range(0, 12), response: rng.range(0, 40) },
+            1 => LengthStyle::Counted,
+            _ => LengthStyle::Random,
         };
-        Custom { code: codes[at], style }
+        ProprietaryFunction { code: codes[at], style }
     })
 }

@@ -1,26 +1,26 @@
-//! Traffic (what happened on the bus) and cases (what a tap made of it).
+//! Traffic, which is what happened on the bus, and cases, which are what a tap has recorded of it.
 
 use std::collections::HashSet;
 
 use crate::model::{Framing, Label, Settings};
 use crate::rng::Rng;
-use crate::sim::master::Play;
+use crate::sim::master::Simulation;
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::{Read, TapMode};
 use crate::sim::truth::{truth, Loss, TruthFrame};
 
-/// One line as the tap heard it.
+/// The bytes of one line.
 #[derive(Clone, Debug)]
 pub struct TrafficLine {
     /// 0 for the only line; 1 and 2 for the lines A and B of a two-line tap.
     pub id: u8,
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// When each one's last stop bit ended, in ns.
+    /// When the last stop bit of each byte ended, in ns.
     pub times: Vec<i64>,
 }
 
-/// What happened on the bus: the same for every tap.
+/// What happened on the bus, which is the same for every tap.
 #[derive(Clone, Debug)]
 pub struct Traffic {
     /// The scenario's name.
@@ -33,7 +33,7 @@ pub struct Traffic {
     pub framing: Framing,
     /// The lines.
     pub lines: Vec<TrafficLine>,
-    /// What was sent.
+    /// The frames that were sent.
     pub truth: Vec<TruthFrame>,
     /// Where bytes are missing.
     pub losses: Vec<Loss>,
@@ -46,18 +46,18 @@ pub struct CaseLine {
     pub id: u8,
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// How they came.
+    /// The reads in which they were delivered.
     pub reads: Vec<Read>,
 }
 
-/// What an algorithm gets, and the truth that it is measured by.
+/// The input of an algorithm, with the truth by which it is scored.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The scenario's name.
     pub name: String,
     /// Its seed.
     pub seed: u64,
-    /// How the bytes were tapped.
+    /// The kind of tap.
     pub mode: TapMode,
     /// Settings of the line.
     pub settings: Settings,
@@ -65,15 +65,15 @@ pub struct Case {
     pub framing: Framing,
     /// The lines.
     pub lines: Vec<CaseLine>,
-    /// What was sent.
+    /// The frames that were sent.
     pub truth: Vec<TruthFrame>,
     /// Where bytes are missing.
     pub losses: Vec<Loss>,
 }
 
-/// One read, as an algorithm is fed.
+/// One read, as it is fed to an algorithm.
 #[derive(Clone, Copy, Debug)]
-pub struct Feed<'a> {
+pub struct TimedRead<'a> {
     /// Which line.
     pub line: u8,
     /// Offset of the first byte in the line's stream.
@@ -85,20 +85,20 @@ pub struct Feed<'a> {
 }
 
 impl Traffic {
-    /// Plays a scenario until `frames` frames were sent.
+    /// Simulates a scenario until `frames` frames were sent.
     pub fn new(scenario: &Scenario, seed: u64, frames: usize) -> Self {
-        let play = Play::new(scenario, seed, frames);
-        let (truth, losses) = truth(&play.wire, scenario.framing);
-        let two = play.wire.lines.len() == 2;
-        let lines = play.wire.lines.iter().enumerate().map(|(at, bytes)| {
-            let heard = bytes.iter().filter(|byte| !byte.lost);
-            let (bytes, times) = heard.map(|byte| (byte.value, byte.time)).unzip();
+        let simulation = Simulation::new(scenario, seed, frames);
+        let (truth, losses) = truth(&simulation.wire, scenario.framing);
+        let two = simulation.wire.lines.len() == 2;
+        let lines = simulation.wire.lines.iter().enumerate().map(|(at, bytes)| {
+            let delivered = bytes.iter().filter(|byte| !byte.lost);
+            let (bytes, times) = delivered.map(|byte| (byte.value, byte.time)).unzip();
             TrafficLine { id: if two { at as u8 + 1 } else { 0 }, bytes, times }
         });
         Self {
             name: scenario.name.into(),
             seed,
-            settings: play.settings(),
+            settings: simulation.settings(),
             framing: scenario.framing,
             lines: lines.collect(),
             truth,
@@ -106,7 +106,7 @@ impl Traffic {
         }
     }
 
-    /// What this tap makes of it.
+    /// The recording that a tap of this kind makes.
     pub fn tap(&self, mode: TapMode) -> Case {
         let lines = self.lines.iter().map(|line| {
             let mut rng = Rng::new(self.seed, &format!("{} {} {}", self.name, mode.text(), line.id));
@@ -126,24 +126,25 @@ impl Traffic {
         }
     }
 
-    /// Bytes on all lines.
+    /// The number of bytes on all lines.
     pub fn len(&self) -> usize {
         self.lines.iter().map(|line| line.bytes.len()).sum()
     }
 
-    /// Whether nothing was heard.
+    /// Whether there are no bytes.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// What can be said where nothing tells the order of two lines: the same request twice on one of them and two answers on
-/// the other are two exchanges, or a retry and a late answer.
+/// The truth for two lines without times, where the order of frames on different lines is unknown. The same request twice on
+/// one line and two responses on the other may be two transactions, or a retry and a late response, so labels that would
+/// decide this are only allowed.
 fn without_order(truth: &[TruthFrame]) -> Vec<TruthFrame> {
     let late = truth.iter().filter(|frame| frame.labels.contains(Label::Late));
-    let pairs: HashSet<(u32, u32)> = late.filter_map(|frame| Some((frame.alt_txn?, frame.txn))).collect();
+    let pairs: HashSet<(u32, u32)> = late.filter_map(|frame| Some((frame.alternative_txn?, frame.txn))).collect();
     let open = |frame: &TruthFrame, label| match label {
-        Label::Late => frame.alt_txn.is_some_and(|old| pairs.contains(&(old, frame.txn))),
+        Label::Late => frame.alternative_txn.is_some_and(|old| pairs.contains(&(old, frame.txn))),
         Label::NoResponse => pairs.iter().any(|&(old, _)| old == frame.txn),
         Label::Retry => pairs.iter().any(|&(_, now)| now == frame.txn),
         _ => false,
@@ -153,7 +154,7 @@ fn without_order(truth: &[TruthFrame]) -> Vec<TruthFrame> {
         for label in [Label::Late, Label::NoResponse, Label::Retry] {
             if open(frame, label) {
                 frame.labels.remove(label);
-                frame.maybe.insert(label);
+                frame.allowed_labels.insert(label);
             }
         }
     }
@@ -162,7 +163,7 @@ fn without_order(truth: &[TruthFrame]) -> Vec<TruthFrame> {
 
 impl Case {
     /// The reads of all lines in the order of time.
-    pub fn feeds(&self) -> impl Iterator<Item = Feed<'_>> {
+    pub fn timed_reads(&self) -> impl Iterator<Item = TimedRead<'_>> {
         let mut next = vec![(0usize, 0usize); self.lines.len()];
         std::iter::from_fn(move || {
             let ready = (0..self.lines.len()).filter(|&at| next[at].0 < self.lines[at].reads.len());
@@ -172,7 +173,7 @@ impl Case {
             let read = line.reads[number];
             let end = offset + read.length as usize;
             next[at] = (number + 1, end);
-            Some(Feed { line: line.id, offset: offset as u64, bytes: &line.bytes[offset..end], time: read.time })
+            Some(TimedRead { line: line.id, offset: offset as u64, bytes: &line.bytes[offset..end], time: read.time })
         })
     }
 
@@ -181,14 +182,14 @@ impl Case {
         self.lines.iter().find(|other| other.id == line).map_or(&[], |line| &line.bytes)
     }
 
-    /// When the read came that carried this byte.
+    /// The times of the reads of a line, by the offset of a byte.
     pub fn read_times(&self, line: u8) -> ReadTimes<'_> {
         let reads = self.lines.iter().find(|other| other.id == line).map_or(&[][..], |line| &line.reads);
         ReadTimes { reads, end: 0, time: None }
     }
 }
 
-/// Looks up times of reads; offsets must not go back.
+/// Looks up the times of reads; the offsets of successive calls must not decrease.
 #[derive(Clone, Debug)]
 pub struct ReadTimes<'a> {
     reads: &'a [Read],
@@ -197,7 +198,7 @@ pub struct ReadTimes<'a> {
 }
 
 impl ReadTimes<'_> {
-    /// The time of the read that carried this byte.
+    /// The time of the read that delivered the byte at this offset.
     pub fn at(&mut self, offset: u64) -> Option<i64> {
         while offset >= self.end {
             let (read, rest) = self.reads.split_first()?;

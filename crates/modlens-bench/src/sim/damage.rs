@@ -1,32 +1,32 @@
-//! What goes wrong with one frame between its sender and the recording.
+//! Damage to single frames, between their sender and the recording.
 
 use crate::model::Framing;
 use crate::rng::Rng;
 use crate::sim::scenario::Scenario;
 
-/// What was done to a frame.
+/// The damage that was done to a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Damage {
-    /// Bits were flipped.
+    /// Bits were inverted.
     pub flip: bool,
     /// Bytes were lost in the tap.
     pub lost: bool,
     /// A byte was delivered twice.
     pub dup: bool,
-    /// The sender stopped early.
+    /// The sender stopped too early.
     pub trunc: bool,
-    /// Another sender talked into it.
+    /// Another sender transmitted at the same time.
     pub collide: bool,
-    /// The capture began inside.
+    /// The capture begins inside the frame.
     pub midstart: bool,
-    /// ASCII: the colon was damaged or lost.
+    /// The colon of an ASCII frame was damaged or lost.
     pub colon: bool,
-    /// ASCII: CR, LF or both were never sent.
+    /// CR, LF or both of an ASCII frame were not sent.
     pub no_end: bool,
 }
 
 impl Damage {
-    /// What was done, in words, each after a space.
+    /// The kinds of damage by name, each after a space.
     pub fn text(&self) -> String {
         let all = [
             (self.flip, " flip"),
@@ -42,11 +42,11 @@ impl Damage {
     }
 }
 
-/// One character as it leaves for the tap.
+/// One character on its way to the tap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slot {
     pub(crate) value: u8,
-    /// Which byte of the frame it is; `None` for strays.
+    /// Which byte of the frame it is; `None` for stray bytes.
     pub(crate) index: Option<u16>,
     /// Silence before it, in characters.
     pub(crate) gap: f64,
@@ -60,20 +60,20 @@ impl Slot {
     }
 }
 
-/// A frame on its way.
+/// The characters of a frame, after the damage.
 #[derive(Debug)]
-pub(crate) struct Damaged {
+pub(crate) struct DamagedFrame {
     pub(crate) slots: Vec<Slot>,
     pub(crate) damage: Damage,
-    /// Damaged on the wire already: the receiver drops it.
-    pub(crate) on_the_wire: bool,
+    /// It was damaged on the line already, so its receiver drops it, too.
+    pub(crate) is_damaged_on_line: bool,
 }
 
-impl Damaged {
-    /// The frame with all that this scenario does to it.
+impl DamagedFrame {
+    /// The frame with the random damage of a scenario.
     pub(crate) fn new(frame: &[u8], scenario: &Scenario, rng: &mut Rng) -> Self {
         let slots = frame.iter().enumerate().map(|(index, &value)| Slot { index: Some(index as u16), ..Slot::stray(value) });
-        let mut this = Self { slots: slots.collect(), damage: Damage::default(), on_the_wire: false };
+        let mut this = Self { slots: slots.collect(), damage: Damage::default(), is_damaged_on_line: false };
         let mask = if scenario.framing == Framing::Ascii { 0x7F } else { 0xFF };
         if rng.chance(scenario.no_crlf) {
             this.unfinish(rng);
@@ -107,7 +107,7 @@ impl Damaged {
         this
     }
 
-    /// CR, LF or both are not sent.
+    /// Removes CR, LF or both.
     fn unfinish(&mut self, rng: &mut Rng) {
         self.damage.no_end = true;
         let end = self.slots.len();
@@ -123,10 +123,11 @@ impl Damaged {
     fn truncate(&mut self, rng: &mut Rng) {
         self.slots.truncate(rng.range(1, self.slots.len() - 1));
         self.damage.trunc = true;
-        self.on_the_wire = true;
+        self.is_damaged_on_line = true;
     }
 
-    /// The driver that pulls to 0 wins: the bytes are joined by AND, and an intruder that is longer goes on behind.
+    /// Another sender transmits at the same time. A driver that pulls to 0 wins, so bytes are combined by AND; if the other
+    /// frame is longer, its rest follows.
     fn collide(&mut self, mask: u8, rng: &mut Rng) {
         let from = rng.below(self.slots.len());
         for at in from..from + rng.range(3, 40) {
@@ -142,7 +143,7 @@ impl Damaged {
             }
         }
         self.damage.collide = true;
-        self.on_the_wire = true;
+        self.is_damaged_on_line = true;
     }
 
     fn flip(&mut self, bits: usize, rng: &mut Rng) {
@@ -156,7 +157,7 @@ impl Damaged {
             }
         }
         self.damage.flip = true;
-        self.on_the_wire |= rng.chance(0.5);
+        self.is_damaged_on_line |= rng.chance(0.5);
     }
 
     fn damage_colon(&mut self, rng: &mut Rng) {
@@ -176,7 +177,8 @@ impl Damaged {
         self.damage.lost = true;
     }
 
-    /// One byte twice. A copy in a run of equal bytes at either end cannot be told from a stray before or behind.
+    /// Delivers one byte twice. In a run of equal bytes at either end of the frame the copy cannot be distinguished from a
+    /// stray byte outside the frame, so it is put there.
     fn duplicate(&mut self, rng: &mut Rng) {
         let at = rng.below(self.slots.len());
         let value = self.slots[at].value;
@@ -208,7 +210,7 @@ impl Damaged {
     }
 }
 
-/// What a driver puts on the line while it is switched on or off.
+/// The stray bytes that a line driver causes when it is switched on or off.
 fn glitch(mask: u8, rng: &mut Rng) -> Vec<Slot> {
     let count = 1 + rng.weighted(&[3, 1, 1]);
     let value = match rng.weighted(&[6, 3, 1]) {

@@ -1,48 +1,49 @@
-//! The master's program: polls, waits, retries; and what its slaves and a second master make of it.
+//! Simulates the traffic of a bus: the polls, time-outs and retries of the master, the responses of the slaves, and a second
+//! master.
 
 use crate::checksum::{ascii, rtu};
 use crate::model::{Direction, Framing};
 use crate::rng::Rng;
 use crate::sim::bus::Bus;
 use crate::sim::damage::Damage;
-use crate::sim::requests::Ask;
+use crate::sim::requests::PlannedRequest;
 use crate::sim::scenario::Scenario;
-use crate::sim::wire::{Fate, Role, Sent, Wire};
+use crate::sim::wire::{RequestOutcome, Role, SentFrame, Wire};
 
-/// How often a master asks again.
-const RETRIES: usize = 2;
+/// How often a master repeats a request without response.
+const MAX_RETRIES: usize = 2;
 
-/// How long it waits for an answer, in ns.
-const TIMEOUT: f64 = 250e6;
+/// The response time-out of the master.
+const RESPONSE_TIMEOUT_NS: f64 = 250e6;
 
-/// The typical silence before a request, in ns.
-const BEFORE_REQUEST: f64 = 12e6;
+/// The typical silence before a request.
+const REQUEST_DELAY_NS: f64 = 12e6;
 
-/// An answer that did not come in time.
-struct Overdue {
+/// A response that the slave sends only after the time-out.
+struct LateResponse {
     request: usize,
     pdu: Vec<u8>,
 }
 
-/// The whole play.
-pub(crate) struct Play<'a> {
+/// A simulation in progress.
+pub(crate) struct Simulation<'a> {
     scenario: &'a Scenario,
     bus: Bus,
     pub(crate) wire: Wire,
     rng: Rng,
-    /// What the master has to wait before its next request, if not the usual silence.
+    /// The silence in ns before the next request, if it is not the usual one.
     wait: Option<f64>,
     transactions: u32,
-    episodes: u32,
+    overlaps: u32,
 }
 
-impl<'a> Play<'a> {
-    /// Plays until so many frames were sent.
+impl<'a> Simulation<'a> {
+    /// Runs the simulation until so many frames were sent.
     pub(crate) fn new(scenario: &'a Scenario, seed: u64, frames: usize) -> Self {
         let mut rng = Rng::new(seed, scenario.name);
         let bus = Bus::new(scenario, &mut rng);
         let wire = Wire::new(bus.settings, scenario);
-        let mut this = Self { scenario, bus, wire, rng, wait: None, transactions: 0, episodes: 0 };
+        let mut this = Self { scenario, bus, wire, rng, wait: None, transactions: 0, overlaps: 0 };
         while this.wire.frames.len() < frames {
             this.transaction();
             if this.rng.chance(scenario.storm) {
@@ -63,124 +64,124 @@ impl<'a> Play<'a> {
     }
 
     fn transaction(&mut self) {
-        let ask = self.bus.next_request(self.scenario, &mut self.rng);
-        if ask.slave.is_some() && self.rng.chance(self.scenario.two_masters) {
-            self.meeting(&ask);
+        let planned = self.bus.next_request(self.scenario, &mut self.rng);
+        if planned.slave.is_some() && self.rng.chance(self.scenario.two_masters) {
+            self.overlap(&planned);
         } else {
-            self.exchange(&ask);
+            self.exchange(&planned);
         }
     }
 
-    /// A request, its answer, and what follows if there is none.
-    fn exchange(&mut self, ask: &Ask) {
+    /// Simulates a request, its response, and the retries if there is none.
+    fn exchange(&mut self, planned: &PlannedRequest) {
         let mut role = Role::Request;
-        let mut overdue: Option<Overdue> = None;
-        for _ in 0..=RETRIES {
-            let (request, heard) = self.request(ask, role, 0);
-            let Some(slave) = ask.slave else {
+        let mut overdue: Option<LateResponse> = None;
+        for _ in 0..=MAX_RETRIES {
+            let (request, is_received) = self.request(planned, role, 0);
+            let Some(slave) = planned.slave else {
                 // The turnaround delay after a broadcast (serial line specification, 2.4.1).
-                self.wire.frames[request].fate = Fate::NotDue;
+                self.wire.frames[request].outcome = RequestOutcome::NoResponseExpected;
                 self.wait = Some(self.rng.uniform(20e6, 100e6));
                 return;
             };
-            let in_time = heard && !self.rng.chance(self.scenario.timeout);
+            let in_time = is_received && !self.rng.chance(self.scenario.timeout);
             if let Some(late) = overdue.take() {
                 let role = Role::Late { old: late.request, now: request };
-                self.response(slave, ask.unit, &late.pdu, role, 0);
+                self.response(slave, planned.unit, &late.pdu, role, 0);
                 if in_time {
-                    self.answer(ask, slave, request);
+                    self.answer(planned, slave, request);
                 }
                 return;
             }
-            if in_time && self.answer(ask, slave, request) {
+            if in_time && self.answer(planned, slave, request) {
                 return;
             }
-            if heard && !in_time && self.rng.chance(self.scenario.late) {
-                let pdu = self.bus.respond(slave, &ask.pdu, self.scenario, &mut self.rng);
-                overdue = Some(Overdue { request, pdu });
+            if is_received && !in_time && self.rng.chance(self.scenario.late) {
+                let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
+                overdue = Some(LateResponse { request, pdu });
             }
-            self.wait = Some(TIMEOUT * self.rng.uniform(0.95, 1.05));
+            self.wait = Some(RESPONSE_TIMEOUT_NS * self.rng.uniform(0.95, 1.05));
             role = Role::Retry(request);
         }
     }
 
-    /// A second master asks another slave before the first one has its answer.
-    fn meeting(&mut self, first: &Ask) {
-        self.episodes += 1;
-        let episode = self.episodes;
+    /// Simulates a second master, which addresses another slave before the first master has its response.
+    fn overlap(&mut self, first: &PlannedRequest) {
+        self.overlaps += 1;
+        let overlap_id = self.overlaps;
         let second = self.bus.other_request(first.unit, &mut self.rng);
         let mut asked = Vec::new();
         let mut role = Role::Request;
-        for ask in [first, &second] {
-            let (request, heard) = self.request(ask, role, episode);
-            let slave = ask.slave.expect("only requests to one slave meet");
-            asked.push((request, heard, ask, slave));
+        for planned in [first, &second] {
+            let (request, is_received) = self.request(planned, role, overlap_id);
+            let slave = planned.slave.expect("only requests to one slave meet");
+            asked.push((request, is_received, planned, slave));
             role = Role::Intruder(request);
-            let answer = self.bus.slaves[slave].answer_ns;
+            let answer = self.bus.slaves[slave].response_time_ns;
             self.wait = Some((answer * self.rng.uniform(0.2, 0.7)).max(self.shortest()));
         }
         self.wait = None;
         if self.rng.chance(0.3) {
             asked.swap(0, 1);
         }
-        for (request, heard, ask, slave) in asked {
-            if heard {
-                let pdu = self.bus.respond(slave, &ask.pdu, self.scenario, &mut self.rng);
-                let answer = self.response(slave, ask.unit, &pdu, Role::Answer(request), episode);
-                self.wire.frames[request].fate = Fate::Answered(answer);
+        for (request, is_received, planned, slave) in asked {
+            if is_received {
+                let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
+                let answer = self.response(slave, planned.unit, &pdu, Role::Response(request), overlap_id);
+                self.wire.frames[request].outcome = RequestOutcome::Response(answer);
             } else {
-                self.wait = Some(TIMEOUT * self.rng.uniform(0.95, 1.05));
+                self.wait = Some(RESPONSE_TIMEOUT_NS * self.rng.uniform(0.95, 1.05));
             }
         }
     }
 
-    /// Sends a request (and its echo); says which frame it is and whether the slave can read it.
-    fn request(&mut self, ask: &Ask, role: Role, episode: u32) -> (usize, bool) {
-        let silence = self.wait.take().unwrap_or_else(|| self.silence(BEFORE_REQUEST, 0.6));
+    /// Sends a request and its local echo, if there is one; returns the index of the frame and whether the slave can read it.
+    fn request(&mut self, planned: &PlannedRequest, role: Role, overlap_id: u32) -> (usize, bool) {
+        let silence = self.wait.take().unwrap_or_else(|| self.silence(REQUEST_DELAY_NS, 0.6));
         self.transactions += 1;
         let txn = self.transactions;
-        let mut sent = self.frame(ask.unit, &ask.pdu, Direction::Request, role, false);
-        (sent.txn, sent.episode) = (txn, episode);
+        let mut sent = self.frame(planned.unit, &planned.pdu, Direction::Request, role, false);
+        (sent.txn, sent.overlap_id) = (txn, overlap_id);
         let request = self.wire.frames.len();
-        let copy = Sent { role: Role::Echo(request), ..sent.clone() };
-        let heard = self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
+        let copy = SentFrame { role: Role::Echo(request), ..sent.clone() };
+        let is_received = self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
         if self.rng.chance(self.scenario.echo) {
             self.wire.transmit(0.0, copy, self.scenario, &mut self.rng);
         }
-        (request, heard)
+        (request, is_received)
     }
 
-    /// Sends the answer, from whomever and as often as it comes; says whether the master accepts it.
-    fn answer(&mut self, ask: &Ask, slave: usize, request: usize) -> bool {
-        let pdu = self.bus.respond(slave, &ask.pdu, self.scenario, &mut self.rng);
+    /// Sends the response, possibly from the wrong unit or twice; returns whether the master accepts it.
+    fn answer(&mut self, planned: &PlannedRequest, slave: usize, request: usize) -> bool {
+        let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
         if self.rng.chance(self.scenario.wrong_unit) {
-            let unit = self.stranger(ask.unit);
+            let unit = self.other_unit(planned.unit);
             self.response(slave, unit, &pdu, Role::WrongUnit(request), 0);
-            self.wire.frames[request].fate = Fate::Elsewhere;
+            self.wire.frames[request].outcome = RequestOutcome::WrongUnit;
             return false;
         }
-        let answer = self.response(slave, ask.unit, &pdu, Role::Answer(request), 0);
-        self.wire.frames[request].fate = Fate::Answered(answer);
+        let answer = self.response(slave, planned.unit, &pdu, Role::Response(request), 0);
+        self.wire.frames[request].outcome = RequestOutcome::Response(answer);
         if self.rng.chance(self.scenario.dup_reply) {
-            self.response(slave, ask.unit, &pdu, Role::Duplicate(answer), 0);
+            self.response(slave, planned.unit, &pdu, Role::Duplicate(answer), 0);
         }
         true
     }
 
-    fn response(&mut self, slave: usize, unit: u8, pdu: &[u8], role: Role, episode: u32) -> usize {
-        let answer_ns = self.bus.slaves[slave].answer_ns;
-        let silence = self.silence(answer_ns, 0.5);
+    fn response(&mut self, slave: usize, unit: u8, pdu: &[u8], role: Role, overlap_id: u32) -> usize {
+        let response_time_ns = self.bus.slaves[slave].response_time_ns;
+        let silence = self.silence(response_time_ns, 0.5);
         let lower_case = self.bus.slaves[slave].lower_case;
         let mut sent = self.frame(unit, pdu, Direction::Response, role, lower_case);
         let txn = role.earlier().map_or(0, |earlier| self.wire.frames[earlier].txn);
-        (sent.txn, sent.episode) = (txn, episode);
+        (sent.txn, sent.overlap_id) = (txn, overlap_id);
         let index = self.wire.frames.len();
         self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
         index
     }
 
-    fn frame(&self, unit: u8, pdu: &[u8], direction: Direction, role: Role, lower_case: bool) -> Sent {
-        Sent {
+    fn frame(&self, unit: u8, pdu: &[u8], direction: Direction, role: Role, lower_case: bool) -> SentFrame {
+        SentFrame {
             wire: match self.scenario.framing {
                 Framing::Rtu => rtu(unit, pdu),
                 Framing::Ascii => ascii(unit, pdu, lower_case),
@@ -191,13 +192,13 @@ impl<'a> Play<'a> {
             code: pdu[0],
             txn: 0,
             role,
-            fate: Fate::Silence,
+            outcome: RequestOutcome::NoResponse,
             damage: Damage::default(),
-            episode: 0,
+            overlap_id: 0,
         }
     }
 
-    /// A silence as long as usual, or the far too short one of this scenario.
+    /// The silence in ns before a frame: log-normal, or far too short with the probability of this scenario.
     fn silence(&mut self, typical: f64, spread: f64) -> f64 {
         if self.rng.chance(self.scenario.nogap) {
             return self.rng.uniform(0.0, 2.5) * self.bus.settings.char_ns();
@@ -209,8 +210,8 @@ impl<'a> Play<'a> {
         1.02 * self.bus.settings.t35_ns()
     }
 
-    /// Another unit than this one: a slave of this bus, or one that nobody knows.
-    fn stranger(&mut self, unit: u8) -> u8 {
+    /// Another unit than this one, which is a slave of this bus or an unknown one.
+    fn other_unit(&mut self, unit: u8) -> u8 {
         loop {
             let known = self.rng.pick(&[true, false]);
             let slave = self.rng.below(self.bus.slaves.len());

@@ -1,6 +1,6 @@
-//! The bus simulator: scenarios of what goes wrong, taps that blur the times, and the truth about both.
+//! The bus simulator: scenarios of faults, taps that change the times of the bytes, and the truth about every frame.
 //!
-//! Traffic and damage depend on scenario and seed only; the same bytes are delivered under every tap mode.
+//! Traffic and damage depend only on scenario and seed, so the same bytes are delivered in every tap mode.
 
 pub mod bulk;
 pub mod case;

@@ -1,43 +1,43 @@
-//! Bytes that are no frames: what an analyzer must not believe.
+//! Noise of several kinds, in which an analyzer must not find frames.
 
 use crate::model::Framing;
 use crate::rng::Rng;
 use crate::sim::case::{Case, CaseLine, Traffic, TrafficLine};
 use crate::sim::scenario::Scenario;
 use crate::sim::tap::{Read, TapMode};
-use crate::sim::uart::mishear;
+use crate::sim::uart::receive_with_wrong_settings;
 
-/// Frames of clean traffic before a warm run.
-pub const WARM_UP: usize = 3000;
+/// The number of frames of clean traffic before the noise of a warm run.
+pub const WARM_UP_FRAMES: usize = 3000;
 
 /// A kind of noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
     /// All bytes equally likely.
     Uniform,
-    /// 60 % 00, 30 % FF, else random.
+    /// 60 % 00, 30 % FF, the rest random.
     ZerosOnes,
-    /// The 13 values that floating buses give, 01 and 03 among them.
+    /// The 13 values of `BUS_VALUES`.
     Bus,
-    /// One bit of eight.
+    /// Bytes with a single bit set.
     SingleBit,
-    /// Clean traffic at a baud rate other than the receiver's.
+    /// Clean traffic received with a wrong baud rate.
     WrongBaud,
-    /// Clean traffic on swapped wires.
+    /// Clean traffic received on swapped wires.
     Inverted,
 }
 
-/// What a floating or badly biased bus gives, and the bytes that most look like headers.
+/// Values that a floating or badly biased bus yields, and values that are common in the headers of frames.
 const BUS_VALUES: [u8; 13] = [0x00, 0xFF, 0xFE, 0xFC, 0xF8, 0xF0, 0xE0, 0xC0, 0x80, 0x01, 0x03, 0x10, 0x55];
 
-/// Baud rates that somebody sets by mistake.
+/// Baud rates that are set by mistake.
 const BAUDS: [u32; 8] = [1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200];
 
 impl Pattern {
-    /// All of them.
+    /// All kinds of noise.
     pub const ALL: [Self; 6] = [Self::Uniform, Self::ZerosOnes, Self::Bus, Self::SingleBit, Self::WrongBaud, Self::Inverted];
 
-    /// As the table names it.
+    /// The name in tables and on the command line.
     pub fn text(self) -> &'static str {
         match self {
             Self::Uniform => "uniform",
@@ -54,10 +54,10 @@ impl Pattern {
         Self::ALL.into_iter().find(|pattern| pattern.text() == name)
     }
 
-    /// So many bytes of it.
+    /// So many bytes of this noise.
     pub fn bytes(self, seed: u64, count: usize) -> Vec<u8> {
         if matches!(self, Self::WrongBaud | Self::Inverted) {
-            return self.misheard(seed, count).into_iter().map(|(byte, _)| byte).collect();
+            return self.wrongly_received(seed, count).into_iter().map(|(byte, _)| byte).collect();
         }
         let mut rng = Rng::new(seed, self.text());
         (0..count).map(|_| self.byte(&mut rng)).collect()
@@ -76,15 +76,15 @@ impl Pattern {
         }
     }
 
-    /// Recordings of clean buses, each heard by a receiver that does not fit, one behind the other.
-    fn misheard(self, seed: u64, count: usize) -> Vec<(u8, i64)> {
+    /// Clean traffic of several buses one after the other, each received with wrong settings.
+    fn wrongly_received(self, seed: u64, count: usize) -> Vec<(u8, i64)> {
         let clean = Scenario::named("clean").expect("the first row of the table");
         let mut rng = Rng::new(seed, self.text());
-        let mut heard: Vec<(u8, i64)> = Vec::with_capacity(count);
-        while heard.len() < count {
-            let traffic = Traffic::new(clean, rng.bits(), WARM_UP);
+        let mut received: Vec<(u8, i64)> = Vec::with_capacity(count);
+        while received.len() < count {
+            let traffic = Traffic::new(clean, rng.bits(), WARM_UP_FRAMES);
             let line = &traffic.lines[0];
-            let from = heard.last().map_or(0, |last| last.1);
+            let from = received.last().map_or(0, |last| last.1);
             let chars: Vec<(u8, i64)> = line.bytes.iter().zip(&line.times).map(|(&b, &t)| (b, t + from)).collect();
             let baud = match self {
                 Self::Inverted => traffic.settings.baud,
@@ -95,14 +95,14 @@ impl Pattern {
                     }
                 },
             };
-            heard.extend(mishear(&chars, traffic.settings, baud, self == Self::Inverted));
+            received.extend(receive_with_wrong_settings(&chars, traffic.settings, baud, self == Self::Inverted));
         }
-        heard.truncate(count);
-        heard
+        received.truncate(count);
+        received
     }
 }
 
-/// A recording of noise, perhaps behind clean traffic.
+/// A recording of noise, alone or after clean traffic.
 #[derive(Clone, Debug)]
 pub struct NoiseCase {
     /// The recording; its truth names the clean frames only.
@@ -112,10 +112,10 @@ pub struct NoiseCase {
 }
 
 impl NoiseCase {
-    /// So many bytes of noise; `warm`: behind 3000 frames of clean traffic.
+    /// So many bytes of noise; `warm` puts `WARM_UP_FRAMES` frames of clean traffic in front.
     pub fn new(pattern: Pattern, seed: u64, count: usize, mode: TapMode, warm: bool) -> Self {
         let clean = Scenario::named("clean").expect("the first row of the table");
-        let mut traffic = Traffic::new(clean, seed, WARM_UP);
+        let mut traffic = Traffic::new(clean, seed, WARM_UP_FRAMES);
         if !warm {
             traffic.lines = vec![TrafficLine { id: 0, bytes: Vec::new(), times: Vec::new() }];
             traffic.truth.clear();
@@ -132,7 +132,7 @@ impl NoiseCase {
     }
 }
 
-/// Without times: 64 MB must not need half a gigabyte of clock.
+/// A case without times, so that 64 MB of noise do not need half a gigabyte of times.
 fn untimed(traffic: Traffic, noise: Vec<u8>) -> Case {
     let mut bytes = traffic.lines.into_iter().next().map_or(Vec::new(), |line| line.bytes);
     bytes.extend(noise);
@@ -159,9 +159,9 @@ fn timed(traffic: &mut Traffic, pattern: Pattern, seed: u64, count: usize) {
     let line = &mut traffic.lines[0];
     let mut now = line.times.last().map_or(1e9, |&last| last as f64 + 50e6);
     if matches!(pattern, Pattern::WrongBaud | Pattern::Inverted) {
-        let heard = pattern.misheard(seed, count);
-        line.times.extend(heard.iter().map(|&(_, time)| time + now as i64));
-        line.bytes.extend(heard.iter().map(|&(byte, _)| byte));
+        let received = pattern.wrongly_received(seed, count);
+        line.times.extend(received.iter().map(|&(_, time)| time + now as i64));
+        line.bytes.extend(received.iter().map(|&(byte, _)| byte));
         return;
     }
     let mut rng = Rng::new(seed, "pauses");
@@ -195,7 +195,7 @@ mod tests {
     fn warm_noise_stands_behind_clean_traffic() {
         let warm = NoiseCase::new(Pattern::Uniform, 3, 10_000, TapMode::None, true);
         assert_eq!(warm.case.lines[0].bytes.len() as u64, warm.from + 10_000);
-        assert!(warm.case.truth.len() >= WARM_UP && warm.case.truth.iter().all(|frame| frame.end <= warm.from));
+        assert!(warm.case.truth.len() >= WARM_UP_FRAMES && warm.case.truth.iter().all(|frame| frame.end <= warm.from));
         let cold = NoiseCase::new(Pattern::WrongBaud, 3, 10_000, TapMode::Ftdi1, false);
         assert_eq!((cold.from, cold.case.lines[0].bytes.len()), (0, 10_000));
     }

@@ -1,4 +1,4 @@
-//! A case as files: the chunk log that `modlens decode` reads, and the truth as JSON lines.
+//! Writes a case as files: a chunk log for `modlens decode`, and the truth as JSON lines.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -10,7 +10,7 @@ use crate::sim::truth::TruthFrame;
 /// One line per read: `{"t": 1.002345, "hex": "0103..."}`, with `"line": "A"` on two-line taps.
 pub fn write_chunk_log(case: &Case, to: &mut impl Write) -> io::Result<()> {
     let mut row = String::new();
-    for feed in case.feeds() {
+    for feed in case.timed_reads() {
         row.clear();
         match feed.time {
             Some(time) => {
@@ -45,18 +45,18 @@ fn truth_row(frame: &TruthFrame) -> String {
     if frame.line > 0 {
         write!(row, r#", "line": "{}""#, line_name(frame.line)).expect("text can grow");
     }
-    if let Some(old) = frame.alt_txn {
+    if let Some(old) = frame.alternative_txn {
         write!(row, r#", "alt_txn": {old}"#).expect("text can grow");
     }
-    for (key, is_so) in [("lenient", frame.lenient), ("echo", frame.echo), ("unpaired", frame.unpaired)] {
+    for (key, is_so) in [("lenient", frame.is_unscored), ("echo", frame.echo), ("unpaired", frame.needs_no_pair)] {
         if is_so {
             write!(row, r#", "{key}": true"#).expect("text can grow");
         }
     }
-    if frame.episode > 0 {
-        write!(row, r#", "episode": {}"#, frame.episode).expect("text can grow");
+    if frame.overlap_id > 0 {
+        write!(row, r#", "episode": {}"#, frame.overlap_id).expect("text can grow");
     }
-    for (key, labels) in [("labels", frame.labels), ("maybe", frame.maybe)] {
+    for (key, labels) in [("labels", frame.labels), ("maybe", frame.allowed_labels)] {
         if labels != Labels::default() {
             let names: Vec<String> = labels.iter().map(|label| format!(r#""{}""#, label.text())).collect();
             write!(row, r#", "{key}": [{}]"#, names.join(", ")).expect("text can grow");

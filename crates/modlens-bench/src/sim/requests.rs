@@ -1,4 +1,4 @@
-//! What the master asks: the poll cycle, ad-hoc operations and broadcasts (application protocol, section 6).
+//! The requests of the master: those of the poll cycle, ad-hoc requests and broadcasts (application protocol, section 6).
 
 use crate::checksum::rtu;
 use crate::rng::Rng;
@@ -6,12 +6,12 @@ use crate::sim::bus::Bus;
 use crate::sim::reads::{address, bits, body, read, registers};
 use crate::sim::registers::{anything, draw, payload};
 use crate::sim::scenario::Scenario;
-use crate::sim::slave::Style;
+use crate::sim::slave::LengthStyle;
 
-/// Share of transactions that go to all slaves.
+/// The share of requests that are broadcasts.
 const BROADCAST_SHARE: f64 = 0.01;
 
-/// Ad-hoc functions and their weights; 0x0E2B and 0x0D2B are the two kinds of 43, 0 a vendor's function.
+/// Ad-hoc functions with their weights. 0x0E2B and 0x0D2B are the two MEI types of function 43, 0 is a proprietary function.
 const AD_HOC: [(u16, u32); 20] = [
     (1, 6),
     (2, 6),
@@ -37,43 +37,43 @@ const AD_HOC: [(u16, u32); 20] = [
 
 /// A request that the master is about to send.
 #[derive(Clone, Debug)]
-pub(crate) struct Ask {
+pub(crate) struct PlannedRequest {
     pub(crate) unit: u8,
     pub(crate) pdu: Vec<u8>,
-    /// Who will answer; nobody answers broadcasts and diagnostics 4.
+    /// The slave that has to respond; `None` for broadcasts and for Force Listen Only Mode.
     pub(crate) slave: Option<usize>,
 }
 
 impl Bus {
     /// The next request.
-    pub(crate) fn next_request(&mut self, scenario: &Scenario, rng: &mut Rng) -> Ask {
+    pub(crate) fn next_request(&mut self, scenario: &Scenario, rng: &mut Rng) -> PlannedRequest {
         if rng.chance(BROADCAST_SHARE) {
             let function = rng.pick(&[5, 6, 15, 16, 22]);
             let pdu = self.operation(0, function, scenario, rng);
-            return Ask { unit: 0, pdu, slave: None };
+            return PlannedRequest { unit: 0, pdu, slave: None };
         }
         if !rng.chance(scenario.adhoc) {
             let item = self.poll[self.turn % self.poll.len()].clone();
             self.turn += 1;
-            return Ask { unit: self.slaves[item.slave].unit, pdu: item.pdu, slave: Some(item.slave) };
+            return PlannedRequest { unit: self.slaves[item.slave].unit, pdu: item.pdu, slave: Some(item.slave) };
         }
         let slave = rng.below(self.slaves.len());
         let mut weights = AD_HOC.map(|(_, weight)| weight).to_vec();
         weights.push(scenario.custom_weight);
         let function = AD_HOC.get(rng.weighted(&weights)).map_or(0, |(function, _)| *function);
         let pdu = self.operation(slave, function, scenario, rng);
-        // Force Listen Only Mode is not answered (application protocol, 6.8).
+        // Force Listen Only Mode has no response (application protocol, 6.8).
         let answering = (!pdu.starts_with(&[8, 0, 4])).then_some(slave);
-        Ask { unit: self.slaves[slave].unit, pdu, slave: answering }
+        PlannedRequest { unit: self.slaves[slave].unit, pdu, slave: answering }
     }
 
-    /// A request of the poll list to another slave: what a second master asks.
-    pub(crate) fn other_request(&mut self, unit: u8, rng: &mut Rng) -> Ask {
+    /// A request of the poll list to another slave than `unit`, which a second master sends.
+    pub(crate) fn other_request(&mut self, unit: u8, rng: &mut Rng) -> PlannedRequest {
         loop {
             let item = self.poll[rng.below(self.poll.len())].clone();
             let other = self.slaves[item.slave].unit;
             if other != unit {
-                return Ask { unit: other, pdu: item.pdu, slave: Some(item.slave) };
+                return PlannedRequest { unit: other, pdu: item.pdu, slave: Some(item.slave) };
             }
         }
     }
@@ -118,11 +118,11 @@ impl Bus {
     }
 
     fn custom(&self, zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
-        let custom = rng.pick(&self.customs);
+        let custom = rng.pick(&self.proprietary_functions);
         let (counted, length) = match custom.style {
-            Style::Fixed { request, .. } => (false, request),
-            Style::Counted => (true, rng.range(0, 16)),
-            Style::Random => (false, rng.range(0, 24)),
+            LengthStyle::Fixed { request, .. } => (false, request),
+            LengthStyle::Counted => (true, rng.range(0, 16)),
+            LengthStyle::Random => (false, rng.range(0, 24)),
         };
         let mut pdu = vec![custom.code];
         if counted {
@@ -141,7 +141,7 @@ impl Bus {
         join(vec![21, groups.len() as u8], &[&groups])
     }
 
-    /// The data of a write; with `nested` it contains a complete frame of this bus.
+    /// The data of a write request. With the probability `nested` it contains a complete frame of this bus.
     fn write_payload(&mut self, length: usize, scenario: &Scenario, rng: &mut Rng) -> Vec<u8> {
         let mut data = payload(length, scenario.zero_heavy, rng);
         if length >= 8 && rng.chance(scenario.nested) {
@@ -184,12 +184,12 @@ fn file_read(rng: &mut Rng) -> Vec<u8> {
     join(vec![20, groups.len() as u8], &[&groups])
 }
 
-/// Reference type 6, file, record, length (application protocol, 6.14).
+/// A sub-request for file records: reference type 6, file, record, length (application protocol, 6.14).
 fn file_group(count: usize, rng: &mut Rng) -> Vec<u8> {
     body(6, &[rng.range(1, 10) as u16, rng.range(0, 9999) as u16, count as u16])
 }
 
-/// Bits behind the last one are zero (application protocol, 6.1).
+/// Clears the unused bits of the last byte of `count` coils (application protocol, 6.1).
 pub(crate) fn mask_padding(data: &mut [u8], count: u16) {
     if let (Some(last), used @ 1..) = (data.last_mut(), count % 8) {
         *last &= (1 << used) - 1;

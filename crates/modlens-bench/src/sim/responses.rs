@@ -1,20 +1,20 @@
-//! What a slave answers (application protocol, section 6).
+//! The responses of the slaves (application protocol, section 6).
 
 use crate::rng::Rng;
 use crate::sim::bus::Bus;
 use crate::sim::registers::{anything, character, draw, COILS};
 use crate::sim::requests::mask_padding;
 use crate::sim::scenario::Scenario;
-use crate::sim::slave::{Slave, Style};
+use crate::sim::slave::{LengthStyle, Slave};
 
-/// Exception codes, as often as they are met.
+/// Exception codes; repeated ones are more likely.
 const EXCEPTIONS: [u8; 12] = [1, 2, 2, 2, 3, 3, 4, 5, 6, 8, 10, 11];
 
-/// The most registers of one answer.
-const REGISTER_LIMIT: u16 = 125;
+/// The most registers of a response.
+const MAX_REGISTERS: u16 = 125;
 
 impl Bus {
-    /// The PDU with which this slave answers that request.
+    /// The PDU of a slave's response to a request.
     pub(crate) fn respond(&mut self, slave: usize, request: &[u8], scenario: &Scenario, rng: &mut Rng) -> Vec<u8> {
         let code = request[0];
         let device = &mut self.slaves[slave];
@@ -23,8 +23,8 @@ impl Bus {
             let exception = if vendor { rng.range(12, 255) as u8 } else { rng.pick(&EXCEPTIONS) };
             return vec![code | 0x80, exception];
         }
-        if let Some(custom) = self.customs.iter().find(|custom| custom.code == code) {
-            return vendor_answer(code, custom.style, scenario.zero_heavy, rng);
+        if let Some(custom) = self.proprietary_functions.iter().find(|custom| custom.code == code) {
+            return proprietary_response(code, custom.style, scenario.zero_heavy, rng);
         }
         device.answer(request, scenario.zero_heavy, rng)
     }
@@ -40,7 +40,7 @@ impl Slave {
                 mask_padding(&mut data, count);
                 counted(code, &data)
             }
-            3 | 4 | 23 => self.registers_answer(code, word(request, 1), word(request, 3), rng),
+            3 | 4 | 23 => self.registers_response(code, word(request, 1), word(request, 3), rng),
             6 if self.quirk && rng.chance(0.3) => {
                 let mut answer = request.to_vec();
                 let value = draw(zero_heavy, rng);
@@ -50,7 +50,7 @@ impl Slave {
             5 | 6 | 21 | 22 => request.to_vec(),
             15 | 16 => request[..5].to_vec(),
             7 => vec![code, rng.byte()],
-            8 => diagnostics_answer(request, rng),
+            8 => diagnostics_response(request, rng),
             11 => {
                 let events = rng.range(0, 5000) as u16;
                 [&[code][..], &rng.pick(&[0u16, 0xFFFF]).to_be_bytes(), &events.to_be_bytes()].concat()
@@ -70,7 +70,7 @@ impl Slave {
                 data[length - 1] = rng.pick(&[0, 0xFF]);
                 counted(code, &data)
             }
-            20 => self.file_answer(request, rng),
+            20 => self.file_response(request, rng),
             24 => {
                 let count = rng.range(0, 31) as u16;
                 let data: Vec<u8> = (0..count).flat_map(|_| draw(zero_heavy, rng).to_be_bytes()).collect();
@@ -89,14 +89,14 @@ impl Slave {
         (0..u32::from(count.div_ceil(8))).map(|at| self.registers.read(first + at, rng) as u8).collect()
     }
 
-    fn registers_answer(&mut self, code: u8, address: u16, asked: u16, rng: &mut Rng) -> Vec<u8> {
+    fn registers_response(&mut self, code: u8, address: u16, asked: u16, rng: &mut Rng) -> Vec<u8> {
         let mut count = asked;
-        if asked > REGISTER_LIMIT {
-            // 126 registers do not fit into 256 bytes: the device refuses, or gives what it can.
+        if asked > MAX_REGISTERS {
+            // 126 registers do not fit into 256 bytes: the device returns an exception, or as many as fit.
             if rng.chance(0.5) {
                 return vec![code | 0x80, 3];
             }
-            count = REGISTER_LIMIT;
+            count = MAX_REGISTERS;
         } else if self.quirk && asked > 1 && rng.chance(0.2) {
             count = rng.range(1, usize::from(asked) - 1) as u16;
         }
@@ -108,7 +108,7 @@ impl Slave {
         counted(code, &data)
     }
 
-    fn file_answer(&mut self, request: &[u8], rng: &mut Rng) -> Vec<u8> {
+    fn file_response(&mut self, request: &[u8], rng: &mut Rng) -> Vec<u8> {
         let mut data = Vec::new();
         for group in request[2..].chunks_exact(7) {
             let (record, count) = (word(group, 3), word(group, 5));
@@ -121,14 +121,14 @@ impl Slave {
     }
 }
 
-fn vendor_answer(code: u8, style: Style, zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
+fn proprietary_response(code: u8, style: LengthStyle, zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
     let length = match style {
-        Style::Fixed { response, .. } => response,
-        Style::Counted => {
+        LengthStyle::Fixed { response, .. } => response,
+        LengthStyle::Counted => {
             let length = rng.range(0, 80);
             return counted(code, &anything(length, zero_heavy, rng));
         }
-        Style::Random => {
+        LengthStyle::Random => {
             let most = if rng.chance(0.3) { 200 } else { 30 };
             rng.range(0, most)
         }
@@ -136,10 +136,10 @@ fn vendor_answer(code: u8, style: Style, zero_heavy: bool, rng: &mut Rng) -> Vec
     [&[code][..], &anything(length, zero_heavy, rng)].concat()
 }
 
-fn diagnostics_answer(request: &[u8], rng: &mut Rng) -> Vec<u8> {
+fn diagnostics_response(request: &[u8], rng: &mut Rng) -> Vec<u8> {
     let mut answer = request.to_vec();
     let sub = request[2];
-    // The diagnostic register and the counters; the other sub-functions repeat the request.
+    // The diagnostic register and the counters have values; the other sub-functions repeat the request.
     if sub == 2 || (11..=18).contains(&sub) {
         let value = if rng.chance(0.5) { 0 } else { rng.range(0, 2000) as u16 };
         answer[3..5].copy_from_slice(&value.to_be_bytes());

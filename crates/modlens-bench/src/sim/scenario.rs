@@ -1,25 +1,25 @@
-//! The table of scenarios: what is wrong on the bus and at the tap, in probabilities.
+//! The table of scenarios: the probabilities of faults on the bus and at the tap.
 
 use crate::model::Framing;
 
-/// One row of the table. Probabilities are per frame unless said otherwise.
+/// One scenario. Probabilities are per frame unless another unit is given.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// Its name.
     pub name: &'static str,
-    /// Frames to send, before anybody asks for another number.
+    /// The default number of frames.
     pub frames: usize,
     /// RTU or ASCII.
     pub framing: Framing,
-    /// Requests on line A and responses on line B, or all on one pair.
+    /// Requests are on line A and responses on line B, instead of all on one line.
     pub two_lines: bool,
-    /// The silence before a frame is U[0, 2.5] characters.
+    /// The silence before a frame has only U[0, 2.5] characters.
     pub nogap: f64,
-    /// 1-4 random bytes in a silence.
+    /// The silence before a frame contains 1 to 4 random bytes.
     pub noise_gap: f64,
-    /// 1-3 stray bytes glued in front.
+    /// 1 to 3 stray bytes directly in front of the frame.
     pub turn_lead: f64,
-    /// 1-3 stray bytes glued behind.
+    /// 1 to 3 stray bytes directly behind the frame.
     pub turn_trail: f64,
     /// 1-3 flipped bits.
     pub flip: f64,
@@ -29,7 +29,7 @@ pub struct Scenario {
     pub dup: f64,
     /// The transmission stops early.
     pub trunc: f64,
-    /// Another sender talks into the frame.
+    /// Another sender transmits during the frame.
     pub collide: f64,
     /// 1-4 gaps of U[1.5, 3.4] characters inside.
     pub slow15: f64,
@@ -41,43 +41,43 @@ pub struct Scenario {
     pub cuts: f64,
     /// Per write payload of 8 bytes and more: it contains a complete frame.
     pub nested: f64,
-    /// Per time-out: the old answer arrives behind the retry.
+    /// Per time-out: the response arrives after the retry.
     pub late: f64,
     /// The request appears twice.
     pub echo: f64,
-    /// Share of slaves that answer 4 bytes per register.
+    /// Share of slaves that return 4 bytes per register.
     pub enron: f64,
-    /// Share of slaves that do not keep to the specification.
+    /// Share of slaves that violate the specification.
     pub quirk: f64,
     /// The capture begins in the middle of a frame.
     pub midstart: bool,
     /// Share of transactions outside the poll cycle.
     pub adhoc: f64,
-    /// Weight of custom functions among the ad-hoc ones.
+    /// Weight of proprietary functions among the ad-hoc ones.
     pub custom_weight: u32,
-    /// Per request: no answer.
+    /// Per request: no response.
     pub timeout: f64,
-    /// Per answer: an exception.
+    /// Per response: an exception.
     pub exceptions: f64,
     /// Registers and payloads are mostly zero.
     pub zero_heavy: bool,
-    /// Per answer: it carries another unit than the one asked.
+    /// Per response: it carries another unit than the one addressed.
     pub wrong_unit: f64,
-    /// Per answer: it is sent twice.
+    /// Per response: it is sent twice.
     pub dup_reply: f64,
-    /// Per transaction: a second master asks before the answer is there.
+    /// Per transaction: a second master sends a request before the response.
     pub two_masters: f64,
     /// ASCII: the colon is damaged or lost.
     pub bad_colon: f64,
     /// ASCII: CR, LF or both are missing.
     pub no_crlf: f64,
-    /// ASCII: share of slaves that answer in lower-case hex.
+    /// ASCII: share of slaves that write lower-case hex digits.
     pub lower_case: f64,
     /// ASCII: one pause of U[0.05, 0.95] s inside (up to 1 s is legal, 2.5.2).
     pub pause: f64,
 }
 
-/// What a scenario has where its row says nothing.
+/// The defaults of all scenarios.
 const BASE: Scenario = Scenario {
     name: "",
     frames: 3000,
@@ -116,7 +116,7 @@ const BASE: Scenario = Scenario {
     pause: 0.0,
 };
 
-/// ASCII, 7E1.
+/// The defaults of ASCII scenarios.
 const ASCII: Scenario = Scenario { framing: Framing::Ascii, ..BASE };
 
 /// An average installation.
@@ -140,7 +140,7 @@ const FIELD: Scenario = Scenario {
     ..BASE
 };
 
-/// Everything at once.
+/// All faults at once.
 const HOSTILE: Scenario = Scenario {
     name: "hostile",
     noise_gap: 0.25,
@@ -187,7 +187,7 @@ pub const HEADLINE: [Scenario; 20] = [
     HOSTILE,
 ];
 
-/// What people act on, two-line taps and ASCII: scored on their own, not part of the headline.
+/// Scenarios of labels, two-line taps and ASCII, which are not part of the headline.
 pub const FURTHER: [Scenario; 15] = [
     Scenario { name: "wrong_unit", wrong_unit: 0.04, ..BASE },
     Scenario { name: "dup_reply", dup_reply: 0.05, ..BASE },
@@ -225,13 +225,13 @@ pub const FURTHER: [Scenario; 15] = [
 ];
 
 impl Scenario {
-    /// All of them, the headline's first.
+    /// All scenarios, those of the headline first.
     pub fn all() -> impl Iterator<Item = &'static Scenario> {
         static ALL: ([Scenario; 20], [Scenario; 15]) = (HEADLINE, FURTHER);
         ALL.0.iter().chain(&ALL.1)
     }
 
-    /// The one of this name.
+    /// The scenario of this name.
     pub fn named(name: &str) -> Option<&'static Scenario> {
         Self::all().find(|scenario| scenario.name == name)
     }

@@ -6,33 +6,33 @@ use crate::sim::registers::Registers;
 #[derive(Debug)]
 pub(crate) struct Slave {
     pub(crate) unit: u8,
-    /// Typical time to answer, in ns.
-    pub(crate) answer_ns: f64,
-    /// Answers 4 bytes per register.
+    /// The typical response time, in ns.
+    pub(crate) response_time_ns: f64,
+    /// It returns 4 bytes per register, as Enron Modbus does.
     pub(crate) enron: bool,
-    /// Does not keep to the specification.
+    /// It violates the specification in several ways.
     pub(crate) quirk: bool,
-    /// ASCII: writes lower-case hex.
+    /// In ASCII mode it writes lower-case hex digits.
     pub(crate) lower_case: bool,
     pub(crate) registers: Registers,
 }
 
-/// How long the bodies of a vendor's function are.
+/// How the length of a proprietary function's PDUs is determined; lengths exclude the function code.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Style {
-    /// Always the same.
+pub(crate) enum LengthStyle {
+    /// Constant lengths.
     Fixed { request: usize, response: usize },
-    /// The first byte counts the rest.
+    /// The first byte counts the bytes behind it.
     Counted,
-    /// Nobody knows.
+    /// Random lengths.
     Random,
 }
 
-/// A vendor's function.
+/// A proprietary function.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Custom {
+pub(crate) struct ProprietaryFunction {
     pub(crate) code: u8,
-    pub(crate) style: Style,
+    pub(crate) style: LengthStyle,
 }
 
 /// One entry of the poll list.

@@ -1,53 +1,56 @@
-//! How an adapter turns characters into reads: every mode of the specification's table.
+//! Simulates how adapters deliver characters in reads, and how late the host sees them.
 
 use crate::model::Settings;
 use crate::rng::Rng;
 
-/// What stands between the line and the recording.
+/// The kind of adapter between the line and the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TapMode {
-    /// One byte per read, microseconds.
+    /// One byte per read, with times in microseconds.
     Exact,
-    /// Polled every millisecond.
+    /// A receiver that is polled every millisecond.
     Ms1,
     /// FTDI with a latency timer of 1 ms.
     Ftdi1,
-    /// FTDI as it comes out of the box: 16 ms.
+    /// FTDI with its default latency timer of 16 ms.
     Ftdi16,
-    /// 32-byte packets.
+    /// CH340, which delivers packets of 32 bytes.
     Ch340,
-    /// A 16550 with its interrupt at 8 bytes.
+    /// A 16550 that interrupts at 8 bytes.
     Fifo,
-    /// A serial server on the network.
+    /// A serial device server on the network.
     Tcp,
-    /// No times at all.
+    /// A recording without times.
     None,
 }
 
-/// Bytes that were read at once.
+/// The bytes of one read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Read {
-    /// When the read returned, in ns: never before the last byte's stop bit.
+    /// When the read returned, in ns, which is never before the stop bit of its last byte; `None` without times.
     pub time: Option<i64>,
-    /// How many bytes.
+    /// The number of bytes.
     pub length: u32,
-    /// When it was there to be read: the order among the lines of a tap.
+    /// When it could be read, by which the reads of two lines are ordered.
     pub order: i64,
 }
 
-/// What the host adds: mean lateness, and how likely and how long it stalls (ms).
-struct Host {
+/// The delays that the host adds.
+struct HostDelays {
+    /// The mean delay in ms.
     jitter: f64,
+    /// The probability of a stall.
     stalls: f64,
+    /// The shortest and the longest stall in ms.
     stall: (f64, f64),
 }
 
 impl TapMode {
-    /// All of them, in the order of the table.
+    /// All modes, in the order of the tables.
     pub const ALL: [Self; 8] =
         [Self::Exact, Self::Ms1, Self::Ftdi1, Self::Ftdi16, Self::Ch340, Self::Fifo, Self::Tcp, Self::None];
 
-    /// As the command line spells it.
+    /// The name on the command line.
     pub fn text(self) -> &'static str {
         match self {
             Self::Exact => "exact",
@@ -70,16 +73,16 @@ impl TapMode {
     pub fn reads(self, times: &[i64], settings: Settings, rng: &mut Rng) -> Vec<Read> {
         let char_ns = settings.char_ns();
         let idle = |ms: f64, chars: f64| (ms * 1e6).max(chars * char_ns) as i64;
-        let host = |jitter, stalls, low, high| Host { jitter, stalls, stall: (low, high) };
+        let host = |jitter, stalls, low, high| HostDelays { jitter, stalls, stall: (low, high) };
         let usb = host(0.3, 0.004, 5.0, 30.0);
         match self {
             Self::Exact => times.iter().map(|&time| read(micros(time), 1)).collect(),
             Self::Ms1 => polled(times, rng),
-            Self::Ftdi1 => seen(&latency_timer(times, 1_000_000), &usb, rng),
-            Self::Ftdi16 => seen(&latency_timer(times, 16_000_000), &usb, rng),
-            Self::Ch340 => seen(&packets(times, 32, idle(1.0, 2.0)), &Host { jitter: 0.4, ..usb }, rng),
-            Self::Fifo => seen(&packets(times, 8, idle(0.0, 4.0)), &host(0.1, 0.003, 4.0, 20.0), rng),
-            Self::Tcp => seen(&packets(times, 200, idle(10.0, 6.0)), &host(4.0, 0.05, 10.0, 120.0), rng),
+            Self::Ftdi1 => delayed_by_host(&latency_timer(times, 1_000_000), &usb, rng),
+            Self::Ftdi16 => delayed_by_host(&latency_timer(times, 16_000_000), &usb, rng),
+            Self::Ch340 => delayed_by_host(&packets(times, 32, idle(1.0, 2.0)), &HostDelays { jitter: 0.4, ..usb }, rng),
+            Self::Fifo => delayed_by_host(&packets(times, 8, idle(0.0, 4.0)), &host(0.1, 0.003, 4.0, 20.0), rng),
+            Self::Tcp => delayed_by_host(&packets(times, 200, idle(10.0, 6.0)), &host(4.0, 0.05, 10.0, 120.0), rng),
             Self::None => untimed(times),
         }
     }
@@ -89,7 +92,7 @@ fn read(time: i64, length: usize) -> Read {
     Read { time: Some(time), length: length as u32, order: time }
 }
 
-/// Full microseconds, never earlier.
+/// A time rounded up to whole microseconds.
 fn micros(time: i64) -> i64 {
     (time + 999) / 1000 * 1000
 }
@@ -99,7 +102,7 @@ fn untimed(times: &[i64]) -> Vec<Read> {
     blocks.map(|block| Read { time: None, length: block.len() as u32, order: block[block.len() - 1] }).collect()
 }
 
-/// Everything since the last poll, every millisecond.
+/// One read per millisecond with everything since the last one.
 fn polled(times: &[i64], rng: &mut Rng) -> Vec<Read> {
     let mut reads = Vec::new();
     let mut at = 0;
@@ -113,10 +116,11 @@ fn polled(times: &[i64], rng: &mut Rng) -> Vec<Read> {
     reads
 }
 
-/// Transfers: when, and how many bytes.
+/// Transfers from the adapter to the host: the time in ns and the number of bytes.
 type Transfers = Vec<(i64, usize)>;
 
-/// FTDI: a transfer when the timer expires, or when a packet (64 bytes less 2 of status) is full; each restarts the timer.
+/// The transfers of an FTDI chip: one when the timer expires, and one when a packet (64 bytes less 2 of status) is full. Each
+/// restarts the timer.
 fn latency_timer(times: &[i64], period: i64) -> Transfers {
     const FULL: usize = 62;
     let mut transfers = Vec::new();
@@ -129,7 +133,7 @@ fn latency_timer(times: &[i64], period: i64) -> Transfers {
             expires += period;
         }
         if time > expires {
-            // With nothing to send the chip sends its status, and the timer starts again.
+            // Without data the chip sends its status when the timer expires, and the timer restarts.
             expires += (time - expires + period - 1) / period * period;
         }
         waiting += 1;
@@ -145,7 +149,7 @@ fn latency_timer(times: &[i64], period: i64) -> Transfers {
     transfers
 }
 
-/// A transfer when so many bytes wait, or when none has come for `idle`.
+/// The transfers of an adapter that sends when `full` bytes wait, or when none has arrived for `idle` ns.
 fn packets(times: &[i64], full: usize, idle: i64) -> Transfers {
     let mut transfers = Vec::new();
     let (mut waiting, mut last) = (0, 0);
@@ -167,8 +171,8 @@ fn packets(times: &[i64], full: usize, idle: i64) -> Transfers {
     transfers
 }
 
-/// When the program sees the transfers: later, sometimes much later, and what is seen at once is one read.
-fn seen(transfers: &Transfers, host: &Host, rng: &mut Rng) -> Vec<Read> {
+/// The reads of the host, which sees transfers late and sometimes very late. Transfers that it sees at once are one read.
+fn delayed_by_host(transfers: &Transfers, host: &HostDelays, rng: &mut Rng) -> Vec<Read> {
     let mut reads: Vec<Read> = Vec::new();
     for &(time, length) in transfers {
         let mut ms = rng.exponential(host.jitter);
@@ -188,7 +192,7 @@ fn seen(transfers: &Transfers, host: &Host, rng: &mut Rng) -> Vec<Read> {
 mod tests {
     use super::*;
 
-    const LINE: Settings = Settings { baud: 9600, data_bits: 8, parity: true };
+    const LINE: Settings = Settings { baud: 9600, data_bits: 8, has_even_parity: true };
 
     fn times(count: usize) -> Vec<i64> {
         let char_ns = LINE.char_ns();

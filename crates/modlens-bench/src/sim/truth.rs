@@ -1,8 +1,9 @@
-//! The truth: what was sent, where it stands in the recording, and what a good analyzer should say of it.
+//! The truth about a simulated recording: the frames that were sent, their positions in the recording, and the labels that a
+//! good analyzer gives them.
 
 use crate::model::{Direction, Framing, Label, Labels};
 use crate::sim::damage::Damage;
-use crate::sim::wire::{Fate, Role, Sent, Wire, STRAY};
+use crate::sim::wire::{RequestOutcome, Role, SentFrame, Wire, NO_FRAME};
 
 /// A frame of which at least one byte was delivered.
 #[derive(Clone, Debug)]
@@ -13,66 +14,67 @@ pub struct TruthFrame {
     pub start: u64,
     /// Offset behind its last delivered byte.
     pub end: u64,
-    /// Who sent it.
+    /// Request or response.
     pub direction: Direction,
-    /// Unit.
+    /// The unit.
     pub unit: u8,
-    /// Function without the exception bit.
+    /// The function code without the exception bit.
     pub function: u8,
-    /// An exception response.
+    /// It is an exception response.
     pub exception: bool,
-    /// Transaction: request and response share it.
+    /// Number of the transaction, which a request and its response share.
     pub txn: u32,
-    /// For a late answer: the transaction that it was sent for. The retry's own answer behind it has it too: a live
-    /// tap sees the first of the two as the retry's answer, and only the second as one too many.
-    pub alt_txn: Option<u32>,
+    /// Another transaction to which the frame may be assigned. For a late response it is the transaction that timed out. The
+    /// response to the retry behind it has the same value: a live tap takes the first of the two for the response to the
+    /// retry, and only the second one shows that there was one too many.
+    pub alternative_txn: Option<u32>,
     /// All its bytes were delivered, unmodified and contiguous.
     pub valid: bool,
-    /// Not valid, but complete up to its end mark (ASCII): to report it as whole is neither right nor wrong.
-    pub lenient: bool,
-    /// A local echo: its direction is a matter of taste.
+    /// An ASCII frame that lacks only CR or LF: to report it as whole is neither right nor wrong.
+    pub is_unscored: bool,
+    /// A local echo, whose direction is not scored.
     pub echo: bool,
-    /// No pair is asked for: an answer from the wrong unit, or the same answer again.
-    pub unpaired: bool,
-    /// What must be said of it.
+    /// A response from the wrong unit or a repeated response, whose transaction is not scored.
+    pub needs_no_pair: bool,
+    /// The labels that it must get.
     pub labels: Labels,
-    /// What may be said of it: the recording does not decide, or the words fit all the same.
-    pub maybe: Labels,
-    /// Two masters: the number of their meeting, from 1.
-    pub episode: u32,
-    /// What was done to it.
+    /// Labels that it may get, because the recording does not decide whether they apply.
+    pub allowed_labels: Labels,
+    /// Number of the overlap of two masters' transactions that it is part of, from 1; 0 for none.
+    pub overlap_id: u32,
+    /// The damage that was done to it.
     pub damage: Damage,
 }
 
-/// A place where bytes are missing: line and offset of the first byte behind it.
+/// A place where bytes are missing: the line, and the offset of the first byte behind the gap.
 pub type Loss = (u8, u64);
 
-/// Where a frame stands in the recording.
+/// The position and the condition of a frame in the recording.
 #[derive(Clone, Copy, Debug, Default)]
 struct Span {
     start: u64,
     end: u64,
     delivered: usize,
-    /// Delivered bytes before the last two (an ASCII frame's CR LF).
+    /// The number of delivered bytes before the last two, which are CR LF in an ASCII frame.
     body: usize,
     modified: bool,
     lost: bool,
 }
 
 impl Span {
-    fn whole(&self, sent: &Sent) -> bool {
-        !self.modified && self.delivered == sent.wire.len() && self.contiguous()
+    fn is_whole(&self, sent: &SentFrame) -> bool {
+        !self.modified && self.delivered == sent.wire.len() && self.is_contiguous()
     }
 
-    fn contiguous(&self) -> bool {
+    fn is_contiguous(&self) -> bool {
         self.end - self.start == self.delivered as u64
     }
 }
 
-/// All of the truth about a recording.
+/// The truth about a recording: its frames and the places where bytes are missing.
 pub(crate) fn truth(wire: &Wire, framing: Framing) -> (Vec<TruthFrame>, Vec<Loss>) {
     let (spans, losses) = spans(wire);
-    let view = View { sent: &wire.frames, spans: &spans, losses: &losses, lines: wire.lines.len(), framing };
+    let view = TruthBuilder { sent: &wire.frames, spans: &spans, losses: &losses, lines: wire.lines.len(), framing };
     let frames = wire.frames.iter().enumerate().filter(|(at, _)| spans[*at].delivered > 0);
     (frames.map(|(at, sent)| view.frame(at, sent)).collect(), losses)
 }
@@ -92,7 +94,7 @@ fn spans(wire: &Wire) -> (Vec<Span>, Vec<Loss>) {
         let id = line_id(line, wire.lines.len());
         let mut offset = 0;
         for byte in bytes {
-            let span = (byte.owner != STRAY).then(|| &mut spans[byte.owner as usize]);
+            let span = (byte.owner != NO_FRAME).then(|| &mut spans[byte.owner as usize]);
             if byte.lost {
                 if losses.last() != Some(&(id, offset)) {
                     losses.push((id, offset));
@@ -118,24 +120,24 @@ fn spans(wire: &Wire) -> (Vec<Span>, Vec<Loss>) {
     (spans, losses)
 }
 
-/// Sent frames and their places.
-struct View<'a> {
-    sent: &'a [Sent],
+/// The sent frames with their positions, from which the truth about each is derived.
+struct TruthBuilder<'a> {
+    sent: &'a [SentFrame],
     spans: &'a [Span],
     losses: &'a [Loss],
     lines: usize,
     framing: Framing,
 }
 
-impl View<'_> {
-    fn frame(&self, at: usize, sent: &Sent) -> TruthFrame {
+impl TruthBuilder<'_> {
+    fn frame(&self, at: usize, sent: &SentFrame) -> TruthFrame {
         let span = &self.spans[at];
         let valid = self.valid(at);
-        let complete = !span.modified && span.body + 2 == sent.wire.len() && span.contiguous();
+        let complete = !span.modified && span.body + 2 == sent.wire.len() && span.is_contiguous();
         let (labels, maybe) = if valid { self.labels(at) } else { damaged_labels(sent, span) };
         let old = match sent.role {
             Role::Late { old, .. } => Some(self.sent[old].txn),
-            Role::Answer(_) => self.late_before(at).map(|old| self.sent[old].txn),
+            Role::Response(_) => self.late_before(at).map(|old| self.sent[old].txn),
             _ => None,
         };
         TruthFrame {
@@ -147,93 +149,93 @@ impl View<'_> {
             function: sent.code & 0x7F,
             exception: sent.code & 0x80 != 0,
             txn: sent.txn,
-            alt_txn: old,
+            alternative_txn: old,
             valid,
-            lenient: self.framing == Framing::Ascii && !valid && complete,
+            is_unscored: self.framing == Framing::Ascii && !valid && complete,
             echo: matches!(sent.role, Role::Echo(_)),
-            unpaired: matches!(sent.role, Role::WrongUnit(_) | Role::Duplicate(_)),
+            needs_no_pair: matches!(sent.role, Role::WrongUnit(_) | Role::Duplicate(_)),
             labels,
-            maybe,
-            episode: sent.episode,
+            allowed_labels: maybe,
+            overlap_id: sent.overlap_id,
             damage: Damage { lost: span.lost, ..sent.damage },
         }
     }
 
     fn valid(&self, at: usize) -> bool {
-        self.spans[at].whole(&self.sent[at])
+        self.spans[at].is_whole(&self.sent[at])
     }
 
-    /// What to say of a frame that arrived whole.
+    /// The required and the allowed labels of a frame that was recorded whole.
     fn labels(&self, at: usize) -> (Labels, Labels) {
         let sent = &self.sent[at];
-        let mut said = Said::default();
+        let mut rules = LabelRules::default();
         if sent.direction == Direction::Request && !matches!(sent.role, Role::Echo(_)) {
-            self.request_labels(at, &mut said);
+            self.request_labels(at, &mut rules);
         }
         match sent.role {
             Role::Retry(before) => {
                 let seen = self.valid(before) && !self.loss_between(before, at);
-                let silent = match self.sent[before].fate {
-                    Fate::Elsewhere => self.valid(before + 1) && !self.mirrors(before, before + 1),
+                let silent = match self.sent[before].outcome {
+                    RequestOutcome::WrongUnit => self.valid(before + 1) && !self.mirrors(before, before + 1),
                     _ => true,
                 };
-                said.say(Label::Retry, seen && silent);
+                rules.require_if(Label::Retry, seen && silent);
             }
-            Role::Echo(original) => said.say(Label::Echo, self.valid(original)),
+            Role::Echo(original) => rules.require_if(Label::Echo, self.valid(original)),
             Role::WrongUnit(request) => {
-                // An echoed write from another unit may as well be the same write to that unit.
+                // A write response from another unit that repeats the request may as well be the same request to that unit.
                 let mirrors = self.mirrors(request, at);
-                said.say(Label::WrongUnit, self.valid(request) && !mirrors);
-                said.perhaps(Label::NoResponse, mirrors);
+                rules.require_if(Label::WrongUnit, self.valid(request) && !mirrors);
+                rules.allow_if(Label::NoResponse, mirrors);
             }
             Role::Duplicate(first) => {
-                // Three equal frames may as well be a request, its retry and the answer.
+                // Three equal frames may as well be a request, its retry and the response.
                 let equal = self.echoes(first);
-                said.say(Label::Duplicate, self.valid(first) && !equal);
-                said.perhaps(Label::Retry, equal);
-                // Behind a retry it may as well be the first request's answer.
-                let Role::Answer(request) = self.sent[first].role else { return (said.must, said.may) };
-                said.perhaps(Label::Late, matches!(self.sent[request].role, Role::Retry(_)));
+                rules.require_if(Label::Duplicate, self.valid(first) && !equal);
+                rules.allow_if(Label::Retry, equal);
+                // After a retry it may as well be the response to the first request.
+                let Role::Response(request) = self.sent[first].role else { return (rules.required, rules.allowed) };
+                rules.allow_if(Label::Late, matches!(self.sent[request].role, Role::Retry(_)));
             }
             Role::Late { old, now } => {
-                // One answer behind two equal requests answers the second, for all that anybody can see.
-                let both = matches!(self.sent[now].fate, Fate::Answered(own) if self.valid(own));
-                said.say(Label::Late, both && self.valid(old) && self.valid(now));
+                // A single response after two equal requests looks like the response to the second one.
+                let both = matches!(self.sent[now].outcome, RequestOutcome::Response(own) if self.valid(own));
+                rules.require_if(Label::Late, both && self.valid(old) && self.valid(now));
             }
-            Role::Answer(_) => {
-                said.perhaps(Label::Retry, self.echoes(at) && self.is_doubled(at));
-                said.perhaps(Label::Late, self.late_before(at).is_some());
-                // The late answer and the retry's own, byte for byte the same, may as well be one answer twice.
-                said.perhaps(Label::Duplicate, self.late_before(at).is_some() && self.sent[at - 1].wire == self.sent[at].wire);
+            Role::Response(_) => {
+                rules.allow_if(Label::Retry, self.echoes(at) && self.is_doubled(at));
+                rules.allow_if(Label::Late, self.late_before(at).is_some());
+                // The late response and the response to the retry, if they are equal, may as well be one response sent twice.
+                rules.allow_if(Label::Duplicate, self.late_before(at).is_some() && self.sent[at - 1].wire == self.sent[at].wire);
             }
             Role::Request | Role::Intruder(_) => {}
         }
-        if sent.episode > 0 {
-            said.say(Label::TwoMasters, matches!(sent.role, Role::Intruder(_)) && self.meeting_is_whole(sent.episode));
+        if sent.overlap_id > 0 {
+            rules.require_if(Label::TwoMasters, matches!(sent.role, Role::Intruder(_)) && self.overlap_is_whole(sent.overlap_id));
         }
-        (said.must, said.may)
+        (rules.required, rules.allowed)
     }
 
-    fn request_labels(&self, at: usize, said: &mut Said) {
+    fn request_labels(&self, at: usize, rules: &mut LabelRules) {
         let sent = &self.sent[at];
-        match sent.fate {
-            Fate::NotDue => said.perhaps(Label::NoResponse, sent.unit != 0),
-            Fate::Elsewhere => said.perhaps(Label::NoResponse, true),
-            Fate::Answered(answer) => {
+        match sent.outcome {
+            RequestOutcome::NoResponseExpected => rules.allow_if(Label::NoResponse, sent.unit != 0),
+            RequestOutcome::WrongUnit => rules.allow_if(Label::NoResponse, true),
+            RequestOutcome::Response(answer) => {
                 let unclear = !self.valid(answer) || self.echoes(answer) && self.is_doubled(answer);
-                said.perhaps(Label::NoResponse, unclear);
+                rules.allow_if(Label::NoResponse, unclear);
             }
-            Fate::Silence => said.say(Label::NoResponse, sent.episode == 0 && self.silence_is_clear(at)),
+            RequestOutcome::NoResponse => rules.require_if(Label::NoResponse, sent.overlap_id == 0 && self.silence_is_clear(at)),
         }
-        // By chance the same request again, after one whose answer nobody saw.
+        // A request may by chance equal the one before, whose response was not recorded.
         let before = self.sent[..at].iter().rposition(|other| other.direction == Direction::Request);
         if let (Role::Request, Some(before)) = (sent.role, before) {
-            let answered = matches!(self.sent[before].fate, Fate::Answered(answer) if self.valid(answer));
-            said.perhaps(Label::Retry, !answered && self.sent[before].wire == sent.wire);
+            let answered = matches!(self.sent[before].outcome, RequestOutcome::Response(answer) if self.valid(answer));
+            rules.allow_if(Label::Retry, !answered && self.sent[before].wire == sent.wire);
         }
     }
 
-    /// Whether what follows an unanswered request shows that there was no answer.
+    /// Whether the frame after a request without response shows that there was none.
     fn silence_is_clear(&self, at: usize) -> bool {
         let next = (at + 1..self.sent.len()).find(|&next| self.sent[next].role != Role::Echo(at));
         next.is_some_and(|next| {
@@ -248,15 +250,15 @@ impl View<'_> {
         self.losses.iter().any(|&(line, place)| line == id && place >= from && place <= to)
     }
 
-    /// Whether this answer repeats its request byte for byte.
+    /// Whether this response equals its request.
     fn echoes(&self, answer: usize) -> bool {
         match self.sent[answer].role {
-            Role::Answer(request) => self.sent[request].wire == self.sent[answer].wire,
+            Role::Response(request) => self.sent[request].wire == self.sent[answer].wire,
             _ => false,
         }
     }
 
-    /// The given-up request whose late answer stands before this answer.
+    /// The request that timed out and whose late response stands directly before this response.
     fn late_before(&self, answer: usize) -> Option<usize> {
         match self.sent[answer - 1].role {
             Role::Late { old, .. } => Some(old),
@@ -264,7 +266,7 @@ impl View<'_> {
         }
     }
 
-    /// Whether two frames say the same but for the unit.
+    /// Whether two frames differ only in the unit.
     fn mirrors(&self, first: usize, second: usize) -> bool {
         let body = |at: usize| {
             let wire = &self.sent[at].wire;
@@ -280,47 +282,50 @@ impl View<'_> {
         self.sent.get(answer + 1).is_some_and(|next| next.role == Role::Duplicate(answer))
     }
 
-    /// Whether both requests and both answers of a meeting of two masters arrived.
-    fn meeting_is_whole(&self, episode: u32) -> bool {
-        let frames = (0..self.sent.len()).filter(|&at| self.sent[at].episode == episode);
+    /// Whether both requests and both responses of an overlap of two masters were recorded whole.
+    fn overlap_is_whole(&self, overlap_id: u32) -> bool {
+        let frames = (0..self.sent.len()).filter(|&at| self.sent[at].overlap_id == overlap_id);
         frames.filter(|&at| self.valid(at)).count() == 4
     }
 }
 
-/// What to say of a frame that did not arrive whole.
-fn damaged_labels(sent: &Sent, span: &Span) -> (Labels, Labels) {
-    let mut said = Said::default();
+/// The required and the allowed labels of a frame that was not recorded whole.
+fn damaged_labels(sent: &SentFrame, span: &Span) -> (Labels, Labels) {
+    let mut rules = LabelRules::default();
     let damage = &sent.damage;
     if span.lost {
-        said.say(Label::LostBytes, true);
+        rules.require_if(Label::LostBytes, true);
     }
-    said.perhaps(Label::LostBytes, damage.trunc || damage.midstart || damage.no_end);
-    // The scorer asks valid frames only; a damaged one may be called what its sender meant it to be.
+    rules.allow_if(Label::LostBytes, damage.trunc || damage.midstart || damage.no_end);
+    // Labels are required of valid frames only; a damaged one may get those that fit what its sender meant it to be.
     for label in [Label::NoResponse, Label::Retry, Label::Late, Label::Duplicate, Label::Echo, Label::WrongUnit] {
-        said.perhaps(label, true);
+        rules.allow_if(label, true);
     }
-    said.perhaps(Label::TwoMasters, sent.episode > 0);
-    (said.must, said.may)
+    rules.allow_if(Label::TwoMasters, sent.overlap_id > 0);
+    (rules.required, rules.allowed)
 }
 
+/// The labels that a frame must get and those that it may get.
 #[derive(Default)]
-struct Said {
-    must: Labels,
-    may: Labels,
+struct LabelRules {
+    required: Labels,
+    allowed: Labels,
 }
 
-impl Said {
-    fn say(&mut self, label: Label, certain: bool) {
+impl LabelRules {
+    /// Requires a label if it is certain that it applies, and allows it otherwise.
+    fn require_if(&mut self, label: Label, certain: bool) {
         if certain {
-            self.must.insert(label);
+            self.required.insert(label);
         } else {
-            self.may.insert(label);
+            self.allowed.insert(label);
         }
     }
 
-    fn perhaps(&mut self, label: Label, really: bool) {
+    /// Allows a label under a condition.
+    fn allow_if(&mut self, label: Label, really: bool) {
         if really {
-            self.may.insert(label);
+            self.allowed.insert(label);
         }
     }
 }

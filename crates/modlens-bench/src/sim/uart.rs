@@ -1,4 +1,4 @@
-//! What a receiver makes of a line that it does not understand: wrong baud rate, swapped wires.
+//! Simulates a receiver with wrong settings: another baud rate, or swapped wires.
 
 use crate::model::Settings;
 
@@ -6,11 +6,12 @@ use crate::model::Settings;
 #[derive(Clone, Copy, Debug)]
 struct Edge {
     time: f64,
-    high: bool,
+    is_high: bool,
 }
 
-/// Characters (with the ends of their last stop bits, in ns) as a receiver at `baud`, 8N1, hears them.
-pub(crate) fn mishear(chars: &[(u8, i64)], sender: Settings, baud: u32, inverted: bool) -> Vec<(u8, i64)> {
+/// The characters that a receiver with 8N1 at `baud` decodes from those of a sender. Times are those of the ends of the last
+/// stop bits, in ns.
+pub(crate) fn receive_with_wrong_settings(chars: &[(u8, i64)], sender: Settings, baud: u32, inverted: bool) -> Vec<(u8, i64)> {
     receive(&edges(chars, sender, inverted), 1e9 / f64::from(baud))
 }
 
@@ -18,7 +19,7 @@ fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
     let bit_ns = 1e9 / f64::from(sender.baud);
     let mut edges: Vec<Edge> = Vec::with_capacity(6 * chars.len());
     // The idle line is high.
-    let mut high = true;
+    let mut is_high = true;
     for &(value, end) in chars {
         let start = end as f64 - sender.char_ns();
         let even = value.count_ones() % 2 == 1;
@@ -27,24 +28,25 @@ fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
             let level = match bit {
                 0 => false,
                 _ if bit <= data => value >> (bit - 1) & 1 == 1,
-                _ if bit == data + 1 && sender.parity => even,
+                _ if bit == data + 1 && sender.has_even_parity => even,
                 _ => true,
             };
-            if level != high {
-                high = level;
-                edges.push(Edge { time: start + f64::from(bit) * bit_ns, high: high != inverted });
+            if level != is_high {
+                is_high = level;
+                edges.push(Edge { time: start + f64::from(bit) * bit_ns, is_high: is_high != inverted });
             }
         }
     }
     edges
 }
 
-/// A UART: a falling edge begins a character, each bit is sampled in its middle, a low stop bit is ignored.
+/// Decodes edges like a UART: a falling edge begins a character, each bit is sampled in its middle, and a wrong stop bit is
+/// ignored.
 fn receive(edges: &[Edge], bit_ns: f64) -> Vec<(u8, i64)> {
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     let mut at = 0;
     while at < edges.len() {
-        if edges[at].high {
+        if edges[at].is_high {
             at += 1;
             continue;
         }
@@ -54,7 +56,7 @@ fn receive(edges: &[Edge], bit_ns: f64) -> Vec<(u8, i64)> {
             while now + 1 < edges.len() && edges[now + 1].time <= start + bits * bit_ns {
                 now += 1;
             }
-            (edges[now].high, now)
+            (edges[now].is_high, now)
         };
         if level(0.5).0 {
             // A spike, not a start bit.
@@ -63,9 +65,9 @@ fn receive(edges: &[Edge], bit_ns: f64) -> Vec<(u8, i64)> {
         }
         let value = (0..8).fold(0u8, |value, bit| value | u8::from(level(1.5 + f64::from(bit)).0) << bit);
         at = level(9.5).1 + 1;
-        heard.push((value, (start + 10.0 * bit_ns).round() as i64));
+        received.push((value, (start + 10.0 * bit_ns).round() as i64));
     }
-    heard
+    received
 }
 
 #[cfg(test)]
@@ -77,20 +79,20 @@ mod tests {
     }
 
     #[test]
-    fn the_right_baud_rate_hears_everything() {
-        let settings = Settings { baud: 9600, data_bits: 8, parity: false };
+    fn the_right_baud_rate_receives_everything() {
+        let settings = Settings { baud: 9600, data_bits: 8, has_even_parity: false };
         let sent = chars(settings);
-        let heard = mishear(&sent, settings, 9600, false);
-        assert_eq!(heard.iter().map(|(byte, _)| *byte).collect::<Vec<_>>(), (0..=255).collect::<Vec<u8>>());
-        assert!(heard.iter().zip(&sent).all(|(a, b)| (a.1 - b.1).abs() < 1000));
+        let received = receive_with_wrong_settings(&sent, settings, 9600, false);
+        assert_eq!(received.iter().map(|(byte, _)| *byte).collect::<Vec<_>>(), (0..=255).collect::<Vec<u8>>());
+        assert!(received.iter().zip(&sent).all(|(a, b)| (a.1 - b.1).abs() < 1000));
     }
 
     #[test]
     fn half_and_double() {
-        let settings = Settings { baud: 9600, data_bits: 8, parity: false };
+        let settings = Settings { baud: 9600, data_bits: 8, has_even_parity: false };
         // At twice the rate every bit is heard twice, so a character makes about two.
-        assert!(mishear(&chars(settings), settings, 19_200, false).len() > 300);
-        assert!(mishear(&chars(settings), settings, 4800, false).len() < 200);
-        assert!(!mishear(&chars(settings), settings, 9600, true).is_empty());
+        assert!(receive_with_wrong_settings(&chars(settings), settings, 19_200, false).len() > 300);
+        assert!(receive_with_wrong_settings(&chars(settings), settings, 4800, false).len() < 200);
+        assert!(!receive_with_wrong_settings(&chars(settings), settings, 9600, true).is_empty());
     }
 }

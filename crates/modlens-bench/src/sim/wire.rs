@@ -1,44 +1,48 @@
-//! The line as the tap hears it: every character with its time and the frame that it belongs to.
+//! The line as the tap records it: every character with its time and the frame that it belongs to.
 
 use crate::model::{Direction, Framing, Settings};
 use crate::rng::Rng;
-use crate::sim::damage::{Damage, Damaged, Slot};
+use crate::sim::damage::{Damage, DamagedFrame, Slot};
 use crate::sim::scenario::Scenario;
 
-/// Owner of a character that belongs to no frame.
-pub(crate) const STRAY: u32 = u32::MAX;
+/// The owner of a character that belongs to no frame.
+pub(crate) const NO_FRAME: u32 = u32::MAX;
 
-/// The clock starts here, in ns; a capture never starts at 0.
-const START: f64 = 1e9;
+/// The clock at the start of the simulation. It is not 0, because no real capture starts at 0.
+const START_NS: f64 = 1e9;
 
 /// One character.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Byte {
     /// When its last stop bit ended, in ns.
     pub(crate) time: i64,
+    /// Index of its frame, or `NO_FRAME`.
     pub(crate) owner: u32,
+    /// Its position in the frame.
     pub(crate) index: u16,
+    /// Its value as recorded.
     pub(crate) value: u8,
+    /// The tap does not deliver it.
     pub(crate) lost: bool,
 }
 
-/// Why a frame was sent.
+/// Why a frame was sent. The numbers are indices of other frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Request,
-    /// The same request again; the frame that it repeats.
+    /// A repetition of this request.
     Retry(usize),
-    /// A second master's request inside the exchange that this request began.
+    /// The request of a second master while this request waits for its response.
     Intruder(usize),
-    /// What the adapter's own receiver hears of this request.
+    /// This request, as the adapter's own receiver has picked it up.
     Echo(usize),
-    /// The answer to this request.
-    Answer(usize),
-    /// The answer to this request, but from another unit.
+    /// The response to this request.
+    Response(usize),
+    /// The response to this request, but from another unit.
     WrongUnit(usize),
-    /// The same answer again; the first one.
+    /// A repetition of this response.
     Duplicate(usize),
-    /// The answer to `old`, which the master had given up, behind the retry `now`.
+    /// The response to `old`, which had timed out; it arrives after the retry `now`.
     Late {
         old: usize,
         now: usize,
@@ -46,14 +50,14 @@ pub(crate) enum Role {
 }
 
 impl Role {
-    /// The frame whose transaction this one shares or whose exchange it repeats.
+    /// The earlier frame to which this one refers; they share a transaction unless this one is a request.
     pub(crate) fn earlier(self) -> Option<usize> {
         match self {
             Self::Request => None,
             Self::Retry(frame)
             | Self::Intruder(frame)
             | Self::Echo(frame)
-            | Self::Answer(frame)
+            | Self::Response(frame)
             | Self::WrongUnit(frame)
             | Self::Duplicate(frame)
             | Self::Late { now: frame, .. } => Some(frame),
@@ -61,24 +65,24 @@ impl Role {
     }
 }
 
-/// Whether a request is answered.
+/// What came of a request. The number is the index of the response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fate {
-    /// Nobody is to answer.
-    NotDue,
-    /// Nobody answered.
-    Silence,
-    /// Answered by this frame.
-    Answered(usize),
-    /// Another unit answered.
-    Elsewhere,
+pub(crate) enum RequestOutcome {
+    /// No response is expected.
+    NoResponseExpected,
+    /// There was no response.
+    NoResponse,
+    /// There was a response.
+    Response(usize),
+    /// Another unit has responded.
+    WrongUnit,
 }
 
 /// A frame as it was sent.
 #[derive(Clone, Debug)]
-pub(crate) struct Sent {
+pub(crate) struct SentFrame {
     pub(crate) wire: Vec<u8>,
-    /// 0: requests; 1: responses, if they have a line of their own.
+    /// Index of the line: 0 for requests, 1 for responses if they have a line of their own.
     pub(crate) line: usize,
     pub(crate) direction: Direction,
     pub(crate) unit: u8,
@@ -86,17 +90,17 @@ pub(crate) struct Sent {
     pub(crate) code: u8,
     pub(crate) txn: u32,
     pub(crate) role: Role,
-    pub(crate) fate: Fate,
+    pub(crate) outcome: RequestOutcome,
     pub(crate) damage: Damage,
-    /// Two masters: the number of their meeting, from 1.
-    pub(crate) episode: u32,
+    /// Number of the overlap of two masters' transactions that it is part of, from 1; 0 for none.
+    pub(crate) overlap_id: u32,
 }
 
 /// The line, or the two lines.
 #[derive(Debug)]
 pub(crate) struct Wire {
     pub(crate) lines: Vec<Vec<Byte>>,
-    pub(crate) frames: Vec<Sent>,
+    pub(crate) frames: Vec<SentFrame>,
     mask: u8,
     char_ns: f64,
     now: f64,
@@ -108,15 +112,15 @@ impl Wire {
         Self {
             lines: vec![Vec::new(); lines],
             frames: Vec::new(),
-            // A noisy ASCII line is what shows bit 7: the receiver hears 8 bits, or does not look at parity.
+            // Only a noisy ASCII line shows values with bit 7 set.
             mask: if scenario.framing == Framing::Ascii && scenario.noise_gap == 0.0 { 0x7F } else { 0xFF },
             char_ns: settings.char_ns(),
-            now: START,
+            now: START_NS,
         }
     }
 
-    /// Sends a frame after this silence; says whether its receiver can read it.
-    pub(crate) fn transmit(&mut self, silence: f64, mut sent: Sent, scenario: &Scenario, rng: &mut Rng) -> bool {
+    /// Sends a frame after this silence in ns; returns whether its receiver can read it.
+    pub(crate) fn transmit(&mut self, silence: f64, mut sent: SentFrame, scenario: &Scenario, rng: &mut Rng) -> bool {
         let owner = self.frames.len() as u32;
         sent.line = sent.line.min(self.lines.len() - 1);
         let line = sent.line;
@@ -125,7 +129,7 @@ impl Wire {
             self.noise_in_silence(line, silence, rng);
         }
         self.now = self.now.max(begin);
-        let damaged = Damaged::new(&sent.wire, scenario, rng);
+        let damaged = DamagedFrame::new(&sent.wire, scenario, rng);
         for slot in &damaged.slots {
             self.put(line, owner, slot);
         }
@@ -134,17 +138,17 @@ impl Wire {
         }
         sent.damage = damaged.damage;
         self.frames.push(sent);
-        !damaged.on_the_wire
+        !damaged.is_damaged_on_line
     }
 
     fn put(&mut self, line: usize, owner: u32, slot: &Slot) {
         self.now += (slot.gap + 1.0) * self.char_ns;
-        let (owner, index) = slot.index.map_or((STRAY, 0), |index| (owner, index));
+        let (owner, index) = slot.index.map_or((NO_FRAME, 0), |index| (owner, index));
         let time = self.now.round() as i64;
         self.lines[line].push(Byte { time, owner, index, value: slot.value, lost: slot.lost });
     }
 
-    /// 1 to 4 random bytes somewhere between the frames.
+    /// Puts 1 to 4 random bytes into the silence before a frame.
     fn noise_in_silence(&mut self, line: usize, silence: f64, rng: &mut Rng) {
         let from = self.now;
         let mut places: Vec<f64> = (0..rng.range(1, 4)).map(|_| from + rng.uniform(0.0, silence)).collect();
@@ -153,11 +157,11 @@ impl Wire {
             // `put` adds the character itself.
             self.now = self.now.max(place - self.char_ns);
             let value = rng.byte() & self.mask;
-            self.put(line, STRAY, &Slot::stray(value));
+            self.put(line, NO_FRAME, &Slot::stray(value));
         }
     }
 
-    /// A long pause in the frame that was just put on the line.
+    /// Inserts a long pause into the frame that was just put on the line.
     fn pause(&mut self, line: usize, owner: u32, rng: &mut Rng) {
         let bytes = &mut self.lines[line];
         let first = bytes.iter().rposition(|byte| byte.owner != owner).map_or(0, |last| last + 1);
@@ -169,7 +173,7 @@ impl Wire {
         }
     }
 
-    /// 60 to 600 noise bytes.
+    /// Puts 60 to 600 bytes of noise on the line.
     pub(crate) fn storm(&mut self, rng: &mut Rng) {
         let kind = rng.weighted(&[2, 1, 1, 1]);
         for _ in 0..rng.range(60, 600) {
@@ -180,11 +184,11 @@ impl Wire {
                 _ => rng.byte(),
             };
             let gap = if rng.chance(0.1) { rng.exponential(5.0) } else { 0.0 };
-            self.put(0, STRAY, &Slot { gap, ..Slot::stray(value & self.mask) });
+            self.put(0, NO_FRAME, &Slot { gap, ..Slot::stray(value & self.mask) });
         }
     }
 
-    /// Places where bytes vanish in the tap.
+    /// Loses bytes in the tap at so many places.
     pub(crate) fn cut(&mut self, places: usize, rng: &mut Rng) {
         for _ in 0..places {
             let total: usize = self.lines.iter().map(Vec::len).sum();
@@ -202,7 +206,7 @@ impl Wire {
         }
     }
 
-    /// The capture begins in the middle of one of the first frames.
+    /// Drops the beginning of the capture, up to the middle of one of the first frames.
     pub(crate) fn start_in_the_middle(&mut self, rng: &mut Rng) {
         let frame = rng.below(5.min(self.frames.len()));
         let sent = &mut self.frames[frame];
