@@ -375,6 +375,34 @@ weights! {
         /// A long request of the poll cycle is aligned only where its first bytes agree in this many bits.
         LONG_REQUEST_PREFIX_BITS: f32 = 11.0;
     }
+
+    "Order of two lines" {
+        /// A response that agrees in everything it repeats of a request (unit, function, length, address) is nearly certain to
+        /// be its response.
+        PAIR_FULL_MATCH_BITS: f32 = 16.0;
+        /// An exception response repeats no more than unit and function.
+        PAIR_EXCEPTION_BITS: f32 = 10.0;
+        /// If one of the two frames is damaged, its unit and function agree by chance more easily.
+        PAIR_DAMAGED_BITS: f32 = 5.0;
+        /// A response of the right unit and function that contradicts the request otherwise is rather that of another one.
+        PAIR_PARTIAL_MATCH_BITS: f32 = 4.0;
+        /// The cost of a request without response: a silent unit, or bytes that are missing from the other line.
+        SINGLE_REQUEST_BITS: f32 = 5.0;
+        /// The cost of a request without response whose retry follows at once, which is what masters do.
+        RETRIED_REQUEST_BITS: f32 = 2.0;
+        /// The cost of a response without request: only missing bytes explain it.
+        SINGLE_RESPONSE_BITS: f32 = 6.0;
+        /// Frames of each line that are aligned at once, where most of them pair up.
+        NARROW_WINDOW_FRAMES: usize = 24;
+        /// Frames of each line that are aligned where few pair up: more than are missing from one line at a time.
+        WIDE_WINDOW_FRAMES: usize = 192;
+        /// The lead in frames that only a master, or only a unit, can send, with which it is settled who speaks on which line.
+        SPEAKER_LEAD_FRAMES: i32 = 3;
+        /// The survey of who speaks on which line ends after this many bytes of a line.
+        SURVEY_BYTES: usize = 4096;
+        /// Live, the survey ends after this time, since somebody waits for the first rows.
+        SURVEY_NS: Ns = 1_000_000_000;
+    }
 }
 
 /// The information content of a byte before any noise was seen.

@@ -100,18 +100,18 @@ pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
 /// Finds what the framer says of a frame: that it may be an accident of noise, how it was damaged, and how it breaks the
 /// rules of its framing.
 #[inline]
-pub(crate) fn framing(cut: &FrameResult, found: &mut Found) {
-    if cut.tentative {
+pub(crate) fn framing(framed: &FrameResult, found: &mut Found) {
+    if framed.tentative {
         found.push((Finding::Tentative, words::tentative()));
     }
-    if let Some((damage, finding)) = cut.damage.and_then(|damage| Some((damage, finding_of(damage)?))) {
+    if let Some((damage, finding)) = framed.damage.and_then(|damage| Some((damage, finding_of(damage)?))) {
         found.push((finding, words::damage(damage)));
     }
-    if let Some(fault) = cut.fault {
+    if let Some(fault) = framed.fault {
         found.push(match fault {
-            FramingFault::BareLineFeed => (Finding::BareLineFeed, words::characters(cut.length)),
-            FramingFault::LowerCaseHex => (Finding::LowerCaseHex, words::characters(cut.length)),
-            FramingFault::MbapLength => (Finding::MbapLength, words::mbap_length(cut.length)),
+            FramingFault::BareLineFeed => (Finding::BareLineFeed, words::characters(framed.length)),
+            FramingFault::LowerCaseHex => (Finding::LowerCaseHex, words::characters(framed.length)),
+            FramingFault::MbapLength => (Finding::MbapLength, words::mbap_length(framed.length)),
         });
     }
 }

@@ -243,9 +243,9 @@ impl BusState {
             declared_direction: &move |side| declared_direction(side_votes, side),
         };
         let state = &mut self.lines[at].1;
-        let cut = state.framer.next(&state.input, &context, adu);
+        let result = state.framer.next(&state.input, &context, adu);
         state.input.break_ns = state.framer.break_ns(settings.as_ref());
-        Some((at, cut?))
+        Some((at, result?))
     }
 }
 

@@ -148,8 +148,8 @@ impl Session {
         let mut adu = std::mem::take(&mut self.adu);
         loop {
             self.emit_exchanges(bus);
-            let Some((at, cut)) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
-            self.emit_frame(bus, at, &cut, &adu);
+            let Some((at, framed)) = self.buses[bus].next_frame(&self.functions, self.live, &mut adu) else { break };
+            self.emit_frame(bus, at, &framed, &adu);
         }
         self.adu = adu;
     }

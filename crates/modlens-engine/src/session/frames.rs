@@ -17,9 +17,9 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
 impl Session {
-    /// Emits the next frame of a line, the first `cut.length` bytes of its input: checks and pairs it, adds its rows, and
+    /// Emits the next frame of a line, the first `framed.length` bytes of its input: checks and pairs it, adds its rows, and
     /// learns from it. `at` is the index of the line.
-    pub(super) fn emit_frame(&mut self, bus: usize, at: usize, cut: &FrameResult, adu: &[u8]) {
+    pub(super) fn emit_frame(&mut self, bus: usize, at: usize, framed: &FrameResult, adu: &[u8]) {
         let number = self.next_frame;
         self.next_frame += 1;
         let state = &mut self.buses[bus];
@@ -27,12 +27,12 @@ impl Session {
         state.clock_jumped = false;
         let rule = state.options.rule();
         let input = state.lines[at].1.emission_input();
-        let timing = FrameTiming::of(input, cut.length, &config);
-        timing.list_inner_packets(input, (number, cut.length), config.place, &mut self.batch.inner_packets);
-        let wire = &input.bytes()[..cut.length];
-        let mut frame = observed(number, wire, adu, cut, &timing, config.mode);
+        let timing = FrameTiming::of(input, framed.length, &config);
+        timing.list_inner_packets(input, (number, framed.length), config.place, &mut self.batch.inner_packets);
+        let wire = &input.bytes()[..framed.length];
+        let mut frame = observed(number, wire, adu, framed, &timing, config.mode);
         self.found.clear();
-        find_on_frame(&self.functions, input, cut, &frame, (&config, rule), &mut self.found);
+        find_on_frame(&self.functions, input, framed, &frame, (&config, rule), &mut self.found);
         if let Some(rule) = rule.filter(|_| config.has_clock && input.has_times && config.mode == Mode::Rtu) {
             count_silence(&mut self.stats, bus, input, &frame, (timing.offset, rule));
         }
@@ -69,12 +69,12 @@ impl Session {
             self.batch.codes.extend(self.found[self.codes.len()..].iter().map(|(finding, _)| *finding));
             let findings = Span { length: self.found.len() as u32, ..codes };
             let wire = self.batch.store(wire);
-            let row = frame_row(cut, &frame, &timing, wire, findings);
+            let row = frame_row(framed, &frame, &timing, wire, findings);
             self.batch.frames.push(Frame { bus: bus as u32, line: state.lines[at].0, elapsed, txn: result.txn, ..row });
         }
         self.stats.frame(state.counts, config.mode, &frame);
         learn(&mut state.known_units, &mut state.side_votes, &frame, timing.side);
-        state.consume_frame(at, &self.functions, cut, adu, timing.end);
+        state.consume_frame(at, &self.functions, framed, adu, timing.end);
         if !state.pairing.delayed_findings.is_empty() || !self.done.is_empty() {
             self.emit_transactions(bus);
         }
@@ -84,16 +84,16 @@ impl Session {
 impl BusState {
     /// Removes an emitted frame from the input of its line, and learns from it how late reads come and who speaks there.
     #[inline]
-    fn consume_frame(&mut self, at: usize, functions: &Functions, cut: &FrameResult, adu: &[u8], end: Option<Ns>) {
+    fn consume_frame(&mut self, at: usize, functions: &Functions, framed: &FrameResult, adu: &[u8], end: Option<Ns>) {
         let (line_id, line) = &mut self.lines[at];
-        if cut.verdict.is_good() {
-            line.lateness.learn(&line.input, cut.length);
+        if framed.verdict.is_good() {
+            line.lateness.learn(&line.input, framed.length);
             // Line 0 is the only one of its bus. Frames that waited to be merged have voted before.
-            if *line_id != 0 && line.unmerged.is_none() && !cut.tentative {
+            if *line_id != 0 && line.unmerged.is_none() && !framed.tentative {
                 line.request_votes = add_vote(line.request_votes, functions, adu);
             }
         }
-        line.consume(cut.length);
+        line.consume(framed.length);
         line.last_end = end.or(line.last_end);
     }
 }
@@ -104,7 +104,7 @@ fn observed<'a>(
     number: u64,
     wire: &'a [u8],
     adu: &'a [u8],
-    cut: &FrameResult,
+    framed: &FrameResult,
     timing: &FrameTiming,
     mode: Mode,
 ) -> ObservedFrame<'a> {
@@ -112,16 +112,16 @@ fn observed<'a>(
         number,
         wire,
         adu,
-        verdict: cut.verdict,
-        direction: cut.direction,
+        verdict: framed.verdict,
+        direction: framed.direction,
         mode,
         start: timing.start,
         end: timing.end,
         clean_start: timing.clean_start,
         gap: timing.gap,
-        mbap_id: cut.mbap_id,
+        mbap_id: framed.mbap_id,
         origin: timing.origin,
-        tentative: cut.tentative,
+        tentative: framed.tentative,
         codes: &[],
     }
 }
@@ -131,19 +131,19 @@ fn observed<'a>(
 fn find_on_frame(
     functions: &Functions,
     input: &Input,
-    cut: &FrameResult,
+    framed: &FrameResult,
     frame: &ObservedFrame<'_>,
     (config, rule): (&TimingConfig, Option<SilenceRule>),
     found: &mut Found,
 ) {
     findings::frame::content(functions, frame, found);
     findings::timing::silences(input, rule, config.resolution, frame, found);
-    findings::frame::reception(input, cut.length, found);
+    findings::frame::reception(input, framed.length, found);
     findings::timing::clock(config.clock_jumped, found);
-    findings::frame::framing(cut, found);
+    findings::frame::framing(framed, found);
 }
 
-/// Counts whether a receiver that goes by silences of t3.5 alone would have cut this frame like the framer did: whether
+/// Counts whether a receiver that goes by silences of t3.5 alone would have delimited this frame like the framer did: whether
 /// there is one before it (or nothing at all), and none inside.
 #[inline]
 fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
@@ -155,10 +155,10 @@ fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedF
 
 /// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller.
 #[inline]
-fn frame_row(cut: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
-    let is_frame = cut.verdict != Verdict::Noise;
+fn frame_row(framed: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
+    let is_frame = framed.verdict != Verdict::Noise;
     let code = frame.adu.get(1).copied().filter(|_| is_frame);
-    let is_exception = code.is_some_and(|code| code & EXCEPTION_BIT != 0) && cut.verdict.is_good();
+    let is_exception = code.is_some_and(|code| code & EXCEPTION_BIT != 0) && framed.verdict.is_good();
     Frame {
         number: frame.number,
         bus: 0,
@@ -169,16 +169,16 @@ fn frame_row(cut: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTiming,
         elapsed: None,
         gap: timing.gap,
         mode: frame.mode,
-        direction: cut.direction,
+        direction: framed.direction,
         unit: frame.adu.first().copied().filter(|_| is_frame),
         code,
         exception: frame.adu.get(2).copied().filter(|_| is_exception),
-        verdict: cut.verdict,
-        tentative: cut.tentative,
-        confidence: cut.confidence,
-        delimited_by: cut.delimited_by,
+        verdict: framed.verdict,
+        tentative: framed.tentative,
+        confidence: framed.confidence,
+        delimited_by: framed.delimited_by,
         txn: None,
-        mbap_id: cut.mbap_id,
+        mbap_id: framed.mbap_id,
         findings,
         origin: timing.origin,
         last_origin: timing.last_origin,

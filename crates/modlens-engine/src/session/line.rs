@@ -36,8 +36,8 @@ impl LineState {
 
 /// The frames of a line that wait for their place among those of the other line.
 pub(crate) struct UnmergedFrames {
-    pub(crate) cuts: VecDeque<FrameResult>,
-    /// For each of `cuts`, what its place depends on.
+    pub(crate) results: VecDeque<FrameResult>,
+    /// For each of `results`, what its place depends on.
     pub(crate) frames: VecDeque<LineFrame>,
     /// The bytes of the line from the first of these frames on. The line's own input begins behind all of them.
     pub(crate) input: Input,
@@ -45,7 +45,7 @@ pub(crate) struct UnmergedFrames {
 
 impl UnmergedFrames {
     pub(crate) fn new(input: Input) -> Self {
-        Self { cuts: VecDeque::new(), frames: VecDeque::new(), input }
+        Self { results: VecDeque::new(), frames: VecDeque::new(), input }
     }
 }
 

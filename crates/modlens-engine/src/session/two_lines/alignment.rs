@@ -15,34 +15,13 @@
 //! merged     A a B b C D d
 //! ```
 
+use crate::weights;
 use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
 use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 
-/// Frames of each line that are aligned at once, where most of them pair up.
-const NARROW_WINDOW_FRAMES: usize = 24;
-
-/// Frames of each line that are aligned where they do not. So many must be known before any is ordered.
-pub const WINDOW_FRAMES: usize = 192;
-
 /// Pairs in a narrow window, in parts of its frames, with which its alignment is trusted.
 const TRUSTED_PAIR_SHARE: usize = 3;
-
-/// Score of a response that agrees in everything it repeats of its request.
-const FULL_MATCH_BITS: f32 = 16.0;
-/// Score of a response of the right unit and function that does not agree otherwise.
-const PARTIAL_MATCH_BITS: f32 = 4.0;
-/// Score of an exception: it repeats only unit and function.
-const EXCEPTION_BITS: f32 = 10.0;
-/// Score of a pair of which one frame is damaged, with equal unit and function.
-const DAMAGED_BITS: f32 = 5.0;
-
-/// Cost of a request without response.
-const UNANSWERED_BITS: f32 = 5.0;
-/// Cost of a request without response whose retry follows at once.
-const RETRIED_BITS: f32 = 2.0;
-/// Cost of a response without request.
-const UNREQUESTED_BITS: f32 = 6.0;
 
 /// A frame as far as its place among others depends on it.
 #[derive(Clone, Debug)]
@@ -78,10 +57,10 @@ enum Step {
 /// The order of the next frames: for each, the index of its line (0 or 1). With `is_complete` nothing follows the frames
 /// given, so that all of them are ordered.
 pub fn merge_order(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Vec<usize> {
-    if lines.iter().all(|line| line.len() > NARROW_WINDOW_FRAMES) {
-        let steps = align(functions, lines.map(|line| &line[..NARROW_WINDOW_FRAMES]), false);
+    if lines.iter().all(|line| line.len() > weights::NARROW_WINDOW_FRAMES) {
+        let steps = align(functions, lines.map(|line| &line[..weights::NARROW_WINDOW_FRAMES]), false);
         let pairs = steps.iter().filter(|step| matches!(step, Step::Pair(_))).count();
-        if TRUSTED_PAIR_SHARE * pairs >= NARROW_WINDOW_FRAMES {
+        if TRUSTED_PAIR_SHARE * pairs >= weights::NARROW_WINDOW_FRAMES {
             return lines_of(&steps);
         }
     }
@@ -142,9 +121,11 @@ fn single_cost(line: &[LineFrame], at: usize) -> f32 {
         return 0.0;
     }
     match frame.direction {
-        Direction::Response => UNREQUESTED_BITS,
-        _ if line[at + 1..].iter().find(|next| !next.is_unpaired()).is_some_and(|next| next.adu == frame.adu) => RETRIED_BITS,
-        _ => UNANSWERED_BITS,
+        Direction::Response => weights::SINGLE_RESPONSE_BITS,
+        _ if line[at + 1..].iter().find(|next| !next.is_unpaired()).is_some_and(|next| next.adu == frame.adu) => {
+            weights::RETRIED_REQUEST_BITS
+        }
+        _ => weights::SINGLE_REQUEST_BITS,
     }
 }
 
@@ -161,14 +142,14 @@ fn pair_score(functions: &Functions, first: &LineFrame, second: &LineFrame) -> O
     }
     if !(request.is_good && response.is_good) {
         let same = request.adu[0] == response.adu[0] && request.adu[1] == response.adu[1] & !EXCEPTION_BIT;
-        return same.then_some((DAMAGED_BITS, request_line));
+        return same.then_some((weights::PAIR_DAMAGED_BITS, request_line));
     }
     let asked = RequestRef { unit: request.adu[0], pdu: request.pdu() };
     match match_response(functions, asked, response.adu[0], response.pdu()) {
         ResponseMatch::No => None,
-        ResponseMatch::Partly => Some((PARTIAL_MATCH_BITS, request_line)),
-        ResponseMatch::Fully if response.adu[1] & EXCEPTION_BIT != 0 => Some((EXCEPTION_BITS, request_line)),
-        ResponseMatch::Fully => Some((FULL_MATCH_BITS, request_line)),
+        ResponseMatch::Partly => Some((weights::PAIR_PARTIAL_MATCH_BITS, request_line)),
+        ResponseMatch::Fully if response.adu[1] & EXCEPTION_BIT != 0 => Some((weights::PAIR_EXCEPTION_BITS, request_line)),
+        ResponseMatch::Fully => Some((weights::PAIR_FULL_MATCH_BITS, request_line)),
     }
 }
 
@@ -220,8 +201,9 @@ mod tests {
     #[test]
     fn a_hole_in_one_line_leaves_only_its_own_frames_unpaired() {
         let unit_and_quantity = |at: usize| (1 + (at * at) as u8 % 7, 1 + (at * 5 / 3) as u8 % 11);
-        let requests = (0..WINDOW_FRAMES).map(unit_and_quantity).map(|(unit, quantity)| request(unit, quantity));
-        let responses = (60..WINDOW_FRAMES + 60).map(unit_and_quantity).map(|(unit, quantity)| response(unit, quantity));
+        let requests = (0..weights::WIDE_WINDOW_FRAMES).map(unit_and_quantity).map(|(unit, quantity)| request(unit, quantity));
+        let responses =
+            (60..weights::WIDE_WINDOW_FRAMES + 60).map(unit_and_quantity).map(|(unit, quantity)| response(unit, quantity));
         let (requests, responses): (Vec<_>, Vec<_>) = (requests.collect(), responses.collect());
         let order = merge_order(Functions::embedded(), [&requests, &responses], false);
         assert_eq!(order[..60], [0; 60]);
@@ -230,9 +212,11 @@ mod tests {
 
     #[test]
     fn half_a_window_is_ordered_while_more_may_come() {
-        let requests: Vec<LineFrame> = (0..WINDOW_FRAMES).map(|at| request(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
-        let responses: Vec<LineFrame> = (0..WINDOW_FRAMES).map(|at| response(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
+        let requests: Vec<LineFrame> =
+            (0..weights::WIDE_WINDOW_FRAMES).map(|at| request(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
+        let responses: Vec<LineFrame> =
+            (0..weights::WIDE_WINDOW_FRAMES).map(|at| response(1 + at as u8 % 5, 1 + at as u8 % 7)).collect();
         let order = merge_order(Functions::embedded(), [&requests, &responses], false);
-        assert_eq!(order, [0, 1].repeat(NARROW_WINDOW_FRAMES / 2));
+        assert_eq!(order, [0, 1].repeat(weights::NARROW_WINDOW_FRAMES / 2));
     }
 }

@@ -1,6 +1,7 @@
-//! RTU frames at the head of a line, as seen before the framer decides: enough to order two lines by.
+//! A look at the RTU frame at the head of a line before the framer decides: enough to tell whether it is a response to some
+//! request.
 //!
-//! Only frames whose layout gives their length count, with a right checksum.
+//! Only frames count whose layout gives their length, and whose checksum is valid.
 
 use modlens_protocol::checksum::{crc_valid, CRC_BYTES};
 use modlens_protocol::direction::{match_response, Direction, RequestRef, ResponseMatch};
@@ -12,7 +13,7 @@ const MAX_FRAME_START: usize = 4;
 /// Bytes of an RTU frame beside the body of its PDU: unit, function code and checksum.
 pub(super) const FRAME_OVERHEAD_BYTES: usize = 4;
 
-/// The answer of `response_fit`, from the worst to the best.
+/// How well the first bytes of a line fit as the response to a request, from the worst to the best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Fit {
     /// Another unit or function.
@@ -25,7 +26,7 @@ pub(super) enum Fit {
     Fully,
 }
 
-/// How well the first bytes of a line fit as the response to a request.
+/// Compares the first bytes of a line with the response that a request must have.
 pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: RequestRef<'_>) -> Fit {
     let Some(&function) = request.pdu.first() else { return Fit::No };
     if let Some((frame, _)) = first_frame(functions, bytes, Direction::Response) {
@@ -51,7 +52,7 @@ pub(super) fn first_frame<'a>(functions: &Functions, bytes: &'a [u8], direction:
 }
 
 /// Unit and PDU of the RTU frame that these bytes begin with, if the layout of its function gives its length and the
-/// checksum is right.
+/// checksum is valid.
 pub(super) fn frame_here<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<&'a [u8]> {
     let (&code, body) = bytes.get(1..)?.split_first()?;
     let row = functions.row(code & !EXCEPTION_BIT, body)?;

@@ -7,27 +7,17 @@ use crate::input::Input;
 use crate::session::bus::BusState;
 use crate::session::line::add_vote;
 use crate::session::two_lines::peek::{frame_here, FRAME_OVERHEAD_BYTES};
+use crate::weights;
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-/// Lead in votes, over both lines of a tap, with which it is settled who speaks on which.
-const MIN_SPEAKER_VOTES: i32 = 3;
-
-/// The survey of who speaks on which line reads so many bytes of each line. Live, it ends after so long. Nothing is
-/// emitted before.
-const SURVEY_BYTES: usize = 4096;
-const SURVEY_NS: Ns = 1_000_000_000;
-
-/// Lead in votes with which the survey is decided: frames, of both lines together, that only one side can send.
-const MIN_SURVEY_VOTES: i32 = 3;
-
 /// Votes on who speaks on a line, from its first bytes: frames that only a master can send, less those that only a unit
 /// can send.
 fn survey(functions: &Functions, input: &Input) -> i32 {
-    let bytes = &input.bytes()[..input.bytes().len().min(SURVEY_BYTES)];
+    let bytes = &input.bytes()[..input.bytes().len().min(weights::SURVEY_BYTES)];
     let (mut votes, mut at) = (0, 0);
     while at + FRAME_OVERHEAD_BYTES < bytes.len() {
         let frame = [Direction::Request, Direction::Response].map(|side| frame_here(functions, &bytes[at..], side));
@@ -48,8 +38,8 @@ impl BusState {
         let votes: i32 =
             lines.map(|(line, (_, state))| if line == at { state.request_votes } else { -state.request_votes }).sum();
         match votes {
-            MIN_SPEAKER_VOTES.. => Some(Direction::Request),
-            _ if votes <= -MIN_SPEAKER_VOTES => Some(Direction::Response),
+            weights::SPEAKER_LEAD_FRAMES.. => Some(Direction::Request),
+            _ if votes <= -weights::SPEAKER_LEAD_FRAMES => Some(Direction::Response),
             _ => None,
         }
     }
@@ -57,15 +47,15 @@ impl BusState {
     /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted
     /// until then, because the first frames would be paired the wrong way.
     ///
-    /// The survey is only needed for two lines with a clock whose source does not say who sends: not for a connection, whose sides
-    /// are known, nor for ASCII.
+    /// The survey is only needed for two lines with a clock whose source does not say who sends: not for a connection,
+    /// whose sides are known, nor for ASCII.
     pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
         if self.is_surveyed || self.lines.is_empty() {
             return false;
         }
         let lacks_side =
             |input: &Input| input.has_times && input.first_read().is_some_and(|read| !read.starts_record && read.side.is_none());
-        let is_full = |input: &Input| input.is_ended || input.bytes().len() >= SURVEY_BYTES || !lacks_side(input);
+        let is_full = |input: &Input| input.is_ended || input.bytes().len() >= weights::SURVEY_BYTES || !lacks_side(input);
         let is_two_line_tap = self.lines[0].0 != 0 && self.options.bus.network.is_none();
         let is_needed = is_two_line_tap && self.options.mode != Some(Mode::Ascii);
         let mut with_bytes = self.lines.iter().filter(|(_, line)| !line.input.bytes().is_empty());
@@ -76,7 +66,7 @@ impl BusState {
         if is_needed {
             let votes: Vec<i32> = self.lines.iter().map(|(_, line)| survey(functions, &line.input)).collect();
             let lead: i32 = votes.iter().enumerate().map(|(at, &votes)| if at == 0 { votes } else { -votes }).sum();
-            if lead.abs() >= MIN_SURVEY_VOTES {
+            if lead.abs() >= weights::SPEAKER_LEAD_FRAMES {
                 self.is_surveyed = true;
                 self.lines.iter_mut().zip(votes).for_each(|((_, line), votes)| line.request_votes = votes);
             }
@@ -87,6 +77,10 @@ impl BusState {
     /// When the survey ends in a live session, whatever has come.
     pub(super) fn survey_deadline(&self) -> Option<Ns> {
         let waiting = self.lines.iter().filter(|(id, line)| *id != 0 && !line.input.bytes().is_empty());
-        waiting.filter_map(|(_, line)| line.input.byte_time(0)).min().filter(|_| !self.is_surveyed).map(|first| first + SURVEY_NS)
+        waiting
+            .filter_map(|(_, line)| line.input.byte_time(0))
+            .min()
+            .filter(|_| !self.is_surveyed)
+            .map(|first| first + weights::SURVEY_NS)
     }
 }

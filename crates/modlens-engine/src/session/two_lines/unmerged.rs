@@ -6,7 +6,8 @@
 use crate::framer::{FrameResult, Framer, FramerContext};
 use crate::input::Input;
 use crate::session::line::{add_vote, LineState};
-use crate::session::two_lines::alignment::{merge_order, LineFrame, WINDOW_FRAMES};
+use crate::session::two_lines::alignment::{merge_order, LineFrame};
+use crate::weights;
 use modlens_protocol::direction::{possible_directions, Direction};
 use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::Functions;
@@ -31,29 +32,31 @@ impl LineState {
     /// Finds one more frame in the bytes that have come, unless the window is full; says whether there was one.
     pub(in crate::session) fn frame_next(&mut self, context: &FramerContext<'_>) -> bool {
         let Self { unmerged: Some(unmerged), input, framer, request_votes, .. } = self else { return false };
-        if unmerged.frames.len() >= WINDOW_FRAMES || input.bytes().is_empty() {
+        if unmerged.frames.len() >= weights::WIDE_WINDOW_FRAMES || input.bytes().is_empty() {
             return false;
         }
         let mut adu = Vec::new();
-        let Some(cut) = framer.next(input, context, &mut adu) else { return false };
-        input.consume(cut.length);
-        let adu = if cut.verdict == Verdict::Noise { Vec::new() } else { adu };
-        let is_good = cut.verdict.is_good();
+        let Some(result) = framer.next(input, context, &mut adu) else { return false };
+        input.consume(result.length);
+        let adu = if result.verdict == Verdict::Noise { Vec::new() } else { adu };
+        let is_good = result.verdict.is_good();
         if is_good {
             *request_votes = add_vote(*request_votes, context.functions, &adu);
         }
-        unmerged.frames.push_back(LineFrame { direction: cut.direction, is_good, adu });
-        unmerged.cuts.push_back(cut);
+        unmerged.frames.push_back(LineFrame { direction: result.direction, is_good, adu });
+        unmerged.results.push_back(result);
         true
     }
 
     /// Assigns frames that either side may send to the one that, as is known by now, speaks on this line.
     pub(in crate::session) fn assign_ambiguous_to(&mut self, functions: &Functions, speaker: Direction) {
         let Some(unmerged) = &mut self.unmerged else { return };
-        for (cut, frame) in unmerged.cuts.iter_mut().zip(&mut unmerged.frames) {
-            if frame.adu.len() > 1 && cut.direction != speaker && possible_directions(functions, &frame.adu[1..]) == (true, true)
+        for (result, frame) in unmerged.results.iter_mut().zip(&mut unmerged.frames) {
+            if frame.adu.len() > 1
+                && result.direction != speaker
+                && possible_directions(functions, &frame.adu[1..]) == (true, true)
             {
-                (cut.direction, frame.direction) = (speaker, speaker);
+                (result.direction, frame.direction) = (speaker, speaker);
             }
         }
     }
@@ -62,12 +65,12 @@ impl LineState {
     pub(in crate::session) fn pop_unmerged(&mut self, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let unmerged = self.unmerged.as_mut()?;
         *adu = unmerged.frames.pop_front()?.adu;
-        unmerged.cuts.pop_front()
+        unmerged.results.pop_front()
     }
 
     /// Whether the window is full, or nothing can come any more that would fill it.
     fn is_window_complete(&self) -> bool {
-        let is_full = self.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() >= WINDOW_FRAMES);
+        let is_full = self.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() >= weights::WIDE_WINDOW_FRAMES);
         is_full || (self.input.is_ended && self.input.bytes().is_empty())
     }
 }
@@ -80,7 +83,8 @@ pub(in crate::session) fn next_lines(functions: &Functions, lines: &mut [(u8, Li
     if !has_waited_enough && (lacks_second_line || !lines.iter().all(|(_, line)| line.is_window_complete())) {
         return Vec::new();
     }
-    let has_room = |line: &LineState| line.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() < WINDOW_FRAMES);
+    let has_room =
+        |line: &LineState| line.unmerged.as_ref().is_some_and(|unmerged| unmerged.frames.len() < weights::WIDE_WINDOW_FRAMES);
     let is_complete = has_waited_enough || lines.iter().any(|(_, line)| has_room(line));
     let mut frames = lines.iter_mut().map(|(_, line)| line.unmerged.as_mut().map(|unmerged| &*unmerged.frames.make_contiguous()));
     let (first, second) = (frames.next().flatten().unwrap_or(&[]), frames.next().flatten().unwrap_or(&[]));
