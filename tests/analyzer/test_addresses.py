@@ -40,17 +40,17 @@ def test_other_texts_are_no_literals(text: str) -> None:
     [("wire", "9998"), ("hex", "0x270E"), ("5digit", "49999"), ("6digit", "409999")],
 )
 def test_an_address_is_shown_in_its_base(base: str, text: str) -> None:
-    """The last address that five digits reach."""
+    """The last address that five digits can express, in all notations."""
     assert render(9998, "holding_register", base) == text
 
 
 def test_five_digits_become_six_above_9999() -> None:
-    """What does not fit is not cut."""
+    """Addresses beyond five digits are written in six."""
     assert render(9999, "coil", "5digit") == "010000"
 
 
 def test_without_a_type_there_is_only_the_wire_address() -> None:
-    """The leading digit would be a guess."""
+    """Without a register type there is no leading digit, so the wire address is shown."""
     assert render(107, None, "5digit") == "107"
 
 
@@ -59,5 +59,5 @@ def test_without_a_type_there_is_only_the_wire_address() -> None:
     [("hr", "holding_register"), ("di", "discrete_input"), ("coil", "coil"), ("xx", None)],
 )
 def test_register_types_have_short_and_full_names(name: str, kind: str | None) -> None:
-    """Both are taken."""
+    """Short and full names of register types are accepted."""
     assert register_type(name) == kind

@@ -44,7 +44,7 @@ def test_several_recordings_are_one_sequence(captures: Path) -> None:
 
 
 def test_statistics_of_a_recording(captures: Path) -> None:
-    """Counters of a whole pass."""
+    """`stats` has the counters of a whole pass."""
     recording = decode(captures / POLLS, line="19200-8E1")
     stats = recording.stats()
     assert sum(stats["transactions"].values()) == len(list(recording))
@@ -87,7 +87,7 @@ def test_settings_that_cannot_be() -> None:
 
 
 def test_a_named_format_is_read_as_such(captures: Path) -> None:
-    """`read_as` stands in place of the detection."""
+    """`read_as` replaces the detection of the format."""
     recording = decode(captures / "seed_ascii" / "recording.bin", read_as="raw")
     assert next(iter(recording.frames)).mode == "ascii"
 

@@ -143,7 +143,7 @@ def test_modbus_is_found_behind_mirrors(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("six", [False, True])
 def test_ip_fragments_are_put_together(six: bool, tmp_path: Path) -> None:
-    """In any order; scapy cuts them."""
+    """IP fragments in any order are reassembled; scapy makes them."""
     layers = WRAPPED["ipv6" if six else "ethernet"][1]
     packets: list[bytes] = []
     for packet in exchange(layers):
@@ -201,7 +201,7 @@ def test_a_short_snapshot_length(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("behind", [b"", bytes.fromhex("c8ba")])
 def test_udp_with_and_without_the_checksum_behind(behind: bytes, tmp_path: Path) -> None:
-    """A gateway that leaves the CRC of RTU in."""
+    """Modbus over UDP from a gateway that leaves the CRC in the frames."""
     packets = [
         bytes(ip(True) / scapy.UDP(sport=50_000, dport=502) / scapy.Raw(ASK)),
         bytes(ip(False) / scapy.UDP(sport=502, dport=50_000) / scapy.Raw(ANSWER + behind)),
@@ -258,7 +258,7 @@ def test_units_0_and_255_are_ordinary(unit: int, tmp_path: Path) -> None:
 
 
 def test_other_ports(tmp_path: Path, modlens: Modlens) -> None:
-    """By number, or anywhere by evidence."""
+    """Other ports are given by number, or found by evidence."""
     packets = []
     for packet in exchange(ip):
         moved = scapy.IP(packet)

@@ -10,14 +10,14 @@ from analyzer.columns import TABLES, columns, pick
 
 @pytest.mark.parametrize("table", TABLES)
 def test_every_column_is_explained(table: str) -> None:
-    """Key, title and help; no key twice."""
+    """Every column has a unique key, a title and a help text."""
     found = columns(table)
     assert all(column.key and column.title and column.help for column in found)
     assert len({column.key for column in found}) == len(found)
 
 
 def test_columns_are_picked_in_the_order_asked_for() -> None:
-    """All of them where nothing is asked for."""
+    """Columns are given in the order asked for, all of them by default."""
     assert pick("findings", "code , frame") == ("code", "frame")
     assert pick("findings", None) == tuple(column.key for column in columns("findings"))
 
@@ -31,6 +31,6 @@ def test_columns_are_picked_in_the_order_asked_for() -> None:
     ],
 )
 def test_unknown_columns_are_reported(text: str, message: str) -> None:
-    """With the near name, or all of them."""
+    """An unknown column is reported with a similar name, or all names."""
     with pytest.raises(UsageError, match=message.replace("?", r"\?")):
         pick("frames", text)

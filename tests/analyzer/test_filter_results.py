@@ -90,7 +90,7 @@ def test_filters_add_up(captures: Path) -> None:
 
 
 def test_bool_columns_are_conditions(captures: Path) -> None:
-    """`tentative` alone, and beside a number."""
+    """A bool column may be a condition, or be compared with a number."""
     frames = decode(captures / "pymodbus_disturbed" / "recording.jsonl").frames
     wanted = [row.frame for row in frames if row.tentative]
     assert [row.frame for row in frames.where("tentative")] == wanted

@@ -195,7 +195,7 @@ def test_a_long_or_is_no_deep_tree() -> None:
 
 @given(st.text(max_size=60))
 def test_any_text_is_a_filter_or_a_filter_error(text: str) -> None:
-    """Whatever people type, nothing else comes out."""
+    """Any text is parsed, or raises `FilterError` and nothing else."""
     try:
         found = filters.parse(text)
     except FilterError:

@@ -35,6 +35,6 @@ def test_settings_that_cannot_be(text: str) -> None:
 
 
 def test_a_character_has_a_start_bit_and_a_parity_bit() -> None:
-    """11 bits at 19200 baud; 10 without parity."""
+    """A character of 8E1 has 11 bits, one of 8N1 has 10."""
     assert Line(19200).character_ns == 11 * 10**9 // 19200
     assert Line(19200, parity="N").character_ns == 10 * 10**9 // 19200

@@ -46,7 +46,7 @@ def test_entry_points_of_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_units() -> None:
-    """One, a range, several, all."""
+    """Units may be one number, a range, several, or all."""
     assert parse_units("1") == (1,)
     assert parse_units("2-4,9") == (2, 3, 4, 9)
     assert len(parse_units("*")) == 256
@@ -86,7 +86,7 @@ def test_a_bus_file(tmp_path: Path) -> None:
 
 
 def test_mistakes_in_a_bus_file_are_reported_at_once(tmp_path: Path) -> None:
-    """With their keys."""
+    """All mistakes in a bus file are reported at once, with their keys."""
     path = tmp_path / "plant.toml"
     path.write_text(
         '[[bus]]\nprot = "x"\nline = "fast"\nmode = "udp"\n[bus.units]\nx = "mightyzap"\n'
@@ -108,7 +108,7 @@ def test_decode_with_a_bus_file(tmp_path: Path, modlens: Modlens) -> None:
 
 
 def test_profiles_list_check_convert(tmp_path: Path, modlens: Modlens) -> None:
-    """The command."""
+    """`modlens profiles` lists, checks and converts profiles."""
     assert "mightyzap" in modlens("profiles").out
     wrong = tmp_path / "wrong.toml"
     wrong.write_text('profile = 1\n[[registers]]\nat = "hr:x"\ntyp = "y"\n')

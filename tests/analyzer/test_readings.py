@@ -251,7 +251,7 @@ def test_every_export_has_them(tmp_path: Path, modlens: Modlens) -> None:
 
 
 def test_other_units_have_no_names(tmp_path: Path) -> None:
-    """A profile is for the units it is bound to."""
+    """Units without a bound profile have no names."""
     path = recording(tmp_path / "bus.hex", "02 03 00D2 0001", "02 03 02 03E8")
     assert named(path, "1=mightyzap") == [(None, 1000, "read")]
     assert named(path, "1-3=mightyzap") == [("present_position", 1000, "read")]
@@ -270,7 +270,7 @@ def test_other_units_have_no_names(tmp_path: Path) -> None:
 def test_wrong_bindings_are_refused(
     option: str, part: str, tmp_path: Path, modlens: Modlens
 ) -> None:
-    """Before anything is decoded."""
+    """Invalid bindings are refused before anything is decoded."""
     path = recording(tmp_path / "bus.hex", "02 03 00D2 0001", "02 03 02 03E8")
     done = modlens("decode", str(path), "--profile", option)
     assert done.status in (2, 3)

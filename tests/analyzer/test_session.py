@@ -45,7 +45,7 @@ def recording(captures: Path) -> str:
 
 
 def test_every_sink_gets_everything(recording: str) -> None:
-    """As many frames as the core counted."""
+    """Each sink gets as many frames as the core counted."""
     run = FileRun([recording], Settings())
     one, other = Counter("one"), Counter("other")
     assert run_through(run, one, other) == []
@@ -66,7 +66,7 @@ def test_a_sink_that_fails_leaves_the_others_whole(recording: str) -> None:
 
 
 def test_without_a_sink_left_reading_ends(tmp_path: Path) -> None:
-    """Nobody wants to know any more."""
+    """When all sinks have failed, reading ends."""
     path = tmp_path / "long.bin"
     path.write_bytes(bytes.fromhex("010300000001840a") * 500_000)
     run = FileRun([str(path)], Settings())
@@ -75,7 +75,7 @@ def test_without_a_sink_left_reading_ends(tmp_path: Path) -> None:
 
 
 def test_what_was_decided_before_a_stop_is_written(tmp_path: Path) -> None:
-    """A signal ends reading, not writing."""
+    """After a stop request, rows that were already decided are written."""
     path = tmp_path / "long.bin"
     path.write_bytes(bytes.fromhex("010300000001840a") * 100_000)
     run = FileRun([str(path)], Settings())
@@ -95,13 +95,13 @@ def test_what_was_decided_before_an_error_is_written(recording: str, tmp_path: P
 
 
 def test_a_missing_file_is_reported_before_anything_is_decoded(recording: str) -> None:
-    """Also if it is the last one."""
+    """A missing file is reported before anything is decoded, even if it is the last one."""
     with pytest.raises(SourceError, match=r"no\.hex: no such file"):
         FileRun([recording, "no.hex"], Settings())
 
 
 def test_a_recording_is_reported_at_its_beginning_and_end(recording: str) -> None:
-    """With what its reader has seen."""
+    """The status is reported at the beginning and end, with the reader's counters."""
     heard: list[RecordingStatus] = []
     run_through(FileRun([recording], Settings(), on_status=heard.append), Counter("sink"))
     assert [intake.ended for intake in heard] == [False, True]

@@ -57,7 +57,7 @@ def test_models_are_found_behind_the_marker() -> None:
 
 
 def test_one_read_may_hold_it_all() -> None:
-    """Marker, chain and values in one answer."""
+    """Marker, chain of models and values may be in one response."""
     found = readings(
         (BASE, b"SunS" + COMMON), (BASE + 70, inverter()), (BASE + 122, words(0xFFFF, 0))
     )
@@ -65,7 +65,7 @@ def test_one_read_may_hold_it_all() -> None:
 
 
 def test_without_the_marker_nothing_is_named() -> None:
-    """Registers that look like a model are none."""
+    """Without the marker, registers that look like a model get no names."""
     assert readings((BASE + 2, COMMON), (BASE + 70, inverter())) == {}
 
 

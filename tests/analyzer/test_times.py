@@ -26,10 +26,10 @@ NOON = 1697025600 * 10**9
     ],
 )
 def test_iso_text_is_a_moment(text: str, nanoseconds: int | None) -> None:
-    """To the nanosecond; without a zone it is UTC."""
+    """ISO text is parsed to the nanosecond; without a zone it is UTC."""
     assert parse_ns(text) == nanoseconds
 
 
 def test_elapsed_time_is_in_seconds() -> None:
-    """Microseconds in, seconds out."""
+    """Microseconds are written as seconds."""
     assert format_seconds(1_234_567.8, 3) == "1.235"

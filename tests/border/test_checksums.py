@@ -34,7 +34,7 @@ def slow_lrc(data: bytes) -> int:
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=300))
 def test_checksums_are_those_of_the_specification(data: bytes) -> None:
-    """Any bytes, any length, aligned or not."""
+    """Checksums are those of the specification, for any bytes, length and alignment."""
     assert _modlens.crc16(data) == slow_crc(data)
     assert _modlens.lrc(data) == slow_lrc(data)
 

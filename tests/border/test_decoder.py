@@ -68,7 +68,7 @@ def test_exceptions_of_every_function_decode(code: int, function: int) -> None:
 
 
 def test_a_bare_exception_bit_is_incomplete() -> None:
-    """The code is missing."""
+    """An exception response without a code is incomplete."""
     assert not tree(b"\x83", "response")["complete"]
     assert tree(b"\x83", "response")["exception"] is None
 

@@ -44,7 +44,7 @@ def test_a_hole_is_reported_and_excuses_the_unit() -> None:
 
 
 def test_a_hole_ends_a_frame() -> None:
-    """Halves on both sides of it are not one frame."""
+    """Two halves of a frame on both sides of a hole are not one frame."""
     session, bus = live()
     session.feed(bus, REQUEST[:4], 10 * MS)
     session.feed(bus, REQUEST[4:] + REQUEST, 11 * MS, hole=True)
@@ -56,6 +56,6 @@ def test_a_hole_ends_a_frame() -> None:
 
 
 def test_a_descriptor_that_is_not_open_is_reported() -> None:
-    """By Python's usual error."""
+    """A closed file descriptor raises `OSError`."""
     with pytest.raises(OSError, match="Bad file"):
         _modlens.Inbox().listen(0, 99_999)

@@ -61,7 +61,7 @@ def test_a_wrong_row_is_refused_with_what_would_be_right(
 
 
 def test_an_unknown_vendor_is_refused_with_the_known_names() -> None:
-    """The message lists the vendors."""
+    """An unknown vendor is refused; the message lists the known ones."""
     with pytest.raises(ValueError, match=r"huawei.*pace.*sungrow"):
         _modlens.Functions().load_vendor("nobody")
 

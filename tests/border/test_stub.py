@@ -24,7 +24,7 @@ _modlens._modlens
 
 
 def test_the_stub_agrees_with_the_module(tmp_path: Path) -> None:
-    """By mypy's own checker."""
+    """The stub is compared with the module by mypy's stubtest."""
     allowed = tmp_path / "allowed"
     allowed.write_text(ALLOWED)
     options = ["--allowlist", str(allowed), "--ignore-unused-allowlist", "--concise"]
@@ -52,6 +52,6 @@ def test_every_name_is_documented_and_built(name: str, has_text: bool) -> None:
 
 
 def test_nothing_is_built_that_the_stub_hides() -> None:
-    """Names without an underscore are in the stub."""
+    """Every public name of the module is in the stub."""
     built = {name for name in dir(_modlens) if not name.startswith("_")}
     assert built <= {name for name, _ in documented()}

@@ -23,7 +23,7 @@ def written() -> dict[str, list[dict[str, str]]]:
 
 
 def test_the_tables_are_those_of_the_file(written: dict[str, list[dict[str, str]]]) -> None:
-    """None more, none less."""
+    """The core has exactly the tables of columns.toml."""
     assert set(written) == set(TABLES)
 
 
@@ -46,7 +46,7 @@ def test_the_core_has_the_columns_of_the_file(
 def test_columns_have_known_types_and_free_names(
     table: str, written: dict[str, list[dict[str, str]]]
 ) -> None:
-    """Nothing that a database reserves."""
+    """Columns have known types, and names that databases do not reserve."""
     for row in written[table]:
         assert row["type"] in TYPES
         assert row["key"] not in RESERVED
@@ -54,7 +54,7 @@ def test_columns_have_known_types_and_free_names(
 
 @pytest.mark.parametrize("table", TABLES)
 def test_cells_have_the_type_of_their_column(table: str) -> None:
-    """In Python's words."""
+    """Cells have the Python type of their column."""
     python = {
         "int": "int", "us": "float", "float": "float", "time": "datetime", "bool": "bool",
         "text": "str", "hex": "bytes", "ints": "list", "texts": "list", "map": "dict",

@@ -43,6 +43,6 @@ def test_no_command_is_forgotten() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_is_in_the_readme(name: str) -> None:
-    """In the table of commands."""
+    """Every command is in the README's table of commands."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert re.search(rf"^\| `modlens {name}", text, re.MULTILINE)

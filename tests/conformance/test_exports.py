@@ -226,7 +226,7 @@ def test_a_growing_export_is_the_same_bytes(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_live_export_never_replaces_a_file(name: str, tmp_path: Path) -> None:
-    """Whatever way its format is written."""
+    """A live export never replaces a file, in any format."""
     path = tmp_path / f"out.{name}"
     path.write_bytes(b"precious")
     with pytest.raises(SourceError, match="never overwrites; choose another name"):
@@ -236,7 +236,7 @@ def test_a_live_export_never_replaces_a_file(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_an_abandoned_export_leaves_nothing(name: str, tmp_path: Path) -> None:
-    """Neither under its name nor under another."""
+    """A discarded export leaves no file under any name."""
     source = decode(CAPTURES / RECORDINGS[0] / "recording.jsonl", line="19200-8E1")
     one = parse_target(str(tmp_path / f"out.{name}"), TABLE_OF.get(name, "frames"))
     sink = ExportSink(one, columns=None, where=None, growing=False)
@@ -278,7 +278,7 @@ def test_a_format_is_deterministic(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", READERS)
 def test_columns_come_in_the_order_asked_for(name: str) -> None:
-    """Any order."""
+    """Columns come in the given order."""
     keys = tuple(column.key for column in reversed(columns("frames")))
     form = load(name)(ExportOptions("frames", keys))
     rows = decode(CAPTURES / RECORDINGS[1] / "recording.jsonl").frames

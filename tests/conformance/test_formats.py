@@ -57,7 +57,7 @@ def text_of(name: str) -> bytes:
 
 
 def test_each_format_is_tried_here() -> None:
-    """Bytes, and the rows of the table of dialects."""
+    """All formats, binary ones and dialects, are tried in these tests."""
     assert set(FORMATS) == {*BINARY, *ROWS}
 
 

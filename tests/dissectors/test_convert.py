@@ -43,7 +43,7 @@ def on_the_wire(big: bytes, order: str) -> bytes:
 @pytest.mark.parametrize("kind", NUMPY)
 @given(data=st.data())
 def test_numbers_as_numpy_has_them(kind: str, order: str, data: st.DataObject) -> None:
-    """Any bits; and those at the edges."""
+    """Any bits, edge cases included, are converted to the same numbers as by numpy."""
     width = REGISTERS_OF_TYPE[kind]
     edge = st.sampled_from([b"\0" * width, b"\xff" * width, b"\x80" + b"\0" * (width - 1),
                             b"\x7f" + b"\xff" * (width - 1)])  # fmt: skip
@@ -71,7 +71,7 @@ def test_numbers_as_numpy_has_them(kind: str, order: str, data: st.DataObject) -
 def test_registers_as_pymodbus_has_them(
     kind: str, order: str, words: Literal["big", "little"], data: st.DataObject
 ) -> None:
-    """Its converters know two orders of words."""
+    """Registers in both orders of words are converted to the same numbers as by pymodbus."""
     width = REGISTERS_OF_TYPE[kind]
     number = np.frombuffer(data.draw(st.binary(min_size=width, max_size=width)), NUMPY[kind])[0]
     if kind.startswith("f") and not np.isfinite(number):
@@ -86,14 +86,14 @@ def test_registers_as_pymodbus_has_them(
 @pytest.mark.parametrize(("kind", "width"), [("bcd16", 2), ("bcd32", 4)])
 @given(number=st.integers(0, 99_999_999))
 def test_decimal_digits(kind: str, width: int, order: str, number: int) -> None:
-    """The hexadecimal digits are the decimal ones."""
+    """BCD: the hexadecimal digits are the decimal ones."""
     number %= 10 ** (2 * width)
     big = bytes.fromhex(f"{number:0{2 * width}d}")
     assert _modlens.convert(kind, order, on_the_wire(big, order)) == (number, str(number))
 
 
 def test_what_is_no_decimal_digit_is_no_value() -> None:
-    """Nothing is invented from 0x1A."""
+    """A BCD register such as 0x1A has no value."""
     assert _modlens.convert("bcd16", "ABCD", b"\x12\x3a") == (None, None)
 
 
@@ -131,7 +131,7 @@ def test_text_ends_at_zero_and_blanks_at_its_end_go() -> None:
 
 
 def test_wrong_sizes_are_refused() -> None:
-    """With the type's name."""
+    """A wrong number of bytes is refused with the type's name."""
     with pytest.raises(ValueError, match="2 bytes are no u32"):
         _modlens.convert("u32", "ABCD", b"ab")
     with pytest.raises(ValueError, match="no type"):

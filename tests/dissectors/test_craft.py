@@ -56,7 +56,7 @@ def test_responses_and_exceptions() -> None:
     ],
 )
 def test_the_three_framings(mode: Literal["rtu", "ascii", "tcp"], expected: bytes) -> None:
-    """CRC low byte first, LRC and capitals, MBAP."""
+    """RTU has its CRC low byte first, ASCII an LRC and capitals, TCP an MBAP header."""
     made = craft(3, unit=17, mode=mode, values={"address": 107, "quantity": 3}, mbap_id=7)
     assert made == expected
 
@@ -88,13 +88,13 @@ def test_wrong_keywords_say_what_is_right(
 
 
 def test_what_is_never_answered_has_no_response() -> None:
-    """Force Listen Only Mode."""
+    """Force Listen Only Mode has no response that could be made."""
     with pytest.raises(UsageError, match="never answered"):
         craft("Force Listen Only Mode", direction="response")
 
 
 def test_units_and_transactions_have_ranges() -> None:
-    """A byte and two bytes."""
+    """Units have one byte, transaction identifiers two."""
     with pytest.raises(UsageError, match="unit 256"):
         frame(b"\x07", unit=256)
     with pytest.raises(UsageError, match="65536"):
@@ -102,7 +102,7 @@ def test_units_and_transactions_have_ranges() -> None:
 
 
 def test_vendors_functions() -> None:
-    """With the vendor's rows loaded, by name."""
+    """Vendors' functions can be made by name when their rows are loaded."""
     table = _modlens.Functions()
     table.load_vendor("huawei")
     made = craft_pdu("Login Challenge", values={"value": 0}, functions=table)

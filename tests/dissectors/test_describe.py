@@ -63,7 +63,7 @@ def test_ascii_offsets_are_characters(pdu: bytes, lower: bool) -> None:
 
 
 def test_rtu_checksum_expected_and_found() -> None:
-    """Right, wrong, and absent."""
+    """The CRC is described as right, wrong, or absent."""
     frame = bytes.fromhex("11 03 006B 0003 7687")
     right = by_name(describe(frame, mode="rtu"))["checksum"]
     assert (right.meaning, right.layer, right.is_valid) == ("CRC-16 right", "checksum", True)
@@ -107,14 +107,14 @@ def test_mbap_fields() -> None:
     ],
 )
 def test_what_cannot_be_a_frame_is_one_piece_of_noise(data: bytes, mode: Mode) -> None:
-    """With the reason."""
+    """What cannot be a frame is one piece of noise, with the reason."""
     (piece,) = describe(data, mode=mode)
     assert (piece.name, piece.data, piece.is_valid) == ("noise", data, False)
     assert piece.meaning
 
 
 def test_ascii_without_its_end() -> None:
-    """A bare LF, or nothing at all."""
+    """The end of an ASCII frame is invalid where it is not CR LF."""
     frame = b":0107F8"
     for tail, shown in ((b"\n", "LF"), (b"", ""), (b"\r", "CR")):
         last = describe(frame + tail, mode="ascii")[-1]
@@ -136,7 +136,7 @@ def test_direction_unknown_is_settled_by_layout() -> None:
 
 
 def test_vendors_functions_are_described() -> None:
-    """With the vendor's rows given."""
+    """Vendors' functions are described when their rows are given."""
     table = _modlens.Functions()
     table.load_vendor("huawei")
     pieces = describe(

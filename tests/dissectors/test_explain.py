@@ -40,7 +40,7 @@ SPECIFICATION = "Modbus Application Protocol V1.1b3, section "
     ],
 )  # fmt: skip
 def test_words_and_what_they_mean(word: str, title: str, section: str) -> None:
-    """One thing, many words."""
+    """Several words explain the same thing."""
     found = explain(word)
     assert found.title == title
     assert found.section == SPECIFICATION + section
@@ -50,7 +50,7 @@ def test_words_and_what_they_mean(word: str, title: str, section: str) -> None:
 
 @pytest.mark.parametrize("code", sorted({row.code for row in functions()}))
 def test_every_function_has_an_example_taken_apart(code: int) -> None:
-    """Request, and response where there is one."""
+    """Every function has an example with request, and response if it has one."""
     found = explain(str(code))
     assert found.kind == "function"
     assert any(line.startswith("request ") for line in found.example)
@@ -67,7 +67,7 @@ def test_every_finding_is_explained(finding: vocabulary.Finding) -> None:
 
 
 def test_every_known_word_is_explained() -> None:
-    """Nothing that the hints offer leads nowhere."""
+    """Every word that hints may offer is explained."""
     assert all(explain(word).text for word in known_words())
 
 
@@ -85,13 +85,13 @@ def test_every_known_word_is_explained() -> None:
     ],
 )
 def test_unknown_words_get_a_hint(word: str, said: str) -> None:
-    """The nearest word, or the known ones."""
+    """An unknown word is reported with the most similar one, or the known ones."""
     with pytest.raises(UsageError, match=said):
         explain(word)
 
 
 def test_vendors_functions_are_explained() -> None:
-    """With the vendor's rows given."""
+    """Vendors' functions are explained when their rows are given."""
     table = _modlens.Functions()
     table.load_vendor("huawei")
     found = explain("0x41/0x24", source=table)

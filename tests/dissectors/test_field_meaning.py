@@ -96,6 +96,6 @@ def test_responses(pdu: str, request_pdu: str | None, name: str, meaning: str) -
 
 
 def test_exception_texts_are_the_vocabularys() -> None:
-    """Name and meaning."""
+    """An exception's text is the name and meaning in the vocabulary."""
     text = meanings("83 02", "response")["exception_code"]
     assert text.startswith("Illegal Data Address: ")

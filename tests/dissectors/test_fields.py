@@ -16,7 +16,7 @@ def packet_of(*fields: str) -> type[Packet]:
 
 
 def test_a_length_counts_everything_behind_it() -> None:
-    """Numbers and lists; a given one stays."""
+    """A length counts all numbers and lists behind it, unless it is given."""
     cls = packet_of("kind:u8", "size:len8", "first:u16", "rest:u8[]")
     assert bytes(cls(first=1, rest=[2, 3])).hex() == "000400010203"
     assert bytes(cls(size=9, rest=[2])).hex() == "0009000002"
@@ -36,13 +36,13 @@ def test_a_count_ends_its_list() -> None:
 
 
 def test_half_a_value_is_left_for_the_next_layer() -> None:
-    """An odd byte at the end of a list of words."""
+    """An odd byte at the end of a list of registers is left to the next layer."""
     packet = packet_of("items:u16[]")(bytes.fromhex("0001 02"))
     assert packet.items == [1]
     assert bytes(packet.payload) == b"\x02"
 
 
 def test_names_that_scapy_uses_get_an_underscore() -> None:
-    """A user's table may call a field anything."""
+    """Fields with names that scapy's packets use get an underscore."""
     assert safe_name("time") == "time_"
     assert safe_name("registers") == "registers"

@@ -34,7 +34,7 @@ def test_sub_functions_have_names_too() -> None:
 
 
 def test_vendors_names_come_with_their_rows() -> None:
-    """Unknown until loaded."""
+    """Vendors' names are unknown until their rows are loaded."""
     table = _modlens.Functions()
     table.load_vendor("huawei")
     assert find_function("Login Challenge", source=table) == FunctionChoice(
@@ -46,13 +46,13 @@ def test_vendors_names_come_with_their_rows() -> None:
 
 @pytest.mark.parametrize("word", [0, 128, "0x83", "fc 200"])
 def test_codes_have_a_range(word: int | str) -> None:
-    """1 to 127; the bit above is the exception's."""
+    """Codes are 1 to 127; the next bit marks exception responses."""
     with pytest.raises(UsageError, match="from 1 to 127"):
         find_function(word)
 
 
 def test_wrong_names_get_a_hint() -> None:
-    """The nearest name, if one is near."""
+    """A wrong name is reported with a similar one, if there is one."""
     with pytest.raises(UsageError, match="did you mean 'Read Input Registers'"):
         find_function("read input register")
     with pytest.raises(UsageError, match="explain"):
@@ -73,5 +73,5 @@ def test_wrong_names_get_a_hint() -> None:
     ],
 )
 def test_numbers(text: str, value: int | None) -> None:
-    """Decimal, hex in front, hex behind."""
+    """Numbers are decimal, 0x6B, or 6Bh."""
     assert parse_number(text) == value

@@ -73,7 +73,7 @@ def test_changed_fields_are_built_anew() -> None:
 
 
 def test_direction_by_class_and_by_layout() -> None:
-    """The plain class guesses; the others know."""
+    """The plain classes infer the direction; the others fix it."""
     echo = bytes.fromhex("01 06 0001 0003 9809")
     assert type(ModbusRTU(echo).payload).__name__ == "WriteSingleRegisterRequest"
     assert type(ModbusRTURequest(echo).payload).__name__ == "WriteSingleRegisterRequest"
@@ -83,7 +83,7 @@ def test_direction_by_class_and_by_layout() -> None:
 
 
 def test_exceptions() -> None:
-    """Any function, named by function and code."""
+    """Exception responses of any function are named by function and code."""
     packet = ModbusRTU(bytes.fromhex("11 83 02 C134"))
     assert isinstance(packet.payload, ModbusExceptionResponse)
     assert "Illegal Data Address" in shown(packet)
@@ -102,7 +102,7 @@ def test_exceptions() -> None:
     ],
 )
 def test_what_cannot_be_a_frame_stays_raw(cls: type[Packet], data: bytes) -> None:
-    """Nothing raises, nothing is lost."""
+    """Bytes that cannot be a frame stay `Raw`, without an error."""
     packet = cls(data)
     assert isinstance(packet, Raw)
     assert bytes(packet) == data
@@ -142,6 +142,6 @@ def test_nothing_else_imports_scapy() -> None:
 
 
 def test_layers_need_only_scapys_packets_and_fields() -> None:
-    """`scapy.all` costs 400 ms and opens sockets."""
+    """Layers do not import `scapy.all`, which takes 400 ms and opens sockets."""
     code = "import dissectors.layers, sys; sys.exit('scapy.all' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -55,7 +55,7 @@ def test_layout_tells_the_direction_where_it_can(pdu: str, direction: str) -> No
 @settings(deadline=None)
 @given(st.binary(max_size=260))
 def test_any_bytes_can_be_guessed(pdu: bytes) -> None:
-    """Never fails."""
+    """The direction of any bytes can be inferred without an error."""
     assert guess_direction(pdu) in {"request", "response", "unknown"}
 
 

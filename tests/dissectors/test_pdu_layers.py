@@ -58,7 +58,7 @@ def test_bytes_find_their_class() -> None:
 
 
 def test_the_lists_of_two_packets_are_two_lists() -> None:
-    """Defaults are not shared."""
+    """Two packets do not share the list that is a field's default."""
     one, other = (pdu_class(16, "request")() for _ in range(2))
     one.registers.append(1)
     assert other.registers == []

@@ -90,7 +90,7 @@ def test_the_three_spellings_are_one_model() -> None:
 
 
 def test_the_model_reads_back() -> None:
-    """What the core says of a profile is a profile."""
+    """The core's model of a profile can be parsed as a profile again."""
     once = parse(TOML, "m.toml")
     assert from_model(once.model, "again").model == once.model
 
@@ -151,7 +151,7 @@ def test_csv_mistakes_have_lines() -> None:
 
 
 def test_shipped_profiles() -> None:
-    """Each has an id, a source, and points."""
+    """Each shipped profile has an id, a source, and points."""
     for name in shipped_names():
         profile = shipped(name)
         assert profile.device["id"]
@@ -162,7 +162,7 @@ def test_shipped_profiles() -> None:
 
 
 def test_what_is_no_profile_file() -> None:
-    """The suffix says what it is."""
+    """A file with an unknown suffix is refused."""
     with pytest.raises(UsageError, match=r"\.toml, \.yaml"):
         form_of("meter.txt")
 
@@ -173,6 +173,6 @@ def test_the_schema_is_current() -> None:
 
 
 def test_a_profile_shows_itself() -> None:
-    """Name and size."""
+    """The `repr` of a profile has its name and number of points."""
     assert repr(shipped("mightyzap")) == "<Profile mightyzap: 5 points>"
     assert isinstance(shipped("mightyzap"), Profile)

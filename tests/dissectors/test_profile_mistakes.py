@@ -197,7 +197,7 @@ def test_rule(rule: Rule) -> None:
 @settings(deadline=None, max_examples=50)
 @given(model=models())
 def test_the_schema_takes_what_the_validator_takes(model: object) -> None:
-    """Any good profile."""
+    """The JSON Schema accepts any profile that the core accepts."""
     assert isinstance(model, dict)
     SCHEMA.validate(from_model(model, "x").model)
     SCHEMA.validate(model)
@@ -205,7 +205,7 @@ def test_the_schema_takes_what_the_validator_takes(model: object) -> None:
 
 @pytest.mark.parametrize("text", [text for _, text in _modlens.shipped_profiles()])
 def test_the_schema_takes_the_shipped_profiles(text: str) -> None:
-    """As an editor sees them."""
+    """The JSON Schema accepts the shipped profiles."""
     assert shipped_names()
     SCHEMA.validate(tomllib.loads(text))
 

@@ -11,7 +11,7 @@ from dissectors.table import Field, function, functions
 
 
 def test_rows_are_the_cores_rows() -> None:
-    """Read back, not parsed again from the file."""
+    """The rows are those of the core, not parsed again from the file."""
     rows = json.loads(_modlens.Functions().rows())
     assert [row["code"] for row in rows] == [row.code for row in functions()]
     assert [row["summary"] for row in rows] == [row.summary for row in functions()]
@@ -30,7 +30,7 @@ def test_a_table_with_a_vendors_rows_is_another_table() -> None:
 
 
 def test_groups_have_children() -> None:
-    """A group's word is split into its fields."""
+    """A group's type is split into the fields of an item."""
     field = Field.parse("objects:group{object_id:u8 length:len8 value:bytes}")
     assert field.field_type == "group"
     assert [str(child) for child in field.children] == [
@@ -60,10 +60,10 @@ def test_the_row_follows_the_leading_field() -> None:
     ],
 )
 def test_quantities_that_follow_from_lists(code: int, expected: dict[str, str]) -> None:
-    """A request that asks has no list to count."""
+    """Quantities follow from lists; a request without a list has none."""
     assert function(code).quantities("request") == expected
 
 
 def test_rows_can_be_keys() -> None:
-    """Rows are values: frozen and hashable."""
+    """Rows are frozen and hashable."""
     assert len(set(functions())) == len(functions())

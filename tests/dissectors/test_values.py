@@ -46,7 +46,7 @@ def test_values_become_what_the_core_takes(word: str, value: object, expected: J
     ],
 )
 def test_groups_are_mappings_or_their_json(value: object) -> None:
-    """One item needs no list."""
+    """Groups are lists of mappings, one mapping, or their JSON."""
     assert to_json(GROUPS, value) == [{"file": 4, "registers": [1, 2]}]
 
 
@@ -83,13 +83,13 @@ def test_wrong_values_are_named(word: str, value: object, said: str) -> None:
     ],
 )
 def test_wrong_groups_are_named(value: object, said: str) -> None:
-    """Down to the field inside."""
+    """Errors in groups name the field inside."""
     with pytest.raises(UsageError, match=said):
         to_json(GROUPS, value)
 
 
 def test_coils_are_on_or_off() -> None:
-    """The two numbers of Write Single Coil."""
+    """`on` and `off` are the two values of Write Single Coil."""
     assert [coil_state(value) for value in ("on", "OFF", True, False, 7, "7")] == [
         0xFF00, 0, 0xFF00, 0, 7, "7",
     ]  # fmt: skip

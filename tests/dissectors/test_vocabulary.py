@@ -37,12 +37,12 @@ def test_every_entry_has_its_texts(entry: Name) -> None:
 
 
 def test_exceptions_say_what_to_check() -> None:
-    """Advice is sentences."""
+    """Every exception has advice in sentences."""
     assert all(entry.check.endswith(".") for entry in names("exceptions"))
 
 
 def test_object_ids_cover_a_byte() -> None:
-    """Every object id is one thing and only one."""
+    """Every object id of a byte has exactly one entry."""
     covered = [code for entry in names("object_ids") for code in range(entry.code, entry.last + 1)]
     assert covered == list(range(256))
 

@@ -163,7 +163,7 @@ def test_the_examples_in_python_are_true() -> None:
 
 
 def test_the_table_of_commands_is_the_registry() -> None:
-    """In its order and its words."""
+    """The README's table has the commands of the registry, in order and words."""
     said = [[f"`modlens {name}`", summary] for name, summary in COMMANDS.items()]
     assert rows_of_table(README, "| command |") == said
 

@@ -89,12 +89,12 @@ def test_the_tests_that_walk_the_registries_find_them(folder: str, built: Path) 
     ],
 )
 def test_a_user_sees_them(words: list[str], expected: str, built: Path) -> None:
-    """In the commands that show what there is."""
+    """The commands that list things show what the recipes have added."""
     assert expected in run([sys.executable, "-m", "analyzer", *words], built)
 
 
 def test_a_column_is_in_every_export(built: Path) -> None:
-    """By its name, where a filter uses it, too."""
+    """The new column is in every export, and can be used in filters."""
     words = ["decode", "captures/seed_rtu/recording.hex", "--table", "frames", "--to", "wiki"]
     words += ["--columns", "byte_offset,byte_length,byte_end", "--where", "byte_end == 8"]
     out = run([sys.executable, "-m", "analyzer", *words], built)

@@ -21,7 +21,7 @@ REQUEST, RESPONSE = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007
 
 
 def test_the_unit_is_valid(tmp_path: Path) -> None:
-    """By systemd's own checker, where there is one."""
+    """The unit file is accepted by systemd's own checker, where it is installed."""
     (block,) = blocks(DOCUMENT, "ini")
     unit = configparser.ConfigParser(strict=True)
     unit.optionxform = str  # type: ignore[assignment,method-assign]

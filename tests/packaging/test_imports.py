@@ -83,7 +83,7 @@ def test_the_api_works_without_any_dependency() -> None:
 
 
 def test_the_dependencies_are_the_three_that_were_agreed() -> None:
-    """Everything else is an extra."""
+    """Three packages are required; all others are extras."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     names = {text.split(">")[0].strip() for text in project["dependencies"]}
     assert names == {"pyserial", "rich", "scapy"}

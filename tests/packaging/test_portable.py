@@ -26,7 +26,7 @@ assert mark_errors(0) is False
 
 
 def test_every_module_imports_without_what_only_posix_has() -> None:
-    """Keys and line errors do without, too."""
+    """Every module can be imported without the modules that only POSIX has."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT % (WITHOUT,)],
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120, check=False,

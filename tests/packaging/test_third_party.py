@@ -14,7 +14,7 @@ TREE = ("cargo", "tree", "--locked", "--package", "modlens-py", "--edges", "norm
 
 
 def test_every_crate_is_named_with_its_licence() -> None:
-    """As Cargo knows them, on all systems alike."""
+    """Every crate that Cargo lists for any system is named with its licence."""
     words = [*TREE, "--prefix", "none", "--format", "{p}|{l}"]
     tree = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
     pairs = {
@@ -27,7 +27,7 @@ def test_every_crate_is_named_with_its_licence() -> None:
 
 
 def test_every_package_is_named() -> None:
-    """The dependencies of pyproject.toml."""
+    """Every dependency of pyproject.toml is named."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     names = {re.split(r"[<>=]", text)[0] for text in project["dependencies"]}
     assert {row[0] for row in rows_of_table(DOCUMENT, "| package |")} == names

@@ -144,12 +144,12 @@ def test_the_wheel_brings_the_border_with_its_stub(wheel: Path) -> None:
 
 
 def test_one_wheel_serves_all_versions_of_python(wheel: Path) -> None:
-    """The stable interface of 3.11 and later."""
+    """The wheel uses the stable ABI of Python 3.11 and later."""
     assert "-cp311-abi3-" in wheel.name
 
 
 def test_the_wheel_holds_nothing_else(wheel: Path) -> None:
-    """No test, no recording, no source of the core."""
+    """The wheel has no tests, no recordings, and no sources of the core."""
     tops = {name.split("/")[0] for name in contents(wheel)}
     info = {top for top in tops if top.endswith(".dist-info")}
     assert tops == {"_modlens", *PACKAGES, *info}
@@ -170,7 +170,7 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_sdist_holds_both_packages_and_the_border(sdist: Path) -> None:
-    """All that the wheel has, and the papers."""
+    """The sdist has all that the wheel has, and the documents."""
     papers = {"pyproject.toml", "README.md", "LICENSE", "_modlens.pyi", "Cargo.toml", "Cargo.lock"}
     for name in papers | of_the_tree("*.py", "*.toml", "py.typed"):
         assert (sdist / name).is_file(), name

@@ -26,7 +26,7 @@ def frames_of(*truth: Sent) -> list[dict[str, str | int]]:
 
 
 def test_the_master_asks_and_a_unit_answers() -> None:
-    """Directions are the senders'."""
+    """A frame's direction follows from its sender."""
     request, response = frames_of(sent("master", REQUEST), sent("unit1", RESPONSE))
     assert request == {
         "direction": "request",
@@ -45,7 +45,7 @@ def test_an_exception_has_its_function_and_its_code() -> None:
 
 
 def test_ascii_is_decoded_for_unit_and_function_only() -> None:
-    """The hex stays that of the characters."""
+    """ASCII is decoded for unit and function only; the hex stays that of the characters."""
     wire = b":0A8302" + b"71\r\n"
     (frame,) = expected_frames([sent("unit1", wire)], {"unit1": [wire]}, "ascii")
     assert (frame["unit"], frame["function"], frame["exception"]) == (10, 3, 2)
@@ -70,7 +70,7 @@ def test_what_the_line_did_to_a_frame_is_its_verdict(data: bytes, verdicts: list
 
 
 def test_noise_has_neither_direction_nor_unit() -> None:
-    """Nobody on the bus has sent it."""
+    """Noise has no sender, so it has neither direction nor unit."""
     assert frames_of(sent("noise", b"\xff")) == [{"verdict": "noise", "hex": "ff"}]
 
 

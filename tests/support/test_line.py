@@ -40,7 +40,7 @@ def test_who_looks_late_gets_everything_at_once() -> None:
 
 
 def test_a_fifo_waits_for_its_trigger_or_for_four_silent_characters() -> None:
-    """As a 16550 with trigger level 8 does."""
+    """A 16550 UART with trigger level 8 delivers at its trigger or after four silent characters."""
     line = HalfDuplexLine(EVERYBODY, CHAR_NS, trigger=8)
     line.submit(sent("master", b"0123456789", 0))
     assert line.advance(7_999) == []

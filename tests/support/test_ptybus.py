@@ -220,7 +220,7 @@ def test_closing_leaves_neither_threads_nor_files() -> None:
 
 
 def test_waiting_has_an_end() -> None:
-    """Both waits say what did not come."""
+    """Both waits time out, and report what is missing."""
     with PtyBus(["tap"]) as bus, ChunkLogRecorder(bus.path("tap")) as recorder:
         with pytest.raises(TimeoutError, match="5 bytes carried"):
             bus.wait_idle(5, timeout=0.01)
@@ -232,7 +232,7 @@ def test_waiting_has_an_end() -> None:
     ("names", "hears"), [(["a", "a"], {}), (["a"], {"b": ["a"]}), (["a"], {"a": ["b"]})]
 )
 def test_wrong_names_are_refused(names: list[str], hears: dict[str, list[str]]) -> None:
-    """A name twice, or one that is not on the bus."""
+    """A participant that is named twice, or is unknown, is refused."""
     with pytest.raises(ValueError, match=r"twice|not on the bus"):
         PtyBus(names, hears=hears)
 

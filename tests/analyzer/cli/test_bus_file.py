@@ -97,7 +97,7 @@ def test_a_tap_takes_ports_settings_and_profiles_from_the_file(tmp_path: Path) -
 
 
 def test_a_tap_needs_a_port(tmp_path: Path, modlens: Modlens) -> None:
-    """From somewhere."""
+    """The port is given on the command line or in the bus file."""
     done = modlens("tap")
     assert done.status == 2
     assert "which port" in done.err

@@ -63,7 +63,7 @@ def test_packets_as_they_were(kind: str, context: int, tmp_path: Path, modlens: 
 @pytest.mark.parametrize("context", [0, 2])
 @pytest.mark.parametrize("kind", ["pcap", "pcapng", "pcapng.gz"])
 def test_frames_for_wireshark(kind: str, context: int, tmp_path: Path, modlens: Modlens) -> None:
-    """The usual style: the same frames, anew."""
+    """The default style writes the selected frames as new packets."""
     path, out = source_file(kind, tmp_path), tmp_path / "cut.pcapng"
     done = modlens(
         "export", str(path), "--where", WHERE, "--context", str(context), "-o", str(out)

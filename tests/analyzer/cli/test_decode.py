@@ -61,7 +61,7 @@ def test_strict_is_about_damage(modlens: Modlens) -> None:
 
 
 def test_exports_go_to_stdout(modlens: Modlens) -> None:
-    """The same rows in both formats."""
+    """CSV and JSON lines on standard output have the same rows."""
     wanted = ("--table", "frames", "--columns", "frame,unit,hex")
     lines = modlens("decode", DISTURBED, "--to", "jsonl", *wanted).out.splitlines()
     table = modlens("decode", DISTURBED, "--to", "csv", *wanted).out
@@ -94,7 +94,7 @@ def test_several_outputs_in_one_pass(modlens: Modlens, tmp_path: Path) -> None:
 
 
 def test_export_says_nothing(modlens: Modlens, tmp_path: Path) -> None:
-    """It is for scripts."""
+    """`export` is for scripts: it prints no messages."""
     path = tmp_path / "out.csv"
     done = modlens("export", POLLS, "-o", path)
     assert (done.status, done.out, done.err) == (0, "", "")
@@ -104,7 +104,7 @@ def test_export_says_nothing(modlens: Modlens, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["recording.hex"])
 def test_standard_input_is_a_recording(name: str, modlens: Modlens) -> None:
-    """`-` gives the same rows, under another name."""
+    """`-` gives the same rows as the file, with another source name."""
     data = SEED.with_name(name).read_bytes()
     columns = ("--to", "csv", "--columns", "txn,unit,address,data,status")
     piped = modlens("decode", "-", *columns, stdin=data)
@@ -134,7 +134,7 @@ def test_options_of_decoding(modlens: Modlens, tmp_path: Path) -> None:
 
 
 def test_recordings_are_numbered_through(modlens: Modlens) -> None:
-    """Several files, several buses."""
+    """Each file is a bus; frame and transaction numbers run on."""
     done = modlens("decode", SEED, SEED, "--to", "csv", "--columns", "txn,bus")
     rows = [line.split(",") for line in done.out.split()[1:]]
     assert [int(row[0]) for row in rows] == list(range(1, len(rows) + 1))

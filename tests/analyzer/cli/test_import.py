@@ -117,7 +117,7 @@ def test_wrong_files(
 
 
 def test_a_file_that_is_not_there(tmp_path: Path, modlens: Modlens) -> None:
-    """And a folder."""
+    """A missing file and a folder are reported by name."""
     done = modlens("import", "csv", tmp_path / "no.csv")
     assert (done.status, "no.csv: cannot be read: No such file" in done.err) == (3, True)
     done = modlens("import", "csv", tmp_path)
@@ -189,7 +189,7 @@ def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
 def test_profiles_that_are_none(
     case: tuple[str, bytes | str, int, str], tmp_path: Path, here: Modlens
 ) -> None:
-    """Wherever a profile is taken: the same words."""
+    """All commands that take a profile report an invalid one in the same words."""
     name, data, status, part = case
     path = of(tmp_path / name, data)
     bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n")

@@ -162,7 +162,7 @@ def test_show_at_marks_the_plausible_reading(modlens: Modlens) -> None:
     ],
 )
 def test_show_at_wrong_use(words: tuple[str, ...], part: str, modlens: Modlens) -> None:
-    """Said with what is right."""
+    """Invalid values of `--at`, `--count` and `--as` are reported with valid ones."""
     done = modlens("show", TYPES, *words)
     assert done.status == 2
     assert part in done.err

@@ -37,7 +37,7 @@ def count(plant: RandomDevice, toml: str) -> Counter[str]:
 
 
 def test_devices_that_chance_has_made(tmp_path: Path, modlens: Modlens) -> None:
-    """Polls as pymodbus frames them."""
+    """The traffic is framed by pymodbus."""
     total: Counter[str] = Counter()
     for seed in SEEDS:
         plant = RandomDevice(seed)

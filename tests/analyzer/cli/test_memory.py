@@ -42,7 +42,7 @@ def peak_kib(*words: str | Path) -> int:
 
 @pytest.mark.parametrize("to", ["csv", "jsonl", "pcapng"])
 def test_memory_is_the_same_for_a_longer_recording(to: str, tmp_path: Path) -> None:
-    """Six times the bytes, within 8 MiB."""
+    """A recording six times as long needs at most 8 MiB more."""
     registers = list(range(40))
     polls = b"".join(
         craft(3, unit=unit, values={"address": unit * 100, "quantity": 40})

@@ -22,7 +22,7 @@ REQUEST = "01 03 00 6B 00 03 74 17"
      "[01][03][00][6B][00][03][74][17]"],
 )  # fmt: skip
 def test_hex_is_taken_in_any_spacing(text: str, modlens: Modlens) -> None:
-    """As it comes out of other programs."""
+    """Hex digits are accepted in the spellings of other programs."""
     assert parse_hex(text) == bytes.fromhex(REQUEST)
     done = modlens("show", text)
     assert done.status == 0
@@ -31,7 +31,7 @@ def test_hex_is_taken_in_any_spacing(text: str, modlens: Modlens) -> None:
 
 
 def test_words_may_come_one_by_one(modlens: Modlens) -> None:
-    """Without quotes."""
+    """Hex digits may be separate arguments."""
     assert modlens("show", *REQUEST.split()).out == modlens("show", REQUEST).out
 
 
@@ -57,7 +57,7 @@ def test_a_request_and_its_response(modlens: Modlens) -> None:
 
 
 def test_ascii_and_tcp_frames(modlens: Modlens) -> None:
-    """Found by their looks."""
+    """ASCII and TCP frames are recognized without `--mode`."""
     assert "LRC right" in modlens("show", ":010300000001FB").out
     done = modlens("show", "00 01 00 00 00 06 11 03 00 6B 00 03")
     assert "mbap_id" in done.out
@@ -72,7 +72,7 @@ def test_a_bare_pdu(modlens: Modlens) -> None:
 
 
 def test_a_frame_of_a_recording(modlens: Modlens) -> None:
-    """With its findings."""
+    """A frame of a recording is shown with its findings."""
     done = modlens("show", POLLS, "--frame", "4")
     assert done.status == 0
     assert done.out.startswith("frame 4: response, rtu, bad_checksum, 2026-11-21T11:12:56.")
@@ -80,7 +80,7 @@ def test_a_frame_of_a_recording(modlens: Modlens) -> None:
 
 
 def test_a_transaction_of_a_recording(modlens: Modlens) -> None:
-    """Both frames, and the time between them."""
+    """A transaction is shown as both frames with the response time between them."""
     done = modlens("show", POLLS, "--txn", "1")
     lines = done.out.splitlines()
     assert lines[0].startswith("transaction 1: rtu, ok, 2026-11-21T")
@@ -92,7 +92,7 @@ def test_a_transaction_of_a_recording(modlens: Modlens) -> None:
 
 
 def test_a_request_without_an_answer(modlens: Modlens) -> None:
-    """It says so where the response would be."""
+    """The missing response is reported in its place."""
     done = modlens("show", SEED, "--txn", "8")
     assert "request, frame 15" in done.out
     assert "\nno response\n" in done.out
@@ -128,7 +128,7 @@ def test_words_are_explained(words: list[str], title: str, modlens: Modlens) -> 
     ],
 )
 def test_frames_are_crafted(words: list[str], frame: str, modlens: Modlens) -> None:
-    """And what was crafted can be shown."""
+    """`craft` prints frames that `show` decodes."""
     done = modlens("craft", *words)
     assert done.out.strip() == frame
     if "pdu" not in words:
@@ -146,7 +146,7 @@ def test_crafted_bytes_can_be_decoded(modlens: Modlens) -> None:
 
 
 def test_statistics(modlens: Modlens) -> None:
-    """By bus, by unit and function, by finding."""
+    """`stats` has tables of buses, of units and functions, and of findings."""
     done = modlens("stats", POLLS, "--line", "19200-8E1")
     assert done.status == 0
     assert "Read Holding Registers" in done.out
@@ -155,7 +155,7 @@ def test_statistics(modlens: Modlens) -> None:
 
 
 def test_formats_are_listed_with_samples(modlens: Modlens) -> None:
-    """Every one of them."""
+    """`formats` lists every format with a sample."""
     done = modlens("formats")
     assert done.status == 0
     for kind in FORMATS.values():

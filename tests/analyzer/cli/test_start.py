@@ -18,7 +18,7 @@ HEAVY = ("rich", "serial", "scapy", "argparse", "_modlens")
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["help"]])
 def test_help_lists_the_commands(words: list[str], modlens: Modlens) -> None:
-    """Each with what it does."""
+    """Every command is listed with a summary."""
     done = modlens(*words)
     assert done.status == 0
     for name, summary in COMMANDS.items():
@@ -27,12 +27,12 @@ def test_help_lists_the_commands(words: list[str], modlens: Modlens) -> None:
 
 
 def test_help_for_a_command(modlens: Modlens) -> None:
-    """Asked for in either way."""
+    """`help COMMAND` and `COMMAND --help` print the same."""
     assert modlens("help", "decode").out == modlens("decode", "--help").out
 
 
 def test_the_version(modlens: Modlens) -> None:
-    """That of the core."""
+    """The command and the core have one version, which `--version` prints."""
     assert modlens("--version").out == f"modlens {_modlens.__version__}\n"
 
 

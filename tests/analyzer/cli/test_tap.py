@@ -194,7 +194,7 @@ def test_the_system_sees_no_write_to_the_port(tmp_path: Path) -> None:
 
 
 def test_what_was_written_can_be_read_after_a_kill(tmp_path: Path) -> None:
-    """Whole rows only, without a last word."""
+    """After SIGKILL the file has complete rows only."""
     rows = tmp_path / "txns.csv"
     with polling("rtu") as (bus, client), Tap(bus.path("tap"), "-o", rows) as running:
         truth = follow(bus, client)
@@ -206,7 +206,7 @@ def test_what_was_written_can_be_read_after_a_kill(tmp_path: Path) -> None:
 
 
 def test_a_lost_port_is_reported_after_the_summary(tmp_path: Path) -> None:
-    """Exit status 4, and the outputs are complete."""
+    """A lost port gives exit status 4, and the outputs are complete."""
     rows = tmp_path / "txns.csv"
     with polling("rtu") as (bus, client):
         running = Tap(bus.path("tap"), "-o", rows, "--no-reconnect")

@@ -154,7 +154,7 @@ def test_ends_by_itself(tmp_path: Path) -> None:
 
 
 def test_a_bus_has_a_name_and_settings_of_its_own(tmp_path: Path) -> None:
-    """As NAME=PORT@SETTINGS says."""
+    """NAME=PORT@SETTINGS gives a bus its name and settings."""
     wired, rows = Wired(), tmp_path / "rows.jsonl"
     running = tap(f"boiler={wired.name}@9600-8N1", "-o", rows)
     os.write(wired.far, PAIR)

@@ -104,7 +104,7 @@ def polls(bus: PtyBus, client: ModbusSerialClient, rounds: int) -> None:
 
 @pytest.mark.parametrize("mode", ["rtu", "ascii"])
 def test_a_replay_gives_the_rows_of_the_tap(mode: str, tmp_path: Path) -> None:
-    """RTU and ASCII, whole and damaged frames."""
+    """A replayed recording gives the tap's rows, for RTU and ASCII, valid and damaged frames."""
     framer = FramerType.RTU if mode == "rtu" else FramerType.ASCII
     scenario = BusScenario(
         {"unit": demo_device(17)}, master_scripts.plain_polls, framer=framer, disturb=disturbance(3)

@@ -83,7 +83,7 @@ def test_a_file_around_each_event(kinds: str, files: list[str], tmp_path: Path) 
 
 
 def test_an_hour_in_a_line() -> None:
-    """What came since the last one, by status."""
+    """The hourly summary counts transactions since the last one by status."""
     said: list[str] = []
     counts = [{"ok": 5}, {"ok": 7, "no_response": 1}]
     hourly = HourlySummary(

@@ -77,7 +77,7 @@ def check(done: Done, status: int, message: str) -> None:
 def test_wrong_use_is_reported_in_one_line(
     status: int, message: str, words: list[str | Path], modlens: Modlens
 ) -> None:
-    """What is wrong and what to do."""
+    """The line says what is wrong and what to do."""
     check(modlens(*words), status, message)
 
 
@@ -94,7 +94,7 @@ def test_files_that_cannot_be_read(modlens: Modlens, tmp_path: Path) -> None:
 
 
 def test_a_recording_is_never_replaced(modlens: Modlens, tmp_path: Path) -> None:
-    """By its own export, under whatever name."""
+    """An export never replaces its own recording, even by another path."""
     path, link = tmp_path / "bus.pcapng", tmp_path / "link.pcapng"
     assert modlens("export", SEED, "-o", path).status == 0
     before = path.read_bytes()
@@ -122,7 +122,7 @@ def test_a_full_disk(modlens: Modlens, tmp_path: Path) -> None:
     "words", [["decode", SEED, "--to", "csv"], ["decode", SEED], ["formats"], ["explain", "3"]]
 )
 def test_standard_output_is_full(words: list[str | Path], unbuffered: str) -> None:
-    """The same for what goes to standard output."""
+    """A full device behind standard output is reported, with exit status 3."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             command(*words),
@@ -141,7 +141,7 @@ def test_standard_output_is_full(words: list[str | Path], unbuffered: str) -> No
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals")
 def test_a_tap_never_overwrites(modlens: Modlens, tmp_path: Path) -> None:
-    """Nor does it leave half of its outputs behind."""
+    """A tap refuses an output file that exists, and leaves it unchanged."""
     far, near = os.openpty()
     out, new = tmp_path / "out.csv", tmp_path / "new.csv"
     out.write_text("precious")

@@ -65,7 +65,7 @@ def packets(kind: Any) -> list[Any]:
     ids=["pcap", "nanoseconds", "big-endian", "gzip", "pcapng"],
 )
 def test_scapy(kind: Any, writer: Any, words: dict[str, Any], tmp_path: Path) -> None:
-    """Classic pcap in its forms, and pcapng."""
+    """Classic pcap in all its variants, and pcapng, as scapy writes them."""
     path = tmp_path / "one.cap"
     with writer(str(path), **words) as out:
         for packet in packets(kind):
@@ -79,7 +79,7 @@ def test_scapy(kind: Any, writer: Any, words: dict[str, Any], tmp_path: Path) ->
 
 
 def test_scapy_with_bare_frames(tmp_path: Path) -> None:
-    """Link type 147, as serial sniffers write it."""
+    """Bare frames with link type 147, as serial sniffers write them."""
     path = tmp_path / "serial.pcap"
     with PcapWriter(str(path), linktype=147) as out:
         for frame in (REQUEST, RESPONSE):

@@ -72,7 +72,7 @@ def test_packets_of_a_pcapng_are_as_they_were(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["pcap", "nsecpcap"])
 def test_packets_of_a_classic_file_keep_times_and_bytes(kind: str, tmp_path: Path) -> None:
-    """Of microseconds and of nanoseconds."""
+    """Classic files with microseconds and with nanoseconds."""
     whole, classic = capture(tmp_path / "whole.pcapng"), tmp_path / "whole.pcap"
     words = [need_program("editcap"), "-F", kind, str(whole), str(classic)]
     subprocess.run(words, check=True, timeout=60, capture_output=True, env=environment(tmp_path))
@@ -95,7 +95,7 @@ def test_a_classic_file_of_the_other_byte_order(tmp_path: Path) -> None:
 
 
 def test_what_is_no_capture_is_refused(tmp_path: Path) -> None:
-    """Text has no packets."""
+    """A text recording is refused, because it has no packets."""
     path = tmp_path / "bus.hex"
     path.write_text("01 03\n")
     with pytest.raises(SourceError, match="cuts out of pcap and pcapng only"):

@@ -16,7 +16,7 @@ FULL = Path("/dev/full")
 
 
 def test_a_whole_file_appears_when_it_is_whole(tmp_path: Path) -> None:
-    """Until then there is nothing of its name."""
+    """Until `close` there is no file of the name."""
     path = tmp_path / "out.csv"
     output = AtomicFile(str(path))
     output.append(b"one\n")
@@ -28,7 +28,7 @@ def test_a_whole_file_appears_when_it_is_whole(tmp_path: Path) -> None:
 
 
 def test_a_whole_file_takes_the_place_of_an_old_one(tmp_path: Path) -> None:
-    """The old one stays as it is until then."""
+    """An existing file stays unchanged until `close`."""
     path = tmp_path / "out.csv"
     path.write_bytes(b"old")
     output = AtomicFile(str(path))
@@ -62,7 +62,7 @@ def test_a_file_has_the_usual_permissions(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="links of POSIX")
 def test_a_link_is_followed(tmp_path: Path) -> None:
-    """The file it names is replaced, not the link."""
+    """The target of a link is replaced, not the link."""
     target, link = tmp_path / "target.csv", tmp_path / "link.csv"
     target.write_bytes(b"old")
     link.symlink_to(target)
@@ -74,7 +74,7 @@ def test_a_link_is_followed(tmp_path: Path) -> None:
 
 
 def test_a_growing_file_never_replaces_another(tmp_path: Path) -> None:
-    """It says what to do instead."""
+    """An existing file is refused, with advice."""
     path = tmp_path / "out.csv"
     path.write_bytes(b"precious")
     with pytest.raises(SourceError, match="never overwrites; choose another name"):
@@ -94,7 +94,7 @@ def test_a_growing_file_can_be_read_while_it_grows(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", [AtomicFile, GrowingFile])
 def test_what_cannot_be_written(kind: type[AtomicFile | GrowingFile], tmp_path: Path) -> None:
-    """A missing folder, a folder instead of a file."""
+    """A missing folder and a folder instead of a file are reported."""
     with pytest.raises(SourceError, match="its directory does not exist"):
         kind(str(tmp_path / "no" / "out.csv"))
     with pytest.raises(SourceError, match="is a directory"):
@@ -104,7 +104,7 @@ def test_what_cannot_be_written(kind: type[AtomicFile | GrowingFile], tmp_path: 
 @pytest.mark.skipif(not FULL.exists(), reason="/dev/full")
 @pytest.mark.parametrize("kind", [AtomicFile, GrowingFile])
 def test_a_full_disk_is_reported_once(kind: type[AtomicFile | GrowingFile], tmp_path: Path) -> None:
-    """And nothing more is written."""
+    """After the error no more bytes are written."""
     link = tmp_path / "out.csv"
     link.symlink_to(FULL)
     output = kind(str(link))

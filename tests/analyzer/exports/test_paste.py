@@ -15,7 +15,7 @@ FILE = "captures/pymodbus_disturbed/recording.jsonl"
 def test_a_text_file_is_the_table_on_the_screen(
     table: str, tmp_path: Path, modlens: Modlens
 ) -> None:
-    """Line by line, at the same width."""
+    """The text file equals the screen's table of the same width."""
     words = ["decode", FILE, "--line", "19200-8E1", "--table", table, "--times", "utc"]
     shown = modlens(*words, COLUMNS="100").out
     path = tmp_path / "reply.txt"
@@ -25,7 +25,7 @@ def test_a_text_file_is_the_table_on_the_screen(
 
 
 def test_a_markdown_file_is_the_same_between_fences(tmp_path: Path, modlens: Modlens) -> None:
-    """So that columns stay under each other."""
+    """The Markdown file is the table between fences, which keeps columns aligned."""
     words = ["export", FILE, "--line", "19200-8E1", "--where", "status != 'ok'"]
     text, reply = tmp_path / "reply.txt", tmp_path / "reply.md"
     assert modlens(*words, "-o", text, "-o", reply).status == 0
@@ -35,7 +35,7 @@ def test_a_markdown_file_is_the_same_between_fences(tmp_path: Path, modlens: Mod
 
 
 def test_a_table_without_rows_is_sound(tmp_path: Path, modlens: Modlens) -> None:
-    """Fences without anything between them."""
+    """An empty table gives only the fences."""
     reply = tmp_path / "reply.md"
     assert modlens("export", FILE, "--where", "unit == 99", "-o", reply).status == 0
     assert reply.read_text(encoding="utf-8") == "```text\n```\n"

@@ -104,7 +104,7 @@ def test_every_read_is_a_block_with_its_time(tmp_path: Path) -> None:
 
 
 def test_wireshark_reads_it(tmp_path: Path) -> None:
-    """As RTAC serial, with the names of the ports."""
+    """A recording is read by tshark as RTAC serial with the names of the ports."""
     path = tmp_path / "bus.pcapng"
     recorder = Recorder(str(path), PORTS)
     recorder.write_read("two", "B", Read(b"\x01\x03\x00", 1_700_000_000_123_456_789))
@@ -118,7 +118,7 @@ def test_wireshark_reads_it(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
-    """Each start is a segment of its own."""
+    """Where the file exists, each start writes a new segment."""
     path = tmp_path / "bus.pcapng"
     notify: list[str] = []
     for start in range(3):
@@ -173,7 +173,7 @@ def test_segments_by_time_and_size_of_all(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "x", "0", "10", "-5min", "5 parsecs"])
 def test_words_that_mean_nothing(text: str) -> None:
-    """Each option says what it takes."""
+    """Invalid values are reported with what the option takes."""
     with pytest.raises(UsageError, match="--rotate"):
         parse_rotation(text)
     if text != "10":
@@ -182,7 +182,7 @@ def test_words_that_mean_nothing(text: str) -> None:
 
 
 def test_keep_is_for_segments(tmp_path: Path) -> None:
-    """Without rotation there is one."""
+    """`--keep` is refused without `--rotate`."""
     with pytest.raises(UsageError, match="add --rotate"):
         Recorder(str(tmp_path / "bus"), PORTS, keep=Retention(segments=1))
 

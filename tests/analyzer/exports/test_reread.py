@@ -133,7 +133,7 @@ def test_a_crc_may_begin_with_a_colon(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("again", ["tshark", "editcap"])
 def test_what_others_save_anew_is_read_back(again: str, tmp_path: Path) -> None:
-    """They keep our words."""
+    """Other programs keep our options and comments when they save a capture."""
     source = recording(*MIXED)
     path, copy = export(source, tmp_path / "one.pcapng"), tmp_path / "again.pcapng"
     words = ["-r", str(path), "-w", str(copy)] if again == "tshark" else [str(path), str(copy)]

@@ -30,7 +30,7 @@ def test_an_output_says_table_format_and_path(text: str, expected: Target) -> No
 
 @pytest.mark.parametrize("text", ["log", "log.cvs", "frames:", "log.csv.gz", ".csv"])
 def test_a_suffix_that_says_nothing(text: str) -> None:
-    """Wrong use, with the suffixes that are known."""
+    """An unknown suffix is reported with the known ones."""
     with pytest.raises(UsageError, match=r"one of \.csv, \.jsonl"):
         parse_target(text, "transactions")
 
@@ -57,7 +57,7 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("suffix", ["csv", "jsonl"])
 def test_columns_and_rows_are_chosen(suffix: str, tmp_path: Path, captures: Path) -> None:
-    """In the order asked for."""
+    """The export has the chosen columns in the given order, and the filtered rows."""
     path = tmp_path / f"out.{suffix}"
     sink = export(path, captures, columns="status,txn", where="status == 'exception'")
     found = rows_of(path)
@@ -74,7 +74,7 @@ def test_without_rows_there_is_a_header(tmp_path: Path, captures: Path) -> None:
 
 
 def test_a_wrong_filter_or_column_opens_no_file(tmp_path: Path, captures: Path) -> None:
-    """Nothing is left behind."""
+    """Invalid filters and columns are reported before a file is created."""
     with pytest.raises(FilterError, match="no column 'verdict'"):
         export(tmp_path / "out.csv", captures, columns=None, where="verdict == 'ok'")
     with pytest.raises(UsageError, match="no column 'verdict'"):
@@ -131,7 +131,7 @@ def test_parquet_says_where_it_comes_from(tmp_path: Path, captures: Path) -> Non
 
 
 def test_a_style_has_to_be_known() -> None:
-    """By one output at least."""
+    """A style that no output has is refused."""
     targets = [parse_target("a.csv", "frames"), parse_target("a.pcapng", "transactions")]
     check_style("rtu", targets)
     with pytest.raises(UsageError, match="--style rtu: no output here has styles"):

@@ -79,7 +79,7 @@ def test_it_cannot_go_to_standard_output() -> None:
 
 
 def test_what_cannot_be_written(tmp_path: Path) -> None:
-    """Said with the name."""
+    """Paths that cannot be written are reported by name."""
     with pytest.raises(SourceError, match=r"no/log\.sqlite: cannot be written"):
         export(tmp_path / "no" / "log.sqlite")
 
@@ -102,7 +102,7 @@ time.sleep(60)
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_live_file_can_be_read_while_it_grows_and_after_a_kill(tmp_path: Path) -> None:
-    """What was committed is there."""
+    """Committed rows can be read during the tap, and after SIGKILL."""
     path = tmp_path / "live.sqlite"
     source = str(CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
     code = LIVE.format(root=str(ROOT), path=str(path), recording=source)

@@ -70,7 +70,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_nothing_is_malformed(mixed: Path) -> None:
-    """And expert information holds comments only."""
+    """No packet is malformed for tshark; its expert information is our comments only."""
     assert tshark(mixed, "-Y", "_ws.malformed || _ws.short") == ""
     experts = tshark(mixed, "-q", "-z", "expert")
     assert not any(word in experts for word in ("Errors", "Warns", "Notes", "Chats"))
@@ -201,7 +201,7 @@ def test_the_interface_tells_the_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("again", ["tshark", "editcap"])
 def test_what_others_save_anew_keeps_our_words(again: str, mixed: Path, tmp_path: Path) -> None:
-    """Comments, flags and our custom options."""
+    """Comments, flags and custom options survive saving by other programs."""
     path = tmp_path / "again.pcapng"
     words = ["-r", str(mixed), "-w", str(path)] if again == "tshark" else [str(mixed), str(path)]
     subprocess.run(
@@ -254,7 +254,7 @@ def test_the_style_tcp_is_a_sound_conversation(tmp_path: Path) -> None:
 
 
 def test_classic_pcap_is_decoded_alike(tmp_path: Path, mixed: Path) -> None:
-    """The same packets without names and comments."""
+    """A classic pcap has the same packets without names and comments."""
     path = export(recording(*MIXED), tmp_path / "mixed.pcap")
     names = [
         "frame.time_epoch",

@@ -45,7 +45,7 @@ def log(path: Path, name: str = "pymodbus_all_functions", style: str = "") -> li
 
 
 def test_modbus_log_has_a_line_a_pdu(tmp_path: Path) -> None:
-    """Requests and responses in Zeek's words."""
+    """Each PDU has a line, with requests and responses in Zeek's words."""
     rows = log(tmp_path / "modbus.log", "pymodbus_exceptions")
     assert list(rows[0]) == MODBUS
     transactions = list(recording("pymodbus_exceptions").transactions)

@@ -51,7 +51,7 @@ def test_a_scraper_reads_what_happened() -> None:
 
 
 def test_a_port_that_is_taken_is_reported() -> None:
-    """With its number."""
+    """The error names the port's number."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(SourceError, match=str(port)):
@@ -59,7 +59,7 @@ def test_a_port_that_is_taken_is_reported() -> None:
 
 
 def test_addresses() -> None:
-    """Loopback unless another is named."""
+    """The address is loopback unless another one is given."""
     assert parse_address("9502") == ("127.0.0.1", 9502)
     assert parse_address("0.0.0.0:80") == ("0.0.0.0", 80)
     for text in ("", "x", "70000", "host:"):

@@ -162,7 +162,7 @@ def test_values_transactions_and_states_arrive(mosquitto: Mosquitto) -> None:
 
 
 def test_the_last_will_speaks_when_the_tap_cannot(mosquitto: Mosquitto) -> None:
-    """The connection breaks without a goodbye."""
+    """If the connection breaks, the broker publishes the last will."""
     with Subscriber(mosquitto.port) as reader:
         feed = Mqtt(here(mosquitto))
         wait(lambda: reader.topic("plant/status") == [b"online"])
@@ -211,7 +211,7 @@ def test_a_broker_that_restarts_under_load_gets_everything(
 
 
 def test_what_was_not_sent_is_sent_by_the_next_tap(mosquitto: Mosquitto, tmp_path: Path) -> None:
-    """The spool is a file."""
+    """Messages in the spool's file are sent by the next tap."""
     spool = str(tmp_path / "spool.sqlite")
     mosquitto.stop()
     feed = Mqtt(here(mosquitto), spool=spool)
@@ -226,7 +226,7 @@ def test_what_was_not_sent_is_sent_by_the_next_tap(mosquitto: Mosquitto, tmp_pat
 
 
 def test_a_spool_is_bounded_and_counts() -> None:
-    """The oldest go first."""
+    """A full spool drops its oldest messages, and counts them."""
     spool = Spool(None, limit=3)
     for number in range(5):
         spool.add(Message(str(number), b""))

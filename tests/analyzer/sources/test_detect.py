@@ -16,7 +16,7 @@ SAMPLES = {
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_each_format_is_found_by_its_content(name: str) -> None:
-    """Whatever the file is called."""
+    """Each format is detected by its content, whatever the file's name is."""
     found = detect_format(SAMPLES[name], "recording")
     assert (found.format, found.forced) == (name, False)
     assert 0 < found.confidence <= 1
@@ -62,5 +62,5 @@ def test_an_order_is_followed() -> None:
     ],
 )
 def test_text_has_no_control_characters(sample: bytes, text: bool) -> None:
-    """And few that are not ASCII."""
+    """Text has no control characters, and few bytes beyond ASCII."""
     assert is_text(sample) is text

@@ -56,7 +56,7 @@ def side_of(name: str, one: LogEntry) -> str | None:
 
 
 def test_every_dialect_has_a_writer() -> None:
-    """A new row is not tested before it has one."""
+    """Every dialect has a writer, without which it would not be tested."""
     assert set(WRITERS) == set(ROWS)
 
 

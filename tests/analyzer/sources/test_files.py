@@ -70,7 +70,7 @@ def test_what_is_no_file(tmp_path: Path) -> None:
 
 
 def test_an_empty_file(tmp_path: Path) -> None:
-    """There is nothing to decode."""
+    """An empty file is refused."""
     path = tmp_path / "empty.bin"
     path.touch()
     assert refused(path) == f"{path}: empty; there is nothing to decode"
@@ -94,7 +94,7 @@ def test_binary_is_not_text(tmp_path: Path) -> None:
 
 
 def test_text_is_not_binary(tmp_path: Path) -> None:
-    """So is the other way round."""
+    """Binary data forced to be text is refused, and text forced to be binary."""
     path = tmp_path / "bus.hex"
     path.write_bytes(HEX * 10)
     said = refused(path, "raw")
@@ -103,14 +103,14 @@ def test_text_is_not_binary(tmp_path: Path) -> None:
 
 
 def test_text_of_no_known_form(tmp_path: Path) -> None:
-    """A letter is no recording."""
+    """A text without bytes of a line is refused."""
     path = tmp_path / "letter.txt"
     path.write_text("Dear customer,\nthe meter stopped on Monday.\n" * 20)
     assert "modlens formats" in refused(path)
 
 
 def test_a_format_that_does_not_exist(tmp_path: Path) -> None:
-    """Wrong use, with those that do."""
+    """An unknown format is reported with the known ones."""
     path = tmp_path / "bus.hex"
     path.write_bytes(HEX)
     with pytest.raises(UsageError, match=r"no such format; did you mean 'hex'\?"):

@@ -166,14 +166,14 @@ def test_devices_with_a_name_have_a_bus_each(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["hexdump-words", "od-words", "od"])
 def test_swapped_words_and_octal(name: str, tmp_path: Path) -> None:
-    """Which of them it is, the checksums say."""
+    """Checksums decide between plain, byte-swapped and octal words."""
     path = tmp_path / "dump.txt"
     path.write_text(write(name, EXCHANGE), encoding="utf-8")
     assert [row.data for row in decode(path)] == [[555, 0, 100]]
 
 
 def test_a_file_may_mix_dialects(frames: Decode) -> None:
-    """Block by block, as in a thread of a forum."""
+    """A text may change its dialect from block to block, like a forum thread."""
     parts = ["libmodbus", "pymodbus", "qmodmaster", "escaped"]
     text = "I see this:\n" + "and my friend:\n".join(write(name, EXCHANGE) for name in parts)
     assert frames(text) == WIRE * len(parts)
@@ -229,7 +229,7 @@ def test_zone_and_date_make_times_utc(tmp_path: Path) -> None:
 
 
 def test_a_clock_of_seconds_gives_no_response_time(tmp_path: Path) -> None:
-    """Empty, not zero."""
+    """With a clock of seconds the response time is empty, not zero."""
     path = tmp_path / "bus.log"
     path.write_text(write("goburrow", EXCHANGE), encoding="utf-8")
     (txn,) = decode(path)
@@ -257,7 +257,7 @@ def test_nodes_times_between_lines(tmp_path: Path) -> None:
 
 
 def test_unparsed_lines_are_counted_and_shown(tmp_path: Path, modlens: Modlens) -> None:
-    """The first three of them."""
+    """The first three lines that were not understood are shown."""
     path = tmp_path / "bus.log"
     chatter = "".join(f"what {number} is this\n" for number in range(5))
     path.write_text(chatter + LOG, encoding="utf-8")
@@ -273,7 +273,7 @@ def test_text_without_modbus_is_refused(frames: Decode) -> None:
 
 
 def test_the_table_reads_what_each_dialect_writes() -> None:
-    """Without a session: line, side, time, bytes."""
+    """The table reads line, side, time and bytes without a session."""
     table = _modlens.Dialects()
     found, left_out, unparsed = table.read("hex", f"hello\n{LOG}".encode())
     assert [(line, side, data) for line, side, _, data in found] == [

@@ -118,7 +118,7 @@ def test_the_far_end_closes_and_returns_twenty_times(
 
 
 def test_without_waiting_the_loss_of_one_port_is_reported(tmp_path: Path) -> None:
-    """By its name, whichever it is."""
+    """Without reconnecting, the loss of any port raises an error with its name."""
     end, other = FarEnd(tmp_path / "ttyA"), FarEnd(tmp_path / "ttyB")
     tapped = [TappedPort(str(other.link), LINE), TappedPort(str(end.link), LINE)]
     with closing(PortListener(tapped, pytest.fail, reconnect=False)) as listening:
@@ -129,7 +129,7 @@ def test_without_waiting_the_loss_of_one_port_is_reported(tmp_path: Path) -> Non
 
 
 def test_a_port_that_cannot_be_opened_leaves_none_open(tmp_path: Path) -> None:
-    """The others are closed again."""
+    """If one port cannot be opened, the others are closed again."""
     end = FarEnd(tmp_path / "ttyA")
     tapped = [TappedPort(str(end.link), LINE), TappedPort(str(tmp_path / "none"), LINE)]
     with pytest.raises(PortError, match="no such port"):

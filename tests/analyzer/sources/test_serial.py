@@ -91,7 +91,7 @@ def test_a_time_does_not_wait_for_python(wire: tuple[int, str]) -> None:
 
 
 def test_silence_is_nothing(wire: tuple[int, str]) -> None:
-    """After as long as one is willing to wait."""
+    """A silent port gives nothing until the time-out."""
     with PortReader(wire[1], LINE) as hearing:
         start = time.monotonic()
         assert hearing.read(0.05) is None
@@ -163,7 +163,7 @@ def refused(name: str) -> str:
 
 
 def test_what_is_no_port(tmp_path: Path) -> None:
-    """Missing, a plain file, a directory."""
+    """A missing device, a plain file and a directory are refused."""
     (tmp_path / "file").touch()
     assert refused(str(tmp_path / "ttyX")).endswith("no such port; check the name and the cable")
     assert "not a serial port" in refused(str(tmp_path / "file"))
@@ -171,7 +171,7 @@ def test_what_is_no_port(tmp_path: Path) -> None:
 
 
 def test_an_unknown_scheme_is_wrong_use() -> None:
-    """With the known ones."""
+    """An unknown scheme is reported with the known ones."""
     with pytest.raises(UsageError, match=r"tcp://x: no port of a known kind; there are /dev"):
         Port("tcp://x", LINE)
     with pytest.raises(PortError):

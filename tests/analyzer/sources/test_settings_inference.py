@@ -65,7 +65,7 @@ def test_decode_says_it(tmp_path: Path) -> None:
 
 
 def test_bytes_without_marks_and_few_bytes() -> None:
-    """What cannot be known is said to be open."""
+    """Without error marks, or with few bytes, the parity is reported as open."""
     pair = bytes.fromhex("010300000001840a0103020007f986")
     (first, second) = infer_settings(list(reads(pair * 20)), None)
     assert "right, rtu" in first

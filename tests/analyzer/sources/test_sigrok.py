@@ -70,7 +70,7 @@ def test_the_other_wire_of_the_pair_is_no_second_line(tmp_path: Path, modlens: M
 
 
 def test_marks_of_the_receiver(tmp_path: Path) -> None:
-    """A wrong parity bit is a finding on its frame."""
+    """A wrong parity bit in the samples is a finding on its frame."""
     line = parse_line("19200-8E1")
     wire = [
         *spaced(REQUEST, 0.01, line),
@@ -84,7 +84,7 @@ def test_marks_of_the_receiver(tmp_path: Path) -> None:
 
 
 def test_no_line_and_no_session(tmp_path: Path, modlens: Modlens) -> None:
-    """What is wrong, and what to do."""
+    """Samples without a serial line and broken sessions are refused with advice."""
     path = tmp_path / "other.sr"
     path.write_bytes(session(bytes(range(256)) * 500, ["CLK", "DATA"]))
     with pytest.raises(SourceError, match="no Modbus on channels CLK, DATA; name"):
@@ -96,7 +96,7 @@ def test_no_line_and_no_session(tmp_path: Path, modlens: Modlens) -> None:
 
 
 def test_standard_input(tmp_path: Path, modlens: Modlens) -> None:
-    """A pipe cannot be read twice: it is kept."""
+    """A session from standard input is kept in memory, as it is read twice."""
     line = parse_line("9600-8N1")
     wire = [*spaced(REQUEST, 0.01, line), *spaced(RESPONSE, 0.05, line)]
     data = session(samples(line, [wire]), ["BUS"])
@@ -129,7 +129,7 @@ def test_levels_as_saleae_exports_them(settings: str, tmp_path: Path, modlens: M
 
 
 def test_channels_of_the_api(tmp_path: Path) -> None:
-    """Named channels are the lines, in their order."""
+    """The channels given to the API are the lines, in their order."""
     line = parse_line("19200-8E1")
     path = tmp_path / "bus.sr"
     wires = [spaced(REQUEST, 0.01, line), spaced(RESPONSE, 0.05, line)]

@@ -43,14 +43,14 @@ def frames(path: Path) -> list[str]:
 def test_a_compressed_file_is_read_as_what_it_holds(
     pack: Callable[[bytes], bytes], tmp_path: Path
 ) -> None:
-    """By its first bytes, whatever its name is."""
+    """Compression is detected by the first bytes, whatever the file's name is."""
     path = tmp_path / "bus.log"
     path.write_bytes(pack(TEXT))
     assert frames(path) == WIRE
 
 
 def test_an_archive_stands_for_its_members(tmp_path: Path) -> None:
-    """Those in archives inside of it, too."""
+    """An archive stands for its members, those of nested archives included."""
     inner = tmp_path / "inner.zip"
     with zipfile.ZipFile(inner, "w") as archive:
         archive.writestr("b.hex", TEXT)
@@ -66,7 +66,7 @@ def test_an_archive_stands_for_its_members(tmp_path: Path) -> None:
 
 
 def test_mail_stands_for_its_text_and_attachments(tmp_path: Path) -> None:
-    """Quoted-printable and base64 are undone."""
+    """Mail stands for its text and attachments, decoded."""
     mail = EmailMessage()
     mail["From"], mail["To"], mail["Subject"] = "a@example.org", "b@example.org", "the bus"
     mail.set_content(TEXT.decode(), cte="quoted-printable")
@@ -84,7 +84,7 @@ def test_a_directory_stands_for_the_files_in_it(tmp_path: Path) -> None:
 
 
 def test_what_comes_before_the_damage_is_decoded(tmp_path: Path) -> None:
-    """A file that was cut off in transfer."""
+    """Of a truncated compressed file, the bytes before the damage are decoded."""
     path = tmp_path / "bus.hex.gz"
     path.write_bytes(gzip.compress(TEXT * 1000)[:-6])
     assert frames(path) == WIRE * 1000
@@ -92,7 +92,7 @@ def test_what_comes_before_the_damage_is_decoded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", ["tar", "tar.gz", "tar.bz2", "tar.xz"])
 def test_a_tar_stands_for_the_regular_files_in_it(suffix: str, tmp_path: Path) -> None:
-    """Links and folders hold no bytes of their own."""
+    """Links and folders in a tar are skipped."""
     path = tmp_path / f"bus.{suffix}"
     pack: dict[str, Callable[[bytes], bytes]] = {
         "tar": bytes, "tar.gz": gzip.compress, "tar.bz2": bz2.compress, "tar.xz": lzma.compress

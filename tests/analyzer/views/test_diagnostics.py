@@ -82,7 +82,7 @@ def test_a_late_answer_is_counted_with_its_delay() -> None:
 
 
 def test_a_bus_without_time_outs_says_nothing() -> None:
-    """And its poll cycle is that of its request."""
+    """Without time-outs nothing is explained; the poll cycle is that of the request."""
     bus = timeouts(*warm(0))
     assert bus["timeouts"] is None
     assert list(explain_timeouts(bus)) == []

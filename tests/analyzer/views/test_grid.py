@@ -21,7 +21,7 @@ def grid(heads: list[ColumnLayout], rows: list[list[str]], width: int) -> Grid:
 
 
 def test_columns_are_as_wide_as_the_first_rows() -> None:
-    """Numbers to the right, texts to the left."""
+    """Columns are as wide as the first rows; numbers are aligned right, texts left."""
     table = grid(
         [ColumnLayout("n", align_right=True), ColumnLayout("name")],
         [["1", "pump"], ["100", "fan"]],
@@ -32,19 +32,19 @@ def test_columns_are_as_wide_as_the_first_rows() -> None:
 
 
 def test_a_later_number_pushes_its_line() -> None:
-    """It is never cut."""
+    """A number wider than its column is never cut off."""
     table = grid([ColumnLayout("n", align_right=True), ColumnLayout("name")], [["1", "pump"]], 80)
     assert text_of(table.line(["123456", "fan"])) == "123456 fan "
 
 
 def test_a_text_with_a_limit_is_cut() -> None:
-    """From the first row on."""
+    """A text longer than its column's limit is cut off."""
     table = grid([ColumnLayout("name", max_width=6)], [["a long name"]], 80)
     assert text_of(table.line(["a long name"])) == "a lon…"
 
 
 def test_shares_fill_the_line() -> None:
-    """By weight, to the last column."""
+    """Free room is distributed by share, to the last column."""
     table = grid(
         [ColumnLayout("a", free_share=1), ColumnLayout("b", free_share=2), ColumnLayout("n")],
         [["", "", "x"]],
@@ -55,6 +55,6 @@ def test_shares_fill_the_line() -> None:
 
 
 def test_a_narrow_terminal_gets_the_least_widths() -> None:
-    """Nothing becomes negative."""
+    """On a narrow terminal columns keep their least widths."""
     table = grid([ColumnLayout("name", 8, free_share=1), ColumnLayout("n")], [["a", "1"]], 5)
     assert text_of(table.line(["abcdefghijk", "1"])) == "abcdefg… 1"

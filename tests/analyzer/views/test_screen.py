@@ -31,13 +31,13 @@ def screen(monkeypatch: pytest.MonkeyPatch) -> tuple[Screen, Terminal]:
 
 
 def test_colour_on_a_terminal(screen: tuple[Screen, Terminal]) -> None:
-    """And the text as it is."""
+    """A terminal gets colour, and the text unchanged."""
     screen[0].line("ok", "good")
     assert screen[1].getvalue() == "\x1b[32mok\x1b[0m\n"
 
 
 def test_no_colour_where_it_is_not_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`NO_COLOR` takes the colours away."""
+    """With `NO_COLOR` there is no colour."""
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm-256color")
     stream = Terminal()
@@ -53,7 +53,7 @@ def test_no_escape_into_a_file() -> None:
 
 
 def test_the_width_is_that_of_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where there is no terminal: `COLUMNS`, or 80."""
+    """Without a terminal the width is that of `COLUMNS`, or 80."""
     monkeypatch.delenv("COLUMNS", raising=False)
     assert Screen(io.StringIO()).width == 80
     monkeypatch.setenv("COLUMNS", "133")
@@ -86,10 +86,10 @@ def test_what_is_visible_is_printable(text: str) -> None:
 
 @given(st.text(), st.integers(1, 30))
 def test_a_text_fits_exactly(text: str, width: int) -> None:
-    """Also where letters take two columns."""
+    """A text is cut or padded to the exact width, also with wide characters."""
     assert cell_len(fit(visible(text), width)) == width
 
 
 def test_width_counts_columns() -> None:
-    """Letters of the East take two."""
+    """East Asian characters take two columns."""
     assert (width_of("abc"), width_of("温度")) == (3, 4)

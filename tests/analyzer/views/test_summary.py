@@ -32,7 +32,7 @@ def test_a_summary_counts_frames_bytes_and_transactions() -> None:
 
 
 def test_damage_is_what_did_not_arrive_whole() -> None:
-    """Three frames here."""
+    """Damaged and incomplete frames and noise count as damaged: three here."""
     assert damaged(STATS) == 3
 
 

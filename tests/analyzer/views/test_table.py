@@ -80,7 +80,7 @@ def test_lines_fit_the_terminal(
 def test_the_head_names_the_base_of_addresses(
     base: str, title: str, first: str, polls: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the addresses are in it."""
+    """The title of the address column names the notation of its addresses."""
     head, _, line, *_ = shown(polls, monkeypatch, table_options=TableOptions(base, "utc"))
     assert title in head
     assert f" {first} " in line
@@ -174,7 +174,7 @@ def test_without_a_clock_the_place_in_the_file_stands_there(
 
 
 def test_a_filter_leaves_rows_out(polls: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The numbers stay those of the recording."""
+    """A filter leaves rows out; the others keep their numbers."""
     lines = shown(
         polls, monkeypatch, where="unit == 2", table_options=TableOptions(times="elapsed")
     )

@@ -77,7 +77,7 @@ def toml(value: Any) -> str:
 @settings(deadline=None, max_examples=40)
 @given(found=TELEGRAF, style=st.sampled_from(["register", "request", "metric"]))
 def test_telegraf(found: list[dict[str, Any]], style: str) -> None:
-    """Any keys with any values."""
+    """Telegraf: any keys with any values are read, or refused with an error of ours."""
     plugin = {"holding_registers": found} if style == "register" else {style: [{"fields": found}]}
     no_crash("telegraf", f"inputs = {toml({'modbus': [plugin]})}\n")
 
@@ -85,14 +85,14 @@ def test_telegraf(found: list[dict[str, Any]], style: str) -> None:
 @settings(deadline=None, max_examples=40)
 @given(found=HOME, kind=st.sampled_from(["sensors", "binary_sensors", "switches", "climates"]))
 def test_homeassistant(found: list[dict[str, Any]], kind: str) -> None:
-    """Any keys with any values."""
+    """Home Assistant: any keys with any values are read, or refused with an error of ours."""
     no_crash("homeassistant", json.dumps({"modbus": [{kind: found}]}))
 
 
 @settings(deadline=None, max_examples=40)
 @given(found=ESPHOME, kind=st.sampled_from(["sensor", "text_sensor", "number", "select"]))
 def test_esphome(found: list[dict[str, Any]], kind: str) -> None:
-    """Any keys with any values."""
+    """ESPHome: any keys with any values are read, or refused with an error of ours."""
     entities = [{"platform": "modbus_controller", **row} for row in found]
     no_crash("esphome", json.dumps({kind: entities}))
 
@@ -100,7 +100,7 @@ def test_esphome(found: list[dict[str, Any]], kind: str) -> None:
 @settings(deadline=None, max_examples=40)
 @given(found=SUNSPEC, groups=SUNSPEC, count=odd)
 def test_sunspec(found: list[dict[str, Any]], groups: list[dict[str, Any]], count: Any) -> None:
-    """Any keys with any values."""
+    """SunSpec: any keys with any values are read, or refused with an error of ours."""
     group = {"points": found, "groups": [{"name": "g", "count": count, "points": groups}]}
     no_crash("sunspec", json.dumps({"id": 1, "group": group}))
 
@@ -115,7 +115,7 @@ CELLS = st.sampled_from(
 @settings(deadline=None, max_examples=40)
 @given(data=st.data(), base=st.sampled_from([None, 0, 1, "modicon"]))
 def test_csv(data: st.DataObject, base: int | str | None) -> None:
-    """Any columns with any cells."""
+    """CSV: any columns with any cells are read, or refused with an error of ours."""
     heads = data.draw(
         st.lists(st.sampled_from([key for key in HEADER_WORDS if key != "address"]), max_size=8)
     )

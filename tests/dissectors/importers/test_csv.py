@@ -537,7 +537,7 @@ FEATURES = {
 
 @pytest.mark.parametrize("feature", FEATURES.values(), ids=FEATURES)
 def test_feature(feature: Feature) -> None:
-    """The points and the notes, no other ones."""
+    """Each feature gives exactly the expected points and notes."""
     assert feature.found("csv") == feature.expected
 
 
@@ -633,7 +633,7 @@ def test_several_units_want_one_chosen() -> None:
     ],
 )
 def test_what_is_no_table(text: str, line: int | None, part: str) -> None:
-    """What is wrong, and where."""
+    """Texts that are no table are refused with line and reason."""
     with pytest.raises(ProfileError, match=part) as raised:
         importers.read("csv", text, "map")
     assert raised.value.line == line

@@ -220,7 +220,7 @@ FEATURES = {
 
 @pytest.mark.parametrize("feature", FEATURES.values(), ids=FEATURES)
 def test_feature(feature: Feature) -> None:
-    """The points and the notes, no other ones."""
+    """Each feature gives exactly the expected points and notes."""
     assert feature.found("esphome") == feature.expected
 
 
@@ -248,7 +248,7 @@ def test_units() -> None:
     ],
 )
 def test_what_is_no_configuration(text: str, line: int | None, part: str) -> None:
-    """What is wrong, and where."""
+    """Files that are no configuration are refused with line and reason."""
     with pytest.raises(ProfileError, match=part) as raised:
         importers.read("esphome", text, "map")
     assert raised.value.line == line

@@ -135,7 +135,7 @@ FEATURES = {
 
 @pytest.mark.parametrize("feature", FEATURES.values(), ids=FEATURES)
 def test_feature(feature: Feature) -> None:
-    """The points and the notes, no other ones."""
+    """Each feature gives exactly the expected points and notes."""
     assert feature.found("csv") == feature.expected
 
 

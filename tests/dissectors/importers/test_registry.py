@@ -24,7 +24,7 @@ EXAMPLES = {
 
 
 def test_every_format_that_is_read_has_an_example() -> None:
-    """And so is held to the tests below."""
+    """Every format that is read has an example, by which the tests below check it."""
     assert list(EXAMPLES) == READERS
 
 
@@ -38,7 +38,7 @@ def test_the_smallest_file_is_read(form: str) -> None:
 @pytest.mark.parametrize("form", READERS)
 @pytest.mark.parametrize("text", ["", "\n\n", "\ufeff"])
 def test_an_empty_file_is_reported_as_empty(form: str, text: str) -> None:
-    """With its name."""
+    """An empty file is refused with its name."""
     with pytest.raises(ProfileError, match=r"^map: the file is empty$"):
         importers.read(form, text, "map")
 
@@ -56,13 +56,13 @@ def test_a_file_of_another_format_names_it(form: str, other: str) -> None:
 
 @pytest.mark.parametrize("form", READERS)
 def test_a_text_of_another_format_is_reported(form: str) -> None:
-    """An error that names the file."""
+    """A text of another format is refused with the file's name."""
     with pytest.raises(ProfileError, match=r"^map"):
         importers.read(form, "x: [1]\n" if form in ("homeassistant", "esphome") else "{", "map")
 
 
 def test_unknown_formats() -> None:
-    """With a near name."""
+    """An unknown format is reported with a similar name."""
     with pytest.raises(UsageError, match="did you mean 'telegraf'"):
         importers.read("telegraph", "", "x")
 

@@ -166,7 +166,7 @@ FEATURES = {
 
 @pytest.mark.parametrize("feature", FEATURES.values(), ids=FEATURES)
 def test_feature(feature: Feature) -> None:
-    """The points and the notes, no other ones."""
+    """Each feature gives exactly the expected points and notes."""
     assert feature.found("sunspec") == feature.expected
 
 
@@ -208,7 +208,7 @@ def test_the_device_is_named() -> None:
     ],
 )
 def test_what_is_no_model(text: str, part: str) -> None:
-    """Said with the file's name."""
+    """A file that is no model is refused with its name."""
     with pytest.raises(ProfileError, match=part):
         importers.read("sunspec", text, "map")
 

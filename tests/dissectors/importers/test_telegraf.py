@@ -272,7 +272,7 @@ FEATURES = {
 
 @pytest.mark.parametrize("feature", FEATURES.values(), ids=FEATURES)
 def test_feature(feature: Feature) -> None:
-    """The points and the notes, no other ones."""
+    """Each feature gives exactly the expected points and notes."""
     assert feature.found("telegraf") == feature.expected
 
 
@@ -302,6 +302,6 @@ def test_units() -> None:
     ],
 )
 def test_what_is_no_configuration(text: str, part: str) -> None:
-    """Said with the file's name."""
+    """A file that is no configuration is refused with its name."""
     with pytest.raises(ProfileError, match=part):
         importers.read("telegraf", text, "map")

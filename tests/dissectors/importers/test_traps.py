@@ -81,7 +81,7 @@ def test_trap_2_five_digits_stop_at_9999() -> None:
 
 
 def test_trap_2_five_and_six_digits_may_be_mixed() -> None:
-    """In one file."""
+    """One file may have addresses of five and of six digits."""
     found = points("csv", table("40001,a", "400002,b", "30003,c", "300004,d"), base="modicon")
     assert [point["at"] for point in found.values()] == ["hr:0", "hr:1", "ir:2", "ir:3"]
 

@@ -101,7 +101,7 @@ def in_home_assistant(profile: Profile) -> list[Row]:
 @settings(deadline=None, max_examples=40)
 @given(model=models())
 def test_toml_carries_everything(model: Row) -> None:
-    """The same model, without a note."""
+    """TOML carries the whole model, without a note."""
     profile = from_model(model, "x")
     written = importers.write("toml", profile)
     assert parse(written.text, "x.toml").model == profile.model

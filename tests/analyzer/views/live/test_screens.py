@@ -32,7 +32,7 @@ def showing(width: int, height: int, view: str, recording: str) -> Terminal:
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_every_view_looks_as_it_should(view: str, width: int, height: int) -> None:
-    """It fills the window and nothing more."""
+    """Every view fills the window, and nothing more."""
     golden = GOLDEN / f"{view}_{width}x{height}.txt"
     recording = DISTURBED if view == "health" else CALM
     with showing(width, height, view, recording) as terminal:
