@@ -12,7 +12,7 @@ use crate::sim::tap::TapMode;
 /// A function that makes the algorithms of a run; each thread has its own.
 pub type Makers = fn() -> Vec<Box<dyn Algorithm>>;
 
-/// What to run.
+/// The scenarios, tap modes, seeds and algorithms of a run.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Scenarios, in the order of the table.
@@ -71,6 +71,7 @@ impl Plan {
         }
     }
 
+    /// Runs all algorithms on a scenario, in all tap modes and with all seeds.
     fn scenario(&self, scenario: &Scenario, makers: Makers) -> Cells {
         let mut cells = Cells::new();
         for &seed in &self.seeds {

@@ -83,6 +83,7 @@ struct Run {
 }
 
 impl Run {
+    /// A session with one bus that has the settings of the case.
     fn new(case: &Case, how: Modlens) -> Self {
         let live = how.live;
         let wanted = Wanted { frames: true, transactions: true, findings: true };
@@ -115,6 +116,7 @@ impl Run {
         }
     }
 
+    /// Feeds all reads of the case, in live runs with the polls of the clock between them, and returns the reported frames.
     fn all(mut self, case: &Case) -> Vec<ReportedFrame> {
         for feed in case.timed_reads() {
             if let (true, Some(before), Some(time)) = (self.live, self.now, feed.time) {
@@ -158,6 +160,7 @@ impl Run {
         self.findings(&batch);
     }
 
+    /// Takes a row of a frame; noise is not reported.
     fn frame(&mut self, row: &Frame) {
         if row.verdict == Verdict::Noise {
             return;
@@ -176,6 +179,7 @@ impl Run {
         self.frames.push(frame);
     }
 
+    /// Takes the labels that stand in columns of transactions.
     fn transactions(&mut self, batch: &Batch) {
         for row in &batch.transactions {
             if row.request.frame != 0 {

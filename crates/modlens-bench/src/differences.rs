@@ -160,7 +160,7 @@ fn describe(truth: &TruthFrame) -> String {
     )
 }
 
-/// The frames told around a place, in the order in which they were told: line, offset, direction, transaction, labels.
+/// The frames reported around a place, in the order of the reports: line, offset, direction, transaction, labels.
 fn reported_around(reported: &[ReportedFrame], place: u64) -> String {
     let at = reported.iter().position(|frame| frame.start >= place).unwrap_or(reported.len());
     let near = reported.iter().take(at + 1 + CONTEXT_FRAMES).skip(at.saturating_sub(CONTEXT_FRAMES));

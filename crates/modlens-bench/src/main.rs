@@ -31,6 +31,7 @@ fn main() -> ExitCode {
     }
 }
 
+/// Runs a command; the error message is for the user.
 fn run(arguments: &[String]) -> Result<(), String> {
     let Some((command, rest)) = arguments.split_first().filter(|(first, _)| *first != "--help") else {
         print(HELP);
@@ -68,6 +69,7 @@ fn algorithms() -> Vec<Box<dyn Algorithm>> {
 
 const MAKERS: Makers = algorithms;
 
+/// Prints the tables of accuracy, and that of noise if it is wanted.
 fn accuracy(options: &Options) {
     let plan = &options.plan;
     let outcome = plan.run(MAKERS);

@@ -6,7 +6,7 @@ use crate::sim::scenario::{Scenario, HEADLINE};
 use crate::sim::tap::TapMode;
 use crate::speed::Layer;
 
-/// What `--help` says.
+/// The text of `--help`.
 pub const HELP: &str = "\
 modlens-bench accuracy [options]   scenarios x tap modes, for the rivals and for modlens
 modlens-bench noise [options]      false frames per MB of noise only

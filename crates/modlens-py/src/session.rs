@@ -261,6 +261,7 @@ impl Session {
         self.core.stats_json().to_string()
     }
 
+    /// What the text reader of a bus reports about the recording, as JSON; for a bus without one all counts are 0.
     fn reading(&self, bus: usize) -> PyResult<String> {
         self.check_bus(bus)?;
         let mode = self.core.mode(bus).map(Mode::text);

@@ -95,6 +95,7 @@ impl Table {
         (start..end).map(|row| PyTuple::new(py, indices.iter().map(|&column| self.database_value(py, row, column)))).collect()
     }
 
+    /// For each frame of the table: its file, its number, its transaction, and the numbers of all packets that it came in.
     fn origins(&self) -> Vec<(String, u64, Option<u64>, Vec<u64>)> {
         let batch = &self.core.batch;
         let mut between = batch.inner_packets.iter().peekable();
@@ -269,6 +270,7 @@ impl Row {
         self.table.row(self.row)
     }
 
+    /// The value of a column as a Python object.
     fn value<'py>(&self, py: Python<'py>, column: usize) -> PyResult<Bound<'py, PyAny>> {
         let cell = self.table.cell(self.row, column);
         let float = matches!(self.table.kind.columns()[column].kind, ColumnType::Float);

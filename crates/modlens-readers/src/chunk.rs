@@ -31,7 +31,7 @@ pub struct Chunk<'a> {
     pub line: u8,
     /// The bytes.
     pub bytes: &'a [u8],
-    /// When they were received.
+    /// The times at which they were received.
     pub times: Times<'a>,
     /// Who sent them, where the recording states it.
     pub side: Option<Side>,

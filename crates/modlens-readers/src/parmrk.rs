@@ -8,7 +8,7 @@
 /// The byte that begins a mark.
 const ESCAPE: u8 = 0xFF;
 
-/// What the bytes before were.
+/// What the last bytes were the beginning of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
     #[default]

@@ -31,6 +31,7 @@ impl Algorithm for Colon {
     }
 }
 
+/// All frames of a line.
 fn find_frames(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut start = None;

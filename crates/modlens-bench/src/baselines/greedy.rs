@@ -58,6 +58,7 @@ impl Algorithm for Scan {
     }
 }
 
+/// All frames of a line whose length the header predicts; the direction that the pairing expects is tried first.
 fn find_by_predicted_length(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut at = 0;
@@ -79,6 +80,7 @@ fn find_by_predicted_length(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Ve
     frames
 }
 
+/// All frames of a line, each of the shortest length that gives a valid CRC.
 fn find_by_all_lengths(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut at = 0;

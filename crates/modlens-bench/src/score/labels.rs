@@ -26,6 +26,7 @@ pub(crate) fn score(case: &Case, reported: &[ReportedFrame], matching: &Matching
     })
 }
 
+/// Scores a label that belongs to one frame; labels that the truth allows but does not require are not counted.
 fn score_by_frame(case: &Case, reported: &[ReportedFrame], matching: &Matching, label: Label) -> Tally {
     let wanted = case.truth.iter().filter(|frame| frame.valid && frame.labels.contains(label));
     let mut tally = Tally { wanted: wanted.count() as u64, ..Tally::default() };

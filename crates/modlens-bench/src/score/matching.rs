@@ -17,6 +17,7 @@ pub(crate) struct Matching {
 }
 
 impl Matching {
+    /// Matches the reports of an algorithm.
     pub(crate) fn new(case: &Case, reported: &[ReportedFrame]) -> Self {
         let valid = case.truth.iter().enumerate().filter(|(_, frame)| frame.valid);
         let mut places: HashMap<(u8, u64, u64), usize> =

@@ -98,6 +98,7 @@ impl Mixed {
         bulk.into_case(seed)
     }
 
+    /// Appends a request and its response, if there is one.
     fn transaction(&mut self, into: &mut Bulk) {
         self.txn += 1;
         into.transactions += 1;
@@ -121,6 +122,7 @@ impl Mixed {
         self.frame(Direction::Response, unit, &answer, 3e6, into);
     }
 
+    /// A random request: mostly the next one of the poll list, otherwise a write.
     fn request(&mut self) -> (u8, Vec<u8>) {
         // The weights are in units of 0.5 %: 85.5 % are reads of the poll list, the others functions 5, 6, 15, 16 and 23.
         let kind = self.rng.weighted(&[171, 5, 10, 2, 10, 2]);
@@ -169,6 +171,7 @@ impl Mixed {
         }
     }
 
+    /// Appends a frame after a silence in ns, with the damage of dirty traffic.
     fn frame(&mut self, direction: Direction, unit: u8, pdu: &[u8], silence: f64, into: &mut Bulk) {
         let mut wire = rtu(unit, pdu);
         let flipped = self.dirty && self.rng.chance(0.002);

@@ -49,6 +49,7 @@ fn settings(framing: Framing, rng: &mut Rng) -> Settings {
     }
 }
 
+/// 3 to 8 slaves with different units.
 fn slaves(scenario: &Scenario, rng: &mut Rng) -> Vec<Slave> {
     let mut slaves: Vec<Slave> = Vec::new();
     let count = rng.range(3, 8);

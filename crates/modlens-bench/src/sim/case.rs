@@ -74,7 +74,7 @@ pub struct Case {
 /// One read, as it is fed to an algorithm.
 #[derive(Clone, Copy, Debug)]
 pub struct TimedRead<'a> {
-    /// Which line.
+    /// The line: 0 for the only one, 1 and 2 for the lines A and B of a two-line tap.
     pub line: u8,
     /// Offset of the first byte in the line's stream.
     pub offset: u64,

@@ -180,6 +180,7 @@ impl<'a> Simulation<'a> {
         index
     }
 
+    /// A frame that is ready to be sent, without transaction.
     fn frame(&self, unit: u8, pdu: &[u8], direction: Direction, role: Role, lower_case: bool) -> SentFrame {
         SentFrame {
             wire: match self.scenario.framing {

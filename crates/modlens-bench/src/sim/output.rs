@@ -36,6 +36,7 @@ pub fn write_truth(case: &Case, to: &mut impl Write) -> io::Result<()> {
     case.truth.iter().try_for_each(|frame| writeln!(to, "{}", truth_row(frame)))
 }
 
+/// A frame of the truth as a JSON object; members that are false or empty are left out.
 fn truth_row(frame: &TruthFrame) -> String {
     let direction = if frame.direction == Direction::Request { "request" } else { "response" };
     let mut row = format!(

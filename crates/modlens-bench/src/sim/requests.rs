@@ -78,6 +78,7 @@ impl Bus {
         }
     }
 
+    /// A random PDU of a function; `slave` is the one that is addressed.
     fn operation(&mut self, slave: usize, function: u16, scenario: &Scenario, rng: &mut Rng) -> Vec<u8> {
         let zero_heavy = scenario.zero_heavy;
         let code = function as u8;

@@ -31,6 +31,7 @@ impl Bus {
 }
 
 impl Slave {
+    /// The PDU of a normal response to a request.
     fn answer(&mut self, request: &[u8], zero_heavy: bool, rng: &mut Rng) -> Vec<u8> {
         let code = request[0];
         match code {
@@ -89,6 +90,7 @@ impl Slave {
         (0..u32::from(count.div_ceil(8))).map(|at| self.registers.read(first + at, rng) as u8).collect()
     }
 
+    /// The response to a read of registers; slaves that violate the specification may return fewer than requested.
     fn registers_response(&mut self, code: u8, address: u16, asked: u16, rng: &mut Rng) -> Vec<u8> {
         let mut count = asked;
         if asked > MAX_REGISTERS {

@@ -87,6 +87,7 @@ fn line_id(line: usize, lines: usize) -> u8 {
     }
 }
 
+/// The position and condition of every sent frame, and the places where bytes are missing.
 fn spans(wire: &Wire) -> (Vec<Span>, Vec<Loss>) {
     let mut spans = vec![Span::default(); wire.frames.len()];
     let mut losses = Vec::new();
@@ -130,6 +131,7 @@ struct TruthBuilder<'a> {
 }
 
 impl TruthBuilder<'_> {
+    /// The truth about one frame.
     fn frame(&self, at: usize, sent: &SentFrame) -> TruthFrame {
         let span = &self.spans[at];
         let valid = self.valid(at);
@@ -216,6 +218,7 @@ impl TruthBuilder<'_> {
         (rules.required, rules.allowed)
     }
 
+    /// The labels of a request that follow from what came of it.
     fn request_labels(&self, at: usize, rules: &mut LabelRules) {
         let sent = &self.sent[at];
         match sent.outcome {

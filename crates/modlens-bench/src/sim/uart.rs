@@ -15,6 +15,7 @@ pub(crate) fn receive_with_wrong_settings(chars: &[(u8, i64)], sender: Settings,
     receive(&edges(chars, sender, inverted), 1e9 / f64::from(baud))
 }
 
+/// The level changes that a sender makes on the line.
 fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
     let bit_ns = 1e9 / f64::from(sender.baud);
     let mut edges: Vec<Edge> = Vec::with_capacity(6 * chars.len());
@@ -90,7 +91,7 @@ mod tests {
     #[test]
     fn half_and_double() {
         let settings = Settings { baud: 9600, data_bits: 8, has_even_parity: false };
-        // At twice the rate every bit is heard twice, so a character makes about two.
+        // At twice the rate every bit is sampled twice, so a character becomes about two.
         assert!(receive_with_wrong_settings(&chars(settings), settings, 19_200, false).len() > 300);
         assert!(receive_with_wrong_settings(&chars(settings), settings, 4800, false).len() < 200);
         assert!(!receive_with_wrong_settings(&chars(settings), settings, 9600, true).is_empty());

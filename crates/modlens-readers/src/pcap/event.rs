@@ -8,12 +8,12 @@ use crate::pcap::stream::StreamChunk;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
-/// Who repeats a packet.
+/// Why a packet repeats bytes that came before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Repetition {
-    /// The capture: it holds the same packet twice. Only the first one of a connection is reported.
+    /// The capture holds the same packet twice. Only the first one of a connection is reported.
     Duplicate,
-    /// The sender: TCP has sent the bytes again.
+    /// TCP has transmitted the bytes again.
     Retransmission,
 }
 
@@ -50,7 +50,7 @@ pub enum Event<'a> {
     Repetition {
         /// Slot of the connection.
         slot: usize,
-        /// Who repeats it.
+        /// Why it repeats them.
         kind: Repetition,
         /// Number of the packet.
         packet: u64,

@@ -103,7 +103,7 @@ pub struct Defaults {
     pub mode: Mode,
     /// The verdict on the frame.
     pub verdict: Verdict,
-    /// What delimited the frame.
+    /// The evidence that delimited the frame.
     pub delimited_by: DelimitedBy,
     /// The score margin in bits between the frame and the best rival hypothesis.
     pub confidence: u8,
@@ -126,7 +126,7 @@ pub struct FrameMetadata {
     pub verdict: Verdict,
     /// Whether it is a request or a response.
     pub direction: Direction,
-    /// What delimited the frame.
+    /// The evidence that delimited the frame.
     pub delimited_by: DelimitedBy,
 }
 

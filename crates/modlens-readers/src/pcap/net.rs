@@ -185,6 +185,7 @@ fn ip(data: &[u8], depth: usize, fragments: &mut Fragments, each: &mut dyn FnMut
     }
 }
 
+/// Parses an IPv4 packet; packets that the capture cut short are parsed as far as they go.
 fn ip4(data: &[u8]) -> Option<IpPacket<'_>> {
     let (slice, _) = LaxIpv4Slice::from_slice(data).ok()?;
     let (header, payload) = (slice.header(), slice.payload());
@@ -205,6 +206,7 @@ fn ip4(data: &[u8]) -> Option<IpPacket<'_>> {
     })
 }
 
+/// Parses an IPv6 packet with its extension headers; packets that the capture cut short are parsed as far as they go.
 fn ip6(data: &[u8]) -> Option<IpPacket<'_>> {
     let (slice, _) = LaxIpv6Slice::from_slice(data).ok()?;
     let (header, payload) = (slice.header(), slice.payload());

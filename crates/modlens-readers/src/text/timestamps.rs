@@ -200,7 +200,7 @@ impl TimestampParser {
     fn seconds_stamp<'a>(&mut self, line: &'a [u8]) -> Option<(Ns, &'a [u8])> {
         let length = line.iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
         let (text, rest) = line.split_at(length);
-        // A stamp has a fraction and is followed by a blank or colon; anything else may be bytes.
+        // A timestamp in seconds has a fraction and is followed by a space or punctuation; anything else may be bytes.
         if !text.contains(&b'.') || !matches!(rest.first(), None | Some(b' ' | b'\t' | b':' | b']' | b',' | b';' | b')')) {
             return None;
         }
