@@ -1,4 +1,10 @@
-//! What registers mean: profiles of devices, compiled to a plan that converts, and what values alone suggest.
+//! What registers mean: device profiles, their compilation to a plan that converts registers to values, and what can be
+//! learnt about registers from their values alone.
+//!
+//! - `profile` parses and checks profiles: which point (named value) stands at which address, with type, order and scale.
+//! - `points` compiles a profile to a plan. The plan splits a block of registers into points and converts them; this is
+//!   the only place where registers become values. It also follows `SunSpec` models and checks the order of registers.
+//! - `learn` ranks the types and orders that some registers may have, by how their values move over time.
 
 pub mod learn;
 pub mod points;

@@ -1,18 +1,19 @@
-//! Findings: one documented variant each. What was seen stands in the row; why it matters and what to check, here.
+//! The findings: one documented variant each, with its severity, why it matters and what to check. The detail of an
+//! occurrence stands in its row.
 
-/// How bad a finding is.
+/// The severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
-    /// Worth knowing.
+    /// Information.
     Info,
-    /// Works, but should not be so.
+    /// It works, but should be corrected.
     Warning,
-    /// Data was lost or refused.
+    /// Data was lost, damaged or refused.
     Error,
 }
 
 impl Severity {
-    /// As the `severity` column spells it.
+    /// The value of the `severity` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Info => "info",
@@ -25,28 +26,28 @@ impl Severity {
 /// The documentation of a finding.
 #[derive(Clone, Copy, Debug)]
 pub struct Doc {
-    /// The code, as columns and filters spell it.
+    /// Its code in columns and filters.
     pub code: &'static str,
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
-    /// What was seen, in a few words.
+    /// A short description.
     pub title: &'static str,
     /// Why it matters.
     pub why: &'static str,
     /// What to check.
     pub advice: &'static str,
-    /// Where the specification speaks of it.
+    /// The section of the specification.
     pub section: &'static str,
 }
 
 macro_rules! findings {
     ($($variant:ident $code:literal $severity:ident $title:literal $why:literal $advice:literal $section:literal;)*) => {
-        /// A finding. `Finding::doc` has the words.
+        /// A finding. `Finding::doc` describes it.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum Finding { $(#[doc = $title] $variant,)* }
 
         impl Finding {
-            /// All of them, in the order of this file.
+            /// All findings, in the order of this file.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
             /// Its documentation.

@@ -1,5 +1,14 @@
-//! What Modbus is, without any recording: the table of functions, PDUs, checksums, line settings, and the words for what a
-//! frame or a transaction turned out to be.
+//! What Modbus is, independent of any recording: the table of functions, PDUs, checksums and line settings, and the
+//! vocabulary for what a frame or a transaction turned out to be.
+//!
+//! - `functions` parses the table of functions (`dissectors/functions.toml`): the field layout of each request and
+//!   response, its limits, and the fields that a response repeats. `pdu` decodes and encodes PDUs by these layouts.
+//! - `direction` infers from a PDU, the layouts and the outstanding request who sent it. `recognize` tells RTU, ASCII and
+//!   TCP apart by checksums and headers, without framing.
+//! - `checksum` has CRC-16 and LRC, `mbap` the header of Modbus/TCP, `line` the settings of a serial line with the times
+//!   that follow from them.
+//! - `framing`, `status`, `finding`, `register_type` and `source` are the enumerations that rows consist of.
+//! - `decimal`, `hex` and `timestamp` append values as text; all readers and writers share them.
 
 pub mod checksum;
 pub mod decimal;
@@ -17,5 +26,6 @@ pub mod source;
 pub mod status;
 pub mod timestamp;
 
-/// Nanoseconds: since 1970 or since any beginning, as the bus's clock says.
+/// A time or a duration in nanoseconds. Times count from 1970 or from any other moment, depending on the clock of the
+/// bus (`source::Clock`).
 pub type Ns = i64;

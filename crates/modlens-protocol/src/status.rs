@@ -1,28 +1,28 @@
-//! How a transaction ended.
+//! The result of a transaction.
 
-/// How a transaction ended.
+/// The result of a transaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Status {
-    /// Answered.
+    /// The unit responded.
     Ok,
-    /// Refused.
+    /// The unit responded with an exception.
     Exception,
-    /// Not answered.
+    /// The unit did not respond.
     NoResponse,
-    /// Sent to all; no answer is due.
+    /// A broadcast: no unit responds.
     Broadcast,
     /// The request arrived damaged.
     BadRequest,
-    /// An answer came, but damaged.
+    /// A response arrived, but it is damaged.
     BadResponse,
-    /// A response that nobody asked for.
+    /// A response without a request.
     Unrequested,
-    /// The recording ended before an answer could show.
+    /// The recording does not show whether there was a response.
     NotSeen,
 }
 
 impl Status {
-    /// All of them.
+    /// All statuses.
     pub const ALL: [Self; 8] = [
         Self::Ok,
         Self::Exception,
@@ -34,7 +34,7 @@ impl Status {
         Self::NotSeen,
     ];
 
-    /// As the `status` column spells it.
+    /// The value of the `status` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Ok => "ok",

@@ -54,7 +54,7 @@ impl LatestValues {
         let index = part.compiled.map_or(u32::MAX, |(index, _)| index);
         let key = (bus.clone(), t.unit, part.space, part.address, index);
         let entry = self.entries.entry(key).or_default();
-        *(if part.write { &mut entry.writes } else { &mut entry.reads }) += 1;
+        *(if part.is_write { &mut entry.writes } else { &mut entry.reads }) += 1;
         self.newest = self.newest.max(t.elapsed);
         entry.elapsed = t.elapsed.or(entry.elapsed);
         // The value is converted to text only if its bytes have changed.

@@ -1,4 +1,11 @@
-//! Columns of the tables, filters over rows, and register maps collected from rows.
+//! The four tables (frames, transactions, readings, findings): how their columns are read from rows, filters over rows,
+//! and register maps collected from rows.
+//!
+//! - `columns` has one line per column. Writers, filters and the Python border see rows only through it.
+//! - `cell_text` is the text of a value, as in CSV; filters compare this text.
+//! - `predicate` evaluates filter expressions.
+//! - `latest_values` keeps the last value of every register and point, `register_survey` collects what a master reads and
+//!   writes, for a first profile of a device.
 
 pub mod cell_text;
 pub mod columns;

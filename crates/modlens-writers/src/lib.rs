@@ -1,4 +1,13 @@
-//! Rows as text, Arrow and captures, straight from the columns.
+//! Writes rows: as text, Arrow, Parquet and captures for programs, and as lines for people.
+//!
+//! - `lines` writes text formats with one row per line; `csv` and `jsonl` are its formats. `influx` and `zeek` write rows
+//!   for other programs in their own formats.
+//! - `arrow` and `files` build tables column by column.
+//! - `capture` writes frames as pcapng or pcap for Wireshark, `recording` the raw reads of a tap.
+//! - `view` lays rows out in columns for a terminal.
+//!
+//! `csv`, `jsonl` and the builders of arrays receive values through `CellSink`: the reader of a column is compiled
+//! together with each of these writers.
 
 pub mod arrow;
 pub mod capture;

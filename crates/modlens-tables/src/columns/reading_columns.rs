@@ -26,7 +26,7 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
     ("function", |b, r| Cell::Int(i64::from(txn(b, r).function))),
     ("register_type", |b, r| row_of(b, txn(b, r)).and_then(|row| row.register_type.as_deref()).map_or(Cell::Null, Cell::Text)),
     ("address", |_, r| Cell::Int(i64::from(r.entry.address))),
-    ("operation", |_, r| Cell::Word(if r.block.write { "write" } else { "read" })),
+    ("operation", |_, r| Cell::Word(if r.block.is_write { "write" } else { "read" })),
     ("status", |b, r| Cell::Word(txn(b, r).status.text())),
     ("raw", |b, r| raw(b, r).map_or(Cell::Null, Cell::Ints)),
     ("name", |b, r| compiled(b, r).map_or(Cell::Null, |compiled| Cell::Text(&compiled.name))),
@@ -48,8 +48,8 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
 pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
     let Some(bound) = &t.points else { return Cell::Null };
     let mut map = Map::new();
-    for write in [true, false] {
-        each_part(batch, t, write, |items, item, entry| {
+    for is_write in [true, false] {
+        each_part(batch, t, is_write, |items, item, entry| {
             let Some(compiled) = entry.compiled().map(|at| bound.plan.compiled_point(at)) else { return };
             let value = value_of(items, item, bound, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
@@ -83,7 +83,7 @@ fn txn<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a Transaction {
 /// The frame that carried the value: the request for a write, the response for a read.
 fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a FrameRef {
     let t = txn(batch, at);
-    if at.block.write {
+    if at.block.is_write {
         &t.request
     } else {
         &t.response
@@ -145,7 +145,7 @@ pub struct ReadingView<'a> {
     /// The address of its first register or bit.
     pub address: u16,
     /// Whether it was written rather than read.
-    pub write: bool,
+    pub is_write: bool,
     /// The compiled point and its index in the plan, if it has one.
     pub compiled: Option<(u32, &'a CompiledPoint)>,
     /// Its registers as on the wire; one byte for a bit.
@@ -168,8 +168,8 @@ impl ReadingView<'_> {
 pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
     for t in &batch.transactions {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
-        for write in [true, false] {
-            each_part(batch, t, write, |items, item, entry| {
+        for is_write in [true, false] {
+            each_part(batch, t, is_write, |items, item, entry| {
                 let compiled = entry.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
                 let Some(items) = slice_of(items, item, width) else { return };
@@ -178,7 +178,7 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
                     Items::One(number) if !space.is_bits() => (number as u16).to_be_bytes().to_vec(),
                     bit => vec![bit.get(0) as u8],
                 };
-                visit(ReadingView { transaction: t, space, address: entry.address, write, compiled, raw });
+                visit(ReadingView { transaction: t, space, address: entry.address, is_write, compiled, raw });
             });
         }
     }

@@ -17,7 +17,7 @@ pub(super) struct ReadingBlock {
     /// Index of the transaction in `Batch::transactions`.
     pub txn: u32,
     /// Whether they were written rather than read.
-    pub write: bool,
+    pub is_write: bool,
     /// The address of the first register or bit.
     pub first: u16,
     data: Data,
@@ -124,8 +124,8 @@ impl ReadingRows {
                 Operation::ReadWrite => &[true, false],
                 Operation::Other => &[],
             };
-            for &write in sides {
-                let block = if write { exchange.written(batch) } else { exchange.read(batch) };
+            for &is_write in sides {
+                let block = if is_write { exchange.written(batch) } else { exchange.read(batch) };
                 let Some((first, items)) = block else { continue };
                 let data = match items {
                     Items::Words(bytes) => Data::Words(batch.span_of(bytes)),
@@ -133,7 +133,7 @@ impl ReadingRows {
                     Items::One(value) if space.is_some_and(Space::is_bits) => Data::Coil(value),
                     Items::One(value) => Data::Register(value),
                 };
-                all.blocks.push(ReadingBlock { txn: txn as u32, write, first, data });
+                all.blocks.push(ReadingBlock { txn: txn as u32, is_write, first, data });
                 all.add_block_rows(plan, first, items.len());
             }
         }
@@ -278,9 +278,14 @@ fn bare_numbers(items: &Items<'_>, place: u16, count: usize, buffer: &mut Number
 
 /// Calls `part` for each value, bare register and bit that a transaction wrote or read: with the values of the block,
 /// the index of the first register or bit, and the layout entry.
-pub(super) fn each_part<'a>(batch: &'a Batch, t: &Transaction, write: bool, mut part: impl FnMut(&Items<'a>, u16, LayoutEntry)) {
+pub(super) fn each_part<'a>(
+    batch: &'a Batch,
+    t: &Transaction,
+    is_write: bool,
+    mut part: impl FnMut(&Items<'a>, u16, LayoutEntry),
+) {
     let exchange = TransactionView::new(batch, t);
-    let block = if write { exchange.written(batch) } else { exchange.read(batch) };
+    let block = if is_write { exchange.written(batch) } else { exchange.read(batch) };
     let Some((first, items)) = block else { return };
     let space = exchange.space();
     let mut part_at = |entry: LayoutEntry| part(&items, entry.address.wrapping_sub(first), entry);
