@@ -1,6 +1,6 @@
 """Texts of cells in small tables: buses, functions, times in milliseconds.
 
-The cells of the tables of rows are made in the core (view/cells.rs).
+The cells of the tables of rows are made in the core (view/cell_texts.rs).
 """
 
 from __future__ import annotations

@@ -240,7 +240,7 @@ impl Grid {
             match cell {
                 CellContent::Run(pieces) => push_run(&pieces, room, &mut parts),
                 CellContent::ValueList(values) => {
-                    parts.push((fit_to_width(values.fitting_text(room), &column.head, room), style))
+                    parts.push((fit_to_width(values.fitting_text(room), &column.head, room), style));
                 }
                 CellContent::Text(text) => parts.push((fit_to_width(text, &column.head, room), style)),
             }
