@@ -42,9 +42,9 @@ impl Session {
         let Some(mut state) = self.captures[capture].take() else { return };
         let mut reader = std::mem::take(&mut state.reader);
         let functions = Arc::clone(&self.functions);
-        reader.push(&functions, block, &mut |event| self.event(&mut state, event));
+        reader.push(&functions, block, &mut |event| self.handle_event(&mut state, event));
         if last {
-            reader.finish(&functions, &mut |event| self.event(&mut state, event));
+            reader.finish(&functions, &mut |event| self.handle_event(&mut state, event));
             self.end_reimport(&mut state.reimport);
         }
         self.decide_waiting();
@@ -63,23 +63,16 @@ impl Session {
         })
     }
 
-    /// Handles one event of the capture's reader. Everything but further bytes changes how undecided bytes are decided, so
-    /// these are decided first.
-    fn event(&mut self, state: &mut CaptureState, event: Event<'_>) {
+    /// Handles one event of the capture's reader.
+    ///
+    /// Further bytes of the same connection may be decided together with those before them (`feed_later`). Any other event
+    /// would change how these are decided, so they are decided first.
+    fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         if !matches!(event, Event::Time(..) | Event::Bytes { .. }) {
             self.decide_waiting();
         }
         match event {
-            Event::Time(time, by) => {
-                if state.clock == Clock::None {
-                    let guess = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
-                    state.clock = by.own.as_ref().map_or(guess, |port| port.clock);
-                }
-                state.resolution = state.resolution.max(by.resolution);
-                if by.own.is_none() {
-                    self.origin.get_or_insert(time);
-                }
-            }
+            Event::Time(time, interface) => self.note_time(state, time, interface),
             Event::Opened { slot, client, server, mode } => self.add_connection(state, slot, client, server, mode),
             Event::Bytes { slot, from_client, chunk, is_whole_message, server_side_recorded } => {
                 if let Some(&Some(bus)) = state.slots.get(slot) {
@@ -102,16 +95,29 @@ impl Session {
                     self.retired.push(bus);
                 }
             }
-            Event::Line { interface, by, content, errors, packet, time } => {
-                let bus = self.serial_bus(state, interface, by);
-                let line = by.own.as_ref().map_or(0, |port| port.line);
-                // A tap receives everything, so that its word `received` does not tell who has sent the bytes.
-                let side = content.side.filter(|_| by.own.is_none());
+            Event::Line { interface: index, by: interface, content, errors, packet, time } => {
+                let bus = self.serial_bus(state, index, interface);
+                let line = interface.own.as_ref().map_or(0, |port| port.line);
+                // A tap of modlens receives everything, so that its word `received` does not tell who has sent the bytes.
+                let side = content.side.filter(|_| interface.own.is_none());
                 self.feed_serial(bus, line, &SerialContent { side, ..content }, &errors, packet, time);
             }
-            Event::Reimported { by, metadata, packet, time, .. } => {
-                self.reimport_packet(&mut state.reimport, &state.options, by, &metadata, packet, time);
+            Event::Reimported { by: interface, metadata, packet, time, .. } => {
+                self.reimport_packet(&mut state.reimport, &state.options, interface, &metadata, packet, time);
             }
+        }
+    }
+
+    /// Learns the clock of a capture from the time of a packet. The recording begins with the first packet, unless modlens
+    /// wrote the capture: then the metadata of the port say when it began.
+    fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
+        if state.clock == Clock::None {
+            let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
+            state.clock = interface.own.as_ref().map_or(by_time, |port| port.clock);
+        }
+        state.resolution = state.resolution.max(interface.resolution);
+        if interface.own.is_none() {
+            self.origin.get_or_insert(time);
         }
     }
 
@@ -149,20 +155,20 @@ impl Session {
     }
 
     /// Feeds bytes of a connection, in order.
-    fn feed_stream(&mut self, bus: usize, from_client: bool, piece: &StreamChunk<'_>, is_whole_message: bool) {
-        if piece.missing > 0 {
+    fn feed_stream(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
+        if received.missing > 0 {
             self.buses[bus].pairing.note_missing_bytes();
-            let finding = findings::connection::missing_bytes(piece.missing, piece.packet);
-            self.emit_connection_finding(bus, finding, piece.packet, piece.time);
+            let finding = findings::connection::missing_bytes(received.missing, received.packet);
+            self.emit_connection_finding(bus, finding, received.packet, received.time);
         }
         let chunk = Chunk {
-            bytes: piece.bytes,
+            bytes: received.bytes,
             line: if from_client { FROM_CLIENT } else { FROM_SERVER },
-            times: piece.time.map_or(Times::None, Times::Read),
+            times: received.time.map_or(Times::None, Times::Read),
             side: Some(if from_client { Side::Sent } else { Side::Received }),
             starts_record: is_whole_message,
-            follows_loss: piece.missing > 0,
-            origin: piece.packet,
+            follows_loss: received.missing > 0,
+            origin: received.packet,
             ..Chunk::default()
         };
         self.feed_later(bus, &chunk);
@@ -188,24 +194,25 @@ impl Session {
     }
 
     /// The bus of a serial interface, which is added if it is new.
-    fn serial_bus(&mut self, state: &mut CaptureState, interface: usize, by: &Interface) -> usize {
-        if state.lines.len() <= interface {
-            state.lines.resize(interface + 1, None);
+    fn serial_bus(&mut self, state: &mut CaptureState, index: usize, interface: &Interface) -> usize {
+        if state.lines.len() <= index {
+            state.lines.resize(index + 1, None);
         }
-        if let Some(bus) = state.lines[interface] {
+        if let Some(bus) = state.lines[index] {
             return bus;
         }
-        let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &by.own {
+        let bus = if let Some(port @ PortMetadata { recording: Some(segment), .. }) = &interface.own {
             self.recorded_bus(state, port, segment)
         } else {
-            let name = by.name.clone().unwrap_or_else(|| state.options.source.clone());
+            let name = interface.name.clone().unwrap_or_else(|| state.options.source.clone());
             let source = state.options.source.clone();
             self.add_serial(state, name, (source, Place::Packet), state.options.line)
         };
-        state.lines[interface] = Some(bus);
+        state.lines[index] = Some(bus);
         bus
     }
 
+    /// Adds the bus of a serial interface.
     fn add_serial(
         &mut self,
         state: &CaptureState,

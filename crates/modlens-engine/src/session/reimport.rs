@@ -44,17 +44,17 @@ impl Session {
         &mut self,
         reimport: &mut ReimportState,
         options: &CaptureOptions,
-        by: &Interface,
+        interface: &Interface,
         metadata: &PacketMetadata<'_>,
         packet: u64,
         time: Option<Ns>,
     ) {
-        let Some(port) = &by.own else { return };
+        let Some(port) = &interface.own else { return };
         let in_frame = || value(metadata.frame, "origin_ns").and_then(|text| text.parse().ok());
         if let Some(origin) = port.origin.or_else(in_frame) {
             self.origin.get_or_insert(origin);
         }
-        let bus = self.reimport_bus(reimport, options, by, metadata.frame);
+        let bus = self.reimport_bus(reimport, options, interface, metadata.frame);
         let frame = self.reimport_frame(reimport, (bus, port.line), metadata, packet, time);
         let mut codes = finding_codes(metadata.frame);
         let mut other_findings = Vec::new();
@@ -76,8 +76,14 @@ impl Session {
     }
 
     /// The bus of a packet, which is added if it is new.
-    fn reimport_bus(&mut self, reimport: &mut ReimportState, options: &CaptureOptions, by: &Interface, text: &str) -> usize {
-        let Some(port) = &by.own else { return 0 };
+    fn reimport_bus(
+        &mut self,
+        reimport: &mut ReimportState,
+        options: &CaptureOptions,
+        interface: &Interface,
+        text: &str,
+    ) -> usize {
+        let Some(port) = &interface.own else { return 0 };
         let connection = number(text, "connection");
         if let Some((_, bus)) = reimport.buses.iter().rev().find(|((name, of), _)| *of == connection && *name == port.name) {
             return *bus;
