@@ -71,7 +71,7 @@ impl Session {
         if self.wanted.transactions {
             let binary_pdus =
                 || [pdu_span(*mode, wires[0], expected.request_bytes), pdu_span(*mode, wires[1], expected.response_bytes)];
-            let points = state.profiles.of(expected.unit);
+            let points = state.profiles.of_unit(expected.unit);
             self.held.push(rows.transaction(points, pdus.unwrap_or_else(binary_pdus), no_findings));
         }
     }

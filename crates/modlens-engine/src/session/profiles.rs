@@ -27,9 +27,9 @@ pub(crate) struct Profiles {
     /// The profile of each unit with the scale factors known by now; empty while no unit has one.
     by_unit: Vec<Option<Arc<PlanInstance>>>,
     /// The `SunSpec` models of units that the user gave no profile for, as far as they have been read.
-    chains: HashMap<u8, Chain>,
+    sunspec_chains: HashMap<u8, Chain>,
     /// For each unit, the check of the profile's order of bytes against the values.
-    watches: Vec<OrderCheck>,
+    order_checks: Vec<OrderCheck>,
 }
 
 impl Profiles {
@@ -58,72 +58,80 @@ impl Profiles {
         if self.by_unit.get(usize::from(unit)).is_none_or(Option::is_none) {
             let (_, first, bytes) = read().filter(|(space, ..)| *space == Space::Holding)?;
             self.discover(unit, first, bytes)?;
-        } else if !self.chains.is_empty() && self.chains.contains_key(&unit) {
+        } else if !self.sunspec_chains.is_empty() && self.sunspec_chains.contains_key(&unit) {
             if let Some((Space::Holding, first, bytes)) = read() {
                 self.discover(unit, first, bytes);
             }
         }
-        let bound = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
-        findings::profile::function(&bound.plan, transaction, found);
-        let watch = &mut self.watches[usize::from(unit)];
-        if bound.has_factors() || !watch.done(&bound.plan) {
+        let instance = self.by_unit.get_mut(usize::from(unit))?.as_mut()?;
+        findings::profile::function(&instance.plan, transaction, found);
+        let order_check = &mut self.order_checks[usize::from(unit)];
+        if instance.has_factors() || !order_check.done(&instance.plan) {
             if let Some((space, first, bytes)) = read() {
-                for mismatch in watch.add_and_judge(&bound.plan, space, first, bytes) {
-                    findings::profile::order(&bound.plan, &mismatch, found);
+                for mismatch in order_check.add_and_judge(&instance.plan, space, first, bytes) {
+                    findings::profile::order(&instance.plan, &mismatch, found);
                 }
-                if let Some(changed) = bound.with_factors_from(space, first, bytes) {
-                    *bound = Arc::new(changed);
+                if let Some(changed) = instance.with_factors_from(space, first, bytes) {
+                    *instance = Arc::new(changed);
                 }
             }
         }
-        Some(Arc::clone(bound))
+        Some(Arc::clone(instance))
     }
 
     /// Learns from a transaction on the fast path; `false` if it would give a finding or change the profile, so that it
     /// has to go through `apply`. `request` begins with the unit, `block` are the registers read, if any were.
     #[inline]
     pub(crate) fn learn_quietly(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
-        self.by_unit.is_empty() || self.take_block(functions, request, block)
+        self.by_unit.is_empty() || self.learn_block(functions, request, block)
     }
 
-    fn take_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
+    /// The part of `learn_quietly` for buses with profiles: learns scale factors and the order of bytes from the block.
+    fn learn_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         let [unit, code, high, low, ..] = *request else { return false };
-        let Some(bound) = &self.by_unit[usize::from(unit)] else { return !self.chains.contains_key(&unit) };
-        let (plan, first, watch) = (&bound.plan, u16::from_be_bytes([high, low]), &mut self.watches[usize::from(unit)]);
+        let Some(instance) = &self.by_unit[usize::from(unit)] else { return !self.sunspec_chains.contains_key(&unit) };
+        let (plan, first, order_check) =
+            (&instance.plan, u16::from_be_bytes([high, low]), &mut self.order_checks[usize::from(unit)]);
         let listed = &plan.profile.device.functions;
-        if self.chains.contains_key(&unit) || !(listed.is_empty() || listed.contains(&code)) {
+        if self.sunspec_chains.contains_key(&unit) || !(listed.is_empty() || listed.contains(&code)) {
             return false;
         }
-        let Some(block) = block.filter(|_| bound.has_factors() || !watch.done(plan)) else { return true };
+        let Some(block) = block.filter(|_| instance.has_factors() || !order_check.done(plan)) else { return true };
         let space = functions.row(code, &request[2..]).and_then(|row| row.space);
-        let mut changes_nothing =
-            |space| bound.with_factors_from(space, first, block).is_none() && watch.add_unless_ready(plan, space, first, block);
+        let mut changes_nothing = |space| {
+            instance.with_factors_from(space, first, block).is_none() && order_check.add_unless_ready(plan, space, first, block)
+        };
         space.is_some_and(|space| space.is_bits() || changes_nothing(space))
     }
 
     /// The profile of a unit.
     #[inline]
-    pub(crate) fn of(&self, unit: u8) -> Option<Arc<PlanInstance>> {
+    pub(crate) fn of_unit(&self, unit: u8) -> Option<Arc<PlanInstance>> {
         self.by_unit.get(usize::from(unit))?.clone()
     }
 
+    /// Makes room for the profiles of all units, before the first one is set.
     fn make_room(&mut self) {
         self.by_unit.resize(256, None);
-        self.watches.resize_with(256, OrderCheck::default);
+        self.order_checks.resize_with(256, OrderCheck::default);
     }
 
     /// Looks for `SunSpec` models in a block of registers; `None` if the unit has no profile by then.
+    ///
+    /// A device begins its models with a marker in a fixed register, and each model gives the length to the next one. What
+    /// has been read of them so far is compiled to a profile, again whenever a further model is found.
     fn discover(&mut self, unit: u8, first: u16, bytes: &[u8]) -> Option<()> {
-        if marker(first, bytes).is_none() && (self.chains.is_empty() || !self.chains.contains_key(&unit)) {
+        if marker(first, bytes).is_none() && (self.sunspec_chains.is_empty() || !self.sunspec_chains.contains_key(&unit)) {
             return None;
         }
-        if self.chains.entry(unit).or_default().follow(first, bytes) {
-            let plan = Arc::new(Plan::new(self.chains[&unit].profile()));
+        if self.sunspec_chains.entry(unit).or_default().follow(first, bytes) {
+            let plan = Arc::new(Plan::new(self.sunspec_chains[&unit].profile()));
             self.make_room();
             let slot = &mut self.by_unit[usize::from(unit)];
-            let bound = slot.as_ref().map_or_else(|| PlanInstance::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
-            *slot = Some(Arc::new(bound));
-            self.watches[usize::from(unit)] = OrderCheck::default();
+            let instance =
+                slot.as_ref().map_or_else(|| PlanInstance::new(Arc::clone(&plan)), |old| old.extended(Arc::clone(&plan)));
+            *slot = Some(Arc::new(instance));
+            self.order_checks[usize::from(unit)] = OrderCheck::default();
         }
         self.by_unit.get(usize::from(unit))?.as_ref().map(|_| ())
     }
