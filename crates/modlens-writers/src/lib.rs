@@ -8,6 +8,10 @@
 //!
 //! `csv`, `jsonl` and the builders of arrays receive values through `CellSink`: the reader of a column is compiled
 //! together with each of these writers.
+//!
+//! Captures are Modbus/UDP inside exported PDUs, because Wireshark's RTU dissector guesses who speaks and leaves most
+//! functions undecoded; `capture::payload` says how. What most frames have is not said in a capture
+//! (`modlens_readers::pcap::metadata::DEFAULTS`). Files go out in pieces of 64 KiB, made in the same memory again.
 
 pub mod arrow;
 pub mod capture;
