@@ -65,8 +65,8 @@ impl LatestValues {
         entry.raw.clone_from(&part.raw);
         if let Some((_, compiled)) = part.compiled {
             entry.name = Some(compiled.name.clone());
-            let bound = t.points.as_ref().expect("a value has a plan");
-            entry.unit_of_measure.clone_from(&bound.plan.point(compiled).unit);
+            let instance = t.points.as_ref().expect("a value has a plan");
+            entry.unit_of_measure.clone_from(&instance.plan.point(compiled).unit);
         }
         let value = part.value();
         (entry.text, entry.number) = (value.text(), value.number());

@@ -93,10 +93,10 @@ proptest! {
     #[test]
     fn a_block_is_what_its_values_say(plan in profiles(), first in 0..400u16, count in 0..126usize) {
         let mut found = Vec::new();
-        plan.block(Space::Holding, first, count, |step| found.push((step.address, step.compiled())));
+        plan.block(Space::Holding, first, count, |step| found.push((step.address, step.compiled_index())));
         prop_assert_eq!(found, slow(&plan, usize::from(first), count));
         let mut other = 0;
-        plan.block(Space::Input, first, count, |step| other += usize::from(step.compiled().is_none()));
+        plan.block(Space::Input, first, count, |step| other += usize::from(step.compiled_index().is_none()));
         prop_assert_eq!(other, count);
     }
 
@@ -118,7 +118,7 @@ proptest! {
         bound.numbers(&steps, 0, &bytes, &mut NumberBuffer::default(), |some| numbers.extend_from_slice(some));
         for (step, number) in steps.iter().zip(numbers) {
             let at = 2 * usize::from(step.address);
-            let expected = match step.compiled().map(|index| plan.compiled_point(index)) {
+            let expected = match step.compiled_index().map(|index| plan.compiled_point(index)) {
                 None => Some(f64::from(words[usize::from(step.address)])),
                 Some(value) => bound.value(value, &bytes[at..at + 2 * usize::from(value.width)]).number(),
             };

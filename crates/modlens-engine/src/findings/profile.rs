@@ -17,7 +17,7 @@ pub(crate) fn function(plan: &Plan, transaction: &PendingTransaction, found: &mu
 
 /// Words a point whose values make sense only in another order of bytes than the profile declares.
 pub(crate) fn order(plan: &Plan, mismatch: &Mismatch, found: &mut Found) {
-    let compiled = plan.compiled_point(mismatch.compiled);
+    let compiled = plan.compiled_point(mismatch.compiled_index);
     let declared = plan.point(compiled).order.word();
     let detail = words::order_mismatch(&compiled.name, mismatch.order.word(), declared, &mismatch.reason);
     found.push((Finding::OrderMismatch, detail));

@@ -29,7 +29,7 @@ impl LayoutEntry {
 
     /// Index of its value in the plan; `None` for a bare register or bit.
     #[inline]
-    pub fn compiled(self) -> Option<u32> {
+    pub fn compiled_index(self) -> Option<u32> {
         (self.compiled != u32::MAX).then_some(self.compiled)
     }
 }

@@ -74,7 +74,7 @@ pub struct MultiRegisterPoint {
     /// The number of registers that it takes.
     pub width: u16,
     /// Index of the value in the plan.
-    pub compiled: u32,
+    pub compiled_index: u32,
 }
 
 /// A plan as it applies to one unit at one moment: with the scale factors that were last read from the unit.
@@ -144,10 +144,10 @@ impl Plan {
     }
 
     /// The value as a `MultiRegisterPoint`, if it is a number of several registers.
-    fn multi_register_point(&self, compiled: u32) -> Option<MultiRegisterPoint> {
-        let value = self.compiled_point(compiled);
+    fn multi_register_point(&self, compiled_index: u32) -> Option<MultiRegisterPoint> {
+        let value = self.compiled_point(compiled_index);
         let point = self.point(value);
-        let candidate = MultiRegisterPoint { space: point.space, address: value.address, width: value.width, compiled };
+        let candidate = MultiRegisterPoint { space: point.space, address: value.address, width: value.width, compiled_index };
         (value.width > 1 && point.kind.is_number()).then_some(candidate)
     }
 
@@ -291,7 +291,7 @@ impl PlanInstance {
     /// The number of an entry by the general path through a `Value`, for points that the fast decoders do not cover.
     #[cold]
     fn long_number(&self, entry: LayoutEntry, bytes: &[u8], at: usize) -> f64 {
-        let compiled = entry.compiled().map(|index| self.plan.compiled_point(index));
+        let compiled = entry.compiled_index().map(|index| self.plan.compiled_point(index));
         let registers = compiled.and_then(|value| Some((value, bytes.get(at..at + 2 * usize::from(value.width))?)));
         registers.and_then(|(value, bytes)| self.value(value, bytes).number()).unwrap_or(NO_NUMBER)
     }
@@ -386,7 +386,7 @@ mod tests {
     fn entries(plan: &Plan, first: u16, count: usize) -> Vec<(u16, Option<String>)> {
         let mut found = Vec::new();
         plan.block(Space::Holding, first, count, |entry| {
-            found.push((entry.address - first, entry.compiled().map(|at| plan.compiled_point(at).name.clone())));
+            found.push((entry.address - first, entry.compiled_index().map(|at| plan.compiled_point(at).name.clone())));
         });
         found
     }
@@ -409,21 +409,21 @@ mod tests {
         let names: Vec<_> = entries(&plan, 5, 3).into_iter().map(|(item, name)| (item, name.unwrap())).collect();
         let expected = [(0, "run"), (0, "mode"), (1, "t[0]"), (2, "t[1]")];
         assert_eq!(names, expected.map(|(item, name)| (item, name.to_owned())));
-        let bound = PlanInstance::new(Arc::clone(&plan));
+        let instance = PlanInstance::new(Arc::clone(&plan));
         let mode = plan.compiled_points().iter().find(|value| value.name == "mode").unwrap();
-        assert_eq!(bound.value(mode, &[0x00, 0b0101_0001]), Value::Decimal(5, 0));
+        assert_eq!(instance.value(mode, &[0x00, 0b0101_0001]), Value::Decimal(5, 0));
     }
 
     #[test]
     fn a_scaled_value_is_missing_until_its_factor_was_read() {
         let plan =
             plan("[[registers]]\nat='hr:1'\nname='w'\nsf='w_sf'\n[[registers]]\nat='hr:2'\nname='w_sf'\ntype='s16'\nnan=0x8000");
-        let bound = PlanInstance::new(Arc::clone(&plan));
+        let instance = PlanInstance::new(Arc::clone(&plan));
         let w = &plan.compiled_points()[0];
-        assert_eq!(bound.value(w, &[0, 214]), Value::Missing);
-        let bound = bound.with_factors_from(Space::Holding, 1, &[0, 214, 0xFF, 0xFF]).unwrap();
-        assert_eq!(bound.value(w, &[0, 214]), Value::Decimal(214, -1));
-        assert!(bound.with_factors_from(Space::Holding, 1, &[0, 7, 0xFF, 0xFF]).is_none());
-        assert_eq!(bound.with_factors_from(Space::Holding, 2, &[0x80, 0]).unwrap().value(w, &[0, 214]), Value::Missing);
+        assert_eq!(instance.value(w, &[0, 214]), Value::Missing);
+        let instance = instance.with_factors_from(Space::Holding, 1, &[0, 214, 0xFF, 0xFF]).unwrap();
+        assert_eq!(instance.value(w, &[0, 214]), Value::Decimal(214, -1));
+        assert!(instance.with_factors_from(Space::Holding, 1, &[0, 7, 0xFF, 0xFF]).is_none());
+        assert_eq!(instance.with_factors_from(Space::Holding, 2, &[0x80, 0]).unwrap().value(w, &[0, 214]), Value::Missing);
     }
 }

@@ -40,7 +40,7 @@ struct Samples {
 /// A point whose values make sense in another order than the profile's.
 pub struct Mismatch {
     /// Index of the value in the plan.
-    pub compiled: u32,
+    pub compiled_index: u32,
     /// The order in which its values make sense.
     pub order: Order,
     /// The evidence for that order, as text.
@@ -161,7 +161,7 @@ impl Samples {
     /// The orders that are ruled out for a float once this sample is added (as in `implausible_orders`), and whether there are then
     /// enough samples to judge.
     fn after_adding(&self, plan: &Plan, wide_point: &MultiRegisterPoint, block: &[u8]) -> (u8, bool) {
-        let point = plan.point(plan.compiled_point(wide_point.compiled));
+        let point = plan.point(plan.compiled_point(wide_point.compiled_index));
         let mut implausible_orders = self.implausible_orders;
         if is_float(point.kind) {
             implausible_orders |= 1 << point.order as u8;
@@ -191,7 +191,7 @@ impl Samples {
     fn mismatch(&self, plan: &Plan, wide_point: &MultiRegisterPoint) -> Option<Mismatch> {
         let enough = self.registers.len() >= ENOUGH_SAMPLES * usize::from(wide_point.width);
         let rows: Vec<&[u16]> = self.registers.chunks_exact(usize::from(wide_point.width)).filter(|_| enough).collect();
-        let point = plan.point(plan.compiled_point(wide_point.compiled));
+        let point = plan.point(plan.compiled_point(wide_point.compiled_index));
         let hypotheses = rank_types(&rows, 0.0, None);
         let best = hypotheses.first().filter(|hypothesis| hypothesis.is_certain && hypothesis.order != point.order)?;
         // The profile's type is taken for granted; only the order is judged. So a float is not compared with readings
@@ -200,7 +200,7 @@ impl Samples {
         let profile_order_comes_close =
             hypotheses.iter().any(|hypothesis| hypothesis.order == point.order && hypothesis.bits + 6.0 > best.bits);
         (same_kind_of_number && !profile_order_comes_close).then(|| Mismatch {
-            compiled: wide_point.compiled,
+            compiled_index: wide_point.compiled_index,
             order: best.order,
             reason: best.reason.clone(),
         })

@@ -39,19 +39,19 @@ pub(super) const READINGS: &[(&str, ReadItem)] = &[
         Some(value) => Cell::Value(value),
     }),
     ("unit_of_measure", |b, r| {
-        let unit = point_of(b, r).and_then(|(bound, compiled)| bound.plan.point(compiled).unit.as_deref());
+        let unit = point_of(b, r).and_then(|(instance, compiled)| instance.plan.point(compiled).unit.as_deref());
         unit.map_or(Cell::Null, Cell::Text)
     }),
 ];
 
 /// The named values of a transaction as a JSON object, those written first; null if there are none.
 pub(super) fn named<'a>(batch: &'a Batch, t: &'a Transaction) -> Cell<'a> {
-    let Some(bound) = &t.points else { return Cell::Null };
+    let Some(instance) = &t.points else { return Cell::Null };
     let mut map = Map::new();
     for is_write in [true, false] {
         each_part(batch, t, is_write, |items, item, entry| {
-            let Some(compiled) = entry.compiled().map(|at| bound.plan.compiled_point(at)) else { return };
-            let value = value_of(items, item, bound, compiled);
+            let Some(compiled) = entry.compiled_index().map(|at| instance.plan.compiled_point(at)) else { return };
+            let value = value_of(items, item, instance, compiled);
             map.insert(compiled.name.clone(), value.map_or(Json::Null, |value| json(&value)));
         });
     }
@@ -92,8 +92,8 @@ fn half<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> &'a FrameRef {
 
 /// The plan and the point of a row, if a profile has one for it.
 fn point_of<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<(&'a PlanInstance, &'a CompiledPoint)> {
-    let (index, bound) = (at.entry.compiled()?, txn(batch, at).points.as_deref()?);
-    Some((bound, bound.plan.compiled_point(index)))
+    let (index, instance) = (at.entry.compiled_index()?, txn(batch, at).points.as_deref()?);
+    Some((instance, instance.plan.compiled_point(index)))
 }
 
 fn compiled<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<&'a CompiledPoint> {
@@ -119,19 +119,21 @@ fn slice_of<'a>(items: &Items<'a>, item: u16, width: u16) -> Option<Items<'a>> {
 }
 
 /// The value of a point at index `item` of a block.
-fn value_of<'p>(items: &Items<'_>, item: u16, bound: &'p PlanInstance, point: &'p CompiledPoint) -> Option<Value<'p>> {
+fn value_of<'p>(items: &Items<'_>, item: u16, instance: &'p PlanInstance, point: &'p CompiledPoint) -> Option<Value<'p>> {
     Some(match slice_of(items, item, point.width)? {
-        Items::Words(bytes) => bound.value(point, bytes),
+        Items::Words(bytes) => instance.value(point, bytes),
         // The register of a single write is stored as a number.
-        Items::One(number) if !bound.plan.point(point).space.is_bits() => bound.value(point, &(number as u16).to_be_bytes()),
-        bit => bound.bit(point, bit.get(0)),
+        Items::One(number) if !instance.plan.point(point).space.is_bits() => {
+            instance.value(point, &(number as u16).to_be_bytes())
+        }
+        bit => instance.bit(point, bit.get(0)),
     })
 }
 
 /// The value of a row: that of its point, or the bare register or bit.
 fn value<'a>(batch: &'a Batch, at: ReadingRef<'_>) -> Option<Value<'a>> {
     match point_of(batch, at) {
-        Some((bound, compiled)) => value_of(&at.block.items(batch), at.index_in_block() as u16, bound, compiled),
+        Some((instance, compiled)) => value_of(&at.block.items(batch), at.index_in_block() as u16, instance, compiled),
         None => raw(batch, at).map(|items| Value::Decimal(i128::from(items.get(0)), 0)),
     }
 }
@@ -155,10 +157,10 @@ pub struct ReadingView<'a> {
 impl ReadingView<'_> {
     /// The converted value.
     pub fn value(&self) -> Value<'_> {
-        let bound = self.transaction.points.as_deref();
-        match (self.compiled, bound, &self.raw[..]) {
-            (Some((_, compiled)), Some(bound), [bit]) => bound.bit(compiled, i32::from(*bit)),
-            (Some((_, compiled)), Some(bound), bytes) => bound.value(compiled, bytes),
+        let instance = self.transaction.points.as_deref();
+        match (self.compiled, instance, &self.raw[..]) {
+            (Some((_, compiled)), Some(instance), [bit]) => instance.bit(compiled, i32::from(*bit)),
+            (Some((_, compiled)), Some(instance), bytes) => instance.value(compiled, bytes),
             (_, _, bytes) => Value::Decimal(bytes.iter().fold(0, |number, &byte| number << 8 | i128::from(byte)), 0),
         }
     }
@@ -170,7 +172,7 @@ pub fn each_value(batch: &Batch, mut visit: impl FnMut(ReadingView<'_>)) {
         let Some(space) = row_of(batch, t).and_then(|row| row.space) else { continue };
         for is_write in [true, false] {
             each_part(batch, t, is_write, |items, item, entry| {
-                let compiled = entry.compiled().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
+                let compiled = entry.compiled_index().and_then(|at| Some((at, t.points.as_ref()?.plan.compiled_point(at))));
                 let width = compiled.map_or(1, |(_, compiled)| compiled.width);
                 let Some(items) = slice_of(items, item, width) else { return };
                 let raw = match items {

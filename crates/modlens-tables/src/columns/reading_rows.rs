@@ -117,7 +117,7 @@ impl ReadingRows {
         for (txn, t) in batch.transactions.iter().enumerate() {
             let exchange = TransactionView::new(batch, t);
             let space = exchange.space();
-            let plan = t.points.as_deref().zip(space).map(|(bound, space)| (&*bound.plan, space));
+            let plan = t.points.as_deref().zip(space).map(|(instance, space)| (&*instance.plan, space));
             let sides = match exchange.operation() {
                 Operation::Read => &[false][..],
                 Operation::Write => &[true],
@@ -194,7 +194,7 @@ impl ReadingRows {
         let entry = match run.entries {
             EntrySource::Bare(address) => LayoutEntry::bare(address.wrapping_add(index_in_run as u16)),
             EntrySource::Plan(from) => match &batch.transactions[block.txn as usize].points {
-                Some(bound) => bound.plan.entries()[(from + index_in_run) as usize],
+                Some(instance) => instance.plan.entries()[(from + index_in_run) as usize],
                 None => LayoutEntry::bare(block.first),
             },
             EntrySource::CutEntries(from) => all.cut_entries[(from + index_in_run) as usize],
@@ -239,18 +239,18 @@ impl AllRows {
     #[inline]
     fn run_numbers(&self, batch: &Batch, run: &Run, count: usize, buffer: &mut NumberBuffer, each: impl FnMut(&[f64])) {
         let block = &self.blocks[run.block as usize];
-        let bound = batch.transactions[block.txn as usize].points.as_deref();
+        let instance = batch.transactions[block.txn as usize].points.as_deref();
         let entries = match run.entries {
             EntrySource::Bare(address) => {
                 return bare_numbers(&block.items(batch), address.wrapping_sub(block.first), count, buffer, each)
             }
-            EntrySource::Plan(from) => bound.map_or(&[][..], |bound| &bound.plan.entries()[from as usize..][..count]),
+            EntrySource::Plan(from) => instance.map_or(&[][..], |instance| &instance.plan.entries()[from as usize..][..count]),
             EntrySource::CutEntries(from) => &self.cut_entries[from as usize..][..count],
         };
-        let Some(bound) = bound else { return };
+        let Some(instance) = instance else { return };
         match block.data {
-            Data::Words(span) => bound.numbers(entries, block.first, span.of(&batch.arena), buffer, each),
-            Data::Register(value) => bound.numbers(entries, block.first, &(value as u16).to_be_bytes(), buffer, each),
+            Data::Words(span) => instance.numbers(entries, block.first, span.of(&batch.arena), buffer, each),
+            Data::Register(value) => instance.numbers(entries, block.first, &(value as u16).to_be_bytes(), buffer, each),
             Data::Bits(..) | Data::Coil(_) => {
                 let items = block.items(batch);
                 let bit = |entry: &LayoutEntry| f64::from(items.get(usize::from(entry.address.wrapping_sub(block.first))));

@@ -209,7 +209,7 @@ fn fields_cell(fields: Fields<'_>) -> Cell<'_> {
 /// The name of a transaction's exception code, followed by the name that the device's profile has for it.
 pub(super) fn exception_text(t: &Transaction) -> Cell<'_> {
     let Some(code) = t.exception else { return Cell::Null };
-    match (exception_name(code), t.points.as_ref().and_then(|bound| bound.exception(code))) {
+    match (exception_name(code), t.points.as_ref().and_then(|instance| instance.exception(code))) {
         (Some(name), Some(words)) => Cell::Value(Value::Text(format!("{name} ({words})"))),
         (None, Some(words)) => Cell::Text(words),
         (name, None) => name.map_or(Cell::Null, Cell::Word),
