@@ -15,7 +15,9 @@ def vocabulary() -> str:
     Keys: `functions` (rows of functions.toml as the core understood them), `exceptions`,
     `diagnostics`, `mei_types`, `object_ids`, `columns` (table name -> list of {key, type, title,
     help}), `findings` (list of {code, severity, title, why, advice, section}), `vendors` (names
-    that `Functions.load_vendor` knows), `version` (of the schema).
+    that `Functions.load_vendor` knows), `statuses` and `verdicts` (lists of {code, meaning}),
+    `renamed` (list of {vocabulary, former, current}: spellings that are still accepted), `version`
+    (of the schema).
     """
 
 def crc16(data: bytes) -> int:

@@ -189,7 +189,7 @@ def _ports(ports: Iterable[int] | Literal["any"] | None) -> tuple[int, ...] | No
     listed = tuple(ports)
     wrong = [port for port in listed if not 0 < port <= LAST_PORT]
     if wrong or not listed:
-        raise UsageError(f"ports {list(listed)}: name some from 1 to {LAST_PORT}, or say 'any'")
+        raise UsageError(f"ports {list(listed)}: give numbers from 1 to {LAST_PORT}, or 'any'")
     return listed
 
 

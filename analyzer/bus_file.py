@@ -57,7 +57,9 @@ def choose_bus(text: str) -> Bus:
     if len(buses) == 1:
         return buses[0]
     names = ", ".join(bus.name for bus in buses)
-    raise UsageError(f"--bus {text}: which one? --bus {text}:NAME; it has {names}")
+    raise UsageError(
+        f"--bus {text}: several buses; choose one with --bus {text}:NAME: it has {names}"
+    )
 
 
 def choose_buses(text: str) -> list[Bus]:
@@ -82,11 +84,11 @@ def load_bus_file(path: str) -> list[Bus]:
     try:
         data = tomllib.loads(read(path))
     except tomllib.TOMLDecodeError as error:
-        raise ProfileError(f"no TOML: {error}", path=path) from None
+        raise ProfileError(f"not TOML: {error}", path=path) from None
     mistakes: list[ProfileError] = []
     _check_keys(data, _FILE_KEYS, "", path, mistakes)
     if data.get("plant") != 1:
-        message = "is 1, the version of this format; the file begins with plant = 1"
+        message = "must be 1, the version of this format: the file begins with plant = 1"
         mistakes.append(ProfileError(message, path=path, key="plant"))
     rows = data.get("bus")
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
@@ -111,7 +113,7 @@ def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError])
 
     for name in ("name", "port", "line", "mode"):
         if not isinstance(row.get(name, ""), str):
-            wrong(name, f"takes a text, not {row[name]!r}")
+            wrong(name, f"must be text, not {row[name]!r}")
     line = None
     if isinstance(row.get("line"), str):
         try:
@@ -120,11 +122,11 @@ def _bus(row: dict[str, Any], key: str, path: str, mistakes: list[ProfileError])
             wrong("line", error.message)
     mode = row.get("mode", "auto")
     if isinstance(mode, str) and mode not in _MODES:
-        wrong("mode", f"{mode!r} is none of {', '.join(_MODES)}")
+        wrong("mode", f"{mode!r} is not one of {', '.join(_MODES)}")
     port = row.get("port")
     units = row.get("units", {})
     if not isinstance(units, dict):
-        wrong("units", 'takes a table such as 1 = "mightyzap"')
+        wrong("units", 'must be a table such as 1 = "mightyzap"')
         units = {}
     bindings: list[Binding] = []
     for text, word in units.items():

@@ -13,7 +13,7 @@ from functools import cache
 
 from dissectors.errors import UsageError
 from dissectors.function_lookup import similar_name
-from dissectors.vocabulary import vocabulary
+from dissectors.vocabulary import respelled, vocabulary
 
 __all__ = ["TABLES", "Column", "columns", "pick"]
 
@@ -58,17 +58,22 @@ def columns(table: str) -> tuple[Column, ...]:
 def pick(table: str, text: str | None) -> tuple[str, ...]:
     """Parse `a,b,c` into column keys, in that order; all keys of the table where `text` is None.
 
-    `UsageError` names an unknown column and the nearest known one.
+    A key may have its former spelling. `UsageError` names an unknown column and the nearest
+    known one.
     """
     known = [column.key for column in columns(table)]
     if text is None:
         return tuple(known)
-    wanted = [part.strip() for part in text.split(",") if part.strip()]
+    wanted = [respelled("column", part.strip()) for part in text.split(",") if part.strip()]
     if not wanted:
-        raise UsageError(f"--columns names no column; those of {table} are {', '.join(known)}")
+        raise UsageError(
+            f"--columns names no column; the columns of {table} are {', '.join(known)}"
+        )
     for key in wanted:
         if key not in known:
             hint = similar_name(key, known)
-            question = f"; did you mean {hint!r}?" if hint else f"; there are {', '.join(known)}"
+            question = (
+                f"; did you mean {hint!r}?" if hint else f"; the columns are {', '.join(known)}"
+            )
             raise UsageError(f"no column {key!r} in {table}{question}")
     return tuple(wanted)

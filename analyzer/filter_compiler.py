@@ -16,6 +16,7 @@ from analyzer import addresses
 from analyzer.times import parse_ns
 from dissectors.errors import FilterError
 from dissectors.function_lookup import similar_name
+from dissectors.vocabulary import Vocabulary, respelled
 
 __all__ = ["Compiler", "Tree"]
 
@@ -43,7 +44,7 @@ _KIND_NAMES = {
     "number": "a number",
     "flag": "true or false",
     "time": "a time",
-    "text": "a text",
+    "text": "text",
     "numbers": "a list of numbers",
     "texts": "a list of texts",
     "map": "a map",
@@ -68,6 +69,13 @@ _ARITHMETIC_OPERATORS: dict[type[ast.operator], str] = {
     ast.BitAnd: "&",
 }
 
+
+_VOCABULARIES: dict[str, Vocabulary] = {
+    "status": "status",
+    "findings": "finding",
+    "code": "finding",
+}
+"""Columns whose words may be given in their former spelling."""
 
 _ADDRESS_COLUMNS: list[Tree] = [["col", "address"], ["col", "write_address"]]
 
@@ -116,7 +124,7 @@ class Compiler:
         if term.kind == "flag":
             return ["cmp", "==", term.tree, ["num", 1]]
         self._refuse(
-            node, f"{_KIND_NAMES[term.kind]} is no condition; compare it, as in `unit == 1`"
+            node, f"{_KIND_NAMES[term.kind]} is not a condition; compare it, as in `unit == 1`"
         )
 
     def _comparisons(self, node: ast.Compare) -> Tree:
@@ -146,7 +154,7 @@ class Compiler:
 
     def _is_none(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> Tree:
         if self._term(right).kind != "none":
-            self._refuse(right, "`is` asks only for None; use `==`")
+            self._refuse(right, "`is` works only with None; use `==`")
         tree = ["is_none", self._term(left).tree]
         return tree if isinstance(operator, ast.Is) else ["not", tree]
 
@@ -169,8 +177,8 @@ class Compiler:
         return [
             "cmp",
             operator,
-            _hex_text(a, b, self._column_types),
-            _hex_text(b, a, self._column_types),
+            _column_spelling(a, b, self._column_types),
+            _column_spelling(b, a, self._column_types),
         ]
 
     def _membership(self, item: _Term, where: _Term) -> Tree:
@@ -184,7 +192,7 @@ class Compiler:
             if not choices:
                 self._refuse(where.node, "an empty list")
             if {choice.kind for choice in choices} == {item.kind}:
-                same = [_hex_text(choice, item, self._column_types) for choice in choices]
+                same = [_column_spelling(choice, item, self._column_types) for choice in choices]
                 return ["in", item.tree, ["list", same]]
             return _join("or", [self._compare("==", item, choice) for choice in choices])
         wanted = {"numbers": "number", "texts": "text", "text": "text"}.get(where.kind)
@@ -193,14 +201,14 @@ class Compiler:
         if item.kind != wanted:
             holds = f"{self._describe(where)} holds {_KIND_NAMES[wanted][2:]}s"
             self._refuse(item.node, f"{holds}, not {self._describe(item)}")
-        return ["in", _hex_text(item, where, self._column_types), where.tree]
+        return ["in", _column_spelling(item, where, self._column_types), where.tree]
 
     def _function_call(self, node: ast.Call) -> Tree:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in ("touches", "writes"):
-            self._refuse(node, "the only questions are touches(hr, 107) and writes(hr, 107)")
+            self._refuse(node, "the only functions are touches(hr, 107) and writes(hr, 107)")
         if "address" not in self._column_types:
-            self._refuse(node, f"{name}() looks into registers, which {self._table} do not have")
+            self._refuse(node, f"{name}() needs registers, which {self._table} do not have")
         if len(node.args) != ARGUMENTS or node.keywords:
             self._refuse(node, f"{name}() takes a register type and an address: {name}(hr, 107)")
         kind = self._register_type(node.args[0])
@@ -219,11 +227,11 @@ class Compiler:
         if isinstance(node, ast.Call):
             named_range = isinstance(node.func, ast.Name) and node.func.id == "range"
             if not named_range or len(node.args) != ARGUMENTS or node.keywords:
-                self._refuse(node, "a range is range(first, behind the last)")
+                self._refuse(node, "a range is range(first, last + 1)")
             first = self._wire(node.args[0], kind)
             behind = self._wire(node.args[1], kind, top=0x10000)
             if behind <= first:
-                self._refuse(node, "an empty range; range(first, behind the last)")
+                self._refuse(node, "an empty range; write range(first, last + 1)")
             return first, behind - 1
         wire = self._wire(node, kind)
         return wire, wire
@@ -237,7 +245,7 @@ class Compiler:
         if isinstance(value, str):
             address = addresses.parse(value)
             if address is None:
-                self._refuse(node, f"{value!r} is no address; write 107, '40108' or '4x006B'")
+                self._refuse(node, f"{value!r} is not an address; write 107, '40108' or '4x006B'")
             if address.register_type != kind:
                 self._refuse(node, f"{value!r} is an address of a {address.register_type}")
             return address.wire
@@ -276,17 +284,18 @@ class Compiler:
         term = self._term(node)
         if term.kind in ("number", "flag"):
             return term
-        self._refuse(node, f"{self._describe(term)} is no number to calculate with")
+        self._refuse(node, f"{self._describe(term)} is not a number")
 
     def _column(self, node: ast.Name) -> _Term:
-        if node.id not in self._column_types:
+        key = respelled("column", node.id)
+        if key not in self._column_types:
             raise FilterError(
                 f"{self._table} have no column {node.id!r}",
                 text=self._text,
                 column=self._offset_of(node),
                 hint=similar_name(node.id, list(self._column_types)),
             )
-        return _Term(_KIND_OF_TYPE[self._column_types[node.id]], ["col", node.id], node)
+        return _Term(_KIND_OF_TYPE[self._column_types[key]], ["col", key], node)
 
     def _literal(self, node: ast.Constant) -> _Term:
         """The value of a constant; the core takes integers of 64 bits and finite floats."""
@@ -330,7 +339,7 @@ class Compiler:
     def _descend(self, node: ast.expr) -> None:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            self._refuse(node, f"more than {MAX_DEPTH} levels")
+            self._refuse(node, f"nested more than {MAX_DEPTH} levels deep")
 
     def _describe(self, term: _Term) -> str:
         if term.tree[0] == "col":
@@ -374,9 +383,16 @@ def _at_address(operator: str, column: Tree, address: addresses.Address, *, turn
     return ["and", where, ["cmp", "==", ["col", "register_type"], kind]]
 
 
-def _hex_text(term: _Term, other: _Term, column_types: Mapping[str, str]) -> Tree:
-    """A text compared with a hex column, in that column's spelling: lower case, no spaces."""
-    beside_hex = other.tree[0] == "col" and column_types[other.tree[1]] == "hex"
-    if term.tree[0] == "text" and beside_hex:
-        return ["text", "".join(term.tree[1].split()).lower()]
+def _column_spelling(term: _Term, other: _Term, column_types: Mapping[str, str]) -> Tree:
+    """A text that is compared with a column, as the column spells it.
+
+    Bytes in lower-case hex, and statuses and findings in their current spelling.
+    """
+    if term.tree[0] != "text" or other.tree[0] != "col":
+        return term.tree
+    column, text = other.tree[1], term.tree[1]
+    if column_types[column] == "hex":
+        return ["text", "".join(text.split()).lower()]
+    if column in _VOCABULARIES:
+        return ["text", respelled(_VOCABULARIES[column], text)]
     return term.tree

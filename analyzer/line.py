@@ -48,15 +48,13 @@ class Line:
 
     def __post_init__(self) -> None:
         if not _SLOWEST <= self.baud <= _FASTEST:
-            raise UsageError(
-                f"{self.baud} baud is not the speed of a line; say {_SLOWEST} to {_FASTEST}"
-            )
+            raise UsageError(f"{self.baud} baud is out of range; write {_SLOWEST} to {_FASTEST}")
         if self.data_bits not in range(5, 9):
             raise UsageError(f"{self.data_bits} data bits; a character has 5 to 8")
         if self.parity not in PARITIES:
             raise UsageError(f"parity {self.parity!r}; it is one of {', '.join(PARITIES)}")
         if self.stop_bits not in (1, 1.5, 2):
-            raise UsageError(f"{self.stop_bits:g} stop bits; there are 1, 1.5 or 2")
+            raise UsageError(f"{self.stop_bits:g} stop bits; write 1, 1.5 or 2")
 
     def __str__(self) -> str:
         return f"{self.baud}-{self.data_bits}{self.parity}{self.stop_bits:g}"

@@ -66,7 +66,7 @@ def parse_tap(text: str) -> Tap:
         place, line = settings[1], parse_line(settings[2])
     ports = tuple(place.split("+"))
     if len(ports) > len(LINES):
-        raise UsageError(f"{text}: a bus has two lines at most, A+B")
+        raise UsageError(f"{text}: a bus has at most two lines, A+B")
     return Tap(named[1] if named else place, ports, line)
 
 
@@ -211,7 +211,7 @@ class LiveRun:
             marks_errors=marks_errors,
             labels=labels,
         )
-        self._notify(f"{bus.tap.bus}: looking for the line settings; waiting for traffic")
+        self._notify(f"{bus.tap.bus}: detecting the line settings; waiting for traffic")
         self._set_line(bus, bus.search.line)
 
     def _set_line(self, bus: _Bus, line: Line) -> None:

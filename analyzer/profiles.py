@@ -138,7 +138,7 @@ def read(path: str) -> str:
         return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeError as error:
         at = error.start if isinstance(error, UnicodeDecodeError) else 0
-        raise SourceError(f"{path}: is no UTF-8 at byte {at}; save it as UTF-8") from error
+        raise SourceError(f"{path}: not valid UTF-8 at byte {at}; save it as UTF-8") from error
     except OSError as error:
         raise SourceError(f"{path}: cannot be read: {error.strerror or error}") from error
 
@@ -181,8 +181,8 @@ def _from_entry_point(point: _EntryPoint) -> Profile:
         text = found() if callable(found) else found
     # An entry point runs the code of another package, which may raise anything.
     except Exception as error:
-        what = f"cannot be loaded: {type(error).__name__}: {error}; see to its package"
+        what = f"cannot be loaded: {type(error).__name__}: {error}; check its package"
         raise ProfileError(what, path=where) from error
     if not isinstance(text, str):
-        raise ProfileError(f"is no text of a profile, but {type(text).__name__}", path=where)
+        raise ProfileError(f"is not the text of a profile, but {type(text).__name__}", path=where)
     return parse(text, where, "toml")

@@ -75,7 +75,7 @@ class Settings:
         if self.mode not in MODES:
             raise UsageError(f"mode {self.mode!r}; it is one of {', '.join(MODES)}")
         if self.timeout_ns is not None and self.timeout_ns <= 0:
-            raise UsageError("the time-out must be longer than nothing")
+            raise UsageError("the timeout must be longer than 0")
 
     def core(self, *, live: bool) -> _modlens.Session:
         """A new session of the core with these settings."""
@@ -335,7 +335,7 @@ class FileRun:
                 )
             descriptions = [_describe_channel(samples.names, line) for line in found["lines"]]
             descriptions += [
-                f"channel {samples.names[copy]} carries the same" for copy in found["copies"]
+                f"channel {samples.names[copy]} carries the same signal" for copy in found["copies"]
             ]
             details = {
                 "clock": "relative",

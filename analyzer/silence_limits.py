@@ -44,14 +44,14 @@ def silence_limits(
         ends = parse_silence(f"{prefix}t35", t35, char)
     if ends is None:
         raise UsageError(
-            f"{prefix}segmentation silence: how long is t3.5?"
-            f" Add {prefix}line {EXAMPLE}, or {prefix}t35 1750us"
+            f"{prefix}segmentation silence: t3.5 is not known;"
+            f" add {prefix}line {EXAMPLE}, or {prefix}t35 1750us"
         )
     if t15 is not None:
         inside = parse_silence(f"{prefix}t15", t15, char)
     if inside is not None and inside > ends:
         raise UsageError(
-            f"{prefix}t15 is longer than {prefix}t35; a pause would end a frame and be inside it"
+            f"{prefix}t15 is longer than {prefix}t35; a silence cannot be inside a frame and end it"
         )
     return ends, ends if inside is None else inside
 
@@ -66,7 +66,9 @@ def parse_silence(option: str, text: str, char_ns: int | None) -> int:
         value = -1.0
     if unit.startswith("char") and value > 0 and char_ns is None:
         prefix = option[: len(option) - len(option.lstrip("-"))]
-        raise UsageError(f"{option} {text}: how long is a character? Add {prefix}line {EXAMPLE}")
+        raise UsageError(
+            f"{option} {text}: the length of a character is not known; add {prefix}line {EXAMPLE}"
+        )
     time = value * (1000 if unit == "us" else char_ns or 0)
     if not 0 < time <= _MAX_NS:
         raise UsageError(f"{option} {text}: write microseconds as 1750us, characters as 3.5chars")

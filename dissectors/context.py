@@ -57,9 +57,9 @@ class Context:
         else:
             name = row.name if row.label == row.name else f"{row.name} ({row.label})"
         if self.pdu.exception is not None:
-            return Meaning(f"{name}: refused, exception response")
+            return Meaning(f"{name}: exception response")
         if row is not None and not row.has_response and self.direction == "response":
-            return Meaning(f"{name}: response, but this is never answered", is_valid=False)
+            return Meaning(f"{name}: response, but this function has no response", is_valid=False)
         return Meaning(f"{name}, {self.direction}{' by its layout' if guessed else ''}")
 
     def bytes_after(self, part: DecodedField) -> int | None:

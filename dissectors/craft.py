@@ -128,7 +128,7 @@ def _without_layout(
     """The PDU of a function whose layout is not known: its code, and the bytes of `data`."""
     name = f"function {code}" if row is None else row.label
     if row is not None and not row.has_response and direction == "response":
-        raise UsageError(f"{name} is never answered")
+        raise UsageError(f"{name} has no response")
     if set(given) - {"data"}:
         raise UsageError(f"the layout of {name} is not known; give its bytes as data=HEX")
     raw = to_json(Field("data", "bytes"), given.get("data", b""))

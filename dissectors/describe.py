@@ -10,7 +10,7 @@ again, however damaged it is.
 03     function  3      Read Holding Registers, request
 006b   address   107    107 = 0x006B, 400108 (40108)
 0003   quantity  3      3 registers, 400108 to 400110
-7687   checksum  0x8776 CRC-16 right
+7687   checksum  0x8776 CRC OK
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class _PduContext:
     def pieces(self, pdu: bytes, start: int) -> Iterator[Piece]:
         """The pieces of a PDU that starts at offset `start` of the frame."""
         if not pdu:
-            text = "no function code: the frame is cut short"
+            text = "no function code: the frame is truncated"
             yield Piece(start, b"", "function", "", text, is_valid=False)
             return
         direction = self._resolved_direction(pdu)
@@ -123,7 +123,7 @@ class _PduContext:
         for part in decoded.fields:
             yield from _field(part, pdu, context, start)
         if not decoded.complete:
-            text = "bytes are missing: the layout goes on here"
+            text = "bytes are missing: the layout continues here"
             yield Piece(start + len(pdu), b"", "missing", "", text, is_valid=False)
 
     def _resolved_direction(self, pdu: bytes) -> Direction:
@@ -136,7 +136,7 @@ class _PduContext:
         """The piece of a unit number; broadcast and reserved numbers exist on serial lines only."""
         text, is_valid = f"unit {unit}", True
         if self.on_serial_line and unit == 0:
-            text = "broadcast: all units, none answers"
+            text = "broadcast to all units; none responds"
         elif self.on_serial_line and unit in RESERVED_UNITS:
             text, is_valid = f"unit {unit}, a reserved number", False
         return Piece(offset, bytes([unit]), "unit", str(unit), text, layer, is_valid)
@@ -171,7 +171,7 @@ def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piec
     yield from body.pieces(data[1:end], 1)
     if has_checksum:
         found = int.from_bytes(data[end:], "little")
-        meaning = _checksum("CRC-16", found, _modlens.crc16(data[:end]), width=4)
+        meaning = _checksum("CRC", found, _modlens.crc16(data[:end]), width=4)
         shown = f"0x{found:04X}"
         yield Piece(end, data[end:], "checksum", shown, meaning.text, "checksum", meaning.is_valid)
 
@@ -183,7 +183,7 @@ def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
         return
     mbap_id, protocol, length = (int.from_bytes(data[i : i + 2], "big") for i in (0, 2, 4))
     yield Piece(0, data[:2], "mbap_id", str(mbap_id), "transaction identifier", "mbap")
-    text = "Modbus" if protocol == 0 else "not Modbus: the protocol identifier should be 0"
+    text = "Modbus" if protocol == 0 else "not Modbus: the protocol identifier must be 0"
     yield Piece(2, data[2:4], "protocol", str(protocol), text, "mbap", protocol == 0)
     follow = len(data) - 6
     text = f"{length} bytes follow"
@@ -237,8 +237,8 @@ def _delimiter(tail: bytes, offset: int) -> Piece:
 
 def _checksum(kind: str, found: int, expected: int, *, width: int) -> Meaning:
     if found == expected:
-        return Meaning(f"{kind} right")
-    text = f"{kind} wrong: 0x{expected:0{width}X} expected, 0x{found:0{width}X} found"
+        return Meaning(f"{kind} OK")
+    text = f"{kind} error: 0x{expected:0{width}X} expected, 0x{found:0{width}X} found"
     return Meaning(text, is_valid=False)
 
 

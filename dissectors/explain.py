@@ -73,7 +73,9 @@ _FIELD_TYPE_TEXTS = {
 }
 """Field types of the table (see functions.toml) in words."""
 
-Kind = Literal["function", "exception", "diagnostic", "mei_type", "object_id", "finding"]
+Kind = Literal[
+    "function", "exception", "diagnostic", "mei_type", "object_id", "finding", "status", "verdict"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +105,7 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
     A function: `3`, `0x03`, `fc3`, `Read Holding Registers`. An exception: `exception 2`, `ex2`,
     `0x83 2` or its name. A sub-function of Diagnostics: `8/11`, `diagnostics 11` or its name. An
     MEI type: `43/14` or its name. An object of Read Device Identification: its name. A finding: its
-    code.
+    code. A status or a verdict: its word. Former spellings of the last three are known, too.
     """
     text = " ".join(word.split()).casefold()
     for reading in (_as_exception, _as_pair, _as_function):
@@ -113,11 +115,14 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
     named = _named(source).get(normalized(text))
     if named is not None:
         return _explanation(named, source)
+    state = _as_state(text)
+    if state is not None:
+        return state
     hint = similar_name(word, known_words(source=source))
-    end = "try a code such as 3, 'exception 2' or a finding"
+    end = "try a function code such as 3, 'exception 2', or the name of a finding"
     if hint is not None:
         end = f"did you mean {hint!r}?"
-    raise UsageError(f"nothing is known of {word!r}; {end}")
+    raise UsageError(f"{word!r} is not known; {end}")
 
 
 def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
@@ -131,6 +136,7 @@ def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
     for kind in ("exceptions", "diagnostics", "mei_types", "object_ids"):
         found += [entry.name for entry in vocabulary.names(kind)]
     found += [finding.code for finding in vocabulary.findings()]
+    found += [*vocabulary.statuses(), *vocabulary.verdicts()]
     return tuple(dict.fromkeys(found))
 
 
@@ -148,6 +154,22 @@ def _named(source: _modlens.Functions | None) -> dict[str, Named]:
     for finding in vocabulary.findings():
         found.setdefault(normalized(finding.code), finding)
     return found
+
+
+def _as_state(text: str) -> Explanation | None:
+    """A finding in its former spelling, the status of a transaction, or the verdict on a frame."""
+    word = text.replace(" ", "_").replace("-", "_")
+    finding = vocabulary.finding(word)
+    if finding is not None:
+        return _finding(finding)
+    status = vocabulary.respelled("status", word)
+    if status in vocabulary.statuses():
+        meaning = _sentence(vocabulary.statuses()[status])
+        return Explanation("status", f"{status} (status of a transaction)", "", (meaning,))
+    if word in vocabulary.verdicts():
+        meaning = _sentence(vocabulary.verdicts()[word])
+        return Explanation("verdict", f"{word} (verdict on a frame)", "", (meaning,))
+    return None
 
 
 def _explanation(named: Named, source: _modlens.Functions | None) -> Explanation:
@@ -203,7 +225,7 @@ def _function(code: int, source: _modlens.Functions | None) -> Explanation:
     text = [_sentence(row.summary), *_layout(row)]
     chosen = [f"{value} {name}" for value, name in _values(code, source).items()]
     if chosen:
-        text.append(f"Its first field chooses: {'; '.join(chosen)}.")
+        text.append(f"Its first field selects: {'; '.join(chosen)}.")
     title = f"{row.name} (function {code}, 0x{code:02X})"
     section = _section_text(row.section)
     return Explanation("function", title, section, tuple(text), _example(row, source))
@@ -343,7 +365,7 @@ def _described_pdu(
 def _section_text(section: str) -> str:
     """A section with its document; plain numbers are sections of the application protocol."""
     if section in ("", "vendor"):
-        return "" if not section else "not in the specification; the vendor's own"
+        return "" if not section else "not in the specification; defined by the vendor"
     for prefix, document in (
         ("serial line ", "Modbus over Serial Line V1.02"),
         ("messaging on TCP/IP ", "Modbus Messaging on TCP/IP V1.0b"),

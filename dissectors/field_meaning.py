@@ -68,7 +68,7 @@ def _single(value: int, kind: str, start: int | None, context: Context) -> str:
 def _length(part: DecodedField, value: int, context: Context) -> str:
     follow = context.bytes_after(part)
     if follow not in (None, value):
-        return f"{value} {_plural('byte', value)} announced, {follow} there"
+        return f"{value} {_plural('byte', value)} announced, {follow} present"
     return f"{value} {_plural('byte', value)} {'follows' if value == 1 else 'follow'}"
 
 
@@ -89,7 +89,7 @@ def _counted(value: int) -> str:
 def _exception(code: int) -> str:
     entry = vocabulary.exception(code)
     if entry is None:
-        return f"exception {code}: not in the specification; the vendor's own"
+        return f"exception {code}: not in the specification; defined by the vendor"
     return f"{entry.name}: {entry.meaning}"
 
 
@@ -112,10 +112,13 @@ def _set_bits(value: int) -> str:
 
 _BUSY = {0x0000: "ready", 0xFFFF: "busy with an earlier command"}
 _REFERENCES = {0x06: "file record"}
-_MORE = {0x00: "no more objects", 0xFF: "more objects follow: ask again from the next object id"}
+_MORE = {
+    0x00: "no more objects",
+    0xFF: "more objects follow: request again from the next object id",
+}
 
 _TEXTS: Mapping[tuple[int, str], Callable[[int], str]] = {
-    (0x07, "status"): lambda value: f"bits that are on: {_set_bits(value)}",
+    (0x07, "status"): lambda value: f"bits set: {_set_bits(value)}",
     (DIAGNOSTICS, "sub_function"): _entry(vocabulary.diagnostic, meaning=True),
     (DIAGNOSTICS, "data"): lambda value: f"{value} = 0x{value:04X}",
     (0x0B, "status"): lambda value: _BUSY.get(value, f"0x{value:04X}"),
@@ -205,7 +208,7 @@ def _event(event: int) -> str:
     elif event & 0x40:
         flags = {
             0: "exception 1 to 3", 1: "exception 4", 2: "exception 5 or 6", 3: "exception 7",
-            4: "write time-out", 5: "listen only",
+            4: "write timeout", 5: "listen only",
         }  # fmt: skip
         kind = "sent"
     else:
@@ -228,11 +231,11 @@ def _quoted(value: bytes) -> str:
 
 def _extra(context: Context) -> Meaning:
     if context.pdu.exception is not None:
-        return Meaning("an exception response has one byte only", is_valid=False)
+        return Meaning("an exception response has only one byte", is_valid=False)
     if not context.pdu.complete:
         return Meaning("part of a value whose other bytes are missing", is_valid=False)
     if context.row is None or not context.row.has_layout(context.direction):
-        return Meaning("the table does not describe this content")
+        return Meaning("no layout is known for this content")
     return Meaning("beyond the layout of this function", is_valid=False)
 
 

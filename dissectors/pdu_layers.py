@@ -50,7 +50,9 @@ _classes: dict[tuple[int, int | None, Direction], type[ModbusPDU]] = {}
 
 
 def _exception_function_names() -> dict[int, str]:
-    return {row.code | EXCEPTION_BIT: f"{row.name}, refused" for row in table.functions()}
+    return {
+        row.code | EXCEPTION_BIT: f"{row.name}, exception response" for row in table.functions()
+    }
 
 
 def _names_of(kind: vocabulary.Kind) -> dict[int, str]:

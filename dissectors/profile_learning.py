@@ -39,7 +39,7 @@ def profile_skeleton(tables: Tables, source: str) -> dict[str, Any]:
                 registers.append(_typed_point(table, sure[address], register))
             elif address not in taken:
                 registers.append(_single_register(table, register, guesses.get(address)))
-    device = {"source": f"learnt from {source}", "address_base": 0}
+    device = {"source": f"learned from {source}", "address_base": 0}
     return {"profile": 1, "device": device, "registers": registers}
 
 
@@ -144,14 +144,14 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     )  # fmt: skip
     split_by_requests = [point.name for point in points if _is_split_by_requests(point, tables)]
     with_unknown_values = [point.name for point in points if point.has_unknown_values(tables)]
-    reasons = [f"{len(covered)} of {len(requested)} addresses asked for are in it"]
+    reasons = [f"{len(covered)} of {len(requested)} requested addresses are in it"]
     total = coverage
     if answered and refused:
         total *= 1 - refused / answered
-        reasons.append(f"{refused} of {answered} requests for them were refused")
+        reasons.append(f"{refused} of {answered} requests for them got an exception")
     for names, words in (
-        (split_by_requests, "cut by requests"),
-        (with_unknown_values, "with values that it does not know"),
+        (split_by_requests, "only partly covered by requests"),
+        (with_unknown_values, "with values outside its labels"),
     ):
         if names:
             total *= 0.5 ** min(len(names), 3)

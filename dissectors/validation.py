@@ -66,7 +66,7 @@ def _reach(part: DecodedField, value: int, context: Context) -> str:
         return ""
     _, start, _ = context.register_block(part.name)
     past = start is not None and start + value - 1 > LAST_ADDRESS
-    return f"runs past address {LAST_ADDRESS}" if past else ""
+    return f"reaches beyond address {LAST_ADDRESS}" if past else ""
 
 
 def _echo(part: DecodedField, value: int, context: Context, row: Function) -> str:

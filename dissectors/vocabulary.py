@@ -22,6 +22,7 @@ __all__ = [
     "Finding",
     "Kind",
     "Name",
+    "Vocabulary",
     "conformity_level",
     "diagnostic",
     "exception",
@@ -32,7 +33,10 @@ __all__ = [
     "names",
     "object_id",
     "read_device_id_code",
+    "respelled",
+    "statuses",
     "vendors",
+    "verdicts",
     "vocabulary",
 ]
 
@@ -74,6 +78,9 @@ Kind = Literal[
     "read_device_id_codes",
     "conformity_levels",
 ]
+
+
+Vocabulary = Literal["column", "status", "finding"]
 
 
 def exception(code: int) -> Name | None:
@@ -158,8 +165,40 @@ def findings() -> tuple[Finding, ...]:
 
 
 def finding(code: str) -> Finding | None:
-    """The finding with this code."""
-    return next((item for item in findings() if item.code == code), None)
+    """The finding with this code, which may have its former spelling."""
+    wanted = respelled("finding", code)
+    return next((item for item in findings() if item.code == wanted), None)
+
+
+@functools.cache
+def statuses() -> Mapping[str, str]:
+    """What each value of the column `status` means.
+
+    >>> statuses()["bad_request"]
+    'the request arrived damaged'
+    """
+    return {row["code"]: row["meaning"] for row in vocabulary()["statuses"]}
+
+
+@functools.cache
+def verdicts() -> Mapping[str, str]:
+    """What each value of the column `verdict` means."""
+    return {row["code"]: row["meaning"] for row in vocabulary()["verdicts"]}
+
+
+def respelled(vocabulary: Vocabulary, word: str) -> str:
+    """The current spelling of a word that may have its former one.
+
+    >>> respelled("status", "not_seen"), respelled("status", "ok")
+    ('not_observed', 'ok')
+    """
+    return _renamed().get((vocabulary, word), word)
+
+
+@functools.cache
+def _renamed() -> Mapping[tuple[str, str], str]:
+    rows = vocabulary()["renamed"]
+    return {(row["vocabulary"], row["former"]): row["current"] for row in rows}
 
 
 def vendors() -> tuple[str, ...]:

@@ -33,15 +33,15 @@ def load(text: str, path: str) -> Any:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
-        raise ProfileError(f"no YAML: {error.problem}", path=path, line=line) from None
+        raise ProfileError(f"not YAML: {error.problem}", path=path, line=line) from None
     # The text has a character that YAML does not allow; such errors have a position instead of a
     # mark.
     except YAMLError as error:
         at = text.count("\n", 0, getattr(error, "position", 0)) + 1
         what = str(error).splitlines()[0]
-        raise ProfileError(f"no YAML: {what}", path=path, line=at) from None
+        raise ProfileError(f"not YAML: {what}", path=path, line=at) from None
     except RecursionError:
-        raise ProfileError("no YAML of a sane depth", path=path) from None
+        raise ProfileError("YAML that is nested too deeply", path=path) from None
 
 
 def tree(text: str, path: str) -> list[Any]:
@@ -61,7 +61,7 @@ def _node(node: Any, path: str) -> list[Any]:
         for key, value in node.value:
             if str(key.value) in table:
                 raise ProfileError(
-                    "stands twice", path=path, line=key.start_mark.line + 1, key=str(key.value)
+                    "appears twice", path=path, line=key.start_mark.line + 1, key=str(key.value)
                 )
             table[str(key.value)] = [key.start_mark.line + 1, _node(value, path)]
         return [line, table]
@@ -99,7 +99,7 @@ def plain_data(text: str, path: str) -> tuple[Any, list[tuple[int, str]]]:
     try:
         return (None if root is None else _plain(root, tags)), list(tags)
     except RecursionError:
-        raise ProfileError("an anchor that holds itself", path=path) from None
+        raise ProfileError("an anchor that contains itself", path=path) from None
 
 
 def _plain(node: Any, tags: dict[tuple[int, str], None]) -> Any:

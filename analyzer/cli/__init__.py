@@ -19,22 +19,22 @@ from analyzer.cli.standard_streams import STDOUT, discard_output
 __all__ = ["COMMANDS", "main", "module_of"]
 
 COMMANDS = {
-    "tap": "listen to a serial line and decode what happens on it",
-    "decode": "decode recordings: a table on the screen, or files",
-    "export": "the same, quiet, for scripts: recordings to files",
-    "show": "one frame or transaction: bytes beside meaning",
-    "stats": "who talks, how much, how well, how fast",
-    "ports": "the serial adapters of this machine, and what is known of them",
-    "explain": "a function, an exception or a finding in words",
-    "craft": "the bytes of a frame from keywords",
-    "formats": "the formats that can be read, with a sample each",
-    "profiles": "device profiles: list, check, convert",
-    "import": "a register map of another program becomes a profile",
-    "map": "the register map as last seen: value, age, range, changes",
-    "learn": "a skeleton of a profile from traffic",
-    "match": "which known profile fits a unit",
-    "extcap": "serial lines in Wireshark's list of interfaces",
-    "wireshark-setup": "a Wireshark profile: columns and colours for Modbus",
+    "tap": "listen to a serial line and decode its traffic live",
+    "decode": "decode recordings into a table on the screen, or into files",
+    "export": "convert recordings into files, without a table (for scripts)",
+    "show": "show the bytes of one frame or transaction and what they mean",
+    "stats": "statistics: traffic, errors, response times and findings",
+    "ports": "list the serial adapters of this computer",
+    "explain": "explain a function, an exception code, a finding or a status",
+    "craft": "build the bytes of a frame from keywords",
+    "formats": "list the formats that can be read and written, with samples",
+    "profiles": "list, check or convert device profiles",
+    "import": "import the register map of another program as a profile",
+    "map": "show the last value of each register, its range and changes",
+    "learn": "draft a device profile from recorded traffic",
+    "match": "find the known profile that fits a unit",
+    "extcap": "add serial lines to Wireshark's list of interfaces",
+    "wireshark-setup": "install a Wireshark profile with columns and colours",
 }
 """The commands, with one line about each; `module_of` gives a command's module."""
 
@@ -114,7 +114,7 @@ def _run_help(words: list[str]) -> int:
         return main([words[0], "--help"])
     out = sys.stdout
     out.write("modlens: passive Modbus bus sniffer and protocol analyzer; it never sends\n\n")
-    out.write("usage: modlens COMMAND ...       modlens COMMAND --help tells more\n\n")
+    out.write("usage: modlens COMMAND ...       modlens COMMAND --help for details\n\n")
     for name, summary in COMMANDS.items():
         out.write(f"  {name:<16} {summary}\n")
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")

@@ -30,10 +30,11 @@ def combine_filters(where: str | None, between: Sequence[str] | None) -> str | N
     (key, first, low), (last_key, last, high) = (_bound(text) for text in between)
     if key != last_key:
         raise UsageError(
-            f"--between {' '.join(between)}: two times, or two numbers of seconds; not one of each"
+            f"--between {' '.join(between)}: give two times, or two numbers of"
+            " seconds, not one of each"
         )
     if last <= first:
-        raise UsageError(f"--between {' '.join(between)}: the second comes before the first")
+        raise UsageError(f"--between {' '.join(between)}: T2 is before T1")
     inside = f"({key} >= {low} and {key} < {high})"
     return inside if where is None else f"({where}) and {inside}"
 
@@ -50,5 +51,6 @@ def _bound(text: str) -> tuple[str, Decimal, str]:
     except InvalidOperation:
         pass
     raise UsageError(
-        f"--between {text}: not a time; write 2023-10-11T14:00:00Z, or seconds since the beginning"
+        f"--between {text}: not a time; write 2023-10-11T14:00:00Z, or seconds since the start"
+        " of the recording"
     )

@@ -1,4 +1,4 @@
-"""`modlens craft`: the bytes of a frame from keywords. It prints them; nothing is ever sent."""
+"""`modlens craft`: build the bytes of a frame from keywords and print them; nothing is sent."""
 
 from __future__ import annotations
 
@@ -24,14 +24,24 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("function", metavar="FUNCTION", help="a code or a name")
+    parser.add_argument("function", metavar="FUNCTION", help="function code or name")
     parser.add_argument(
-        "values", nargs="*", metavar="NAME=VALUE", help="unit, and the fields of the function"
+        "values", nargs="*", metavar="NAME=VALUE", help="the unit and the fields of the function"
     )
-    parser.add_argument("--response", action="store_true", help="a response (a request)")
-    parser.add_argument("--mode", choices=("rtu", "ascii", "tcp", "pdu"), default="rtu")
     parser.add_argument(
-        "--to", choices=("hex", "raw"), default="hex", help="text or the bytes themselves (hex)"
+        "--response", action="store_true", help="build a response (default: a request)"
+    )
+    parser.add_argument(
+        "--mode",
+        choices=("rtu", "ascii", "tcp", "pdu"),
+        default="rtu",
+        help="framing (default: rtu)",
+    )
+    parser.add_argument(
+        "--to",
+        choices=("hex", "raw"),
+        default="hex",
+        help="write hex text or raw bytes (default: hex)",
     )
     add_functions(parser)
     parser.epilog = EPILOG
@@ -73,7 +83,9 @@ def _frame(options: argparse.Namespace) -> bytes:
 def _pair(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not name:
-        raise UsageError(f"craft: {text!r}: write a field as name=value, as unit=1 or address=107")
+        raise UsageError(
+            f"craft: {text!r}: write a field as name=value, such as unit=1 or address=107"
+        )
     return name.strip(), value.strip()
 
 

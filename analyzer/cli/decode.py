@@ -25,8 +25,7 @@ examples:
   modlens decode bus.jsonl --line 19200-8E1 -o bus.csv -o frames:frames.jsonl
   modlens decode - --from hex --to jsonl < bus.txt
 
-Without -o and --to the table goes to the screen; --to table brings it back
-beside -o.
+Without -o and --to, the table is printed; with -o, --to table prints it, too.
 """
 
 
@@ -36,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--follow",
         action="store_true",
-        help="go on reading where the last file grows, until Ctrl-C",
+        help="keep reading as the last file grows, until Ctrl-C",
     )
     add_rows(parser)
     add_decoding(parser)
@@ -44,12 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replay",
         action="store_true",
-        help="decode as a live tap would, without looking ahead: gives its rows",
+        help="decode as a live tap would, without looking ahead",
     )
     parser.add_argument(
         "--detect",
         action="store_true",
-        help="say which line settings the bytes and their marks of line errors speak for",
+        help="report the line settings that the bytes and the recorded line errors indicate",
     )
     parser.epilog = EPILOG
 
@@ -70,7 +69,7 @@ def _say_settings(options: argparse.Namespace) -> None:
     messages, given = Messages(quiet=False), settings(options).line
     for name in options.files:
         if name == STDIN:
-            raise UsageError("--detect reads a file twice; give it a name instead of -")
+            raise UsageError("--detect reads the file twice; name a file instead of -")
         with Recording(name, read_as=options.read_as) as recording:
             data = b"".join(islice(recording.blocks(), SAMPLE_BLOCKS))
             kind = recording.detection.format
@@ -78,4 +77,7 @@ def _say_settings(options: argparse.Namespace) -> None:
             for line in infer_settings(list(reads(data)), given or recorded_settings(data)):
                 messages.info(f"{name}: {line}")
         else:
-            messages.info(f"{name}: {kind} has no line errors; --detect is for bytes and --record")
+            messages.info(
+                f"{name}: {kind} holds no line errors; --detect reads raw bytes and recordings of"
+                " --record"
+            )

@@ -25,7 +25,12 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("words", nargs="+", metavar="CODE", help="a code, a name or a finding")
+    parser.add_argument(
+        "words",
+        nargs="+",
+        metavar="CODE",
+        help="a function or exception code, or the name of a function, finding or status",
+    )
     add_functions(parser)
     parser.epilog = EPILOG
 

@@ -24,7 +24,7 @@ examples:
   modlens extcap status
   modlens extcap uninstall
 
-Click the wheel beside an interface for the line settings.
+Click the gear icon of an interface for its line settings.
 """
 
 NAME = "modlens"
@@ -38,7 +38,12 @@ FORMATS = ("8E1", "8N1", "8N2", "8O1", "7E1", "7O1", "7N2")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command; those that Wireshark uses are not shown."""
-    parser.add_argument("action", nargs="?", choices=ACTIONS, help="what to do")
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=ACTIONS,
+        help="install or remove it in Wireshark, or show whether it is installed",
+    )
     for name in ("--extcap-interfaces", "--extcap-dlts", "--extcap-config", "--capture"):
         parser.add_argument(name, action="store_true", help=argparse.SUPPRESS)
     for name in ("--extcap-interface", "--extcap-version", "--extcap-capture-filter", "--fifo"):
@@ -64,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     elif options.capture:
         return _capture(options)
     elif options.action is None:
-        raise UsageError(f"extcap: say what to do: {', '.join(ACTIONS)}")
+        raise UsageError(f"extcap: name an action: {', '.join(ACTIONS)}")
     else:
         for folder in _folders():
             out.write(_ACTIONS[options.action](folder) + "\n")
@@ -161,7 +166,7 @@ def _pipe(path: str) -> int:
 
 def _said(text: str, what: str) -> str:
     if not text:
-        raise UsageError(f"name {what} in the interface's settings (the wheel beside it)")
+        raise UsageError(f"name {what} in the settings of the interface (its gear icon)")
     return text
 
 
@@ -202,10 +207,10 @@ def _uninstall(folder: Path) -> str:
     try:
         path.unlink()
     except FileNotFoundError:
-        return f"{path}: was not there"
+        return f"{path}: was not installed"
     except OSError as error:
-        raise SourceError(f"{path}: cannot be taken away: {error.strerror}") from error
-    return f"{path}: taken away"
+        raise SourceError(f"{path}: cannot be removed: {error.strerror}") from error
+    return f"{path}: removed"
 
 
 def _status(folder: Path) -> str:
@@ -214,7 +219,7 @@ def _status(folder: Path) -> str:
         same = path.read_text(encoding="utf-8") == _content()
     except OSError:
         return f"{path}: not installed"
-    return f"{path}: installed" + ("" if same else ", but for another Python: install it again")
+    return f"{path}: installed" + ("" if same else ", but for another Python; install it again")
 
 
 _ACTIONS = {"install": _install, "uninstall": _uninstall, "status": _status}

@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(formats: dict[str, Format]) -> Iterator[list[Part]]:
-    yield [("read (the format is found by itself; --from NAME orders one)", "head")]
+    yield [("read (detected from the content; --from NAME overrides)", "head")]
     for kind in formats.values():
         yield [(f"  {kind.name:<9} ", "note"), (f"{kind.title} (clock: {kind.clock})", "")]
         for line in kind.sample:

@@ -22,7 +22,7 @@ examples:
   modlens import csv tags.csv --base modicon --order CDAB
   modlens import homeassistant configuration.yaml --unit 3
 
-What is assumed and what cannot be carried over is said on standard error.
+Assumptions, and whatever a profile cannot hold, are reported on standard error.
 """
 
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
@@ -34,13 +34,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     read = [name for name, form in importers.FORMATS.items() if form.reads]
     written = [name for name, form in importers.FORMATS.items() if form.writes]
     parser.add_argument("format", metavar="FORMAT", help=f"one of {', '.join(read)}")
-    parser.add_argument("file", metavar="FILE", help="the map; - is standard input")
-    parser.add_argument("--base", choices=("0", "1", "modicon"), help="how its addresses count")
-    parser.add_argument("--order", metavar="ORDER", help="of several registers: ABCD, CDAB, ...")
-    parser.add_argument("--unit", type=int, metavar="N", help="this unit of several")
-    parser.add_argument("--encoding", metavar="NAME", help="of its text (UTF-8, or as marked)")
-    parser.add_argument("--to", metavar="FORMAT", default="toml", help=f"{', '.join(written)}")
-    parser.add_argument("-o", dest="output", metavar="OUT", help="a file (standard output)")
+    parser.add_argument("file", metavar="FILE", help="the register map; - is standard input")
+    parser.add_argument(
+        "--base", choices=("0", "1", "modicon"), help="how its addresses are numbered"
+    )
+    parser.add_argument("--order", metavar="ORDER", help="byte order: ABCD, CDAB, BADC or DCBA")
+    parser.add_argument(
+        "--unit", type=int, metavar="N", help="the unit to import, if there are several"
+    )
+    parser.add_argument("--encoding", metavar="NAME", help="text encoding (default: UTF-8)")
+    parser.add_argument(
+        "--to", metavar="FORMAT", default="toml", help=f"format to write: {', '.join(written)}"
+    )
+    parser.add_argument(
+        "-o", dest="output", metavar="OUT", help="output file (default: standard output)"
+    )
     parser.epilog = EPILOG
 
 
@@ -89,11 +97,16 @@ def decode_text(data: bytes, encoding: str | None, name: str) -> tuple[str, list
     try:
         return data.decode(encoding or marked or "utf-8"), []
     except LookupError as error:
-        raise UsageError(f"--encoding {encoding}: there is no such encoding") from error
+        raise UsageError(f"--encoding {encoding}: no such encoding") from error
     except UnicodeDecodeError as error:
         if encoding or marked:
-            raise SourceError(f"{name}: no {encoding or marked} at byte {error.start}") from error
-    note = "no UTF-8: read as Windows-1252 (assumed; --encoding says it, as cp1251 or cp936)"
+            raise SourceError(
+                f"{name}: not valid {encoding or marked} at byte {error.start}"
+            ) from error
+    note = (
+        "not UTF-8: read as Windows-1252 (assumed; --encoding names another, such as cp1251 or"
+        " cp936)"
+    )
     return data.decode("cp1252", "replace"), [note]
 
 
@@ -105,10 +118,10 @@ def _decode_utf16(data: bytes, name: str) -> tuple[str, list[str]]:
     for first, code in ((1, "utf-16-le"), (0, "utf-16-be")):
         zeros, letters = data[first::2], data[1 - first :: 2]
         if len(data) % 2 == 0 and 5 * zeros.count(0) > 4 * len(zeros) and 0 not in letters:
-            note = f"zeros between the characters: read as {code} (assumed; --encoding says it)"
+            note = f"every other byte is zero: read as {code} (assumed; --encoding names another)"
             return data.decode(code, "replace"), [note]
     at = data.index(0)
-    raise SourceError(f"{name}: is no text: a zero at byte {at}; --encoding says how to read it")
+    raise SourceError(f"{name}: not text: a zero at byte {at}; --encoding names its encoding")
 
 
 def _read_input(path: str) -> bytes:

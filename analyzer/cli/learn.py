@@ -21,16 +21,20 @@ examples:
   modlens learn bus.bin --unit 3 -o device.toml
   modlens learn bus.bin
 
-The profile goes to standard output, the evidence to standard error. Types that
-nothing speaks for stay single registers.
+The profile goes to standard output, the evidence to standard error. Registers
+without evidence for a wider type stay single registers.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
-    parser.add_argument("--unit", type=int, metavar="N", help="this unit (the only one)")
-    parser.add_argument("-o", dest="output", metavar="OUT", help="a TOML file (standard output)")
+    parser.add_argument(
+        "--unit", type=int, metavar="N", help="the unit to learn, if there are several"
+    )
+    parser.add_argument(
+        "-o", dest="output", metavar="OUT", help="TOML file to write (default: standard output)"
+    )
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG
@@ -56,5 +60,5 @@ def tables_of_unit(
         unit = units[0]
     if unit not in units:
         there = f"there are {', '.join(map(str, units))}" if units else "no unit answered"
-        raise UsageError(f"{command}: which unit? --unit N; {there}")
+        raise UsageError(f"{command}: choose a unit with --unit N; {there}")
     return [table for table in tables if table["unit"] == unit]

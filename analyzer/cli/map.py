@@ -30,9 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
     parser.add_argument("--unit", type=int, metavar="N", help="only this unit")
-    parser.add_argument("--named", action="store_true", help="only what a profile names")
-    parser.add_argument("--address", choices=BASES, default="wire", help="in the table (wire)")
-    parser.add_argument("--json", action="store_true", help="a JSON object a line")
+    parser.add_argument("--named", action="store_true", help="only registers that a profile names")
+    parser.add_argument(
+        "--address", choices=BASES, default="wire", help="how to show addresses (default: wire)"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object per line")
     add_decoding(parser)
     add_line(parser)
     parser.epilog = EPILOG

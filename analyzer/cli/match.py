@@ -1,4 +1,4 @@
-"""`modlens match`: which known profile fits a unit."""
+"""`modlens match`: find the known profile that fits a unit."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
-    parser.add_argument("--unit", type=int, metavar="N", help="this unit (all)")
+    parser.add_argument("--unit", type=int, metavar="N", help="only this unit (default: all)")
     parser.add_argument(
         "--with",
         dest="names",
         action="append",
         default=[],
         metavar="NAME|FILE",
-        help="these profiles instead of all that are known; repeatable",
+        help="compare with this profile instead of all known ones; repeatable",
     )
     add_decoding(parser)
     add_line(parser)
@@ -65,5 +65,5 @@ def _usable() -> Iterator[Profile]:
         try:
             yield load(one.name)
         except ModlensError as error:
-            what = f"{one.name} is left out: {error.message.splitlines()[0]}"
+            what = f"{one.name} is skipped: {error.message.splitlines()[0]}"
             Screen(sys.stderr).line(visible(what), "odd")

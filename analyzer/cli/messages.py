@@ -48,7 +48,7 @@ class Messages:
         if status.unreadable:
             self.error(f"{status.name}: {status.reason}; skipped")
         elif not status.format:
-            self.info(f"{status.name}: passed over: {status.reason}")
+            self.info(f"{status.name}: skipped: {status.reason}")
         elif status.ended:
             self._report_unread(status)
         else:
@@ -88,7 +88,9 @@ class Messages:
         """Report the detected format, its confidence, the clock, the mode and further details."""
         details = status.details
         certainty = (
-            "ordered" if status.forced else f"{100 * status.confidence:.0f} % sure: {status.reason}"
+            "named by --from"
+            if status.forced
+            else f"{100 * status.confidence:.0f} % sure: {status.reason}"
         )
         words = [f"{status.name}: {status.format} ({certainty})"]
         clock = details.get("clock") or "none"
@@ -107,11 +109,11 @@ class Messages:
             name for name in details.get("formats", []) if name not in status.format.split("+")
         ]
         if later:
-            self.info(f"{status.name}: lines of {', '.join(later)}, too")
+            self.info(f"{status.name}: also has lines of {', '.join(later)}")
         unparsed = details.get("unparsed", 0)
         self.unparsed_lines += unparsed
         for reason, count in (details.get("dropped") or {}).items():
-            self.info(f"{status.name}: {count:,} left out: {reason}")
+            self.info(f"{status.name}: {count:,} skipped: {reason}")
         if unparsed:
             self.info(f"{status.name}: {unparsed:,} of {details['lines']:,} lines not understood")
             for number, text in details["first_unparsed"]:

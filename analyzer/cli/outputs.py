@@ -163,7 +163,7 @@ class Outputs:
                 self._sinks.append(sink)
             self._opened = opened.pop_all()
         if not self._sinks:
-            raise UsageError("nowhere to write to; add -o FILE or --to FORMAT")
+            raise UsageError("no output given; add -o FILE or --to FORMAT")
 
     def pump(self, run: Run, stop: Callable[[], bool]) -> None:
         """Pass the run's batches to the sinks until `stop()` is True or all sinks have failed.

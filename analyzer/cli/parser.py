@@ -69,35 +69,42 @@ def add_line(parser: argparse.ArgumentParser) -> None:
     """Add `--line`, and `--baud`, `--bits`, `--parity`, `--stop` for its parts."""
     group = parser.add_argument_group("line settings")
     group.add_argument(
-        "--line", metavar=EXAMPLE, help="baud, data bits, parity and stop bits in one word"
+        "--line", metavar=EXAMPLE, help="baud rate, data bits, parity and stop bits together"
     )
-    group.add_argument("--baud", type=int, metavar="N", help="or one by one: the speed")
-    group.add_argument("--bits", type=int, metavar="N", help="data bits (8; 7 with --mode ascii)")
-    group.add_argument("--parity", metavar="P", help=f"one of {' '.join(PARITIES)} (E)")
-    group.add_argument("--stop", type=float, metavar="N", help="stop bits: 1, 1.5 or 2 (1)")
+    group.add_argument("--baud", type=int, metavar="N", help="baud rate, when given separately")
+    group.add_argument(
+        "--bits", type=int, metavar="N", help="data bits (default: 8, or 7 with --mode ascii)"
+    )
+    group.add_argument(
+        "--parity", metavar="P", help=f"parity: one of {' '.join(PARITIES)} (default: E)"
+    )
+    group.add_argument(
+        "--stop", type=float, metavar="N", help="stop bits: 1, 1.5 or 2 (default: 1)"
+    )
 
 
 def add_decoding(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how bytes become transactions: `--mode`, `--timeout` ..."""
     group = parser.add_argument_group("decoding")
-    group.add_argument("--mode", choices=MODES, default="auto", help="framing (auto)")
+    group.add_argument("--mode", choices=MODES, default="auto", help="framing (default: auto)")
     group.add_argument(
         "--port",
         dest="tcp_ports",
         action="append",
         default=[],
         metavar="N",
-        help="TCP and UDP ports of Modbus in captures, as 502,1502; any looks everywhere (502)",
+        help="TCP and UDP ports that carry Modbus in captures, such as 502,1502,"
+        " or any for all ports (default: 502)",
     )
     group.add_argument(
         "--channels",
         metavar="A,B",
-        help="channels of a logic analyser, as RX,TX; !RX idles low (found)",
+        help="channels of a logic analyser, such as RX,TX; !RX if RX idles low (default: detected)",
     )
     group.add_argument(
         "--timeout",
         metavar="TIME",
-        help="give a request up after this time, as 500ms or 1.5s (learned, at most 1 s)",
+        help="response timeout, such as 500ms or 1.5s (default: learned, at most 1 s)",
     )
     group.add_argument(
         "--profile",
@@ -105,12 +112,12 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[UNITS=]NAME|FILE",
-        help="what the registers of these units mean, as 1=mightyzap or 2-7=pump.yaml; repeatable",
+        help="device profile of these units, such as 1=mightyzap or 2-7=pump.yaml; repeatable",
     )
     group.add_argument(
         "--bus",
         metavar="FILE[:NAME]",
-        help="a bus file: port, line settings, and the profiles of its units",
+        help="bus file with the port, the line settings and the profiles of the units",
     )
     add_segmentation(group)
     add_functions(group)
@@ -123,7 +130,7 @@ def add_functions(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="NAME|FILE",
-        help="further function codes: a vendor's, or a TOML file; repeatable",
+        help="additional function codes: the name of a vendor or a TOML file; repeatable",
     )
 
 
@@ -133,21 +140,24 @@ def add_input(parser: argparse.ArgumentParser) -> None:
         "files",
         nargs="+",
         metavar="FILE",
-        help="a recording, an archive, a mail, a directory; - is standard input",
+        help="a recording, or an archive, e-mail or directory of recordings; - is standard input",
     )
     parser.add_argument(
         "--from",
         dest="read_as",
         metavar="FORMAT",
-        help="read as this format instead of the detected one (modlens formats lists them)",
+        help="format of the files, instead of detecting it (modlens formats lists them)",
     )
     parser.add_argument(
         "--timezone",
         metavar="ZONE",
-        help="of times without one: local, Europe/Berlin, +01:00 (none: no UTC times)",
+        help="time zone of times printed without one: local, Europe/Berlin or +01:00"
+        " (default: unknown, so no UTC times)",
     )
     parser.add_argument(
-        "--date", metavar="DAY", help="the first day of times without a date, as 2026-11-21"
+        "--date",
+        metavar="DAY",
+        help="first day of a recording whose times have no date, such as 2026-11-21",
     )
     add_dialects(parser)
 
@@ -159,52 +169,66 @@ def add_dialects(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="FILE",
-        help="further text formats: a TOML file of rows; repeatable",
+        help="additional text formats, described in a TOML file; repeatable",
     )
 
 
 def add_rows(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose rows (`--table`, `--where`) and outputs (`-o`, `--to`)."""
     group = parser.add_argument_group("rows")
-    group.add_argument("--table", choices=TABLES, default=TABLES[0], help="which (transactions)")
-    group.add_argument("--columns", metavar="A,B,C", help="columns of exports, in this order")
+    group.add_argument(
+        "--table",
+        choices=TABLES,
+        default=TABLES[0],
+        help="table to print or export (default: transactions)",
+    )
+    group.add_argument("--columns", metavar="A,B,C", help="columns to export, in this order")
     group.add_argument(
         "--where",
         metavar="EXPR",
-        help="only rows for which this holds, as: \"unit == 1 and 'retry' in findings\"",
+        help="only rows that meet this condition, such as \"unit == 1 and 'retry' in findings\"",
     )
     group.add_argument(
         "--between",
         nargs=2,
         metavar=("T1", "T2"),
-        help="only rows from T1 on and before T2: ISO times (UTC), or seconds since the beginning",
+        help="only rows at or after T1 and before T2: ISO times (UTC), or seconds since the"
+        " recording began",
     )
     group = parser.add_argument_group("output")
-    group.add_argument("--address", choices=BASES, default="wire", help="in tables (wire)")
-    group.add_argument("--times", choices=TIMES, default="local", help="in tables (local)")
-    group.add_argument("--to", metavar="FORMAT", help="what to standard output: table, csv, jsonl…")
+    group.add_argument(
+        "--address", choices=BASES, default="wire", help="how tables show addresses (default: wire)"
+    )
+    group.add_argument(
+        "--times", choices=TIMES, default="local", help="how tables show times (default: local)"
+    )
+    group.add_argument(
+        "--to", metavar="FORMAT", help="format for standard output: table, csv, jsonl…"
+    )
     group.add_argument(
         "-o",
         dest="outputs",
         action="append",
         default=[],
         metavar="OUT",
-        help="a file, format by its suffix; frames:OUT.csv for another table; repeatable",
+        help="output file; its suffix selects the format; frames:OUT.csv writes another table;"
+        " repeatable",
     )
     group.add_argument(
         "--style",
         metavar="WORD",
-        help="pcapng: udp, rtu, tcp, original; zeek, icsnpp: tsv, json; parquet: partitions",
+        help="variant of a format: udp, rtu, tcp or original (pcapng); tsv or json (zeek, icsnpp);"
+        " partitions (parquet)",
     )
     group.add_argument(
         "--context",
         type=int,
         default=0,
         metavar="N",
-        help="captures: N more frames before and behind those that --where keeps",
+        help="in captures, also keep N frames before and after those that --where selects",
     )
     group.add_argument(
-        "--strict", action="store_true", help="exit status 1 if anything was damaged"
+        "--strict", action="store_true", help="exit with status 1 if anything was damaged"
     )
 
 
@@ -284,11 +308,13 @@ def _line(options: argparse.Namespace) -> Line | None:
     parts = (options.baud, options.bits, options.parity, options.stop)
     if options.line is not None:
         if any(part is not None for part in parts):
-            raise UsageError("--line says it all; leave --baud, --bits, --parity and --stop out")
+            raise UsageError(
+                "--line gives all settings; leave out --baud, --bits, --parity and --stop"
+            )
         return parse_line(options.line)
     if options.baud is None:
         if any(part is not None for part in parts):
-            raise UsageError(f"--baud is needed, too; or say it all as --line {EXAMPLE}")
+            raise UsageError(f"--baud is missing; or give all settings as --line {EXAMPLE}")
         return None
     return Line(
         options.baud,

@@ -13,7 +13,7 @@ __all__ = ["add_arguments", "run"]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command has no options."""
-    parser.epilog = "The line settings are found by `modlens tap PORT`, which listens only."
+    parser.epilog = "`modlens tap PORT` detects the line settings by listening; it never sends."
 
 
 def run(options: argparse.Namespace) -> int:

@@ -26,11 +26,19 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument(
-        "does", nargs="?", choices=("list", "check", "convert"), default="list", help="what (list)"
+        "does",
+        nargs="?",
+        choices=("list", "check", "convert"),
+        default="list",
+        help="what to do (default: list)",
     )
-    parser.add_argument("names", nargs="*", metavar="NAME|FILE", help="profiles")
-    parser.add_argument("--to", metavar="FORMAT", help=f"one of {', '.join(_written())}")
-    parser.add_argument("-o", dest="output", metavar="OUT", help="a file, format by its suffix")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME|FILE", help="names of known profiles, or files"
+    )
+    parser.add_argument("--to", metavar="FORMAT", help=f"format to write: {', '.join(_written())}")
+    parser.add_argument(
+        "-o", dest="output", metavar="OUT", help="output file; its suffix selects the format"
+    )
     parser.epilog = EPILOG
 
 
@@ -39,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     if options.does == "list":
         _list()
     elif not options.names:
-        raise UsageError(f"profiles {options.does}: which? name a profile or a file")
+        raise UsageError(f"profiles {options.does}: name a profile or a file")
     elif options.does == "check":
         for name in options.names:
             profile = load(name)
@@ -66,7 +74,7 @@ def _list() -> None:
 
 def _convert(options: argparse.Namespace) -> None:
     if len(options.names) != 1:
-        raise UsageError("profiles convert: one profile at a time")
+        raise UsageError("profiles convert: name one profile only")
     written = importers.write(format_of(options.to, options.output), load(options.names[0]))
     show_notes(written.notes, sys.stderr)
     write_text(written.text, options.output)
@@ -79,7 +87,7 @@ def format_of(name: str | None, output: str | None) -> str:
     suffix = Path(output).suffix.lower()
     found = [form for form in _written() if importers.FORMATS[form].suffix == suffix]
     if not found:
-        raise UsageError(f"-o {output}: --to says the format; one of {', '.join(_written())}")
+        raise UsageError(f"-o {output}: name the format with --to: one of {', '.join(_written())}")
     return found[0]
 
 

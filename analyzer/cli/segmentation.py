@@ -17,13 +17,14 @@ def add_segmentation(group: argparse._ArgumentGroup) -> None:
         "--segmentation",
         choices=SEGMENTATIONS,
         default=SEGMENTATIONS[0],
-        help="RTU frames end where all evidence together says (joint), or at silences of t3.5 only",
+        help="what delimits RTU frames: all evidence together (joint, the default), or silences of"
+        " t3.5 alone (silence)",
     )
-    for name, what in (("--t35", "that ends a frame"), ("--t15", "allowed inside one")):
+    for name, what in (("--t35", "that ends a frame"), ("--t15", "allowed inside a frame")):
         group.add_argument(
             name,
             metavar="TIME",
-            help=f"with --segmentation silence: the silence {what}, as 1750us or 3.5chars",
+            help=f"with --segmentation silence: the silence {what}, such as 1750us or 3.5chars",
         )
 
 
@@ -32,6 +33,6 @@ def report_silence_limits(settings: Settings, messages: Messages) -> None:
     if settings.silence_ns is not None:
         t35, t15 = (f"{ns / 1000:,.0f} us" for ns in settings.silence_ns)
         messages.info(
-            f"segmentation by silence: a frame ends after {t35} (t3.5); more than {t15} (t1.5)"
-            " inside one is a finding"
+            f"segmentation by silence: {t35} (t3.5) ends a frame; more than {t15} (t1.5)"
+            " inside a frame is reported as a finding"
         )

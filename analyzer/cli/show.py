@@ -47,16 +47,25 @@ _DIGITS = re.compile(r"[0-9A-Fa-f]+")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument("words", nargs="+", metavar="FILE|HEX", help="a recording, or hex text")
-    parser.add_argument("--frame", type=int, metavar="N", help="this frame of the recording")
+    parser.add_argument("--frame", type=int, metavar="N", help="show this frame of the recording")
     add_place(parser)
-    parser.add_argument("--txn", type=int, metavar="N", help="this transaction of the recording")
     parser.add_argument(
-        "--packet", type=int, metavar="N", help="what begins in this packet of the capture"
+        "--txn", type=int, metavar="N", help="show this transaction of the recording"
+    )
+    parser.add_argument(
+        "--packet",
+        type=int,
+        metavar="N",
+        help="show the frame that begins in this packet of the capture",
     )
     parser.add_argument("--from", dest="read_as", metavar="FORMAT", help="format of the recording")
-    parser.add_argument("--pdu", action="store_true", help="the hex is a PDU: no unit, no checksum")
     parser.add_argument(
-        "--direction", choices=("request", "response"), help="what the frame is (found out)"
+        "--pdu", action="store_true", help="the hex text is a PDU, without unit and checksum"
+    )
+    parser.add_argument(
+        "--direction",
+        choices=("request", "response"),
+        help="direction of the frame (default: detected)",
     )
     add_decoding(parser)
     add_line(parser)
@@ -68,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     screen = stdout()
     if options.at is not None:
         if len(options.words) != 1 or options.frame is not None or options.txn is not None:
-            raise UsageError("show: --at looks into one recording, without --frame and --txn")
+            raise UsageError("show: --at needs one recording, and neither --frame nor --txn")
         show_registers(options, screen)
     elif options.packet is not None:
         _show_packet(options, screen)
@@ -82,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
 def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
     """Draw the frames that begin in a packet of a capture."""
     if len(options.words) != 1 or options.pdu or (options.frame, options.txn) != (None, None):
-        raise UsageError("show: --packet looks into one capture, without --frame, --txn or --pdu")
+        raise UsageError("show: --packet needs one capture, and none of --frame, --txn and --pdu")
     chosen = settings(options)
     run = FileRun(options.words, chosen, read_as=options.read_as)
     found = lookup_packet(run, options.words[0], options.packet)
@@ -100,9 +109,9 @@ def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
 def _show_recording(options: argparse.Namespace, screen: Screen) -> None:
     """Draw a frame or transaction of a recording; `UsageError` says how many there are."""
     if options.frame is not None and options.txn is not None:
-        raise UsageError("show: either --frame or --txn")
+        raise UsageError("show: use either --frame or --txn")
     if len(options.words) != 1 or options.pdu:
-        raise UsageError("show: --frame and --txn look into one recording")
+        raise UsageError("show: --frame and --txn need one recording")
     chosen = settings(options)
     messages = Messages(quiet=True)
     run = FileRun(
@@ -127,7 +136,7 @@ def _show_hex(options: argparse.Namespace, screen: Screen) -> None:
     """Draw the frames, or the PDU, of hex text on the command line."""
     if len(options.words) == 1 and os.path.exists(options.words[0]):
         raise UsageError(
-            f"show: which one? add --frame N, --txn N or --packet N for {options.words[0]}"
+            f"show: add --frame N, --txn N or --packet N to choose from {options.words[0]}"
         )
     chosen = settings(options)
     text = " ".join(options.words)
@@ -190,12 +199,12 @@ def parse_hex(text: str) -> bytes:
     tokens = [token for token in _TOKENS.split(_PREFIX.sub(" ", text)) if token]
     for token in tokens:
         if not _DIGITS.fullmatch(token):
-            raise UsageError(f"show: {token!r} is no hex, and there is no such file")
+            raise UsageError(f"show: {token!r} is not hex text, and there is no such file")
     if not tokens:
         raise UsageError("show: no hex digits")
     if all(len(token) <= len("FF") for token in tokens):
         tokens = [token.zfill(2) for token in tokens]
     digits = "".join(tokens)
     if len(digits) % 2:
-        raise UsageError(f"show: {len(digits)} hex digits; two make a byte")
+        raise UsageError(f"show: {len(digits)} hex digits, but each byte takes two")
     return bytes.fromhex(digits)

@@ -205,7 +205,7 @@ def _pause_text(row: Any) -> str:
         time = milliseconds(row.response_time_us)
         return f"... {time} ms later" if time else "... answered by"
     waited = milliseconds(row.waited_us)
-    return f"no answer within {waited} ms" if waited else row.status.replace("_", " ")
+    return f"no response within {waited} ms" if waited else row.status.replace("_", " ")
 
 
 def _request_pdu(frame: bytes | None, mode: str) -> bytes | None:

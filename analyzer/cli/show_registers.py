@@ -46,11 +46,23 @@ class Sample:
 def add_place(parser: argparse.ArgumentParser) -> None:
     """Add `--at`, `--count` and `--as`."""
     parser.add_argument(
-        "--at", metavar="UNIT:hr:ADDR", help="these registers over time (wire address; hr or ir)"
+        "--at",
+        metavar="UNIT:hr:ADDR",
+        help="show these registers over time (wire address; hr or ir)",
     )
-    parser.add_argument("--count", type=int, default=2, metavar="N", help="1, 2 or 4 of them (2)")
     parser.add_argument(
-        "--as", dest="kind", default="all", metavar="TYPE", help="all, or one type such as f32"
+        "--count",
+        type=int,
+        default=2,
+        metavar="N",
+        help="with --at: 1, 2 or 4 registers (default: 2)",
+    )
+    parser.add_argument(
+        "--as",
+        dest="kind",
+        default="all",
+        metavar="TYPE",
+        help="with --at: one type, such as f32 (default: all)",
     )
 
 
@@ -65,7 +77,7 @@ def show_registers(options: argparse.Namespace, screen: Screen) -> None:
     if options.kind != "all":
         if options.kind not in kinds:
             raise UsageError(
-                f"show: --as {options.kind}; of {options.count} registers {_list(kinds)}"
+                f"show: --as {options.kind}: for {options.count} registers {_list(kinds)}"
             )
         kinds = (options.kind,)
     first = parse_number(match[3]) or 0
@@ -154,6 +166,6 @@ def _grid_columns(
 
 def _verdict(best: dict[str, Any] | None) -> str:
     if best is None:
-        return "nothing speaks for values of several registers here"
+        return "no evidence for values that span several registers here"
     sure = "plausible" if best["sure"] else "perhaps"
     return f"{sure}: {best['type']} {best['order']}: {best['reason']}"

@@ -43,33 +43,40 @@ examples:
   modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
 
-Without line settings they are found by listening. A B are two buses; A+B is one
-bus of which each direction has its own port; NAME=PORT@SETTINGS names a bus and
-gives it settings of its own. A port that goes away is waited for.
--o adds a file that grows while the tap runs; it must not exist yet.
---record keeps every read with its time, for modlens decode; where the file
-exists already, or with --rotate, its segments get numbers and times.
-Ctrl-C ends.
+If no line settings are given, they are detected by listening. Ports A B are two
+buses; A+B is one bus with a port for each direction; NAME=PORT@SETTINGS names a
+bus and gives it its own settings. If a port disappears, the tap waits for it.
+-o writes a file that grows while the tap runs; the file must not exist yet.
+--record stores every read with its time, for modlens decode; if the file exists
+already, or with --rotate, a number and a time are added to its name.
+Ctrl-C stops the tap.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument(
-        "ports", nargs="*", metavar="PORT", help="a device or a URL, see below; or those of --bus"
+        "ports",
+        nargs="*",
+        metavar="PORT",
+        help="a serial device or a URL, see below; not needed with --bus",
     )
-    parser.add_argument("--view", choices=VIEWS, help="a screen instead of lines; keys switch it")
+    parser.add_argument(
+        "--view", choices=VIEWS, help="full-screen view instead of one line per transaction"
+    )
     parser.add_argument(
         "--no-reconnect",
         action="store_true",
-        help="end with status 4 when a port is lost, instead of waiting for it",
+        help="exit with status 4 when a port disappears, instead of waiting for it",
     )
     _add_recording(parser)
     _add_triggers(parser)
     _add_feeds(parser)
     add_line(parser)
     parser.add_argument(
-        "--detect", action="store_true", help="find the line settings by listening (as without any)"
+        "--detect",
+        action="store_true",
+        help="detect the line settings by listening, even if some are given",
     )
     add_rows(parser)
     add_decoding(parser)
@@ -78,42 +85,61 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_recording(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("raw recording")
-    group.add_argument("--record", metavar="FILE", help="every read with its time, as pcapng")
-    group.add_argument("--rotate", metavar="N", help="a new file after a time or size: 1h, 64MB")
-    group.add_argument("--keep", metavar="N", help="only so many files, or so much: 24, 2GB")
+    group.add_argument("--record", metavar="FILE", help="store every read with its time, as pcapng")
+    group.add_argument(
+        "--rotate", metavar="N", help="start a new file after this time or size: 1h, 64MB"
+    )
+    group.add_argument(
+        "--keep", metavar="N", help="keep only this many files, or this much: 24, 2GB"
+    )
 
 
 def _add_triggers(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("ends and events")
-    group.add_argument("--count", type=int, metavar="N", help="end after so many transactions")
-    group.add_argument("--duration", metavar="TIME", help="end after a time, as 90s or 1.5h")
-    group.add_argument("--stop-on", metavar="EXPR", help="end at a transaction like this")
+    group = parser.add_argument_group("stopping and events")
+    group.add_argument("--count", type=int, metavar="N", help="stop after this many transactions")
+    group.add_argument(
+        "--duration", metavar="TIME", help="stop after this time, such as 90s or 1.5h"
+    )
+    group.add_argument(
+        "--stop-on", metavar="EXPR", help="stop at the first transaction that meets this condition"
+    )
     group.add_argument(
         "--around",
         type=int,
         metavar="N",
-        help="-o gets a file for each event of --where: N transactions before and after it",
+        help="with --where and -o: one file per matching transaction, with the N transactions"
+        " before and after it",
     )
 
 
 def _add_feeds(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("feeds")
     group.add_argument(
-        "--mqtt", metavar="URL", help="publish to mqtt://[user@]host/prefix, or mqtts:// for TLS"
+        "--mqtt",
+        metavar="URL",
+        help="publish values to mqtt://[user@]host/prefix, or mqtts:// for TLS",
     )
     group.add_argument(
         "--mqtt-password-file",
         metavar="FILE",
-        help="the user's password (else from $MODLENS_MQTT_PASSWORD)",
+        help="file with the password (default: $MODLENS_MQTT_PASSWORD)",
     )
-    group.add_argument("--mqtt-ca", metavar="FILE", help="trust these authorities (PEM) for mqtts")
-    group.add_argument("--mqtt-cert", metavar="FILE", help="our own certificate (PEM) for mqtts")
-    group.add_argument("--mqtt-key", metavar="FILE", help="the key of --mqtt-cert (PEM)")
-    group.add_argument("--mqtt-spool", metavar="FILE", help="keep there what the broker lacks yet")
     group.add_argument(
-        "--home-assistant", action="store_true", help="with --mqtt: announce values as sensors"
+        "--mqtt-ca", metavar="FILE", help="trusted certificate authorities (PEM) for mqtts"
     )
-    group.add_argument("--metrics", metavar="[HOST:]PORT", help="Prometheus metrics over HTTP")
+    group.add_argument("--mqtt-cert", metavar="FILE", help="client certificate (PEM) for mqtts")
+    group.add_argument("--mqtt-key", metavar="FILE", help="private key of --mqtt-cert (PEM)")
+    group.add_argument(
+        "--mqtt-spool", metavar="FILE", help="file for messages the broker has not confirmed yet"
+    )
+    group.add_argument(
+        "--home-assistant",
+        action="store_true",
+        help="with --mqtt: announce values to Home Assistant as sensors",
+    )
+    group.add_argument(
+        "--metrics", metavar="[HOST:]PORT", help="serve Prometheus metrics over HTTP"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -148,7 +174,7 @@ def run(options: argparse.Namespace) -> int:
         )
         at = f" at {settings.line}" if settings.line is not None else ""
         ports = ", ".join(options.ports or map(_port, taps))
-        tap_messages.info(f"listening to {ports}{at}; nothing is sent; Ctrl-C ends")
+        tap_messages.info(f"listening to {ports}{at}; nothing is sent; Ctrl-C stops")
         # The recording begins only when the ports are open, so that no empty file is left where
         # they fail.
         recording.open(opened)
@@ -269,7 +295,7 @@ def _taps(options: argparse.Namespace) -> tuple[list[Tap], tuple[Binding, ...]]:
     if options.ports:
         return [parse_tap(port) for port in options.ports], ()
     if options.bus is None:
-        raise UsageError("tap: which port? modlens ports lists them; or --bus FILE")
+        raise UsageError("tap: no port given; modlens ports lists them, or use --bus FILE")
     buses, options.bus = choose_buses(options.bus), None
     taps = []
     for bus in buses:
@@ -296,11 +322,11 @@ def _settings(options: argparse.Namespace, bound: tuple[Binding, ...]) -> Settin
     for name in ("count", "around"):
         number = getattr(options, name)
         if number is not None and number < 1:
-            raise UsageError(f"tap: --{name} {number}: write a number from 1 on")
+            raise UsageError(f"tap: --{name} {number}: write a number of 1 or more")
     if options.around is not None and (options.where is None or not options.outputs):
         raise UsageError("tap: --around needs --where EXPR and -o FILE")
     if options.view is not None and options.to is not None:
-        raise UsageError("tap: --view and --to both want standard output; leave one out")
+        raise UsageError("tap: --view and --to both write to standard output; leave one out")
     feed = ("home_assistant", *(name for name in vars(options) if name.startswith("mqtt_")))
     given = next((name for name in feed if getattr(options, name)), None)
     if given is not None and options.mqtt is None:
@@ -316,7 +342,9 @@ def _sinks(
     if options.view is not None:
         screen = stdout()
         if not screen.is_terminal:
-            raise UsageError("tap: --view needs a terminal; without it a line a transaction comes")
+            raise UsageError(
+                "tap: --view needs a terminal; without it, each transaction is printed as a line"
+            )
         state = LiveState(TableOptions(options.address, options.times, live.buses), live.stats)
         tap_messages.screen = LiveScreen(state, options.view, screen)
         sinks.append(tap_messages.screen)

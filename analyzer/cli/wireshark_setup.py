@@ -44,11 +44,11 @@ RED, ORANGE, YELLOW, GREY = (
 BLACK = "[0,0,0]"
 
 COLOURS = (
-    ("Modbus: wrong checksum", "frame.packet_flags_crc_error == 1 || mbrtu.crc16.incorrect", RED),
-    ("Modbus: not answered", 'frame.comment contains "no_response"', RED),
+    ("Modbus: checksum error", "frame.packet_flags_crc_error == 1 || mbrtu.crc16.incorrect", RED),
+    ("Modbus: no response", 'frame.comment contains "no_response"', RED),
     ("Modbus: exception", "modbus.exception_code", ORANGE),
-    ("Modbus: late answer", 'frame.comment contains "late_response"', YELLOW),
-    ("Modbus: repeated", 'frame.comment contains "retry"', YELLOW),
+    ("Modbus: late response", 'frame.comment contains "late_response"', YELLOW),
+    ("Modbus: retry", 'frame.comment contains "retry"', YELLOW),
     ("Modbus: noise", 'exported_pdu.prot_name == "data"', GREY),
 )
 """Name, display filter, background colour; Wireshark applies the first rule that matches."""
@@ -56,8 +56,13 @@ COLOURS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("--profile", metavar="NAME", default="Modbus", help="its name (Modbus)")
-    parser.add_argument("--remove", action="store_true", help="take the profile away again")
+    parser.add_argument(
+        "--profile",
+        metavar="NAME",
+        default="Modbus",
+        help="name of the Wireshark profile (default: Modbus)",
+    )
+    parser.add_argument("--remove", action="store_true", help="remove the profile")
     parser.epilog = EPILOG
 
 
@@ -76,7 +81,9 @@ def run(options: argparse.Namespace) -> int:
             (folder / "colorfilters").write_text(_colours(), encoding="utf-8")
     except OSError as error:
         raise SourceError(f"{folder}: {error.strerror}") from error
-    done = "taken away" if options.remove else "written; choose it in Wireshark's status bar, or -C"
+    done = (
+        "removed" if options.remove else "written; choose it in Wireshark's status bar, or with -C"
+    )
     sys.stdout.write(f"{folder}: {done}\n")
     return 0
 

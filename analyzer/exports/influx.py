@@ -29,4 +29,4 @@ class Format(exports.Format):
 
     def closing_remark(self) -> str:
         """How many rows had no date and time and were left out."""
-        return f"{self._left_out:,} rows without date and time left out" if self._left_out else ""
+        return f"{self._left_out:,} rows without date and time skipped" if self._left_out else ""

@@ -69,7 +69,7 @@ def extract_packets(name: str, wanted: Container[int]) -> Iterator[bytes]:
             elif magic == SECTION.to_bytes(4):
                 yield from _blocks(file, wanted, comment)
             else:
-                raise SourceError(f"{name}: --style original cuts out of pcap and pcapng only")
+                raise SourceError(f"{name}: --style original works only with pcap and pcapng")
     except OSError as error:
         raise SourceError(f"{name}: cannot be read: {error.strerror}") from error
 

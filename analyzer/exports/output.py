@@ -185,7 +185,7 @@ def is_special(path: str) -> bool:
 
 def _source_error(name: str, error: OSError) -> SourceError:
     advice = {
-        errno.EEXIST: "exists already, and a live tap never overwrites; choose another name",
+        errno.EEXIST: "already exists, and a live tap never overwrites; choose another name",
         errno.ENOSPC: "cannot be written: no space left",
         errno.ENOENT: "cannot be created: its directory does not exist",
         errno.EISDIR: "is a directory; name a file in it",

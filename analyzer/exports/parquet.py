@@ -36,7 +36,9 @@ class Format(exports.Format):
         super().__init__(options)
         row_file = getattr(_modlens, "RowFile", None)
         if row_file is None:
-            raise UsageError(f"{self.name}: this build of modlens is without it (feature `files`)")
+            raise UsageError(
+                f"{self.name}: this build of modlens does not include it (feature `files`)"
+            )
         self._new_file: Callable[[], _modlens.RowFile] = lambda: row_file(
             self.name, options.table, options.columns
         )
@@ -75,7 +77,7 @@ class _PartitionedOutput:
             os.mkdir(path)
         except OSError as error:
             raise SourceError(
-                f"{path}: no new folder can be made there: {error.strerror}"
+                f"{path}: no new folder can be created there: {error.strerror}"
             ) from error
 
     def write(self, table: _modlens.Table) -> None:

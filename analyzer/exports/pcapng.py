@@ -51,7 +51,7 @@ class Format(exports.MultiTableFormat):
     def output(self, path: str | None, *, growing: bool) -> Output:
         """Open the file; it is kept because `footer` writes to it in the style `original`."""
         if self._selection is not None and growing:
-            raise UsageError("--style original cuts out of captures; a tap makes none: --record")
+            raise UsageError("--style original needs a capture file; a tap has none, use --record")
         self._output = super().output(path, growing=growing)
         return self._output
 

@@ -26,7 +26,7 @@ SIZE_KEYS = {
 BIT_TYPES = ("coil", "discrete_input")
 BITS_PER_CELL = 16
 
-STATUSES_WITH_VALUES = ("ok", "broadcast", "unrequested")
+STATUSES_WITH_VALUES = ("ok", "broadcast", "unsolicited")
 """Status values of transactions whose values are certainly those of the unit."""
 
 

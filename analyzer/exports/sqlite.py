@@ -38,12 +38,12 @@ VIEWS = """
 CREATE VIEW v_latest AS
   SELECT bus, unit, register_type, address, name, value, value_text, unit_of_measure, time,
     elapsed_us, operation, max(txn) AS txn
-  FROM readings WHERE status IN ('ok', 'broadcast', 'unrequested')
+  FROM readings WHERE status IN ('ok', 'broadcast', 'unsolicited')
   GROUP BY bus, unit, register_type, address;
 CREATE VIEW v_errors AS
   SELECT txn, time, elapsed_us, bus, unit, function, function_name, status, exception_name,
     waited_us, findings, request_hex, response_hex
-  FROM transactions WHERE status NOT IN ('ok', 'broadcast', 'not_seen');
+  FROM transactions WHERE status NOT IN ('ok', 'broadcast', 'not_observed');
 CREATE VIEW v_response_time AS
   SELECT bus, unit, function, function_name, count(*) AS transactions,
     count(response_time_us) AS timed, min(response_time_us) AS least_us,
@@ -82,12 +82,12 @@ class Format(exports.MultiTableFormat):
         )
         if growing and os.path.exists(self._path):
             raise SourceError(
-                f"{path}: exists already, and a live tap never overwrites; choose another name"
+                f"{path}: already exists, and a live tap never overwrites; choose another name"
             )
         if os.path.isdir(self._path):
             raise SourceError(f"{path}: is a directory; name a file in it")
         if is_special(self._path):
-            raise SourceError(f"{path}: is no plain file, and a database cannot be anything else")
+            raise SourceError(f"{path}: is not a regular file, which a database must be")
         try:
             self._open(growing=growing)
         except sqlite3.Error as error:

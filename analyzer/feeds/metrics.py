@@ -71,27 +71,30 @@ class Metrics:
         registry = prometheus.CollectorRegistry()
         rows, unit = ("bus", "unit", "function", "status"), ("bus", "unit")
         self._transactions = prometheus.Counter(
-            "modbus_transactions", "Requests and what came of them", rows, registry=registry
+            "modbus_transactions", "Transactions by status", rows, registry=registry
         )
         self._times = prometheus.Histogram(
             "modbus_response_time_seconds",
-            "End of request to start of response",
+            "Time from the end of a request to the start of its response",
             unit,
             buckets=_BUCKETS,
             registry=registry,
         )
         self._seen = prometheus.Gauge(
-            "modbus_last_seen_timestamp_seconds", "Last answer of a unit", unit, registry=registry
+            "modbus_last_seen_timestamp_seconds",
+            "Time of the last response of a unit",
+            unit,
+            registry=registry,
         )
         self._values = prometheus.Gauge(
-            "modbus_register_value", "Named values", (*unit, "name"), registry=registry
+            "modbus_register_value", "Values of named registers", (*unit, "name"), registry=registry
         )
         self._damaged = prometheus.Gauge(
-            "modbus_bad_checksum_total", "Damaged frames", ("bus",), registry=registry
+            "modbus_bad_checksum_total", "Frames with a checksum error", ("bus",), registry=registry
         )
         self._busy = prometheus.Gauge(
-            "modbus_bus_busy_ratio",
-            "Share of the time the line is used",
+            "modbus_bus_utilization_ratio",
+            "Bus utilization: share of the time in which bytes are on the line",
             ("bus",),
             registry=registry,
         )
@@ -149,5 +152,5 @@ class Metrics:
             self._undelivered.set(self._broker.waiting)
         for bus in self._stats()["buses"]:
             self._damaged.labels(bus["bus"]).set(bus["frames"].get("bad_checksum", 0))
-            if bus["load"] is not None:
-                self._busy.labels(bus["bus"]).set(bus["load"])
+            if bus["utilization"] is not None:
+                self._busy.labels(bus["bus"]).set(bus["utilization"])

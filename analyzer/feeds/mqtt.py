@@ -255,7 +255,7 @@ class Mqtt:
             "device": {
                 "identifiers": [node],
                 "name": f"{row.bus} unit {row.unit}",
-                "manufacturer": "seen by modlens",
+                "manufacturer": "Modbus unit seen by modlens",
             },
         }
         kind = "sensor"

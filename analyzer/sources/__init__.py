@@ -73,7 +73,7 @@ _BYTES = {
             binary=True,
             title="network and serial captures of tcpdump and others",
             clock="utc",
-            sample=("(binary; Modbus on port 502, or as --port says)",),
+            sample=("(binary; Modbus on port 502, or the ports of --port)",),
             packets=True,
         ),
         Format(
@@ -81,7 +81,7 @@ _BYTES = {
             binary=True,
             title="network and serial captures of Wireshark and others",
             clock="utc",
-            sample=("(binary; Modbus on port 502, or as --port says)",),
+            sample=("(binary; Modbus on port 502, or the ports of --port)",),
             packets=True,
         ),
         Format(
@@ -89,13 +89,13 @@ _BYTES = {
             binary=True,
             title="logic analyser sessions of sigrok and PulseView (.sr)",
             clock="relative",
-            sample=("(binary; lines, baud rate, parity and polarity are found)",),
+            sample=("(binary; lines, baud rate, parity and polarity are detected)",),
             samples=True,
         ),
         Format(
             "saleae-digital",
             binary=True,
-            title="Saleae Logic: levels of channels as CSV, a line for each change",
+            title="Saleae Logic: levels of channels as CSV, one line per change",
             clock="relative",
             sample=("Time [s],RX,TX", "0.000000000,1,1", "0.010000000,0,1", "0.010104167,1,1"),
             samples=True,
@@ -122,7 +122,9 @@ SCHEMES = {
         Scheme("", "/dev/ttyUSB0", "a serial port of this machine (COM3 on Windows)"),
         Scheme("socket", "socket://192.168.1.50:4001", "raw TCP of a serial device server", False),
         Scheme(
-            "rfc2217", "rfc2217://192.168.1.50:4001", "a device server that takes line settings"
+            "rfc2217",
+            "rfc2217://192.168.1.50:4001",
+            "a serial device server that accepts line settings",
         ),
     )
 }

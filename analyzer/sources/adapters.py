@@ -34,14 +34,14 @@ class Chip:
 
 _CHIPS: Mapping[int, Chip] = MappingProxyType(
     {
-        0x0403: Chip("FTDI", "62 bytes a packet; a line error marks all of it"),
-        0x1A86: Chip("CH340", "32 bytes a packet: long answers come in pieces"),
+        0x0403: Chip("FTDI", "packets of 62 bytes; a line error marks the whole packet"),
+        0x1A86: Chip("CH340", "packets of 32 bytes: long responses arrive in pieces"),
         0x10C4: Chip("CP210x", "packets of 64 bytes"),
         0x067B: Chip("PL2303", "packets of 64 bytes"),
         0x04D8: Chip("Microchip", "packets of 64 bytes"),
-        0x2341: Chip("Arduino", "a USB serial port of its firmware"),
-        0x0483: Chip("STM32", "a USB serial port of its firmware"),
-        0x2E8A: Chip("RP2040", "a USB serial port of its firmware"),
+        0x2341: Chip("Arduino", "a USB serial port implemented in firmware"),
+        0x0483: Chip("STM32", "a USB serial port implemented in firmware"),
+        0x2E8A: Chip("RP2040", "a USB serial port implemented in firmware"),
     }
 )
 """USB vendor id -> chip."""
@@ -67,12 +67,12 @@ class Adapter:
     def limit(self) -> str:
         """What limits the resolution of times at this port, and what can be done, in words."""
         if self.timer_ms is not None and self.timer_ms >= _SLOW_MS:
-            return f"latency timer {self.timer_ms} ms: the tap sets it to 1 ms where it may"
+            return f"latency timer {self.timer_ms} ms: the tap sets it to 1 ms if permitted"
         if self.timer_ms is not None:
             return f"latency timer {self.timer_ms} ms"
         if not sys.platform.startswith("linux"):
-            return "this system does not tell: pauses of less than some ms may be hidden"
-        return "no latency timer; bytes come as the driver hands them on"
+            return "this system does not report it: pauses of a few ms may be hidden"
+        return "no latency timer; bytes arrive as the driver delivers them"
 
 
 def chip_of(vendor: int | None) -> Chip | None:

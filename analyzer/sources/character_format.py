@@ -119,7 +119,7 @@ class CharacterFormatSearch:
             self._settle(trial.line)
         elif not marks_errors:
             self.error_shares = (
-                "the port does not tell them, so that even and odd parity look alike"
+                "not reported by the port, so even and odd parity cannot be told apart"
             )
 
     def evaluate(self, trial: Trial, *, fits: bool) -> bool:

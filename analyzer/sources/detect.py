@@ -75,10 +75,10 @@ def _refusal(sample: bytes, best: str, reason: str) -> str:
     if best != "raw":
         return (
             f"no Modbus found: text with bytes ({best}), but {reason};"
-            f" say --from {best} to decode it all the same"
+            f" --from {best} decodes it anyway"
         )
-    kind = "text, but of no known form" if is_text(sample) else f"of no known form ({reason})"
-    return f"{kind}; see `modlens formats`, or say it by --from"
+    kind = "text, but of no known format" if is_text(sample) else f"of no known format ({reason})"
+    return f"{kind}; see `modlens formats`, or name it with --from"
 
 
 def is_text(sample: bytes) -> bool:
@@ -115,7 +115,7 @@ def _forced(
     own = next((score for form, score, _ in scores if form == forced_format), 0.0)
     if not is_binary(forced_format) and not is_text(sample):
         raise SourceError(
-            f"{name}: binary data, not {forced_format} text; leave --from out, or say --from raw"
+            f"{name}: binary data, not {forced_format} text; leave --from out, or use --from raw"
         )
     if (
         is_binary(forced_format)
@@ -125,6 +125,6 @@ def _forced(
     ):
         raise SourceError(
             f"{name}: text ({best}: {reason}), not the bytes of a line;"
-            f" leave --from out, or say --from {best}"
+            f" leave --from out, or use --from {best}"
         )
-    return Detection(forced_format, own, "as ordered by --from", forced=True)
+    return Detection(forced_format, own, "as named by --from", forced=True)

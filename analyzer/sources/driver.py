@@ -132,5 +132,5 @@ def _advice(name: str, timer: int | None) -> str:
         return ""
     return (
         f"the adapter holds bytes back for up to {timer} ms: pauses and response times below"
-        f" {2 * timer} ms mean little; as root: echo 1 > {_timer_file(name)}"
+        f" {2 * timer} ms are unreliable; to fix this as root: echo 1 > {_timer_file(name)}"
     )

@@ -233,7 +233,7 @@ class Recording:
 
     def _record_damage(self, error: Exception) -> None:
         """Remember that a compressed file is damaged; the bytes before that place are decoded."""
-        self.damage = f"damaged or cut off behind what was decoded ({error})"
+        self.damage = f"damaged or truncated after what was decoded ({error})"
 
 
 class _PrependedReader:

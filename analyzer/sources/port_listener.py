@@ -198,7 +198,7 @@ class PortListener:
         slot.port = None
         slot.lost_ns = monotonic_ns()
         slot.next_retry_ns = self._next_maintenance_ns = slot.lost_ns + FIRST_RETRY_NS
-        self._notify(f"{error.message}; waiting for it to come back")
+        self._notify(f"{error.message}; waiting for it to return")
 
     def _maintain(self, now: int) -> None:
         for number, slot in enumerate(self._slots):
@@ -227,16 +227,14 @@ class PortListener:
         self._inbox.hole(number)
         self.reconnects += 1
         away = (monotonic_ns() - slot.lost_ns) / NS_PER_S
-        self._notify(
-            f"{slot.name}: back after {away:.1f} s; what was on the line meanwhile is lost"
-        )
+        self._notify(f"{slot.name}: back after {away:.1f} s; traffic in the meantime is lost")
         self._begin(number)
 
     def _check_clocks_and_counters(self) -> None:
         self._check_clocks()
         dropped = self._inbox.lost()
         if dropped > self._dropped:
-            self._notify(f"{dropped - self._dropped:,} bytes lost: more waited than memory allows")
+            self._notify(f"{dropped - self._dropped:,} bytes lost: the input queue was full")
             self._dropped = dropped
         for number, slot in enumerate(self._slots):
             if slot.port is not None:
@@ -252,18 +250,22 @@ class PortListener:
         if change.suspended_ns:
             self._notify(
                 f"the machine slept for {change.suspended_ns / NS_PER_S:.1f} s;"
-                " what was on the line meanwhile is lost"
+                " traffic in the meantime is lost"
             )
             for number in range(len(self._slots)):
                 self._inbox.hole(number)
         if change.step_ns > 0:
             follows = (
-                "; times follow at a pause of the line" if self.clock.is_behind_wall_clock else ""
+                "; timestamps follow at the next pause on the line"
+                if self.clock.is_behind_wall_clock
+                else ""
             )
             self._notify(f"the clock was set forward by {change.step_ns / NS_PER_S:.1f} s{follows}")
         elif change.step_ns < 0:
             back = -change.step_ns / NS_PER_S
-            self._notify(f"the clock was set back by {back:.1f} s; times go on without a step")
+            self._notify(
+                f"the clock was set back by {back:.1f} s; timestamps continue without a step"
+            )
         if (
             self.clock.is_behind_wall_clock
             and monotonic_ns() - self._inbox.newest() > self._idle_ns

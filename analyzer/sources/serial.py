@@ -48,7 +48,7 @@ _ADVICE = {
     errno.EPERM: "no permission to open the port",
     errno.EBUSY: "the port is in use by another program; close it first",
     errno.EAGAIN: "the port is in use by another program; close it first",
-    errno.ENOTTY: "not a serial port; recordings are read by `modlens decode`",
+    errno.ENOTTY: "not a serial port; use `modlens decode` for recordings",
     errno.EISDIR: "a directory, not a serial port",
     errno.ECONNREFUSED: "the connection was refused; check address and port number",
     errno.EIO: "the port was lost; was the adapter unplugged?",
@@ -86,7 +86,7 @@ class Port:
         scheme = name.partition("://")[0] if "://" in name else ""
         if scheme not in SCHEMES:
             known = ", ".join(kind.example for kind in SCHEMES.values())
-            raise UsageError(f"{name}: no port of a known kind; there are {known}")
+            raise UsageError(f"{name}: unknown kind of port; known are {known}")
         self.takes_line_settings = SCHEMES[scheme].takes_line_settings
         self._reader: _ReaderThread | None = None
         with self._as_port_error():

@@ -96,7 +96,7 @@ def infer_settings(recorded_reads: Sequence[RecordedRead], recorded: Line | None
     """
     data = b"".join(one.data for one in recorded_reads)
     if len(data) < MIN_BYTES:
-        yield f"settings: {len(data)} bytes are too few to say anything"
+        yield f"settings: {len(data)} bytes are too few to tell"
         return
     known = recorded or Line(19200, 8, "E", 1)
     for mode, mask in CHARACTER_MASKS.items():
@@ -110,7 +110,7 @@ def infer_settings(recorded_reads: Sequence[RecordedRead], recorded: Line | None
             yield f"settings: {rate} right, {mode}: {evidence_text} in {len(data):,} bytes"
             yield from _parity(recorded_reads, recorded)
             return
-    yield "settings: no checksum fits"
+    yield "settings: no checksum matches"
     yield from _rates(data, recorded)
 
 
@@ -139,7 +139,7 @@ def _parity(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> It
     total = sum(len(one.data) for one in recorded_reads)
     marks = sum(len(one.errors) for one in recorded_reads)
     if recorded is None or recorded.parity not in "EO":
-        yield "settings: read without a check of parity, so that it stays open"
+        yield "settings: read without a parity check, so the parity is unknown"
         return
     if recorded.data_bits != 8:  # noqa: PLR2004
         return
@@ -150,9 +150,9 @@ def _parity(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> It
     best = min(sums, key=lambda name: sums[name])
     line = f"{recorded.baud}-8{best}" + ("" if best == "N2" else "1")
     share = 1 - sums[best] / total
-    summary = f"{marks:,} of {total:,} bytes marked at {recorded}"
+    summary = f"{marks:,} of {total:,} bytes with line errors at {recorded}"
     if share < _MIN_EXPLAINED:
-        reason = "no kind of parity explains that; noise, or marks of whole packets"
+        reason = "no parity setting explains that; noise, or an adapter that marks whole packets"
         yield f"settings: {summary}: {reason}"
     else:
         yield f"settings: {line} ({summary}; that explains {share:.0%} of them)"
@@ -161,7 +161,7 @@ def _parity(recorded_reads: Sequence[RecordedRead], recorded: Line | None) -> It
 def _rates(data: bytes, recorded: Line | None) -> Iterator[str]:
     """The conclusion about the rate from pulse lengths, where no checksum is valid."""
     if recorded is None:
-        yield "settings: say by --line what it was recorded with; then the likely rates can be told"
+        yield "settings: give the settings it was recorded with by --line to get the likely rates"
         return
     counts = pulse_lengths(data[:4096])
     log_odds = {

@@ -200,7 +200,7 @@ class SettingsSearch:
         elif len(trial.data) >= limit:
             self._tried.add(trial.line)
             self._check_swapped_wires()
-            self._begin_next_trial("no checksum fits")
+            self._begin_next_trial("no checksum matches")
 
     def _log_odds(self) -> dict[int, float]:
         """The log odds of each rate: its prior, the pulse lengths seen, and failed trials."""
@@ -236,7 +236,7 @@ class SettingsSearch:
         self._tried.clear()
         self._pulse_lengths.clear()
         self._limit *= 4
-        self._notify("no settings fit so far; trying all again, each for longer")
+        self._notify("no settings fit so far; trying all of them again for longer")
         return _line(FIRST_BAUD, ELEVEN_BITS)
 
     def _check_swapped_wires(self) -> None:
@@ -250,7 +250,7 @@ class SettingsSearch:
         if at_rest and mixed and not self._reported_swap:
             self._reported_swap = True
             self._notify(
-                f"every burst at {trial.line.baud} baud ends in a 00 that is none: A and B (D- and"
+                f"every burst at {trial.line.baud} baud ends in a spurious 00: A and B (D- and"
                 " D+) may be swapped; the other wiring is worth a try"
             )
 
@@ -321,8 +321,8 @@ def evidence(mode: str, core: _modlens.Session) -> str:
     stats = json.loads(core.stats())
     frames = stats["buses"][0]["frames"]["ok"]
     answered = sum(stats["transactions"].get(status, 0) for status in ("ok", "exception"))
-    tentative = stats["findings"].get("tentative", 0)
+    tentative = stats["findings"].get("unconfirmed", 0)
     enough = frames >= _MIN_ASCII_FRAMES if mode == "ascii" else answered >= _MIN_ANSWERED
     if not enough and frames - tentative < _MIN_FRAMES:
         return ""
-    return f"{frames} frames with a right checksum, {answered} requests answered"
+    return f"{frames} frames with a matching checksum, {answered} requests answered"

@@ -41,7 +41,7 @@ class Samples:
         try:
             self._zip = zipfile.ZipFile(file)
         except (OSError, zipfile.BadZipFile) as error:
-            raise SourceError(f"{name}: no session of sigrok: {error}") from error
+            raise SourceError(f"{name}: not a sigrok session: {error}") from error
         try:
             self._read_metadata()
         except BaseException:
@@ -84,7 +84,7 @@ class Samples:
             self.rate = parse_sample_rate(device["samplerate"])
         except (KeyError, StopIteration, ValueError, configparser.Error) as error:
             raise SourceError(
-                f"{self.name}: the session does not say how its samples were taken: {error}"
+                f"{self.name}: the session does not describe its samples: {error}"
             ) from error
         self.names = {
             int(key.removeprefix("probe")) - 1: name

@@ -127,7 +127,7 @@ class Archives:
                 one for one in inside if left == one or left.startswith(one + MEMBER_SEPARATOR)
             ]
             if not fitting:
-                raise SourceError(f"{name}: nothing of this name in {place}")
+                raise SourceError(f"{name}: not found in {place}")
             member = max(fitting, key=len)
             left = left[len(member) + 1 :]
             if not left:

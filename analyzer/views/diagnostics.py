@@ -20,7 +20,7 @@ __all__ = ["describe_driver_errors", "explain_timeouts", "rank_findings"]
 _DRIVER = {
     "overrun": "overruns of the chip (bytes lost)",
     "buf_overrun": "overruns of the system's buffer (bytes lost)",
-    "dropped": "bytes that did not fit into memory (lost)",
+    "dropped": "bytes dropped because memory was full (lost)",
     "frame": "framing errors",
     "parity": "parity errors",
     "brk": "breaks",
@@ -64,13 +64,13 @@ def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     waited = found["waited"]
     if waited:
         yield (
-            f"the master waits {cells.milliseconds(waited['p50_us'])} ms for an answer"
+            f"the master's response timeout: {cells.milliseconds(waited['p50_us'])} ms"
             f" (at least {cells.milliseconds(waited['min_us'])},"
             f" at most {cells.milliseconds(waited['max_us'])})"
         )
     rows = found["requests"]
     for row in rows[:_MAX_REQUESTS]:
-        yield f"{_who(row)}: {row['count']:,} of {row['asked']:,} not answered{_more(row)}"
+        yield f"{_who(row)}: {row['count']:,} of {row['asked']:,} without a response{_more(row)}"
     if len(rows) > _MAX_REQUESTS:
         yield f"… and {len(rows) - _MAX_REQUESTS} more requests"
 
@@ -88,10 +88,14 @@ def _more(row: Mapping[str, Any]) -> str:
     parts = []
     if row["late"]:
         late = row["late_by"]
-        by = f" by {cells.milliseconds(late['p50_us'])} ms" if late else ""
-        parts.append(f"{row['late']:,} answered late{by}")
+        by = f", {cells.milliseconds(late['p50_us'])} ms too late" if late else ""
+        parts.append(f"{row['late']:,} answered after the timeout{by}")
     if row["damaged"]:
-        parts.append(f"{row['damaged']:,} with damaged bytes in the wait")
-    for before in row["before"][:_MAX_BEFORE]:
-        parts.append(f"{before['count']:,} after unit {before['unit']} {before['status']}")
+        parts.append(f"{row['damaged']:,} with damaged bytes instead of a response")
+    before = [
+        f"unit {one['unit']} {one['status']} ({one['count']:,})"
+        for one in row["before"][:_MAX_BEFORE]
+    ]
+    if before:
+        parts.append(f"preceded by {', '.join(before)}")
     return f" ({'; '.join(parts)})" if parts else ""

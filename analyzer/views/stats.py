@@ -9,11 +9,12 @@ object:
             "frames": {verdict: int}, "bytes": {verdict: int},
             "duration_us": float | null,   first to last byte; null without a clock
             "busy_us": float | null,       bytes times the character time; null without settings
-            "load": float | null,          busy share of the duration, 0 to 1
+            "utilization": float | null,   busy share of the duration, 0 to 1
             "silence": {"t35_us": float, "frames": int,
-                        "otherwise": int} | null,
-                                           frames that silences of t3.5 alone would have cut
-                                           otherwise; null without RTU, clock or line settings
+                        "delimited_differently": int} | null,
+                                           frames that silences of t3.5 alone would
+                                           delimit differently; null without RTU, clock
+                                           or line settings
             "units": [{"unit": int, "function": int,
                        "transactions": int, "statuses": {status: int},
                        "exceptions": {"2": int}, "retries": int,
@@ -82,7 +83,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield from _timeouts(bus, width)
     if stats["findings"]:
         yield []
-        yield [("findings, what to check first on top (modlens explain CODE)", "head")]
+        yield [("findings, most urgent first (modlens explain CODE)", "head")]
         for code, count, severity, advice in rank_findings(stats):
             yield [(f"{count:9,}  ", ""), (f"{code:22}", _SEVERITIES[severity])]
             yield from _wrapped(advice, width)
@@ -96,12 +97,12 @@ def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield [
             (f"poll cycle {cells.milliseconds(cycle['p50_us'])} ms", ""),
             (f" (at most {cells.milliseconds(cycle['max_us'])} ms)", "dim"),
-            (f", {cycle['requests']} requests that come again", ""),
+            (f", {cycle['requests']} periodic requests", ""),
         ]
     lines = list(explain_timeouts(bus))
     if lines:
         yield []
-        yield [("time-outs", "head")]
+        yield [("response timeouts", "head")]
     for line in lines:
         yield from _wrapped(line, width)
 
@@ -115,11 +116,12 @@ def _silence(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     """How many frames would have been cut otherwise by silences of t3.5 alone."""
     counts = bus["silence"]
     if counts and counts["frames"]:
-        share = counts["otherwise"] / counts["frames"]
+        changed = counts["delimited_differently"]
+        share = changed / counts["frames"]
         yield []
         text = (
-            f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {counts['otherwise']:,} of"
-            f" {counts['frames']:,} frames ({share:.1%}) would be cut otherwise"
+            f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {changed:,} of"
+            f" {counts['frames']:,} frames ({share:.1%}) would be delimited differently"
         )
         yield from ([(line, "dim")] for line in textwrap.wrap(text, width))
 
@@ -158,7 +160,7 @@ def _bus_fields(short: Mapping[str, str]) -> list[GridColumn]:
             ColumnLayout("noise", 6, align_right=True),
             lambda bus: _some(bus["frames"].get("noise", 0)),
         ),
-        GridColumn(ColumnLayout("load", 6, align_right=True), _load),
+        GridColumn(ColumnLayout("utilization", 6, align_right=True), _utilization),
     ]
 
 
@@ -170,7 +172,8 @@ def _row_fields(*, is_wide: bool) -> list[GridColumn]:
         ),
         GridColumn(ColumnLayout("function", 12, free_share=1), cells.function_name),
         GridColumn(
-            ColumnLayout("txns", 6, align_right=True), lambda row: f"{row['transactions']:,}"
+            ColumnLayout("transactions" if is_wide else "trans.", 6, align_right=True),
+            lambda row: f"{row['transactions']:,}",
         ),
         GridColumn(
             ColumnLayout("ok", 5, align_right=True), lambda row: _some(_with_status(row, "ok"))
@@ -204,8 +207,8 @@ def _damaged_style(bus: Mapping[str, Any]) -> str:
     return "bad" if _damaged(bus) else ""
 
 
-def _load(bus: Mapping[str, Any]) -> str:
-    return "" if bus["load"] is None else f"{bus['load']:.1%}"
+def _utilization(bus: Mapping[str, Any]) -> str:
+    return "" if bus["utilization"] is None else f"{bus['utilization']:.1%}"
 
 
 def _with_status(row: Mapping[str, Any], *statuses: str) -> int:

@@ -81,7 +81,7 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
     if not text.strip("\ufeff \r\n\t"):
         raise ProfileError("the file is empty", path=name)
     unused = [
-        f"--{key} is not used: a file for {form} says it itself"
+        f"--{key} is ignored: a file for {form} states it itself"
         for key in ("base", "order", "unit")
         if getattr(given, key) is not None and key not in FORMATS[form].options
     ]
@@ -92,7 +92,7 @@ def read(form: str, text: str, name: str, options: Options | None = None) -> Imp
     notes = (*unused, *found.notes)
     if not found.model["registers"]:
         why = f": {notes[-1]}" if notes else ""
-        raise ProfileError(f"no point in it that a profile can hold{why}", path=name)
+        raise ProfileError(f"it has no point that a profile can hold{why}", path=name)
     return Imported(found.model, notes)
 
 

@@ -78,15 +78,15 @@ class RowCells:
         limits = [parse_decimal(self.get(key)) for key in _LIMITS]
         if scale or offset or scaling == "none":
             if any(limits) and scaling != "none":
-                self.note("scale and offset count; the four limits beside them are left out")
+                self.note("scale and offset count; the four limits beside them are ignored")
             return self._factors(scale, offset)
         if scaling != "linear":
-            self.note(f"scaling {self.row['scaling']!r} is not linear; left out")
+            self.note(f"scaling {self.row['scaling']!r} is not linear; skipped")
             return None, None
         low, high, down, up = limits
         if low is None or high is None or down is None or up is None or low == high:
             if self.get("scaling") or any(limits):
-                self.note("scaling without its four limits; left out")
+                self.note("scaling without its four limits; skipped")
             return None, None
         factor = (up - down) / (high - low)
         if self.get("negatevalue").lower() in _YES:
@@ -98,9 +98,9 @@ class RowCells:
     def _factors(self, scale: str, offset: str) -> _ScaleAndOffset:
         factor, shift = parse_decimal(scale), parse_decimal(offset)
         if scale and factor in (None, 0):
-            self.note(f"scale {scale!r} is no number to scale by; left out")
+            self.note(f"scale {scale!r} is not a usable number; skipped")
         if offset and shift is None:
-            self.note(f"offset {offset!r} is no number; left out")
+            self.note(f"offset {offset!r} is not a number; skipped")
         return None if factor in (0, 1) else factor, None if shift == 0 else shift
 
     def sentinels(self) -> list[int | float]:
@@ -108,7 +108,7 @@ class RowCells:
         found = [(part, _signed(part)) for part in self.get("nan").split(";") if part.strip()]
         for part, value in found:
             if value is None:
-                self.note(f"no value {part!r} is no number; left out")
+                self.note(f"no value {part!r} is not a number; skipped")
         return [value for _, value in found if value is not None]
 
     def access(self) -> str | None:
@@ -117,7 +117,7 @@ class RowCells:
         if word in _WRITES_ONLY:
             return "w"
         if word not in _WRITES + _READS:
-            self.note(f"access {self.row['access']!r} is not known; left out")
+            self.note(f"access {self.row['access']!r} is not known; skipped")
         return "rw" if word in _WRITES else None
 
     def labels(self) -> dict[str, str]:
@@ -128,7 +128,7 @@ class RowCells:
             match = _LABEL.fullmatch(part)
             raw = match and _signed(match[1])
             if not match or not isinstance(raw, int) or not -(2**63) <= raw < 2**63:
-                self.note(f"labels {part!r} are not understood; left out")
+                self.note(f"labels {part!r} are not understood; skipped")
             elif match[2].strip():
                 labels[str(raw)] = match[2].strip()
         return labels

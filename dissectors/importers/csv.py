@@ -60,7 +60,7 @@ def _is_own(text: str) -> bool:
 def _read_own_csv(text: str, name: str, options: Options) -> Imported:
     given = {"--base": options.base, "--order": options.order, "--unit": options.unit}
     notes = [
-        f"{option} is not used: a profile in CSV says it itself"
+        f"{option} is ignored: a profile in CSV states it itself"
         for option, value in given.items()
         if value is not None
     ]
@@ -75,12 +75,12 @@ def _unit(cells: Mapping[str, str]) -> int | None:
 def _note_assumptions(builder: ProfileBuilder, base: int | str, options: Options) -> None:
     """Add notes on what is assumed because the file does not say it."""
     how = {0: "from 0, as on the wire", 1: "from 1", "modicon": "40001 or 400001"}[base]
-    who = "assumed" if options.base is None else "as told"
-    builder.notes.append(f"addresses count {how} ({who}; --base 0, 1 or modicon says it)")
+    who = "assumed" if options.base is None else "as given"
+    builder.notes.append(f"addresses count {how} ({who}; --base 0, 1 or modicon overrides)")
     if options.order is None and builder.order:
         builder.notes.append(
             f"values of several registers: lowest register first, {builder.order} (assumed; it is "
-            "a setting of the device that the file does not have; --order says it)"
+            "a setting of the device that the file does not have; --order overrides it)"
         )
 
 
@@ -119,12 +119,14 @@ def _cell(value: Any, what: str, notes: list[str]) -> str:
     if not isinstance(value, Mapping | list):
         text = str(value)
         if text != text.strip():
-            notes.append(f"{what}: written without the blanks at its ends")
+            notes.append(f"{what}: written without the spaces at its ends")
         return text.strip()
     texts = list(value.values()) if isinstance(value, Mapping) else value
     parts = ["nan" if text is None else str(text).replace(";", ",").strip() for text in texts]
     if parts != ["nan" if text is None else str(text) for text in texts]:
-        notes.append(f"{what}: written with commas for semicolons, without blanks at the ends")
+        notes.append(
+            f"{what}: written with commas instead of semicolons, without spaces at the ends"
+        )
     if isinstance(value, Mapping):
         return ";".join(f"{key}={part}" for key, part in zip(value, parts, strict=True))
     return ";".join(parts)

@@ -50,7 +50,7 @@ def read(text: str, name: str, options: Options) -> Imported:
     wanted = _controller(data, options, name)
     builder = ProfileBuilder({"source": f"ESPHome configuration {name}"}, options.order)
     builder.notes.append("addresses count from 0, as ESPHome does")
-    builder.notes += [f"line {line}: {tag} is not understood; left out" for line, tag in tags]
+    builder.notes += [f"line {line}: {tag} is not understood; skipped" for line, tag in tags]
     builder.note_dropped(
         (key for key in ("substitutions", "packages") if key in data), "is not resolved"
     )
@@ -72,7 +72,7 @@ def _controller(data: Mapping[str, Any], options: Options, name: str) -> str | N
     if not told and len(known) < 2:  # noqa: PLR2004 - nothing to choose
         return None
     there = ", ".join(f"{unit} ({controller})" for controller, unit in known.items())
-    raise UsageError(f"{name}: which unit? --unit N; there are {there}")
+    raise UsageError(f"{name}: choose a unit with --unit N; there are {there}")
 
 
 def _entities(data: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -153,7 +153,7 @@ def _whole_number(row: Mapping[str, Any], keys: tuple[str, ...], nothing: int) -
         if row.get(key) is not None:
             found = parse_decimal(row[key])
             if not isinstance(found, int) or found < 0:
-                raise NotConvertible(f"{key} {row[key]!r} is no whole number")
+                raise NotConvertible(f"{key} {row[key]!r} is not a whole number")
             return found
     return nothing
 
@@ -195,7 +195,9 @@ def _apply_bitmask(
     low, high = (mask & -mask).bit_length() - 1, mask.bit_length() - 1
     run = mask >> max(low, 0)
     if not 0 < mask <= everything or run & (run + 1) or low // 16 != high // 16:
-        raise NotConvertible(f"bitmask {row['bitmask']!r} is no run of bits of a register")
+        raise NotConvertible(
+            f"bitmask {row['bitmask']!r} is not a contiguous run of bits of a register"
+        )
     from_right = low // 16
     register = address + (from_right if order == "CDAB" else width - 1 - from_right)
     whole = high - low == 15  # noqa: PLR2004 - all bits of a register
@@ -214,7 +216,7 @@ def _labels(builder: ProfileBuilder, row: Mapping[str, Any]) -> dict[str, str]:
             labels[str(value)] = str(option)
         else:
             builder.notes.append(
-                f"{_label(row)}: option {option!r}: {raw!r} is no raw value; left out"
+                f"{_label(row)}: option {option!r}: {raw!r} is not a raw value; skipped"
             )
     return labels
 

@@ -66,7 +66,7 @@ def read(text: str, name: str, options: Options) -> Imported:
     data, tags = plain_data(text, name)
     builder = ProfileBuilder({"source": f"Home Assistant configuration {name}"}, options.order)
     builder.notes.append("addresses count from 0, as Home Assistant does")
-    builder.notes += [f"line {line}: {tag} is not followed; left out" for line, tag in tags]
+    builder.notes += [f"line {line}: {tag} is not followed; skipped" for line, tag in tags]
     entities = [found for hub in _hubs(data) for found in _entities(hub, builder)]
     if not entities:
         line, tag = tags[0] if tags else (None, "")
@@ -118,14 +118,14 @@ def _add(builder: ProfileBuilder, entity: _Entity) -> None:
     address = row.get("address", row.get("register"))
     if not isinstance(address, int) or isinstance(address, bool):
         raise NotConvertible(
-            "no address" if address is None else f"address {address!r} is no number"
+            "no address" if address is None else f"address {address!r} is not a number"
         )
     space = _space(row, kind)
     access = None if kind in _READ_ONLY else "rw"
     extra_values = row.get("virtual_count", row.get("slave_count"))
     more = 0 if extra_values is None else parse_decimal(extra_values)
     if not isinstance(more, int) or not 0 <= more < 0xFFFF:  # noqa: PLR2004 - registers there are
-        raise NotConvertible(f"virtual_count {extra_values!r} is no number of values")
+        raise NotConvertible(f"virtual_count {extra_values!r} is not a number of values")
     # Switches and other writable entities cannot have several values.
     known = _KNOWN if kind in _READ_ONLY else _KNOWN - {"virtual_count", "slave_count"}
     if space in ("co", "di"):
@@ -168,7 +168,7 @@ def _add_sensor(
     numbers = {key: parse_decimal(row.get(key)) for key in ("scale", "offset", "nan_value")}
     for key, value in numbers.items():
         if value is None and row.get(key) is not None:
-            builder.notes.append(f"{label}: {key} {row[key]!r} is no number; left out")
+            builder.notes.append(f"{label}: {key} {row[key]!r} is not a number; skipped")
     if word != "str":
         values = (count or 1) * (more + 1)
         count = REGISTERS_OF_TYPE[word] * values if values > 1 else None
@@ -242,7 +242,7 @@ def write(profile: Profile) -> tuple[str, list[str]]:
     for point in profile.points:
         kind, keys = _entity(point, profile)
         if not kind:
-            notes.append(f"{point['name']}: {point['type']} {point['at']} cannot be read; left out")
+            notes.append(f"{point['name']}: {point['type']} {point['at']} cannot be read; skipped")
             continue
         rows[kind] += [_item(one) for one in _each(keys)] if kind == "switches" else [_item(keys)]
         if kind == "switches" and "virtual_count" in keys:

@@ -143,14 +143,14 @@ class ProfileBuilder:
         width = point.get("count") or REGISTERS_OF_TYPE.get(kind, 1)
         if not 0 <= address <= 0x10000 - width or width > 0xFFFF:  # noqa: PLR2004 - a u16
             reach = address if address < 0 else address + width - 1
-            self._note(f"{name}: wire address {reach} is none; left out")
+            self._note(f"{name}: wire address {reach} does not exist; skipped")
             return
         whole = part is None and not kind.startswith(("u8", "s8"))
         places = [(space, address + offset) for offset in range(width)] if whole else []
         for place in places:
             if place in self._name_at:
                 other = self._name_at[place]
-                self._note(f"{name}: {space}:{place[1]} belongs to {other}; left out")
+                self._note(f"{name}: {space}:{place[1]} belongs to {other}; skipped")
                 return
         unique = self._unique(name or f"{space}_{address}")
         single = space in ("co", "di") or (part is not None and part[0] == part[1])
@@ -168,7 +168,7 @@ class ProfileBuilder:
         try:
             yield
         except NotConvertible as reason:
-            self.notes.append(f"{label}: {reason}; left out")
+            self.notes.append(f"{label}: {reason}; skipped")
 
     def _drop_unsuitable_keys(
         self, point: dict[str, Any], name: str, space: str, kind: str
@@ -180,21 +180,21 @@ class ProfileBuilder:
             "enum": kind in _FLOATS or kind in _TEXTS,
         }
         for key in [key for key, refuses in refused.items() if refuses and key in point]:
-            self._note(f"{name}: {key} {point.pop(key)} of a {kind} has no place; left out")
+            self._note(f"{name}: {key} {point.pop(key)} does not apply to a {kind}; skipped")
         for key in ("scale", "offset"):
             if key in point and not _is_decimal(point[key]):
-                self._note(f"{name}: {key} {point.pop(key)} has too many digits; left out")
+                self._note(f"{name}: {key} {point.pop(key)} has too many digits; skipped")
         nan = point.pop("nan", [])
         raws = nan if isinstance(nan, list) else [nan]
         kept = [raw for raw in raws if _is_raw(raw, kind)]
         if kept:
             point["nan"] = kept
         if len(kept) < len(raws):
-            self._note(f"{name}: nan {nan} is no raw value of a {kind}; left out")
+            self._note(f"{name}: nan {nan} is not a raw value of a {kind}; skipped")
         for key in ("unit", "group", "note"):
             value = point.get(key, "")
             if isinstance(value, bool) or not isinstance(value, str | int | float):
-                self._note(f"{name}: {key} {point.pop(key)!r} is no text; left out")
+                self._note(f"{name}: {key} {point.pop(key)!r} is not text; skipped")
         order = point.pop("order", None)
         if REGISTERS_OF_TYPE.get(kind, 1) > 1:
             order = order or self.order
@@ -204,7 +204,7 @@ class ProfileBuilder:
         if order not in (None, "ABCD"):
             point["order"] = order
 
-    def note_dropped(self, keys: Iterable[str], why: str = "has no place in a profile") -> None:
+    def note_dropped(self, keys: Iterable[str], why: str = "cannot be kept in a profile") -> None:
         """Count features that were left out; the same one of several points gives one note."""
         for key in keys:
             text = f"{key}: {why}"
@@ -233,7 +233,7 @@ class ProfileBuilder:
             count += 1
             unique = f"{name}_{count}"
         if unique != name:
-            self._note(f"{name}: the name stands twice; called {unique}")
+            self._note(f"{name}: the name appears twice; renamed to {unique}")
         self._names.add(unique)
         return unique
 
@@ -249,7 +249,7 @@ def choose_unit(units: Iterable[int | None], requested: int | None, name: str) -
         return next(iter(known), None)
     if requested is None or (known and requested not in known):
         there = ", ".join(map(str, known))
-        raise UsageError(f"{name}: which unit? --unit N; there are {there}")
+        raise UsageError(f"{name}: choose a unit with --unit N; there are {there}")
     return requested
 
 
@@ -258,7 +258,7 @@ def parse_row_order(word: object) -> str | None:
     try:
         return parse_order(word, "")
     except UsageError:
-        raise NotConvertible(f"{word!r} is no order of bytes") from None
+        raise NotConvertible(f"{word!r} is not a byte order") from None
 
 
 def parse_order(word: object, where: str) -> str | None:
@@ -267,7 +267,7 @@ def parse_order(word: object, where: str) -> str | None:
         return None
     found = ORDERS.get(normalized(str(word)))
     if found is None:
-        raise UsageError(f"{where}: {word!r} is no order of bytes; ABCD, CDAB, BADC or DCBA")
+        raise UsageError(f"{where}: {word!r} is not a byte order; ABCD, CDAB, BADC or DCBA")
     return found
 
 

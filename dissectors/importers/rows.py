@@ -83,7 +83,7 @@ class RowConverter:
         try:
             self._add(cells)
         except NotConvertible as reason:
-            cells.note(f"{reason}; left out")
+            cells.note(f"{reason}; skipped")
 
     def _add(self, cells: RowCells) -> None:
         """Add the point of a row; `NotConvertible` says why that is not possible."""
@@ -111,7 +111,7 @@ class RowConverter:
         if not stated_order and REGISTERS_OF_TYPE.get(word or "u16", 1) > 1:
             self.builder.note_once(
                 "values of several registers: highest register first, ABCD (assumed; --order "
-                "says it)"
+                "overrides it)"
             )
         self.builder.add(
             cells.get("name"),
@@ -129,7 +129,7 @@ class RowConverter:
         text = cells.get("address")
         match = _ADDRESS.fullmatch(text.strip())
         if match is None:
-            raise NotConvertible(f"{text!r} is no address" if text else "no address")
+            raise NotConvertible(f"{text!r} is not an address" if text else "no address")
         digits = match["number"].lower()
         stated_space = self._table(match, cells)
         address = parse_number(digits) or 0
@@ -139,9 +139,9 @@ class RowConverter:
             space = stated_space or _DIGITS.get(match["digit"] or "")
             wire = address - int(self.base)
         if space is None:
-            self.builder.note_once("no column says the table: holding registers (assumed)")
+            self.builder.note_once("no column names the table: holding registers (assumed)")
         if not 0 <= wire <= _LAST:
-            raise NotConvertible(f"{text!r} is no address where counting begins at {self.base}")
+            raise NotConvertible(f"{text!r} is not an address where counting starts at {self.base}")
         registers, bit, order = self._part(match, address)
         sizes = [int(size) for size in re.findall(r"\d+", match["array"])]
         elements = math.prod(sizes) if sizes else None
@@ -160,7 +160,7 @@ class RowConverter:
             bit = int(match["bit"]) - first
             if not 0 <= bit < _BITS:
                 raise NotConvertible(
-                    f"bit {match['bit']} is none of {first} to {first + _BITS - 1}"
+                    f"bit {match['bit']} is not one of {first} to {first + _BITS - 1}"
                 )
             return None, bit, None
         if match["last"]:
@@ -177,7 +177,7 @@ class RowConverter:
             if space is None or (
                 self.preset.base == "modicon" and normalized(match["table"]) == "h"
             ):
-                raise NotConvertible(f"{match[0]!r}: {match['table']!r} is no table that is known")
+                raise NotConvertible(f"{match[0]!r}: {match['table']!r} is not a known table")
             return space
         table, function = cells.get("table"), cells.get("function")
         if table and not table.isdigit():
@@ -259,20 +259,20 @@ class RowConverter:
         if not kind.has_width and (word, size) in wide:
             return wide[word, size], None  # type: ignore[index]
         if not kind.has_width and kind.word is not None and size is None:
-            self.builder.note_once("types that do not say how wide they are take 16 bits (assumed)")
+            self.builder.note_once("types without a width take 16 bits (assumed)")
         if size in (None, width) or (registers is None and size in (2 * width, 16 * width)):
             # The length is twice or 16 times the width: it counts bytes or bits, not registers.
             return word, None
         if registers is not None and registers >= 1 and registers % width == 0:
             return word, int(registers)
-        cells.note(f"a {word} does not take {size} registers; left out")
+        cells.note(f"a {word} does not take {size} registers; skipped")
         return word, None
 
 
 def _modicon(digits: str, stated_space: str | None, text: str) -> tuple[str | None, int]:
     """Table and wire address of 40001 or 400001; shorter numbers count from 1 in their table."""
     wrong = NotConvertible(
-        f"{text!r} is no Modicon address" + (f" of {stated_space}" if stated_space else "")
+        f"{text!r} is not a Modicon address" + (f" of {stated_space}" if stated_space else "")
     )
     if not digits.isdigit() or len(digits) > 6:  # noqa: PLR2004 - 400001
         raise wrong

@@ -55,7 +55,7 @@ def read(text: str, name: str, _options: Options) -> Imported:
         _group(builder, group, 0, "")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise ProfileError(f"no SunSpec model: {what}", path=name) from None
+        raise ProfileError(f"not a SunSpec model: {what}", path=name) from None
     return builder.build()
 
 

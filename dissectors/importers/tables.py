@@ -69,14 +69,14 @@ def find_table(text: str, name: str) -> FoundTable:
     for line, row in body:
         if any(row[len(head) :]):
             notes.append(
-                f"line {line}: {len(row)} cells, but {len(head)} columns; left out (a decimal "
+                f"line {line}: {len(row)} cells, but {len(head)} columns; skipped (a decimal "
                 "comma, or a text without quotation marks?)"
             )
         elif any(row):
             cells = {key: cell for key, cell in zip(keys, row, strict=False) if key}
             rows.append((line, cells))
     if "address" in keys and "hex" in head[keys.index("address")].lower():
-        notes.append("addresses are hexadecimal, as the head says")
+        notes.append("addresses are hexadecimal, as the header says")
         rows = [(line, _hexadecimal(cells)) for line, cells in rows]
     return FoundTable(rows, preset, notes)
 
@@ -99,7 +99,7 @@ def _records(text: str, delimiter: str, name: str) -> Iterator[tuple[int, list[s
             yield line, [cell.strip() for cell in row]
             line = reader.line_num + 1
     except csv.Error as error:
-        message = f"no CSV from here on: {error}; see to the quotation marks"
+        message = f"not CSV from here on: {error}; check the quotation marks"
         raise ProfileError(message, path=name, line=line) from None
 
 
@@ -145,17 +145,17 @@ def _keys(
             keys[at] = key
         for at in columns[1:]:
             first = head[columns[0]]
-            notes.append(f"column {head[at]!r} says the same as {first!r}; left out")
+            notes.append(f"column {head[at]!r} has the same meaning as {first!r}; skipped")
     if "name" not in keys and "note" in keys:
         at = keys.index("note")
         keys[at] = "name"
-        notes.append(f"no column says the names: those of {head[at]!r} are taken")
+        notes.append(f"no column has the names: those of {head[at]!r} are taken")
     for at, word in enumerate(words):
         filled = any(cell for row in rows for cell in row[at : at + 1])
         if preset and word in preset.ignored_columns:
-            notes.append(f"column {head[at]!r} has no place in a profile; left out")
+            notes.append(f"column {head[at]!r} cannot be kept in a profile; skipped")
         elif word not in KEY_OF_HEADER and (filled or head[at]):
-            notes.append(f"column {head[at] or at + 1!r} is not understood; left out")
+            notes.append(f"column {head[at] or at + 1!r} is not understood; skipped")
     return keys, notes
 
 

@@ -67,7 +67,7 @@ def read(text: str, name: str, options: Options) -> Imported:
     try:
         tree: Any = tomllib.loads(text.lstrip("\ufeff"))
     except tomllib.TOMLDecodeError as error:
-        raise ProfileError(f"no TOML: {error}", path=name) from None
+        raise ProfileError(f"not TOML: {error}", path=name) from None
     inputs = _table(tree.get("inputs")).get("modbus")
     plugins = _tables(inputs if isinstance(inputs, list) else [inputs])
     if not plugins:
@@ -95,7 +95,7 @@ def _tables(value: Any) -> list[Mapping[str, Any]]:
 
 def _fields(plugin: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Field]:
     """All fields in all three styles; other keys of plugin and requests are noted as dropped."""
-    builder.note_dropped(sorted(set(plugin) - _PLUGIN), "is no part of a register map")
+    builder.note_dropped(sorted(set(plugin) - _PLUGIN), "is not part of a register map")
     where = plugin.get("string_register_location", "")
     texts = _HALVES.get(where if isinstance(where, str) else "", "str")
     for key, space in _STYLES.items():
@@ -104,7 +104,7 @@ def _fields(plugin: Mapping[str, Any], builder: ProfileBuilder) -> Iterator[_Fie
     for style in ("request", "metric"):
         for request in _tables(plugin.get(style)):
             builder.note_dropped(
-                sorted(set(request) - _REQUEST), f"of a {style} has no place in a profile"
+                sorted(set(request) - _REQUEST), f"of a {style} cannot be kept in a profile"
             )
             for one in _tables(request.get("fields")):
                 # In the style `metric` each field names its table, in the style `request` the
@@ -139,12 +139,12 @@ def _add(builder: ProfileBuilder, field: _Field) -> None:
     kind = _kind(row, width)
     bit = row.get("bit", 0)
     if kind == "bool" and (type(bit) is not int or bit not in range(16)):
-        raise NotConvertible(f"bit {bit!r} is none of 0 to 15")
+        raise NotConvertible(f"bit {bit!r} is not one of 0 to 15")
     if isinstance(row["address"], list) and REGISTERS_OF_TYPE.get(kind, width) != width:
         raise NotConvertible(f"{_word(row)} takes {REGISTERS_OF_TYPE[kind]} registers, not {width}")
     length = parse_decimal(row.get("length", width))
     if kind == "str" and not (isinstance(length, int) and length > 0):
-        raise NotConvertible(f"length {row['length']!r} is no number of registers")
+        raise NotConvertible(f"length {row['length']!r} is not a number of registers")
     builder.add(
         label,
         space,
@@ -167,7 +167,7 @@ def _registers(row: Mapping[str, Any]) -> tuple[int, int]:
     ]
     if not listed:
         raise NotConvertible(
-            "no address" if not addresses else f"address {addresses!r} is no number"
+            "no address" if not addresses else f"address {addresses!r} is not a number"
         )
     first = listed[0]
     if isinstance(addresses, list) and addresses != list(range(first, first + len(addresses))):
@@ -196,7 +196,7 @@ def _kind(row: Mapping[str, Any], width: int) -> str:
 def _scale(row: Mapping[str, Any]) -> int | float | None:
     scale = parse_decimal(row.get("scale"))
     if scale is None and "scale" in row:
-        raise NotConvertible(f"scale {row['scale']!r} is no number")
+        raise NotConvertible(f"scale {row['scale']!r} is not a number")
     return None if scale in (1, 0) else scale
 
 
@@ -215,7 +215,7 @@ def write(profile: Profile) -> tuple[str, list[str]]:
         kind = "bool" if "." in place and "-" not in place else point["type"]
         if (kind not in _WORD_OF_TYPE and space in ("hr", "ir")) or "-" in place:
             notes.append(
-                f"{point['name']}: {kind} {point['at']} cannot be read by Telegraf; left out"
+                f"{point['name']}: {kind} {point['at']} cannot be read by Telegraf; skipped"
             )
             continue
         for key in _UNSUPPORTED:

@@ -4,7 +4,7 @@
 >>> unsupported.add("unit", "flow")
 >>> unsupported.add("unit", "level")
 >>> unsupported.notes()
-['unit has no place in Telegraf: flow, level']
+['unit cannot be kept in Telegraf: flow, level']
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class UnsupportedKeys:
     def notes(self) -> list[str]:
         """One note for each key."""
         return [
-            f"{key} has no place in {self.program}: {_list(of)}" for key, of in self._points.items()
+            f"{key} cannot be kept in {self.program}: {_list(of)}"
+            for key, of in self._points.items()
         ]
 
 

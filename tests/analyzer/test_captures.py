@@ -184,7 +184,7 @@ def test_several_interfaces_and_sections(tmp_path: Path) -> None:
     found = rows(tmp_path, first + second)
     assert [(row.bus, row.status) for row in found] == [
         (f"{SERVER}:502", "ok"),
-        ("/dev/ttyUSB0", "not_seen"),
+        ("/dev/ttyUSB0", "not_observed"),
     ]
 
 
@@ -196,7 +196,7 @@ def test_a_short_snapshot_length(tmp_path: Path) -> None:
     frames = list(decode(path).frames)
     assert [frame.verdict for frame in frames] == ["ok", "incomplete"]
     (row,) = decode(path)
-    assert row.status in ("bad_response", "not_seen")
+    assert row.status in ("bad_response", "not_observed")
 
 
 @pytest.mark.parametrize("behind", [b"", bytes.fromhex("c8ba")])
@@ -242,7 +242,7 @@ def test_an_identifier_of_the_devices_own(tmp_path: Path) -> None:
         bytes(ip(False) / tcp(False, 900, 100 + len(ASK), own)),
     ]
     (row,) = rows(tmp_path, captures.pcap(228, packets))
-    assert (row.status, row.data, row.findings) == ("ok", DATA, ["transaction_id"])
+    assert (row.status, row.data, row.findings) == ("ok", DATA, ["transaction_id_mismatch"])
 
 
 @pytest.mark.parametrize("unit", [0, 255])
@@ -284,9 +284,9 @@ def test_what_is_left_out_is_reported(tmp_path: Path, modlens: Modlens) -> None:
     path.write_bytes(data + b"half")
     done = modlens("decode", path)
     assert done.status == 0
-    assert "1 left out: encrypted packets (Modbus over TLS, port 802)" in done.err
-    assert "1 left out: packets of other traffic" in done.err
-    assert "4 left out: bytes of a last packet that is not whole" in done.err
+    assert "1 skipped: encrypted packets (Modbus over TLS, port 802)" in done.err
+    assert "1 skipped: packets of other traffic" in done.err
+    assert "4 skipped: bytes of an incomplete last packet" in done.err
 
 
 def test_show_packet(tmp_path: Path, modlens: Modlens) -> None:
@@ -449,9 +449,9 @@ def test_late_answers_where_transactions_have_no_numbers(number: int, tmp_path: 
     ]
     # packets are 10 ms apart: the second is answered in time, the first behind it and too late
     found = rows(tmp_path, captures.pcap(1, packets), timeout=0.015)
-    told = [(txn.status, txn.data, txn.late_for, txn.late_response_us) for txn in found]
+    told = [(txn.status, txn.data, txn.late_response_to, txn.late_response_us) for txn in found]
     assert told == [
         ("no_response", None, None, None),
         ("ok", [1, 2], None, None),
-        ("unrequested", [7], 1, 30_000.0),
+        ("unsolicited", [7], 1, 30_000.0),
     ]

@@ -26,7 +26,7 @@ def test_columns_are_picked_in_the_order_asked_for() -> None:
     ("text", "message"),
     [
         ("unti", "no column 'unti' in frames; did you mean 'unit'?"),
-        ("qqq", "no column 'qqq' in frames; there are frame, time,"),
+        ("qqq", "no column 'qqq' in frames; the columns are frame, time,"),
         (" , ", "--columns names no column"),
     ],
 )

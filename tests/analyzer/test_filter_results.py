@@ -92,6 +92,6 @@ def test_filters_add_up(captures: Path) -> None:
 def test_bool_columns_are_conditions(captures: Path) -> None:
     """A bool column may be a condition, or be compared with a number."""
     frames = decode(captures / "pymodbus_disturbed" / "recording.jsonl").frames
-    wanted = [row.frame for row in frames if row.tentative]
-    assert [row.frame for row in frames.where("tentative")] == wanted
-    assert [row.frame for row in frames.where("tentative == 1")] == wanted
+    wanted = [row.frame for row in frames if row.unconfirmed]
+    assert [row.frame for row in frames.where("unconfirmed")] == wanted
+    assert [row.frame for row in frames.where("unconfirmed == 1")] == wanted

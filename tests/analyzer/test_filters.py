@@ -90,14 +90,14 @@ MEANINGS: list[tuple[str, Tree]] = [
 MISTAKES = [
     ("untis == 3", "transactions have no column 'untis' (column 1 of", "did you mean 'unit'?"),
     ("unit == 'a'", "unit (a number) cannot be compared with a text (column 9 of", ""),
-    ("unit", "a number is no condition", "column 1 of"),
-    ("1", "a number is no condition", ""),
+    ("unit", "a number is not a condition", "column 1 of"),
+    ("1", "a number is not a condition", ""),
     ("unit == None", "`is None`", "column 9 of"),
     ("unit is 1", "use `==`", ""),
     ("unit ==", "not an expression", ""),
     ("unit = 1", "not an expression", ""),
     ("", "an empty filter", ""),
-    ("__import__('os')", "the only questions are touches", ""),
+    ("__import__('os')", "the only functions are touches", ""),
     ("unit.__class__ == 1", "not part of the filter language", ""),
     ("unit[0] == 1", "not part of the filter language", ""),
     ("[u for u in data] == 1", "not part of the filter language", ""),
@@ -112,7 +112,7 @@ MISTAKES = [
     ("'a' in data", "data (a list of numbers) holds numbers, not a text", ""),
     ("1 in unit", "unit (a number) has no items", ""),
     ("1 in (unit, 2)", "a list holds numbers and texts", ""),
-    ("'a' + 'b' == 'ab'", "a text is no number to calculate with", ""),
+    ("'a' + 'b' == 'ab'", "a text is not a number", ""),
     ("address == '40000'", "not an address", "column 12 of"),
     ("address == 'forty'", "not an address", ""),
     ("time > 'noon'", "not a time", ""),
@@ -123,7 +123,7 @@ MISTAKES = [
     ("touches(xx, 1)", "one of co, di, ir, hr", ""),
     ("touches(hr, 65536)", "0 to 65535", ""),
     ("touches(hr, True)", "0 to 65535", ""),
-    ("touches(hr, range(5))", "range(first, behind the last)", ""),
+    ("touches(hr, range(5))", "range(first, last + 1)", ""),
     ("touches(hr, range(5, 5))", "an empty range", ""),
     ("touches(hr, '30001')", "an address of a input_register", ""),
     ("not " * 100 + "unit == 1", "more than 60 levels", ""),
@@ -173,10 +173,10 @@ def test_the_column_counts_characters_not_bytes() -> None:
 
 def test_other_tables_have_other_columns() -> None:
     """Frames have a verdict and no address; a table that does not exist is wrong use."""
-    assert filters.parse("tentative", "frames").tree == [
-        "cmp", "==", ["col", "tentative"], ["num", 1],
+    assert filters.parse("unconfirmed", "frames").tree == [
+        "cmp", "==", ["col", "unconfirmed"], ["num", 1],
     ]  # fmt: skip
-    with pytest.raises(FilterError, match=r"writes\(\) looks into registers, which frames do not"):
+    with pytest.raises(FilterError, match=r"writes\(\) needs registers, which frames do not"):
         filters.parse("writes(hr, 1)", "frames")
     with pytest.raises(UsageError, match="the tables are"):
         filters.parse("unit == 1", "frame")

@@ -128,5 +128,5 @@ def test_the_size_of_blocks_does_not_show(
 
 def test_settings_are_checked() -> None:
     """Wrong use is reported before a port is opened."""
-    with pytest.raises(UsageError, match="time-out"):
+    with pytest.raises(UsageError, match="timeout"):
         Settings(timeout_ns=0)

@@ -32,14 +32,14 @@ def test_a_mark_belongs_to_its_byte() -> None:
 
 
 def test_a_hole_is_reported_and_excuses_the_unit() -> None:
-    """The answer was lost, not missing: `not_seen`, whatever the time."""
+    """The answer was lost, not missing: `not_observed`, whatever the time."""
     session, bus = live()
     session.feed(bus, REQUEST, 10 * MS)
     session.feed(bus, REQUEST, 5000 * MS, hole=True)
     session.feed(bus, RESPONSE, 5020 * MS)
     session.flush()
     batch = session.take()
-    assert [row.status for row in batch.transactions] == ["not_seen", "ok"]
+    assert [row.status for row in batch.transactions] == ["not_observed", "ok"]
     assert ["lost_bytes" in row.findings for row in batch.frames] == [False, True, False]
 
 

@@ -76,7 +76,7 @@ def test_an_unknown_vendor_is_refused_with_the_known_names() -> None:
         (15, "request", '{"address": 7, "coils": [2]}', "coils"),
         (20, "request", '{"groups": [1]}', "groups"),
         (23, "request", '{"address": 1, "write_address": 2, "write_registers": [3]}', "quantity"),
-        (8, "response", '{"sub_function": 4, "data": 0}', "not answered"),
+        (8, "response", '{"sub_function": 4, "data": 0}', "has no response"),
         (0x5A, "request", "{}", "not public"),
         (99, "request", "{}", "99"),
     ],

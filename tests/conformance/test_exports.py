@@ -254,7 +254,7 @@ def test_a_pipe_is_written_into_and_never_replaced(name: str, tmp_path: Path) ->
     os.mkfifo(pipe)
     one = parse_target(str(pipe), TABLE_OF.get(name, "frames"))
     if name == "sqlite":
-        with pytest.raises(SourceError, match="is no plain file"):
+        with pytest.raises(SourceError, match="is not a regular file"):
             ExportSink(one, columns=None, where=None, growing=False)
     else:
         reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()))

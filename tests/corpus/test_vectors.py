@@ -131,7 +131,7 @@ def test_wrong_answers_get_a_finding(row: dict[str, Any], request_frame: bytes) 
     batch = decode("rtu", asked, wire(row))
     if wire(row).startswith(asked):
         # A local echo or a retry: without a clock nothing tells, and nothing is claimed.
-        assert [txn.status for txn in batch.transactions] == ["not_seen", "ok"]
+        assert [txn.status for txn in batch.transactions] == ["not_observed", "ok"]
     else:
         assert [finding.code for finding in batch.findings] != []
 

@@ -132,7 +132,7 @@ def test_text_ends_at_zero_and_blanks_at_its_end_go() -> None:
 
 def test_wrong_sizes_are_refused() -> None:
     """A wrong number of bytes is refused with the type's name."""
-    with pytest.raises(ValueError, match="2 bytes are no u32"):
+    with pytest.raises(ValueError, match="2 bytes are not a u32"):
         _modlens.convert("u32", "ABCD", b"ab")
     with pytest.raises(ValueError, match="no type"):
         _modlens.convert("u23", "ABCD", b"ab")

@@ -66,9 +66,9 @@ def test_rtu_checksum_expected_and_found() -> None:
     """The CRC is described as right, wrong, or absent."""
     frame = bytes.fromhex("11 03 006B 0003 7687")
     right = by_name(describe(frame, mode="rtu"))["checksum"]
-    assert (right.meaning, right.layer, right.is_valid) == ("CRC-16 right", "checksum", True)
+    assert (right.meaning, right.layer, right.is_valid) == ("CRC OK", "checksum", True)
     wrong = by_name(describe(frame[:-1] + b"\x88", mode="rtu"))["checksum"]
-    assert wrong.meaning == "CRC-16 wrong: 0x8776 expected, 0x8876 found"
+    assert wrong.meaning == "CRC error: 0x8776 expected, 0x8876 found"
     assert not wrong.is_valid
     bare = describe(frame[:-2], mode="rtu", has_checksum=False)
     assert [piece.name for piece in bare] == ["unit", "function", "address", "quantity"]
@@ -89,7 +89,7 @@ def test_mbap_fields() -> None:
     frame = bytes.fromhex("0102 0001 0003 11 076D FF")
     found = by_name(describe(frame, mode="tcp", direction="response"))
     assert found["mbap_id"].value == "258"
-    assert "should be 0" in found["protocol"].meaning
+    assert "must be 0" in found["protocol"].meaning
     assert found["length"].meaning == "3 bytes announced, 4 follow"
     assert found["extra"].data == b"\xff"
     assert not any(found[name].is_valid for name in ("protocol", "length", "extra"))

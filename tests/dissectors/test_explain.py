@@ -76,8 +76,8 @@ def test_every_known_word_is_explained() -> None:
     [
         ("Read Holding Regsters", "did you mean 'Read Holding Registers'"),
         ("illegal adress", "did you mean 'Illegal Data Address'"),
-        ("xyzzy", "try a code"),
-        ("", "try a code"),
+        ("xyzzy", "try a function code"),
+        ("", "try a function code"),
         ("fc 99", "function 99 is not in the table; known are 1, 2, 3"),
         ("8/99", "no sub-function 99 in the table; known are 0, 1, 2"),
         ("43/1", "no sub-function 1 in the table; known are 13, 14"),
@@ -96,7 +96,7 @@ def test_vendors_functions_are_explained() -> None:
     table.load_vendor("huawei")
     found = explain("0x41/0x24", source=table)
     assert found.title == "Login Challenge (Huawei Private Function, sub_function 36)"
-    assert found.section == "not in the specification; the vendor's own"
+    assert found.section == "not in the specification; defined by the vendor"
     assert explain("Login Challenge", source=table) == found
     assert "36 Login Challenge" in str(explain("0x41", source=table))
 

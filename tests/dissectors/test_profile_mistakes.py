@@ -1,7 +1,7 @@
 """What can be wrong with a profile: every rule of the validator on a bad file, with line and key.
 
 `RULES` has a row a rule. What a JSON Schema can say of it the shipped schema says, too; what it
-cannot (widths, what stands twice, registers that meet) is marked, and only the validator knows it.
+cannot (widths, what appears twice, registers that meet) is marked, and only the validator knows it.
 """
 
 from __future__ import annotations
@@ -62,7 +62,9 @@ X = 'at = "hr:1"; name = "x"'
 RULES = {
     # The file.
     "no-version": Rule("registers = []\n", 1, "profile", "the file begins with profile = 1"),
-    "other-version": Rule("profile = 2\n", 1, "profile", "is 1, the version of this format, not 2"),
+    "other-version": Rule(
+        "profile = 2\n", 1, "profile", "must be 1, the version of this format, not 2"
+    ),
     "unknown-key-of-the-file": Rule(
         "profile = 1\nregister = []\n", 2, "register", "did you mean 'registers'"
     ),
@@ -76,14 +78,14 @@ RULES = {
     "device-far-key": device("zzz = 1", "zzz", "no such key; there are id, vendor"),
     "device-no-text": device("id = true", "id", "takes a text, not true or false"),
     "device-base": device("address_base = 2", "address_base", '0, 1 or "modicon", not 2'),
-    "device-order": device('order = "ACBD"', "order", "none of ABCD, CDAB, BADC, DCBA"),
+    "device-order": device('order = "ACBD"', "order", "not one of ABCD, CDAB, BADC, DCBA"),
     "device-functions": device("functions = [3, 200]", "functions", "from 1 to 127, not 200"),
     "device-vendor-functions": device(
         "vendor_functions = [3]", "vendor_functions", "list of names"
     ),
     "device-sunspec": device("sunspec = 0", "sunspec", "a whole number from 1 on, not 0"),
     "device-exception-no-code": device(
-        'exceptions = {busy = "y"}', "exceptions.busy", '"busy" is no number'
+        'exceptions = {busy = "y"}', "exceptions.busy", '"busy" is not a number'
     ),
     "device-exception-out-of-range": device(
         'exceptions = {256 = "y"}', "exceptions.256", "256 is not from 1 to 255", schema=False
@@ -98,9 +100,9 @@ RULES = {
     "name-missing": point('at = "hr:1"', 2, "name", "is missing"),
     "name-empty": point('at = "hr:1"; name = " "', 4, "name", "is empty", schema=False),
     "name-no-text": point('at = "hr:1"; name = [1]', 4, "name", "takes a text, not a list"),
-    "type-unknown": point(f'{X}; type = "u23"', 5, "type", "is none of bool, u8h"),
-    "order-unknown": point(f'{X}; order = "big"', 5, "order", "is none of ABCD"),
-    "access-unknown": point(f'{X}; access = "q"', 5, "access", '"q" is none of r, w, rw'),
+    "type-unknown": point(f'{X}; type = "u23"', 5, "type", "is not one of bool, u8h"),
+    "order-unknown": point(f'{X}; order = "big"', 5, "order", "is not one of ABCD"),
+    "access-unknown": point(f'{X}; access = "q"', 5, "access", '"q" is not one of r, w, rw'),
     "count-zero": point(f"{X}; count = 0", 5, "count", "from 1 on, not 0"),
     "count-too-big": point(f"{X}; count = 65536", 5, "count", "from 1 on, not 65536"),
     "scale-zero": point(f"{X}; scale = 0", 5, "scale", "every value would be the same"),
@@ -110,7 +112,7 @@ RULES = {
     ),
     "offset-no-number": point(f"{X}; offset = true", 5, "offset", "takes a number, not true"),
     "enum-no-table": point(f'{X}; enum = "on"', 5, "enum", "takes a table of number"),
-    "enum-no-number": point(f'{X}; enum = {{a = "b"}}', 5, "enum.a", '"a" is no number'),
+    "enum-no-number": point(f'{X}; enum = {{a = "b"}}', 5, "enum.a", '"a" is not a number'),
     "enum-no-text": point(f"{X}; enum = {{1 = [2]}}", 5, "enum.1", "takes a text, not a list"),
     "bits-no-bit": point(
         f'{X}; bits = {{64 = "b"}}', 5, "bits.64", "64 is not from 0 to 63", schema=False
@@ -120,15 +122,15 @@ RULES = {
     # Where it stands.
     "at-no-text": at("107", 'such as "hr:0x00CD", not 107'),
     "at-no-colon": at('"107"', "a colon and an address"),
-    "at-no-table": at('"xr:5"', '"xr" is no table'),
-    "at-no-address": at('"hr:x"', '"x" is no address'),
-    "at-signed": at('"hr:+5"', '"+5" is no address'),
-    "at-beyond": at('"hr:65536"', "beyond the last one, 65535", schema=False),
-    "at-beyond-base-1": at('"hr:65537"', "beyond the last one, 65536", "1", schema=False),
+    "at-no-table": at('"xr:5"', '"xr" is not a table'),
+    "at-no-address": at('"hr:x"', '"x" is not an address'),
+    "at-signed": at('"hr:+5"', '"+5" is not an address'),
+    "at-beyond": at('"hr:65536"', "beyond the last address, 65535", schema=False),
+    "at-beyond-base-1": at('"hr:65537"', "beyond the last address, 65536", "1", schema=False),
     "at-0-base-1": at('"hr:0"', "counts from 1", "1", schema=False),
     "at-no-modicon": at('"hr:30001"', "begin with 40001 or 400001", '"modicon"', schema=False),
     "at-bit-of-a-coil": at('"co:1.0"', "has no bits of its own", schema=False),
-    "at-no-bit": at('"hr:1.x"', '"x" is no bit'),
+    "at-no-bit": at('"hr:1.x"', '"x" is not a bit'),
     "at-bit-16": at('"hr:1.16"', "bits 0 (lowest) to 15", schema=False),
     "at-bits-turned": at('"hr:1.5-3"', "the lower bit comes first", schema=False),
     # Keys that do not go together.
@@ -150,20 +152,24 @@ RULES = {
         'at = "hr:1.3"; name = "x"; type = "u32"', 5, "type", "part of a register", schema=False
     ),
     "scale-of-a-text": point(
-        f'{X}; type = "str"; count = 2; scale = 2', 7, "scale", "is no number to be", schema=False
+        f'{X}; type = "str"; count = 2; scale = 2',
+        7,
+        "scale",
+        "is not a number, so it cannot be",
+        schema=False,
     ),
     "offset-of-raw": point(
-        f'{X}; type = "raw"; count = 2; offset = 2', 7, "offset", "is no number", schema=False
+        f'{X}; type = "raw"; count = 2; offset = 2', 7, "offset", "is not a number", schema=False
     ),
     "enum-of-a-float": point(
-        f'{X}; type = "f32"; enum = {{0 = "a"}}', 6, "enum", "no whole number", schema=False
+        f'{X}; type = "f32"; enum = {{0 = "a"}}', 6, "enum", "not a whole number", schema=False
     ),
     "bits-beyond": point(f'{X}; bits = {{16 = "a"}}', 5, "bits", "has bits 0 to 15", schema=False),
     "nan-of-a-text": point(
-        f'{X}; type = "str"; count = 2; nan = 0', 7, "nan", "a str is no number", schema=False
+        f'{X}; type = "str"; count = 2; nan = 0', 7, "nan", "a str is not a number", schema=False
     ),
     "nan-fraction-of-a-whole": point(f"{X}; nan = 1.5", 5, "nan", "whole number", schema=False),
-    "sf-unknown": point(f'{X}; sf = "y"', 5, "sf", 'no point "y" holds', schema=False),
+    "sf-unknown": point(f'{X}; sf = "y"', 5, "sf", 'no point "y" for the scale', schema=False),
     # Between points.
     "name-twice": two('at = "hr:1"', 'name = "x"\nat = "hr:2"', 6, "name", "in line 4, too"),
     "register-twice": two(
@@ -177,7 +183,7 @@ RULES = {
         'sf = "x"\nat = "hr:3"\nname = "y"',
         7,
         "sf",
-        "is no single whole number",
+        "is not a single whole number",
     ),
 }
 
@@ -282,9 +288,9 @@ hr:8,c,,,
 
 TEN = [
     ("device.adress_base", "did you mean 'address_base'"),
-    ("device.order", "none of ABCD, CDAB"),
-    ("registers[0].at", "is no table"),
-    ("registers[1].at", "beyond the last one"),
+    ("device.order", "not one of ABCD, CDAB"),
+    ("registers[0].at", "is not a table"),
+    ("registers[1].at", "beyond the last address"),
     ("registers[2].typ", "did you mean 'type'"),
     ("registers[3].type", "none of bool"),
     ("registers[4].at", "bits 0 (lowest) to 15"),
@@ -324,7 +330,7 @@ def test_ten_different_mistakes_are_reported_at_once(
     [
         ('at,name,scale\nhr:1,a,"0,1"\n', 2, "registers[0].scale", 'takes a number, not "0,1"'),
         ("at,name\nhr:1,a,b\n", 2, None, "3 cells, but 2 keys in the head"),
-        ("at,at,name\nhr:1,hr:2,a\n", 2, "registers[0].at", "stands twice"),
+        ("at,at,name\nhr:1,hr:2,a\n", 2, "registers[0].at", "appears twice"),
         ('at,name\nhr:1,"a\n', 2, None, "a quotation mark that is never closed"),
         ("#only=settings\n", 1, "at", "no line of keys"),
     ],
@@ -341,9 +347,9 @@ def test_mistakes_of_tables_only(text: str, line: int, key: str | None, part: st
 @pytest.mark.parametrize(
     ("text", "line", "part"),
     [
-        ("profile: 1\nregisters:\n  - at: hr:1\n    at: hr:2\n", 4, "at: stands twice"),
+        ("profile: 1\nregisters:\n  - at: hr:1\n    at: hr:2\n", 4, "at: appears twice"),
         ("- 1\n", 1, "a profile is a table, not a list"),
-        ("profile: [1\n", 2, "no YAML"),
+        ("profile: [1\n", 2, "not YAML"),
         ("", 1, "is missing; the file begins with profile = 1"),
     ],
 )

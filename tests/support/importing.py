@@ -15,7 +15,7 @@ __all__ = ["Feature", "imported", "notes", "points"]
 ALWAYS = {
     "csv": (
         "addresses count ",
-        "no column says the table",
+        "no column names the table",
         "values of several registers: highest register first",
     ),
     "telegraf": ("addresses count from 0, as Telegraf does",),

@@ -163,7 +163,7 @@ RECIPES: Mapping[str, Recipe] = {
     "pymodbus_disturbed": Recipe(
         "A poll cycle on a bad line, disturbed on purpose by the bus: a flipped bit in a request "
         "and in an answer, an answer that never reaches the line, one cut short, one with two "
-        "bytes blanked, glitch bytes 00, FE, FF glued to frames, bursts of noise in the silence. "
+        "bytes blanked, stray bytes 00, FE, FF glued to frames, bursts of noise in the silence. "
         "Retries after 0.3 s. Noise makes pymodbus' server lose step, so that some undamaged "
         "requests stay unanswered.",
         _disturbed,
@@ -179,7 +179,7 @@ RECIPES: Mapping[str, Recipe] = {
     "pymodbus_late_answers": Recipe(
         "Unit 1 takes 0.37 s for one block of registers; the master gives up after 0.3 s and asks "
         "again. The first answer arrives during the retry and is taken for its answer; the second "
-        "answer arrives when nobody waits for it any more.",
+        "answer arrives when the master no longer waits for it.",
         _late_answers,
     ),
     "pymodbus_no_silence": Recipe(
@@ -190,7 +190,7 @@ RECIPES: Mapping[str, Recipe] = {
     ),
     "pymodbus_timeouts": Recipe(
         "Polls of unit 1, which answers, and of unit 3, which is not on the bus: three requests "
-        "each (time-out 0.3 s, two retries). The recording ends with unanswered requests.",
+        "each (timeout 0.3 s, two retries). The recording ends with unanswered requests.",
         _timeouts,
     ),
     "pymodbus_types": Recipe(
@@ -277,7 +277,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("name", choices=["all", *RECIPES])
     parser.add_argument("--into", type=Path, default=CAPTURES, help="folder of the captures")
     options = parser.parse_args(arguments)
-    logging.disable(logging.CRITICAL)  # pymodbus logs each time-out that was asked for
+    logging.disable(logging.CRITICAL)  # pymodbus logs each timeout that was asked for
     for name in RECIPES if options.name == "all" else [options.name]:
         folder = record(name, options.into)
         size = (folder / "recording.jsonl").stat().st_size

@@ -29,9 +29,11 @@ class View:
 
 VIEWS = {
     "log": View("l", "a line for each transaction", "analyzer.views.live.log"),
-    "table": View("t", "units and functions: counts, errors, times", "analyzer.views.live.table"),
-    "map": View("m", "registers, with values changing in place", "analyzer.views.live.map"),
-    "health": View("h", "load, poll cycle, time-outs, damage", "analyzer.views.live.health"),
+    "table": View("t", "by unit and function: counts, errors, times", "analyzer.views.live.table"),
+    "map": View("m", "last value of each register, updated in place", "analyzer.views.live.map"),
+    "health": View(
+        "h", "bus utilization, poll cycle, timeouts, damage", "analyzer.views.live.health"
+    ),
 }
 """Name -> view."""
 

@@ -1,4 +1,4 @@
-"""The view of a bus's health: load, poll cycle, retries, time-outs, damage, findings."""
+"""The view of a bus's health: utilization, poll cycle, retries, timeouts, damage, findings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from analyzer.views.screen import Part, fit, visible
 
 __all__ = ["lines"]
 
-_HIGH_LOAD, _CRITICAL_LOAD = 0.5, 0.8
+_HIGH, _CRITICAL = 0.5, 0.8
 _BAR_COLUMNS = 20
 
 
@@ -20,13 +20,13 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     """The lines of each bus, then the findings, most urgent first."""
     stats = state.statistics
     if not stats.get("buses"):
-        return [[("nothing heard yet", "dim")]]
+        return [[("no traffic yet", "dim")]]
     out: list[list[Part]] = []
     for bus in stats["buses"]:
         out += _bus(bus, width)
     findings = list(rank_findings(stats))
     if findings:
-        out.append([("findings, what to check first on top (modlens explain CODE)", "head")])
+        out.append([("findings, most urgent first (modlens explain CODE)", "head")])
     for code, count, severity, advice in findings:
         style = {"error": "bad", "warning": "odd"}.get(severity, "note")
         rest = max(width - 34, 0)
@@ -37,11 +37,11 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
 
 
 def _bus(bus: dict[str, Any], width: int) -> Iterator[list[Part]]:
-    """The lines of one bus: load, poll cycle, frames, driver errors, time-outs."""
-    yield [(fit(f"{visible(bus['bus'])}: {bus['mode'] or 'nothing yet'}", width), "head")]
+    """The lines of one bus: utilization, poll cycle, frames, driver errors, timeouts."""
+    yield [(fit(f"{visible(bus['bus'])}: {bus['mode'] or 'no frames yet'}", width), "head")]
     frames = bus["frames"]
     damaged = sum(frames.get(verdict, 0) for verdict in ("bad_checksum", "incomplete"))
-    yield [*_load(bus), (f"   poll cycle {_cycle(bus)}", "")]
+    yield [*_utilization(bus), (f"   poll cycle {_cycle(bus)}", "")]
     total = sum(frames.values())
     yield [
         (f"frames {total:,}   ", ""),
@@ -56,16 +56,16 @@ def _bus(bus: dict[str, Any], width: int) -> Iterator[list[Part]]:
         yield [(fit(f"  {line}", width).rstrip(), "bad" if line.startswith("unit") else "")]
 
 
-def _load(bus: dict[str, Any]) -> list[Part]:
-    load = bus["load"]
-    if load is None:
-        return [("load unknown", "dim")]
-    style = "bad" if load >= _CRITICAL_LOAD else "odd" if load >= _HIGH_LOAD else "good"
-    full = round(min(load, 1.0) * _BAR_COLUMNS)
+def _utilization(bus: dict[str, Any]) -> list[Part]:
+    utilization = bus["utilization"]
+    if utilization is None:
+        return [("bus utilization unknown", "dim")]
+    style = "bad" if utilization >= _CRITICAL else "odd" if utilization >= _HIGH else "good"
+    full = round(min(utilization, 1.0) * _BAR_COLUMNS)
     return [
-        ("load ", ""),
+        ("bus utilization ", ""),
         ("#" * full + "." * (_BAR_COLUMNS - full), style),
-        (f" {load:.0%}", style),
+        (f" {utilization:.0%}", style),
     ]
 
 
@@ -76,4 +76,4 @@ def _cycle(bus: dict[str, Any]) -> str:
     times = (
         f"p50 {cells.milliseconds(cycle['p50_us'])} ms, max {cells.milliseconds(cycle['max_us'])}"
     )
-    return f"{times} ms ({cycle['requests']} requests)"
+    return f"{times} ms ({cycle['requests']} periodic requests)"

@@ -17,7 +17,7 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
     shown = list(state.rows)[-max(height - 1, 1) :]
     rows = [row for row in shown if not isinstance(row, Mark)]
     if not rows:
-        waiting = "nothing passed the filter yet" if state.filter else "nothing heard yet"
+        waiting = "no transaction matches the filter yet" if state.filter else "no traffic yet"
         return [[(waiting, "dim")]]
     made = lines_of(rows, state.table_options, width)
     return [made.head(), *_body(shown, made, width)]

@@ -23,7 +23,7 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
         for row in bus["units"]
     ]
     if not rows:
-        return [[("nothing heard yet", "dim")]]
+        return [[("no traffic yet", "dim")]]
     chosen = _fields(state, is_wide=width >= WIDE_COLUMNS)
     if len(state.table_options.buses) > 1:
         chosen.insert(0, cells.bus_field(state.table_options.buses, lambda row: str(row["bus"])))
@@ -45,10 +45,11 @@ def _fields(state: LiveState, *, is_wide: bool) -> list[GridColumn]:
             ColumnLayout("function", 12, max_width=28 if is_wide else 18), cells.function_name
         ),
         GridColumn(
-            ColumnLayout("txns", 6, align_right=True), lambda row: f"{row['transactions']:,}"
+            ColumnLayout("transactions" if is_wide else "trans.", 6, align_right=True),
+            lambda row: f"{row['transactions']:,}",
         ),
         GridColumn(ColumnLayout("per s", 5, align_right=True), rate),
-        GridColumn(ColumnLayout("wrong", 6, align_right=True), _wrong, _wrong_style),
+        GridColumn(ColumnLayout("errors", 6, align_right=True), _wrong, _wrong_style),
     ]
     chosen += [
         GridColumn(ColumnLayout(f"{name} ms", 6, align_right=True), _time(f"{name}_us"))

@@ -129,7 +129,7 @@ pub struct NoiseRow {
     /// False frames per MB that are reported as certain.
     pub facts: f64,
     /// False frames per MB that are marked as unconfirmed.
-    pub tentative: f64,
+    pub unconfirmed: f64,
 }
 
 /// The noise to run.
@@ -157,18 +157,18 @@ impl NoisePlan {
                     for (count, algorithm) in counts.iter_mut().zip(plan.chosen_algorithms(makers)) {
                         let mut algorithm = algorithm;
                         if algorithm.reads(&noise.case) {
-                            let (facts, tentative) = false_frames(&algorithm.run(&noise.case), noise.from);
-                            *count = (count.0 + facts, count.1 + tentative);
+                            let (facts, unconfirmed) = false_frames(&algorithm.run(&noise.case), noise.from);
+                            *count = (count.0 + facts, count.1 + unconfirmed);
                         }
                     }
                 }
                 let megabytes = (self.bytes * self.seeds.len()) as f64 / 1e6;
-                rows.extend(counts.into_iter().enumerate().map(|(algorithm, (facts, tentative))| NoiseRow {
+                rows.extend(counts.into_iter().enumerate().map(|(algorithm, (facts, unconfirmed))| NoiseRow {
                     pattern,
                     warm,
                     algorithm,
                     facts: facts as f64 / megabytes,
-                    tentative: tentative as f64 / megabytes,
+                    unconfirmed: unconfirmed as f64 / megabytes,
                 }));
             }
         }

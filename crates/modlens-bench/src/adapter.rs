@@ -172,7 +172,7 @@ impl Run {
             direction::Direction::Response => Direction::Response,
             direction::Direction::Unknown => Direction::Unknown,
         };
-        frame.tentative = row.tentative;
+        frame.unconfirmed = row.unconfirmed;
         frame.txn = row.txn;
         frame.emitted_ns = self.now.filter(|_| self.live);
         self.index_of_frame.insert(row.number, self.frames.len());

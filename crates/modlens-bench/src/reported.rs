@@ -15,7 +15,7 @@ pub struct ReportedFrame {
     /// The algorithm claims that the frame is whole and undamaged.
     pub is_whole: bool,
     /// The claim is marked as unconfirmed.
-    pub tentative: bool,
+    pub unconfirmed: bool,
     /// Number of the transaction, which a request and its response share.
     pub txn: Option<u64>,
     /// 0 for the only line; 1 and 2 for the lines A and B of a two-line tap.
@@ -34,7 +34,7 @@ impl ReportedFrame {
             end,
             direction: Direction::Unknown,
             is_whole,
-            tentative: false,
+            unconfirmed: false,
             txn: None,
             line,
             emitted_ns: None,

@@ -159,7 +159,7 @@ fn framing(bytes: &[u8]) -> u64 {
         };
         let Some(cut) = framer.next(input, &context, &mut adu) else { break };
         // Like a session, count a unit as known only after a valid frame.
-        if cut.verdict.is_good() && !cut.tentative {
+        if cut.verdict.is_good() && !cut.unconfirmed {
             known_units[adu[0] as usize] = true;
         }
         input.consume(cut.length);

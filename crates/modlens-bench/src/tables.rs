@@ -102,7 +102,7 @@ pub fn latencies(outcome: &Outcome) -> String {
 
 /// The table of false frames per MB of noise.
 pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
-    let mut text = String::from("\nfalse frames per MB of noise (tentative ones in brackets)\n");
+    let mut text = String::from("\nfalse frames per MB of noise (unconfirmed ones in brackets)\n");
     write!(text, "{:<17}", "").expect("text can grow");
     for name in names {
         write!(text, "{name:>20}").expect("text can grow");
@@ -112,7 +112,7 @@ pub fn noise(names: &[&str], rows: &[NoiseRow]) -> String {
             let name = format!("{} {}", row.pattern.text(), if row.warm { "warm" } else { "cold" });
             write!(text, "\n{name:<17}").expect("text can grow");
         }
-        let cell = format!("{:.2} ({:.2})", row.facts, row.tentative);
+        let cell = format!("{:.2} ({:.2})", row.facts, row.unconfirmed);
         write!(text, "{cell:>20}").expect("text can grow");
     }
     text.push('\n');

@@ -65,7 +65,7 @@ pub struct Frame {
     /// Whether it is whole and its checksum right.
     pub verdict: Verdict,
     /// The checksum is right, but the frame may be an accident of noise.
-    pub tentative: bool,
+    pub unconfirmed: bool,
     /// How much more likely this reading of the bytes is than the next best one, in bits.
     pub confidence: u8,
     /// What ended it.

@@ -242,9 +242,9 @@ impl BusCounts {
             "bus": self.name, "mode": self.mode.map(Mode::text), "frames": by_verdict(&self.frames), "bytes": by_verdict(&self.bytes),
             "duration_us": span.map(|ns| ns as f64 / 1000.0), "busy_us": span.map(|_| self.busy_ns as f64 / 1000.0),
             "silence": self.silence.map(|counts| json!({
-                "t35_us": counts.t35_ns as f64 / 1000.0, "frames": counts.frames, "otherwise": counts.otherwise,
+                "t35_us": counts.t35_ns as f64 / 1000.0, "frames": counts.frames, "delimited_differently": counts.otherwise,
             })),
-            "load": span.map(|span| self.busy_ns as f64 / span as f64), "units": units,
+            "utilization": span.map(|span| self.busy_ns as f64 / span as f64), "units": units,
             "cycle": self.requests.cycle(), "timeouts": self.requests.timeouts(functions),
         })
     }

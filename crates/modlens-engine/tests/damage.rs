@@ -149,7 +149,7 @@ fn stray_bytes_that_a_switched_line_driver_can_leave_are_glitches_and_others_are
         .concat();
         let batch = decode(&bytes);
         assert_eq!(damaged_frames(&before, &batch), []);
-        assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::Glitch), glitch, "{strays:02x?}");
+        assert_eq!(batch.findings.iter().any(|row| row.finding == Finding::StrayBytes), glitch, "{strays:02x?}");
     }
 }
 

@@ -331,7 +331,7 @@ fn a_repeated_request_is_neither_echo_nor_retry_before_the_line_has_shown_which(
     session.flush();
     let batch = session.take();
     let statuses: Vec<Status> = batch.transactions.iter().map(|row| row.status).collect();
-    assert_eq!(statuses, [Status::NotSeen, Status::Ok, Status::Ok]);
+    assert_eq!(statuses, [Status::NotObserved, Status::Ok, Status::Ok]);
     assert_eq!(batch.transactions[1].retry_of, None);
 }
 

@@ -218,7 +218,7 @@ fn unanswered_broadcast_and_late() {
     ];
     let batch = timed(&bursts);
     let (ok, none) = (Status::Ok, Status::NoResponse);
-    assert_eq!(statuses(&batch), [ok, Status::Broadcast, ok, none, ok, Status::Unrequested]);
+    assert_eq!(statuses(&batch), [ok, Status::Broadcast, ok, none, ok, Status::Unsolicited]);
     assert_eq!(batch.transactions[5].late_for, Some(batch.transactions[3].number));
     assert!(batch.transactions[3].waited.is_some_and(|ns| (ns - 300 * MS).abs() < MS));
 }
@@ -372,7 +372,7 @@ fn random_noise_is_noise() {
     };
     let bytes: Vec<u8> = (0..1 << 20).map(|_| noise()).collect();
     let batch = untimed(&bytes);
-    let sure = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok && !frame.tentative).count();
+    let sure = batch.frames.iter().filter(|frame| frame.verdict == Verdict::Ok && !frame.unconfirmed).count();
     assert!(sure <= 2, "{sure} frames in a megabyte of noise");
 }
 
@@ -451,7 +451,7 @@ fn answers_to_requests_that_are_missing_are_not_late() {
     let silent = [(20 * MS, read_request(1, 5, 2))];
     let batch = timed(&[polls(4), vec![gone.to_vec(); 3].concat(), silent.to_vec(), unasked.to_vec()].concat());
     assert!(frames_with(&batch, Finding::LateResponse).is_empty());
-    assert_eq!(frames_with(&batch, Finding::Unrequested).len(), 3);
+    assert_eq!(frames_with(&batch, Finding::Unsolicited).len(), 3);
     // Without it, the first that fits is late, and a second one is not.
     let fits = [(800 * MS, read_response(1, &[5, 5])), (20 * MS, read_response(1, &[5, 6]))];
     let batch = timed(&[polls(4), vec![gone.to_vec(); 3].concat(), polls(4), silent.to_vec(), fits.to_vec()].concat());
@@ -478,7 +478,7 @@ fn another_unit_answers_and_the_master_asks_again() {
     ];
     let batch = timed(&[polls(4), lost.to_vec()].concat());
     assert!(frames_with(&batch, Finding::WrongUnit).is_empty() && frames_with(&batch, Finding::NoResponse).is_empty());
-    assert!(statuses(&batch).contains(&Status::NotSeen));
+    assert!(statuses(&batch).contains(&Status::NotObserved));
 }
 
 #[test]

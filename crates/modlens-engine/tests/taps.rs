@@ -23,7 +23,7 @@ fn counting_response(unit: u8, quantity: u8, first: u8) -> Vec<u8> {
 
 /// The frames with their directions; all bytes must be in good frames.
 fn all_good(batch: &Batch) -> Vec<(Vec<u8>, Direction)> {
-    assert!(batch.frames.iter().all(|frame| frame.verdict == Verdict::Ok && !frame.tentative));
+    assert!(batch.frames.iter().all(|frame| frame.verdict == Verdict::Ok && !frame.unconfirmed));
     good(batch)
 }
 
@@ -105,9 +105,9 @@ fn a_stray_byte_at_every_turnaround_costs_no_frame() {
             session.flush();
             let batch = session.take();
             assert_eq!(good(&batch), expected, "{stray:02x} {clock:?}");
-            // Each unit's first response is tentative, since the unit was in no paired transaction before.
-            let tentative = batch.frames.iter().filter(|row| row.tentative).count();
-            assert!(tentative <= 3, "{tentative} tentative frames at {stray:02x} {clock:?}");
+            // Each unit's first response is unconfirmed, since the unit was in no paired transaction before.
+            let unconfirmed = batch.frames.iter().filter(|row| row.unconfirmed).count();
+            assert!(unconfirmed <= 3, "{unconfirmed} unconfirmed frames at {stray:02x} {clock:?}");
         }
     }
 }
@@ -365,7 +365,7 @@ fn wrong_bytes_that_are_repeated_do_not_confirm_each_other() {
         session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
         session.flush();
         let batch = session.take();
-        assert!(batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).all(|row| row.tentative), "{once:02x?}");
+        assert!(batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).all(|row| row.unconfirmed), "{once:02x?}");
     }
 }
 
@@ -377,9 +377,9 @@ fn frames_of_a_vendors_function_are_accepted_behind_stray_bytes() {
     session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
     session.flush();
     let batch = session.take();
-    let whole: Vec<bool> = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).map(|row| row.tentative).collect();
+    let whole: Vec<bool> = batch.frames.iter().filter(|row| row.verdict == Verdict::Ok).map(|row| row.unconfirmed).collect();
     assert_eq!(whole.len(), 24);
-    assert!(whole[5..].iter().all(|tentative| !tentative), "{whole:?}");
+    assert!(whole[5..].iter().all(|unconfirmed| !unconfirmed), "{whole:?}");
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! The findings: one documented variant each, with its severity, why it matters and what to check. The detail of an
 //! occurrence stands in its row.
 
+use crate::renamed::{current, Vocabulary};
+
 /// The severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
@@ -64,210 +66,211 @@ macro_rules! findings {
 
 findings! {
     BadChecksum "bad_checksum" Error
-        "the checksum is not that of the bytes"
-        "The receiver drops such a frame in silence; the master waits for its time-out and asks again."
+        "the checksum does not match the bytes"
+        "The receiver discards such a frame without a response; the master waits for its response timeout and usually retries."
         "Noise: termination at both ends (150 ohm, or 120 ohm + 1 nF), bias of 450 to 650 ohm at one place, shield, at most 1000 m and 32 loads. If all frames are bad: baud rate, parity, swapped wires."
         "serial line 6.2";
     Incomplete "incomplete" Error
-        "the frame ends before the bytes that it announces"
-        "Bytes were lost, or the sender stopped; the frame is worthless to the receiver."
+        "the frame ends before its announced length"
+        "Bytes were lost, or the sender stopped; the receiver discards the frame."
         "Overruns of the adapter, a sender whose driver is switched off too early, or the start or end of the recording."
         "serial line 2.5.1.1";
     BitFlip "bit_flip" Error
-        "one flipped bit would mend the checksum"
-        "A single disturbed bit is the mark of noise on the line, not of a wrong setting."
-        "Termination, bias and shield; the unit named is far away or badly connected."
+        "one flipped bit explains the wrong checksum"
+        "A single disturbed bit is typical of noise on the line, not of a wrong setting."
+        "Termination, bias and shield; the unit named may be far away or badly connected."
         "serial line 6.2.2";
     LostBytes "lost_bytes" Error
-        "bytes of this frame are missing in the recording"
-        "The tap did not deliver them; the units may well have heard the frame whole."
-        "Overruns: a slower machine, a long USB cable or hub, an adapter without flow of its own; not the line."
+        "bytes of this frame are missing from the recording"
+        "The tap did not deliver them; the devices may well have received the whole frame."
+        "Overruns of the tap: a slow computer, a long USB cable or hub, an adapter with a small buffer. The line is not the cause."
         "";
     Collision "collision" Error
-        "another sender talked into the frame"
-        "Two drivers at once: the one that pulls to 0 wins, and both frames are lost."
-        "Two masters, two units with one address, or a unit that answers after the master's time-out."
+        "another sender transmitted during the frame"
+        "Two drivers were on at once: where they differ, the one that pulls to 0 wins, and both frames are lost."
+        "Two masters, two units with the same address, or a unit that responds after the master's timeout."
         "serial line 2.4.1";
-    DoubledByte "doubled_byte" Error
+    DuplicateByte "duplicate_byte" Error
         "a byte of this frame was delivered twice"
-        "The recording is wrong in this place; the units may well have heard the frame whole."
-        "The adapter, its driver, or a network serial server."
+        "The recording is wrong at this point; the devices may well have received the frame correctly."
+        "The adapter, its driver, or a serial device server."
         "";
-    Glitch "glitch" Info
+    StrayBytes "stray_bytes" Info
         "stray bytes where a driver was switched on or off"
-        "Receivers that go by the clock take them for a part of the frame."
-        "Bias of 450 to 650 ohm at one place; the unit's driver-enable timing."
+        "Receivers that delimit frames by silence take them for part of the frame."
+        "Bias of 450 to 650 ohm at one place; the timing of the unit's driver enable."
         "serial line 3.4.6";
     OtherChecksum "checksum_of_another_frame" Error
-        "the checksum fits the same frame with one other byte"
-        "The frame was edited by hand or taken from a document with a wrong example: the line does not do this."
+        "the checksum belongs to the same frame with one byte changed"
+        "The frame was edited by hand or comes from a document with a wrong example; disturbances on the line do not cause this."
         "The document or the test program that the frame comes from."
         "serial line 6.2.2";
     NoResponse "no_response" Error
-        "the request was not answered"
-        "The master lost one time-out, and the data are old."
-        "Whether the unit exists, its address, its baud rate and parity, its power; if only sometimes: the line."
+        "the request received no response"
+        "The master lost one response timeout, and its data are out of date."
+        "Whether the unit exists, its address, its baud rate and parity, its power supply. If it fails only sometimes: the line."
         "serial line 2.4.1";
     Retry "retry" Warning
-        "the same request again after no answer"
+        "the same request was sent again after no response"
         "Retries hide trouble from the application but cost bus time."
-        "The reason for the first attempt's silence; the master's time-out may be too short."
+        "Why the first request got no response; the master's timeout may be too short."
         "serial line 2.4.1";
     LateResponse "late_response" Warning
-        "an answer after the master had given up"
-        "The master may take it for the answer to its next request."
-        "The master's time-out is too short for this unit, or the unit is overloaded."
+        "the response came after the master had given up"
+        "The master may take it for the response to its next request."
+        "The master's timeout is too short for this unit, or the unit is overloaded."
         "serial line 2.4.1";
-    Unrequested "unrequested" Warning
-        "a response that nobody asked for"
-        "The request was lost to the tap, or a second device answers."
-        "Two units with one address; the start of a recording; a tap that hears one side only."
+    Unsolicited "unsolicited" Warning
+        "a response without a request"
+        "The tap missed the request, or a second device responded."
+        "Two units with the same address; the start of the recording; a tap that receives only one side."
         "serial line 2.4.1";
     Duplicate "duplicate_response" Warning
-        "the same answer a second time"
-        "Two devices with one address answer alike, or a repeater sends twice; the master may take it for its next answer."
-        "Two units with one address; repeaters; gateways."
+        "the same response a second time"
+        "Two devices with the same address respond alike, or a repeater sends twice; the master may take the copy for its next response."
+        "Two units with the same address; repeaters; gateways."
         "serial line 2.4.1";
     LocalEcho "local_echo" Info
-        "the request was heard twice"
-        "The master's adapter hears itself; a master that does not expect it takes the echo for the answer."
-        "The adapter's receiver-enable setting; nothing, if the master copes with it."
+        "the request was received twice"
+        "The master's adapter receives its own transmission; a master that does not expect this takes the echo for the response."
+        "The receiver-enable setting of the adapter; nothing, if the master handles the echo."
         "serial line 3.2";
     TwoMasters "two_masters" Error
-        "a request before the other one's answer, and both were answered"
-        "There is one master on a serial line; two of them collide sooner or later."
+        "a second request came before the first was answered, and both were answered"
+        "A serial line has one master; the requests of two masters collide sooner or later."
         "A second controller, a service laptop or a gateway on the same line."
         "serial line 2.1";
     WrongUnit "wrong_unit" Error
-        "another unit answered than the one asked"
-        "The master drops the answer, or worse, believes it."
+        "a different unit responded than the one addressed"
+        "The master discards the response or, worse, accepts it."
         "Unit addresses; gateways that rewrite them."
         "serial line 2.2";
     WrongFunction "wrong_function" Error
-        "the answer carries another function than the request"
-        "An exception must repeat the request's function code with its highest bit set; the master drops anything else."
+        "the response has a different function code than the request"
+        "An exception response must repeat the request's function code with its highest bit set; the master discards anything else."
         "The device's firmware, or a document with a wrong example."
         "7";
     Exception "exception" Warning
         "the unit refused the request"
         "The request was understood but not carried out."
-        "modlens explain exception CODE says what the code means."
+        "modlens explain exception CODE explains the exception code."
         "7";
     ResponseLength "response_length" Error
-        "the response is shorter or longer than asked for"
-        "The master asked for another number of registers or bits than it got."
-        "Devices that answer 4 bytes a register, or cut long answers."
+        "the response is shorter or longer than requested"
+        "The master requested a different number of registers or bits than it received."
+        "Devices that send 4 bytes per register, or truncate long responses."
         "6";
     LengthMismatch "length_mismatch" Error
         "the byte count does not agree with the quantity"
-        "Receivers differ in which of the two they believe."
+        "Receivers differ in which of the two they trust."
         "The sender's firmware."
         "6";
     EchoMismatch "echo_mismatch" Error
-        "the response does not repeat what the request said"
-        "A write is confirmed by an echo; another echo means another register, or another value."
-        "Whether the device limits or rounds written values; two devices with one address."
+        "the response does not repeat the fields of the request"
+        "A device confirms a write by echoing it; a different echo means that another register or another value was written."
+        "Whether the device limits or rounds written values; two devices with the same address."
         "6.5";
     QuantityLimit "quantity_limit" Warning
         "a field is outside the limits of the specification"
-        "Devices may refuse it with exception 3, or answer with a broken frame."
+        "Devices may refuse the request with exception 3, or send a malformed response."
         "The master's configuration."
         "6";
     PaddingBits "padding_bits" Warning
-        "bits behind the last one asked for are set"
-        "Padding must be zero; set bits point to a device that answers whole bytes, or to a wrong example."
+        "bits beyond the last requested one are set"
+        "Padding must be zero; set bits suggest a device that always sends whole bytes, or a wrong example."
         "Count from the lowest bit of the first byte: 0x80 is the eighth bit, not the first."
         "6.1";
     ReservedUnit "reserved_unit" Info
         "a unit number above 247 on a serial line"
-        "248 to 255 are reserved; devices use them all the same."
-        "Nothing, if it is meant so."
+        "The numbers 248 to 255 are reserved, but some devices use them."
+        "Nothing, if it is intended."
         "serial line 2.2";
     BroadcastRead "broadcast_read" Warning
-        "a read sent to unit 0"
-        "Nobody answers a broadcast, so a broadcast read is pointless."
-        "The master's unit number."
+        "a read request sent to unit 0"
+        "No unit responds to a broadcast, so a broadcast read is pointless."
+        "The unit number that the master uses."
         "serial line 2.1";
     UnknownFunction "unknown_function" Info
-        "a function that the table does not know"
-        "Its bytes are shown as they are; only the checksum vouches for its length."
-        "modlens decode --functions NAME|FILE loads further rows."
+        "a function code that modlens does not know"
+        "Its bytes are shown undecoded, and only the checksum confirms where the frame ends."
+        "modlens decode --functions NAME|FILE loads additional function codes."
         "5";
-    Tentative "tentative" Info
-        "a frame that may be an accident of noise"
-        "In noise of any length some bytes have a right checksum by chance."
-        "Nothing, if more frames of this unit follow; else the noise."
+    Unconfirmed "unconfirmed" Info
+        "an isolated frame that may be noise with a matching checksum"
+        "In a long stretch of noise, some bytes match a checksum by chance."
+        "Nothing, if more frames of this unit follow; otherwise the noise."
         "";
     ShortSilence "short_silence" Info
         "less than t3.5 of silence before the frame"
-        "Receivers that go by the clock run two such frames into one."
+        "Receivers that delimit frames by silence join such a frame to the one before it."
         "The sender's turnaround time; the baud rate given to modlens."
         "serial line 2.5.1.1";
-    GapInside "gap_inside" Info
+    GapInFrame "gap_in_frame" Info
         "more than t1.5 of silence inside the frame"
-        "Receivers that go by the clock drop such a frame."
-        "Senders that are interrupted between two bytes; the baud rate given to modlens."
+        "Receivers that delimit frames by silence discard such a frame."
+        "Senders that pause between two bytes; the baud rate given to modlens."
         "serial line 2.5.1.1";
     BareLineFeed "bare_line_feed" Info
         "an ASCII frame that ends without CR"
         "Strict receivers wait for CR LF."
-        "The sender's firmware; a terminal program that changed the line ends."
+        "The sender's firmware; a terminal program that changed the line endings."
         "serial line 2.5.2.1";
     LowerCaseHex "lower_case_hex" Info
         "an ASCII frame in lower-case hex"
-        "The specification has 0-9 and A-F only; strict receivers drop the frame."
+        "The specification allows only 0-9 and A-F; strict receivers discard the frame."
         "The sender's firmware."
         "serial line 2.5.2";
     MbapLength "mbap_length" Error
-        "the MBAP header announces another length than the PDU needs"
-        "Receivers that go by the header lose their place in the stream."
+        "the MBAP header announces a different length than the PDU has"
+        "Receivers that rely on the header lose their place in the stream."
         "The sender's firmware, or a gateway that leaves the RTU checksum in."
         "messaging on TCP/IP 3.1.3";
     OrderMismatch "order_mismatch" Warning
-        "the values make sense only in another order of bytes than the profile says"
-        "Floating point numbers and counters read in the wrong order are plausible-looking nonsense."
-        "order in the profile, of the device or of the point; modlens show FILE --at UNIT:hr:ADDRESS --as all shows all readings."
+        "the values make sense only in a different byte order than the profile states"
+        "Floating-point numbers and counters read in the wrong order look plausible but are wrong."
+        "The key order in the profile, of the device or of the point; modlens show FILE --at UNIT:hr:ADDRESS --as all shows the values in every order."
         "4.2";
     UnsupportedFunction "unsupported_function" Warning
-        "the device does not have this function, says its profile"
-        "The device refuses it, does not answer, or does something that nobody has described."
-        "The master's configuration; or the list of functions in the profile, if the device answers as it should."
+        "a function that the device does not support, according to its profile"
+        "The device refuses the request, does not respond, or does something undocumented."
+        "The master's configuration; or the list of functions in the profile, if the device responds as it should."
         "5";
-    TransactionId "transaction_id" Warning
-        "the answer carries another transaction identifier than its request"
-        "A client that goes by the identifier drops the answer; with several requests at once answers are mixed up."
-        "The device's firmware: it must copy the identifier. It was paired by unit, function and order."
+    TransactionId "transaction_id_mismatch" Warning
+        "the response has a different transaction identifier than its request"
+        "A client that goes by the identifier discards the response; with several requests outstanding, responses are mixed up."
+        "The device's firmware: it must copy the identifier. modlens paired the two by unit, function and order."
         "messaging on TCP/IP 3.1.3";
     MissingSegment "missing_segment" Warning
-        "bytes of the connection are not in the capture"
-        "Requests and answers around the place may be missing or cut; their silence is the capture's, not the device's."
-        "The capture: dropped packets, a snapshot length that is too short, a mirror port that is overloaded or shows one direction."
+        "bytes of the TCP connection are missing from the capture"
+        "Requests and responses around this point may be missing or truncated; a missing response is then the fault of the capture, not of the device."
+        "The capture: dropped packets, a snapshot length that is too short, a mirror port that is overloaded or copies only one direction."
         "";
     Retransmission "tcp_retransmission" Info
         "TCP sent the bytes again"
-        "A packet was lost or late on the network, which delays what follows; Modbus saw nothing of it."
-        "The network between client and server: load, duplex settings, radio links; the bytes count once here."
+        "A packet was lost or late on the network, which delays everything after it; the Modbus data are not affected."
+        "The network between client and server: congestion, duplex settings, radio links. The bytes are counted once."
         "";
-    PacketTwice "packet_twice" Info
-        "the capture holds packets twice"
-        "A mirror port that copies both ways, or several interfaces; nothing was sent twice."
-        "Nothing; each packet counts once here. Capture one interface or one direction to have smaller files."
+    DuplicatePacket "duplicate_packet" Info
+        "the capture contains packets twice"
+        "A mirror port copied both directions, or several interfaces were captured; nothing was sent twice."
+        "Nothing: each packet is counted once. Capture one interface or one direction for smaller files."
         "";
     LineError "line_error" Warning
-        "the receiver marked a parity, framing or break error"
-        "Bytes with such a mark are rarely right."
+        "the receiver reported a parity, framing or break error"
+        "Bytes with such an error are rarely right."
         "Baud rate, parity and stop bits; noise."
         "serial line 2.5.1";
     ClockJumped "clock_jumped" Info
         "the recording's clock went backwards"
-        "Response times and gaps across the jump mean nothing and are left empty."
-        "Clock adjustments on the recording machine."
+        "Response times and gaps across the jump are meaningless and are left empty."
+        "Clock adjustments on the recording computer."
         "";
 }
 
 impl Finding {
-    /// The finding of this code.
+    /// The finding of this code, which may have its former spelling.
     pub fn from_code(code: &str) -> Option<Self> {
+        let code = current(Vocabulary::Finding, code);
         Self::ALL.iter().copied().find(|finding| finding.doc().code == code)
     }
 }
@@ -282,6 +285,8 @@ mod tests {
             let doc = finding.doc();
             assert_eq!(Finding::from_code(doc.code), Some(*finding));
             assert!(!doc.title.is_empty() && doc.why.ends_with('.') && doc.advice.ends_with('.'), "{}", doc.code);
+            // A comment in a capture is `severity code: title: detail`, and is taken apart again.
+            assert!(!doc.title.contains(": "), "{}", doc.code);
         }
     }
 }

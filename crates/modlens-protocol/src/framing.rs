@@ -63,6 +63,17 @@ impl Verdict {
     /// All verdicts.
     pub const ALL: [Self; 5] = [Self::Ok, Self::BadChecksum, Self::Incomplete, Self::Noise, Self::NoChecksum];
 
+    /// What the verdict means, as `modlens explain` says it.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Ok => "the frame is complete and its checksum matches",
+            Self::BadChecksum => "the frame is complete, but its checksum does not match",
+            Self::Incomplete => "the frame ends before its announced length",
+            Self::Noise => "bytes that are not part of any frame",
+            Self::NoChecksum => "the frame is complete; the recording does not contain its checksum",
+        }
+    }
+
     /// The value of the `verdict` column.
     pub fn text(self) -> &'static str {
         match self {
@@ -117,7 +128,7 @@ impl DelimitedBy {
         Self::End,
     ];
 
-    /// The value of the `cut_by` column.
+    /// The value of the `delimited_by` column.
     pub fn text(self) -> &'static str {
         match self {
             Self::Silence => "silence",

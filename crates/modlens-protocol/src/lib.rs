@@ -22,6 +22,7 @@ pub mod mbap;
 pub mod pdu;
 pub mod recognize;
 pub mod register_type;
+pub mod renamed;
 pub mod source;
 pub mod status;
 pub mod timestamp;

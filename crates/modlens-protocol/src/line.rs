@@ -118,7 +118,7 @@ impl FromStr for Parity {
             "O" | "o" => Ok(Self::Odd),
             "M" | "m" => Ok(Self::Mark),
             "S" | "s" => Ok(Self::Space),
-            other => Err(format!("parity {other:?} is none of N E O M S")),
+            other => Err(format!("parity {other:?} is not one of N E O M S")),
         }
     }
 }
@@ -127,7 +127,7 @@ impl FromStr for LineSettings {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("line settings {text:?} do not look like 19200-8E1 (baud-data bits, parity, stop bits)");
+        let wrong = || format!("line settings {text:?} are not like 19200-8E1 (baud-data bits, parity, stop bits)");
         let (baud, format) = text.split_once('-').ok_or_else(wrong)?;
         let baud = baud.parse().ok().filter(|&b| b > 0).ok_or_else(wrong)?;
         let data_bits = format.get(0..1).and_then(|d| d.parse().ok()).filter(|d| (5..=8).contains(d)).ok_or_else(wrong)?;

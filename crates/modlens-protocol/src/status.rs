@@ -16,9 +16,9 @@ pub enum Status {
     /// A response arrived, but it is damaged.
     BadResponse,
     /// A response without a request.
-    Unrequested,
-    /// The recording does not show whether there was a response.
-    NotSeen,
+    Unsolicited,
+    /// The recording ended or lost data before a response could be observed.
+    NotObserved,
 }
 
 impl Status {
@@ -30,9 +30,23 @@ impl Status {
         Self::Broadcast,
         Self::BadRequest,
         Self::BadResponse,
-        Self::Unrequested,
-        Self::NotSeen,
+        Self::Unsolicited,
+        Self::NotObserved,
     ];
+
+    /// What the status means, as `modlens explain` says it.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Ok => "the request was answered",
+            Self::Exception => "the unit refused the request with an exception response",
+            Self::NoResponse => "no response came before the response timeout, or before the master went on",
+            Self::Broadcast => "the request went to all units; no response is due",
+            Self::BadRequest => "the request arrived damaged",
+            Self::BadResponse => "a response came, but it was damaged",
+            Self::Unsolicited => "a response without a request",
+            Self::NotObserved => "the recording ended or lost data before a response could be observed",
+        }
+    }
 
     /// The value of the `status` column.
     pub fn text(self) -> &'static str {
@@ -43,8 +57,8 @@ impl Status {
             Self::Broadcast => "broadcast",
             Self::BadRequest => "bad_request",
             Self::BadResponse => "bad_response",
-            Self::Unrequested => "unrequested",
-            Self::NotSeen => "not_seen",
+            Self::Unsolicited => "unsolicited",
+            Self::NotObserved => "not_observed",
         }
     }
 }

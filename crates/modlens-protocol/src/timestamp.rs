@@ -5,7 +5,7 @@ use crate::Ns;
 
 const DAY_SECONDS: i64 = 86_400;
 
-/// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`, with nine decimals only if the time is no whole number of
+/// Appends ns since 1970 as `2026-11-21T10:00:00.123456Z`, with nine decimals only if the time is not a whole number of
 /// microseconds.
 pub fn push_time(ns: Ns, out: &mut Vec<u8>) {
     TimeFormatter::default().push(ns, out);

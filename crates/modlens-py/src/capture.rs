@@ -25,7 +25,7 @@ impl Capture {
         let found = Encapsulation::ALL.iter().find(|(name, _)| *name == style).map(|(_, style)| *style);
         let style = found.ok_or_else(|| {
             let known: Vec<&str> = Encapsulation::ALL.iter().map(|(name, _)| *name).collect();
-            value_error(format!("style {style:?} is none of {}", known.join(", ")))
+            value_error(format!("style {style:?} is not one of {}", known.join(", ")))
         })?;
         let application = format!("modlens {}", env!("CARGO_PKG_VERSION"));
         Ok(Self { core: Core::new(CaptureOptions { style, classic, live, context, application }) })

@@ -19,7 +19,10 @@ mod view;
 
 use modlens_protocol::checksum;
 use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Verdict;
 use modlens_protocol::functions::{Functions, VENDORS, VOCABULARY};
+use modlens_protocol::renamed::{Renamed, RENAMED};
+use modlens_protocol::status::Status;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value as Json};
 
@@ -46,6 +49,9 @@ fn vocabulary() -> PyResult<String> {
         modlens_tables::columns::TABLES.iter().map(|table| ((*table).into(), columns[*table].clone())).collect();
     all.insert("columns".into(), tables.into());
     all.insert("findings".into(), Finding::ALL.iter().map(|finding| finding_json(*finding)).collect());
+    all.insert("statuses".into(), Status::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect());
+    all.insert("verdicts".into(), Verdict::ALL.iter().map(|one| json!({"code": one.text(), "meaning": one.meaning()})).collect());
+    all.insert("renamed".into(), RENAMED.iter().map(renamed_json).collect());
     all.insert("vendors".into(), VENDORS.iter().map(|(name, _)| *name).collect());
     all.insert("version".into(), columns["version"].clone());
     Ok(Json::Object(all).to_string())
@@ -61,6 +67,10 @@ fn finding_json(finding: Finding) -> Json {
         "code": doc.code, "severity": doc.severity.text(), "title": doc.title, "why": doc.why, "advice": doc.advice,
         "section": doc.section,
     })
+}
+
+fn renamed_json(entry: &Renamed) -> Json {
+    json!({"vocabulary": entry.vocabulary.text(), "former": entry.former, "current": entry.current})
 }
 
 /// The CRC-16/MODBUS of these bytes, which is transmitted low byte first.

@@ -24,7 +24,7 @@ impl Profile {
     #[new]
     fn new(text: &str, form: &str) -> PyResult<Self> {
         let form = ProfileFormat::from_word(form)
-            .ok_or_else(|| value_error(format!("form {form:?} is none of toml, csv, tree, json")))?;
+            .ok_or_else(|| value_error(format!("form {form:?} is not one of toml, csv, tree, json")))?;
         let core = Core::parse(text, form).map_err(|mistakes| value_error(errors_json(&mistakes)))?;
         Ok(Self { plan: Arc::new(Plan::new(core)) })
     }
@@ -59,7 +59,7 @@ pub fn convert(r#type: &str, order: &str, data: &[u8]) -> PyResult<(Option<f64>,
     let order = Order::from_word(order).ok_or_else(|| value_error(format!("no order {order:?}")))?;
     let needed = usize::from(kind.registers()) * 2;
     if data.is_empty() || !data.len().is_multiple_of(2) || (needed > 0 && data.len() != needed) {
-        return Err(value_error(format!("{} bytes are no {}", data.len(), kind.word())));
+        return Err(value_error(format!("{} bytes are not a {}", data.len(), kind.word())));
     }
     let value = Conversion::of_type(kind, order).value(data, None);
     Ok((value.number(), value.text()))

@@ -29,7 +29,7 @@ fn framing(name: &str) -> PyResult<Option<Mode>> {
         "rtu" => Some(Mode::Rtu),
         "ascii" => Some(Mode::Ascii),
         "tcp" => Some(Mode::Tcp),
-        other => return Err(value_error(format!("mode {other:?} is none of auto, rtu, ascii, tcp"))),
+        other => return Err(value_error(format!("mode {other:?} is not one of auto, rtu, ascii, tcp"))),
     })
 }
 
@@ -87,7 +87,7 @@ impl Session {
             "utc" => Clock::Utc,
             "relative" => Clock::Relative,
             "none" => Clock::None,
-            other => return Err(value_error(format!("clock {other:?} is none of utc, relative, none"))),
+            other => return Err(value_error(format!("clock {other:?} is not one of utc, relative, none"))),
         };
         let rule = silence_ns.map(|(t35_ns, t15_ns)| SilenceRule { t35_ns, t15_ns });
         let bus = Bus { name, source, place: Place::Offset, clock, line: None, network: None };

@@ -15,7 +15,8 @@ type TextAndStyle = (String, &'static str);
 
 /// The notation of addresses by name.
 fn address_notation(name: &str) -> PyResult<AddressNotation> {
-    AddressNotation::from_name(name).ok_or_else(|| value_error(format!("address {name:?} is none of wire, 5digit, 6digit, hex")))
+    AddressNotation::from_name(name)
+        .ok_or_else(|| value_error(format!("address {name:?} is not one of wire, 5digit, 6digit, hex")))
 }
 
 /// A function of Python that returns the offset to UTC for a time in ns, as a function of Rust. If it raises an exception,
@@ -61,7 +62,7 @@ impl Lines {
             "clock" => TimeDisplay::Clock,
             "elapsed" => TimeDisplay::Elapsed,
             "delta" => TimeDisplay::Delta,
-            other => return Err(value_error(format!("times {other:?} are none of clock, elapsed, delta"))),
+            other => return Err(value_error(format!("times {other:?} are not one of clock, elapsed, delta"))),
         };
         let kind = rows.first().ok_or_else(|| value_error("a table begins with a row".into()))?.table.kind;
         if rows.iter().any(|row| row.table.kind != kind) {

@@ -105,7 +105,7 @@ const MAX_DEPTH: usize = 200;
 
 /// Compiles the node `["operator", arguments...]` and its arguments.
 fn compile(kind: TableKind, tree: &Json, depth: usize) -> Result<Expr, String> {
-    let wrong = || format!("no filter: {tree}");
+    let wrong = || format!("not a filter: {tree}");
     let parts = tree.as_array().filter(|_| depth < MAX_DEPTH).ok_or_else(wrong)?;
     let word = parts.first().and_then(Json::as_str).ok_or_else(wrong)?;
     let sub = |i: usize| parts.get(i).ok_or_else(wrong).and_then(|tree| compile(kind, tree, depth + 1)).map(Box::new);

@@ -32,7 +32,7 @@ fn readings(table: &Table, out: &mut Vec<u8>) -> usize {
     let mut line: Option<(i64, i64, bool)> = None;
     for row in 0..table.len() {
         // A write that was refused or not answered is not a value of the register.
-        if !matches!(table.cell(row, status), Cell::Word("ok" | "broadcast" | "unrequested")) {
+        if !matches!(table.cell(row, status), Cell::Word("ok" | "broadcast" | "unsolicited")) {
             continue;
         }
         let (Cell::Time(ns), Cell::Int(number)) = (table.cell(row, time), table.cell(row, frame)) else {

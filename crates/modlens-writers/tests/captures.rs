@@ -240,15 +240,15 @@ fn bytes_that_are_missing_are_said_and_silence_is_not_blamed_on_the_device() {
     sent.remove(3); // the second answer
     let batch = decoded(&file(&sent));
     let statuses: Vec<Status> = batch.transactions.iter().map(|t| t.status).collect();
-    assert_eq!(statuses, [Status::Ok, Status::NotSeen, Status::Ok]);
+    assert_eq!(statuses, [Status::Ok, Status::NotObserved, Status::Ok]);
     assert!(batch.findings.iter().any(|row| row.finding == Finding::MissingSegment && row.detail.starts_with("15 bytes")));
 }
 
 #[test]
-fn one_side_alone_gives_not_seen() {
+fn one_side_alone_gives_not_observed() {
     let sent: Vec<Sent> = poll(&[(2, 1000), (3, 1000), (4, 1000)]).into_iter().filter(|it| it.from_client).collect();
     let batch = decoded(&file(&sent));
-    assert!(batch.transactions.iter().all(|t| t.status == Status::NotSeen));
+    assert!(batch.transactions.iter().all(|t| t.status == Status::NotObserved));
     assert_eq!(batch.transactions.len(), 3);
 }
 
@@ -259,7 +259,7 @@ fn packets_captured_twice_are_one_and_no_retry() {
     assert_eq!(batch.transactions.len(), 2);
     assert!(left_out.contains(&(String::from("packets captured twice"), 4)), "{left_out:?}");
     let found: Vec<Finding> = batch.findings.iter().map(|row| row.finding).collect();
-    assert_eq!(found, [Finding::PacketTwice]);
+    assert_eq!(found, [Finding::DuplicatePacket]);
 }
 
 #[test]

@@ -51,7 +51,7 @@ def test_with_a_filter_whatever_its_operators(tmp_path: Path) -> None:
     [
         (("yesterday", "2026-01-01"), "not a time"),
         (("1", "inf"), "not a time"),
-        (("2", "1"), "comes before"),
+        (("2", "1"), "T2 is before"),
         (("1", "2026-01-01"), "not one of each"),
     ],
 )

@@ -226,10 +226,10 @@ def test_the_profile_has_columns_and_colours(tmp_path: Path) -> None:
     done = subprocess.run(words, env=env, capture_output=True, text=True, check=True, timeout=60)
     rules = Counter(done.stdout.splitlines())
     verdicts = Counter(row.verdict for row in decode(recording, line="19200-8E1").frames)
-    assert rules["Modbus: wrong checksum"] == verdicts["bad_checksum"]
+    assert rules["Modbus: checksum error"] == verdicts["bad_checksum"]
     assert rules["Modbus: noise"] == verdicts["noise"] + verdicts["incomplete"]
-    assert rules["Modbus: not answered"] > 3
-    assert rules["Modbus: repeated"] > 3
+    assert rules["Modbus: no response"] > 3
+    assert rules["Modbus: retry"] > 3
     folder = tmp_path / ".config" / "wireshark" / "profiles" / "Modbus"
     subprocess.run(command("wireshark-setup", "--remove"), env=env, check=True, timeout=60)
     assert not folder.exists()

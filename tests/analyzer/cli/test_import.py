@@ -41,9 +41,9 @@ def here(capfd: pytest.CaptureFixture[str]) -> Modlens:
         (TABLE.encode(), (), None),
         (TABLE.encode("utf-8-sig"), (), None),
         (TABLE.encode("utf-16"), (), None),
-        (TABLE.encode("cp1252"), (), "no UTF-8: read as Windows-1252 (assumed; --encoding says"),
-        (TABLE.encode("utf-16-le"), (), "read as utf-16-le (assumed; --encoding says it)"),
-        (TABLE.encode("utf-16-be"), (), "read as utf-16-be (assumed; --encoding says it)"),
+        (TABLE.encode("cp1252"), (), "not UTF-8: read as Windows-1252 (assumed; --encoding names"),
+        (TABLE.encode("utf-16-le"), (), "read as utf-16-le (assumed; --encoding names another)"),
+        (TABLE.encode("utf-16-be"), (), "read as utf-16-be (assumed; --encoding names another)"),
         (TABLE.encode("cp850"), ("--encoding", "cp850"), None),
         (TABLE.replace("\n", "\r\n").encode(), (), None),
         (TABLE.replace(",", ";").encode("cp1252"), (), "Windows-1252"),
@@ -78,30 +78,30 @@ def test_encodings(
             b"\x7fELF\x00\x00\x01",
             (),
             3,
-            "map: is no text: a zero at byte 4; --encoding says",
+            "map: not text: a zero at byte 4; --encoding names",
         ),
-        ("csv", 'Address,Name\n7,"x\n', (), 2, "map:2: no CSV from here on: "),
+        ("csv", 'Address,Name\n7,"x\n', (), 2, "map:2: not CSV from here on: "),
         (
             "csv",
             f"{HEAD},x,\n",
             (),
             2,
-            "map: no point in it that a profile can hold: line 2, x: no",
+            "map: it has no point that a profile can hold: line 2, x: no",
         ),
         ("csv", TABLE, ("--encoding", "utf-9"), 2, "--encoding utf-9: there is no such encoding"),
         ("csv", b"\xff\xfe\x00", (), 3, "map: no utf-16 at byte "),
         ("csv", TABLE, ("--base", "2"), 2, "--base: invalid choice: '2'"),
-        ("csv", TABLE, ("--order", "ZZ"), 2, "--order: 'ZZ' is no order of bytes; ABCD, CDAB"),
+        ("csv", TABLE, ("--order", "ZZ"), 2, "--order: 'ZZ' is not a byte order; ABCD, CDAB"),
         ("csv", TABLE, ("--to", "yaml"), 2, "no format 'yaml' that it writes; there are toml, csv"),
         ("csv", TABLE, ("-o", "/no/where.toml"), 3, "/no/where.toml: cannot be created: its dir"),
         ("csw", TABLE, (), 2, "no format 'csw' that it reads; did you mean 'csv'?"),
-        ("telegraf", "x", (), 2, "map: no TOML: "),
+        ("telegraf", "x", (), 2, "map: not TOML: "),
         ("telegraf", TABLE, (), 2, "map: no file for telegraf: it is read by `modlens import csv`"),
         ("homeassistant", "a: [", (), 2, "map:1: no YAML: "),
         ("homeassistant", "a: \x01", (), 2, "map:1: no YAML: unacceptable character"),
         ("homeassistant", "a: !include b", (), 2, "map:1: no modbus: with sensors or switches in"),
         ("esphome", "sensor: []", (), 2, "map: no entity on platform modbus_controller in it"),
-        ("sunspec", "{}", (), 2, "map: no SunSpec model: 'group' is missing"),
+        ("sunspec", "{}", (), 2, "map: not a SunSpec model: 'group' is missing"),
     ],
 )
 def test_wrong_files(
@@ -125,7 +125,7 @@ def test_a_file_that_is_not_there(tmp_path: Path, modlens: Modlens) -> None:
 
 
 def test_a_spreadsheet_of_another_country(tmp_path: Path, modlens: Modlens) -> None:
-    """Semicolons, decimal commas, a row that stands twice, a column too few: a note each."""
+    """Semicolons, decimal commas, a row that appears twice, a column too few: a note each."""
     path = of(
         tmp_path / "map.csv",
         "Register;Name;Faktor;Factor;Unit\r\n5;a;;0,1;V\r\n5;a;;0,1;V\r\n6;b;;1,5\r\n7;c;;x;A\r\n",
@@ -137,11 +137,11 @@ def test_a_spreadsheet_of_another_country(tmp_path: Path, modlens: Modlens) -> N
     ]  # fmt: skip
     assert done.err.splitlines() == [
         "3 points",
-        "addresses count from 0, as on the wire (as told; --base 0, 1 or modicon says it)",
-        "column 'Faktor' is not understood; left out",
-        "no column says the table: holding registers (assumed)",
-        "line 3, a: hr:5 belongs to a; left out",
-        "line 5, c: scale 'x' is no number to scale by; left out",
+        "addresses count from 0, as on the wire (as given; --base 0, 1 or modicon overrides)",
+        "column 'Faktor' is not understood; skipped",
+        "no column names the table: holding registers (assumed)",
+        "line 3, a: hr:5 belongs to a; skipped",
+        "line 5, c: scale 'x' is not a usable number; skipped",
     ]
 
 
@@ -150,7 +150,7 @@ def test_standard_input_and_other_formats(tmp_path: Path, modlens: Modlens) -> N
     done = modlens("import", "csv", "-", "--to", "telegraf", stdin=TABLE.encode())
     assert done.status == 0
     assert '"Größe"' in done.out
-    assert "unit has no place in Telegraf: Größe" in done.err
+    assert "unit cannot be kept in Telegraf: Größe" in done.err
     path = tmp_path / "meter.toml"
     assert modlens("import", "csv", "-", "-o", path, stdin=TABLE.encode()).out == ""
     assert modlens("profiles", "check", path).out == f"{path}: 1 points, no mistakes\n"
@@ -182,8 +182,18 @@ def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
         ("a.toml", "", 2, ":1: profile: is missing; the file begins with profile = 1"),
         ("a.yaml", "", 2, ":1: profile: is missing; the file begins with profile = 1"),
         ("a.csv", "", 2, ":1: at: no line of keys such as at,name,type,scale,unit"),
-        ("a.toml", "profile = 1\n".encode("utf-16"), 3, ": is no UTF-8 at byte 0; save it as UTF"),
-        ("a.csv", "at,name,unit\nhr:1,a,°C\n".encode("cp1252"), 3, ": is no UTF-8 at byte 20; sav"),
+        (
+            "a.toml",
+            "profile = 1\n".encode("utf-16"),
+            3,
+            ": not valid UTF-8 at byte 0; save it as UTF",
+        ),
+        (
+            "a.csv",
+            "at,name,unit\nhr:1,a,°C\n".encode("cp1252"),
+            3,
+            ": not valid UTF-8 at byte 20; sav",
+        ),
     ],
 )
 def test_profiles_that_are_none(
@@ -217,7 +227,7 @@ def test_one_bad_profile_hides_no_other(tmp_path: Path, modlens: Modlens) -> Non
     listed = modlens("profiles", **paths)
     assert listed.status == 0
     assert "bad          cannot be used: " in listed.out
-    assert f'{tmp_path}/bad.toml:3: registers[0].at: "x" is no address' in listed.out
+    assert f'{tmp_path}/bad.toml:3: registers[0].at: "x" is not an address' in listed.out
     assert "cannot be loaded: ModuleNotFoundError: No module named 'acme_gone'" in listed.out
     assert "is no text of a profile, but int" in listed.out
     assert "mightyzap    IR Robot" in listed.out
@@ -225,7 +235,7 @@ def test_one_bad_profile_hides_no_other(tmp_path: Path, modlens: Modlens) -> Non
     bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n01 03 02 03 E8 B8 FA\n")
     found = modlens("match", bus, **paths)
     assert found.status == 0
-    assert "bad is left out: " in found.err
+    assert "bad is skipped: " in found.err
     assert "100 %  mightyzap" in found.out
 
 

@@ -47,7 +47,7 @@ def test_learn_says_why(modlens: Modlens) -> None:
     """The evidence of claims and blocks; single registers by what they look like."""
     done = modlens("learn", TYPES, "--line", "57600-8E1")
     assert "unit 5 hr 10: u32 ABCD" in done.err
-    assert "the upper part steps as the lower register wraps" in done.err
+    assert "the upper register steps as the lower one wraps around" in done.err
     assert "0-65 (60 reads)" in done.err
     profile = parse(done.out, "learnt.toml")
     notes = {point["at"]: point["note"] for point in profile.points}
@@ -91,7 +91,7 @@ def test_match_finds_the_profile(tmp_path: Path, modlens: Modlens) -> None:
     assert done.status == 0
     lines = done.out.splitlines()
     assert lines[0] == "unit 1"
-    assert lines[1].startswith("  100 %  mightyzap: 3 of 3 addresses asked for are in it")
+    assert lines[1].startswith("  100 %  mightyzap: 3 of 3 requested addresses are in it")
     assert lines[2].startswith("    0 %  grundfos")
 
 
@@ -100,7 +100,7 @@ def test_refusals_and_cut_values_lower_the_score(tmp_path: Path, modlens: Modlen
     refused = frames(tmp_path, "01 03 00D2 0001", "01 83 02", "01 03 00D3 0001", "01 03 02 01AA")
     done = modlens("match", refused, "--with", "mightyzap")
     assert " 50 %  mightyzap" in done.out
-    assert "1 of 2 requests for them were refused" in done.out
+    assert "1 of 2 requests for them got an exception" in done.out
     wide = tmp_path / "wide.toml"
     wide.write_text('profile = 1\n[[registers]]\nat = "hr:210"\nname = "w"\ntype = "u32"\n')
     done = modlens("match", frames(tmp_path, *MIGHTYZAP), "--with", str(wide))
@@ -158,7 +158,7 @@ def test_show_at_marks_the_plausible_reading(modlens: Modlens) -> None:
         (("--at", "5:hr:6", "--count", "3"), "1, 2 or 4"),
         (("--at", "5:hr:6", "--as", "f64"), "there are u32, s32, f32"),
         (("--at", "6:hr:6"), "no transaction"),
-        (("--at", "5:hr:6", "--txn", "1"), "without --frame"),
+        (("--at", "5:hr:6", "--txn", "1"), "neither --frame"),
     ],
 )
 def test_show_at_wrong_use(words: tuple[str, ...], part: str, modlens: Modlens) -> None:

@@ -25,11 +25,11 @@ def test_silence_alone_finds_the_frames_of_an_exact_clock(modlens: Modlens) -> N
     words = ("--line", "9600-8N1", "--table", "frames", "--to", "jsonl")
     done = modlens("decode", FLOWMETER, *words, "--segmentation", "silence")
     assert done.status == 0
-    assert "a frame ends after 3,646 us (t3.5); more than 1,562 us (t1.5)" in done.err
+    assert "3,646 us (t3.5) ends a frame; more than 1,562 us (t1.5)" in done.err
     rows = [json.loads(line) for line in done.out.splitlines()]
     told = (FLOWMETER.parent / "frames.jsonl").read_text().splitlines()
     assert [row["hex"] for row in rows] == [json.loads(line)["hex"] for line in told]
-    assert {row["cut_by"] for row in rows[:-1]} == {"silence"}
+    assert {row["delimited_by"] for row in rows[:-1]} == {"silence"}
 
 
 def test_other_silences_cut_elsewhere(modlens: Modlens) -> None:
@@ -39,7 +39,7 @@ def test_other_silences_cut_elsewhere(modlens: Modlens) -> None:
     assert "after 20,833 us (t3.5)" in longer.err
     assert len(longer.out.splitlines()) < 132
     strict = modlens(*words, "--table", "findings", "--to", "jsonl", "--t15", "100us")
-    assert '"code":"gap_inside"' in strict.out.replace(" ", "")
+    assert '"code":"gap_in_frame"' in strict.out.replace(" ", "")
 
 
 def test_decode_in_python_cuts_by_silence_as_the_command_does() -> None:
@@ -50,7 +50,7 @@ def test_decode_in_python_cuts_by_silence_as_the_command_does() -> None:
     assert sum(1 for _ in longer.frames) < len(told)
     with pytest.raises(UsageError, match=r"t35 and t15 go with segmentation silence"):
         decode(FLOWMETER, t35="1750us")
-    with pytest.raises(UsageError, match=r"how long is t3.5\? Add line 19200-8E1, or t35 1750us"):
+    with pytest.raises(UsageError, match=r"t3.5 is not known; add line 19200-8E1, or t35 1750us"):
         decode(FLOWMETER, segmentation="silence")
     with pytest.raises(UsageError, match="it is one of joint, silence"):
         decode(FLOWMETER, segmentation="textbook")
@@ -59,10 +59,13 @@ def test_decode_in_python_cuts_by_silence_as_the_command_does() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--segmentation", "silence"), "how long is t3.5? Add --line 19200-8E1, or --t35 1750us"),
+        (("--segmentation", "silence"), "t3.5 is not known; add --line 19200-8E1, or --t35 1750us"),
         (("--t35", "2000us"), "--t35 and --t15 go with --segmentation silence"),
         (("--segmentation", "silence", "--t35", "2"), "write microseconds as 1750us"),
-        (("--segmentation", "silence", "--t35", "2chars"), "how long is a character?"),
+        (
+            ("--segmentation", "silence", "--t35", "2chars"),
+            "the length of a character is not known",
+        ),
         (
             ("--segmentation", "silence", "--t35", "1750us", "--t15", "2000us"),
             "--t15 is longer than --t35",
@@ -81,7 +84,7 @@ def test_stats_say_how_often_silence_would_have_cut_otherwise(modlens: Modlens) 
     assert "by silences of t3.5 (3,646 us) alone, 0 of 132 frames (0.0%)" in exact.out
     glued = modlens("stats", CAPTURES / "pymodbus_no_silence" / "recording.jsonl", "--line", LINE)
     said = " ".join(glued.out.split())
-    assert "would be cut otherwise" in said
+    assert "would be delimited differently" in said
     assert "alone, 0 of" not in said
 
 

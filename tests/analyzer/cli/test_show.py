@@ -27,7 +27,7 @@ def test_hex_is_taken_in_any_spacing(text: str, modlens: Modlens) -> None:
     done = modlens("show", text)
     assert done.status == 0
     assert "request, rtu, ok" in done.out
-    assert "CRC-16 right" in done.out
+    assert "CRC OK" in done.out
 
 
 def test_words_may_come_one_by_one(modlens: Modlens) -> None:
@@ -38,7 +38,7 @@ def test_words_may_come_one_by_one(modlens: Modlens) -> None:
 def test_a_wrong_checksum_is_reported(modlens: Modlens) -> None:
     """Expected and found, and the finding with what to check."""
     done = modlens("show", "01 03 00 6B 00 03 74 18")
-    assert "CRC-16 wrong: 0x1774 expected, 0x1874 found" in done.out
+    assert "CRC error: 0x1774 expected, 0x1874 found" in done.out
     assert "error: bad_checksum" in done.out
 
 
@@ -58,7 +58,7 @@ def test_a_request_and_its_response(modlens: Modlens) -> None:
 
 def test_ascii_and_tcp_frames(modlens: Modlens) -> None:
     """ASCII and TCP frames are recognized without `--mode`."""
-    assert "LRC right" in modlens("show", ":010300000001FB").out
+    assert "LRC OK" in modlens("show", ":010300000001FB").out
     done = modlens("show", "00 01 00 00 00 06 11 03 00 6B 00 03")
     assert "mbap_id" in done.out
     assert "request, tcp" in done.out

@@ -77,5 +77,5 @@ def test_rows_without_a_time_are_counted(tmp_path: Path, modlens: Modlens) -> No
     path = tmp_path / "bus.lp"
     done = modlens("decode", "captures/seed_rtu/recording.hex", "--mode", "rtu", "-o", path)
     assert done.status == 0
-    assert "rows without date and time left out" in done.err
+    assert "rows without date and time skipped" in done.err
     assert path.read_bytes() == b""

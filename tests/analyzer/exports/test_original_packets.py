@@ -98,7 +98,7 @@ def test_what_is_no_capture_is_refused(tmp_path: Path) -> None:
     """A text recording is refused, because it has no packets."""
     path = tmp_path / "bus.hex"
     path.write_text("01 03\n")
-    with pytest.raises(SourceError, match="cuts out of pcap and pcapng only"):
+    with pytest.raises(SourceError, match="works only with pcap and pcapng"):
         cut(path, {1}, tmp_path / "part.pcapng")
 
 

@@ -98,7 +98,10 @@ def test_a_bus_without_checksums_and_one_with_marked_bytes(tmp_path: Path) -> No
     assert {row["line"] for row in rows(source, "frames")} == {"A", "B"}
     assert {row["bus"] for row in rows(source, "frames")} == {"two lines"}
     details = [row["detail"] for row in rows(source, "findings") if row["code"] == "line_error"]
-    assert details == ["the receiver marked 1 of 8 bytes", "the receiver marked 1 of 7 bytes"]
+    assert details == [
+        "the receiver reported errors in 1 of 8 bytes",
+        "the receiver reported errors in 1 of 7 bytes",
+    ]
     assert_same(source, export(source, tmp_path / "lines.pcapng"))
 
 
@@ -180,13 +183,13 @@ def test_a_growing_capture_of_a_tap(tmp_path: Path) -> None:
 
 LESS = {
     "classic pcap": {
-        "bus", "confidence", "tentative", "gap_us", "cut_by", "elapsed_us", "source", "findings",
-        "byte_offset", "txn",
+        "bus", "confidence", "unconfirmed", "gap_us", "delimited_by", "elapsed_us", "source",
+        "findings", "byte_offset", "txn",
     },
     "tcp": {
-        "bus", "confidence", "tentative", "gap_us", "cut_by", "elapsed_us", "source", "findings",
-        "byte_offset", "byte_length", "frame", "txn", "client", "server", "connection", "mode",
-        "mbap_id", "hex", "verdict", "line",
+        "bus", "confidence", "unconfirmed", "gap_us", "delimited_by", "elapsed_us", "source",
+        "findings", "byte_offset", "byte_length", "frame", "txn", "client", "server", "connection",
+        "mode", "mbap_id", "hex", "verdict", "line",
     },
 }  # fmt: skip
 """Columns of frames that the packets alone do not tell.
@@ -231,7 +234,7 @@ def test_words_that_make_no_sense_are_no_words(tmp_path: Path) -> None:
     )
     data = path.read_bytes()
     for old, new in ((b"direction=re", b"direction=xy"), (b"txn=", b"txm="), (b"frame=", b"frame?"),
-                     (b"request=", b"request?"), (b" offset=", b" cut_by=")):  # fmt: skip
+                     (b"request=", b"request?"), (b" offset=", b" delimited_by=")):  # fmt: skip
         assert old in data
         changed = tmp_path / "changed.pcapng"
         changed.write_bytes(data.replace(old, new))

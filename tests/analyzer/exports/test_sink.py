@@ -103,7 +103,7 @@ def test_partitions_are_folders_by_day_and_bus(tmp_path: Path, captures: Path) -
     found = dataset.dataset(str(folder), partitioning="hive").to_table(columns=["txn", "status"])
     rows = sorted(zip(*(column.to_pylist() for column in found.columns), strict=True))
     assert rows == [(row.txn, row.status) for row in recording.transactions]
-    with pytest.raises(SourceError, match="no new folder can be made there"):
+    with pytest.raises(SourceError, match="no new folder can be created there"):
         ExportSink(
             parse_target(str(folder), "transactions"),
             columns=None, where=None, growing=False,
@@ -134,7 +134,7 @@ def test_a_style_has_to_be_known() -> None:
     """A style that no output has is refused."""
     targets = [parse_target("a.csv", "frames"), parse_target("a.pcapng", "transactions")]
     check_style("rtu", targets)
-    with pytest.raises(UsageError, match="--style rtu: no output here has styles"):
+    with pytest.raises(UsageError, match="--style rtu: none of these outputs has styles"):
         check_style("rtu", targets[:1])
     with pytest.raises(UsageError, match="--style json: there are original, rtu, tcp, udp"):
         check_style("json", targets)

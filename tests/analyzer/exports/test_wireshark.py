@@ -152,7 +152,7 @@ def test_what_no_frame_is_says_so(mixed: Path) -> None:
             assert packet["data.data"] == frame.hex.hex()
             wrong = frame.verdict == "bad_checksum"
             assert (packet["frame.packet_flags_crc_error"] in ("1", "True")) == wrong
-            assert not wrong or "the checksum is not that of the bytes" in packet["frame.comment"]
+            assert not wrong or "the checksum does not match the bytes" in packet["frame.comment"]
             met.add(frame.verdict)
     assert met == set(kinds)
 

@@ -16,7 +16,7 @@ from analyzer import SourceError, UsageError
 from analyzer.feeds.metrics import Metrics, parse_address
 from tests.analyzer.cli.test_triggers import batches
 
-STATS = {"buses": [{"bus": "bus", "frames": {"bad_checksum": 3}, "load": 0.25}]}
+STATS = {"buses": [{"bus": "bus", "frames": {"bad_checksum": 3}, "utilization": 0.25}]}
 
 
 def scrape(metrics: Metrics) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def test_binary_is_not_text(tmp_path: Path) -> None:
     """An order that cannot be meant is refused, with what to do instead."""
     path = tmp_path / "bus.bin"
     path.write_bytes(bytes.fromhex("0103006b00037417") * 10)
-    assert "binary data, not hex text; leave --from out, or say --from raw" in refused(path, "hex")
+    assert "binary data, not hex text; leave --from out, or use --from raw" in refused(path, "hex")
 
 
 def test_text_is_not_binary(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_text_is_not_binary(tmp_path: Path) -> None:
     path.write_bytes(HEX * 10)
     said = refused(path, "raw")
     assert "text (hex: " in said
-    assert "leave --from out, or say --from hex" in said
+    assert "leave --from out, or use --from hex" in said
 
 
 def test_text_of_no_known_form(tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def test_the_far_end_closes_and_returns_twenty_times(
         chunk.data[0] for number, chunk in received if number == 0 and chunk.hole and chunk.data
     ]
     assert holes == [*range(1, 20), ord("e")]
-    assert sum("waiting for it to come back" in line for line in said) == 20
+    assert sum("waiting for it to return" in line for line in said) == 20
     assert sum("back after" in line for line in said) == 20
     end.pull()
     other.pull()
@@ -180,7 +180,7 @@ def test_a_sleep_of_the_machine_is_a_hole(tmp_path: Path, monkeypatch: pytest.Mo
         ((_, chunk),) = gather(listening, 1)
     assert chunk.hole
     assert abs(chunk.time_ns - time.time_ns() - 3600 * S) < S
-    assert said == ["the machine slept for 3600.0 s; what was on the line meanwhile is lost"]
+    assert said == ["the machine slept for 3600.0 s; traffic in the meantime is lost"]
     end.pull()
 
 
@@ -206,5 +206,7 @@ def test_a_clock_that_is_set_forward_is_no_hole(
             assert not chunk.hole
             times.append(round((chunk.time_ns - time.time_ns()) / S))
     assert times == [0, 0, 3600]
-    assert said == ["the clock was set forward by 3600.0 s; times follow at a pause of the line"]
+    assert said == [
+        "the clock was set forward by 3600.0 s; timestamps follow at the next pause on the line"
+    ]
     end.pull()

@@ -49,7 +49,7 @@ def test_the_settings_are_reported(real: str, read_at: str, words: str, tmp_path
     assert str(recorded_settings(data)) == read_at
     said = list(infer_settings(list(reads(data)), recorded_settings(data)))
     assert any(words in line for line in said), said
-    assert ("no checksum fits" in said[0]) == ("pulses" in words or "look like" in words)
+    assert ("no checksum matches" in said[0]) == ("pulses" in words or "look like" in words)
 
 
 def test_decode_says_it(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_no_line_and_no_session(tmp_path: Path, modlens: Modlens) -> None:
         list(decode(path))
     assert "has CLK, DATA" in modlens("decode", path, "--channels", "RX").err
     path.write_bytes(session(b"", ["CLK"])[:200])
-    with pytest.raises(SourceError, match="no session of sigrok"):
+    with pytest.raises(SourceError, match="not a sigrok session"):
         list(decode(path))
 
 
@@ -135,4 +135,4 @@ def test_channels_of_the_api(tmp_path: Path) -> None:
     wires = [spaced(REQUEST, 0.01, line), spaced(RESPONSE, 0.05, line)]
     path.write_bytes(session(samples(line, wires), ["TX", "RX"]))
     assert [txn.status for txn in decode(path, channels=["TX", "RX"])] == ["ok"]
-    assert [txn.status for txn in decode(path, channels=["TX"])] == ["not_seen"]
+    assert [txn.status for txn in decode(path, channels=["TX"])] == ["not_observed"]

@@ -24,7 +24,7 @@ def test_findings_are_ranked(monkeypatch: pytest.MonkeyPatch, columns: int) -> N
         "units": [],
         "silence": None,
     }
-    clockless = {"duration_us": None, "busy_us": None, "load": None}
+    clockless = {"duration_us": None, "busy_us": None, "utilization": None}
     stats = {"transactions": {}, "buses": [{**bus, **clockless}], "findings": counts}
     show_stats(stats, Screen(stream))
     lines = stream.getvalue().splitlines()

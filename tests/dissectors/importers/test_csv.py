@@ -61,27 +61,29 @@ FEATURES = {
             "d": {"at": "hr:110.3", "type": "bool"},
             "e": {"at": "hr:16", "type": "u16"},
         },
-        ("addresses are hexadecimal, as the head says",),
+        ("addresses are hexadecimal, as the header says",),
     ),
     "head-without-names": Feature(
         "Address,Description\n7,x\n",
         x(),
-        ("no column says the names: those of 'Description' are taken",),
+        ("no column has the names: those of 'Description' are taken",),
     ),
     "head-crlf": Feature("Address,Name\r\n7,x\r\n", x()),
     "head-byte-order-mark": Feature("\ufeffAddress,Name\n7,x\n", x()),
     "head-address-before-register": Feature(
         "Register,Address,Name\n8,7,x\n",
         x(),
-        ("column 'Register' says the same as 'Address'; left out",),
+        ("column 'Register' has the same meaning as 'Address'; skipped",),
     ),
     "head-twice": Feature(
-        "Address,Name,Name\n7,x,y\n", x(), ("column 'Name' says the same as 'Name'; left out",)
+        "Address,Name,Name\n7,x,y\n",
+        x(),
+        ("column 'Name' has the same meaning as 'Name'; skipped",),
     ),
     "head-unknown": Feature(
-        one("Colour", "red"), x(), ("column 'Colour' is not understood; left out",)
+        one("Colour", "red"), x(), ("column 'Colour' is not understood; skipped",)
     ),
-    "head-empty": Feature(one("", "red"), x(), ("column 3 is not understood; left out",)),
+    "head-empty": Feature(one("", "red"), x(), ("column 3 is not understood; skipped",)),
     "head-offset-is-the-address": Feature("Offset,Name\n7,x\n", x()),
     "head-offset-beside-an-address": Feature(one("Offset", "-40"), x(offset=-40)),
     "head-comments": Feature("# from the plant\nAddress,Name\n# pumps\n7,x\n", x()),
@@ -90,12 +92,12 @@ FEATURES = {
     "type-unknown": Feature(
         rows("Address,Name,Type", "7,x,", "8,y,INT12"),
         x(),
-        ("line 3, y: type 'INT12' is not known; left out",),
+        ("line 3, y: type 'INT12' is not known; skipped",),
     ),
     "type-says-no-width": Feature(
         one("Type", "INT"),
         x(type="s16"),
-        ("types that do not say how wide they are take 16 bits (assumed)",),
+        ("types without a width take 16 bits (assumed)",),
     ),
     "type-width-by-count": Feature(one("Type,Count", "unsigned int,2"), x(type="u32")),
     "type-width-by-length": Feature(one("Type,Length", "INT,4"), x(type="s64")),
@@ -105,12 +107,12 @@ FEATURES = {
     "type-length-that-cannot-be": Feature(
         one("Type,Length", "FLOAT,3"),
         x(type="f32"),
-        ("line 2, x: a f32 does not take 3 registers; left out",),
+        ("line 2, x: a f32 does not take 3 registers; skipped",),
     ),
     "type-count-that-cannot-be": Feature(
         one("Type,Count", "UINT32,3"),
         x(type="u32"),
-        ("line 2, x: a u32 does not take 3 registers; left out",),
+        ("line 2, x: a u32 does not take 3 registers; skipped",),
     ),
     "type-with-order": Feature(
         rows("Address,Name,Type", "7,a,uint32be", "9,b,floatsw", "11,c,int32sb", "13,d,doublele"),
@@ -148,18 +150,18 @@ FEATURES = {
     "text-without-length": Feature(
         rows("Address,Name,Type", "7,x,", "8,y,string"),
         x(),
-        ("line 3, y: a str without a length; left out",),
+        ("line 3, y: a str without a length; skipped",),
     ),
     "text-with-a-scale": Feature(
         one("Type,Count,Scale", "STRING,8,0.1"),
         x(type="str", count=8),
-        ("line 2, x: scale 0.1 of a str has no place; left out",),
+        ("line 2, x: scale 0.1 does not apply to a str; skipped",),
     ),
     "raw-count": Feature(one("Type,Count", "raw,3"), x(type="raw", count=3)),
     "raw-without-length": Feature(
         rows("Address,Name,Type", "7,x,", "8,y,raw"),
         x(),
-        ("line 3, y: a raw without a length; left out",),
+        ("line 3, y: a raw without a length; skipped",),
     ),
     # Arrays.
     "array-count": Feature(one("Type,Count", "UINT32,6"), x(type="u32", count=6)),
@@ -168,7 +170,7 @@ FEATURES = {
     "array-range-backwards": Feature(
         rows("Address,Name", "7,x", "9-8,y"),
         x(),
-        ("line 3, y: '9-8' ends before it begins; left out",),
+        ("line 3, y: '9-8' ends before it begins; skipped",),
     ),
     "array-brackets": Feature(rows("Address,Name,Type", "7 [3],x,Word"), x(count=3)),
     "array-two-brackets": Feature(
@@ -202,7 +204,7 @@ FEATURES = {
     "order-unknown": Feature(
         rows("Address,Name,Endian", "7,x,", "8,y,upside"),
         x(),
-        ("line 3, y: 'upside' is no order of bytes; left out",),
+        ("line 3, y: 'upside' is not a byte order; skipped",),
     ),
     "order-option": Feature(
         rows("Address,Name,Type", "7,a,FLOAT", "9,b,WORD"),
@@ -222,27 +224,27 @@ FEATURES = {
     "scale-fraction": Feature(one("Scale", "1/100"), x(scale=0.01)),
     "scale-one-and-zero": Feature(one("Scale,Offset", "1,0"), x()),
     "scale-of-many-digits": Feature(
-        one("Scale", "1e300"), x(), ("line 2, x: scale 1e+300 has too many digits; left out",)
+        one("Scale", "1e300"), x(), ("line 2, x: scale 1e+300 has too many digits; skipped",)
     ),
     "scale-endless": Feature(
         one("Scale", "1e999"),
         x(),
-        ("line 2, x: scale '1e999' is no number to scale by; left out",),
+        ("line 2, x: scale '1e999' is not a usable number; skipped",),
     ),
     "scale-power": Feature(one("Gain", "1e-3"), x(scale=0.001)),
     "scale-no-number": Feature(
         one("Multiplier", "times ten"),
         x(),
-        ("line 2, x: scale 'times ten' is no number to scale by; left out",),
+        ("line 2, x: scale 'times ten' is not a usable number; skipped",),
     ),
     "scale-zero": Feature(
-        one("Scale", "0"), x(), ("line 2, x: scale '0' is no number to scale by; left out",)
+        one("Scale", "0"), x(), ("line 2, x: scale '0' is not a usable number; skipped",)
     ),
     "scale-transform": Feature(one("Transform", "scale(0.01)"), x(scale=0.01)),
     "scale-transform-other": Feature(
         one("Transform", "mod10k(True)"),
         x(),
-        ("line 2, x: scale 'mod10k(True)' is no number to scale by; left out",),
+        ("line 2, x: scale 'mod10k(True)' is not a usable number; skipped",),
     ),
     "scale-limits": Feature(
         one("InLo,InHi,OutLo,OutHi", "0,1000,-50,150"), x(scale=0.2, offset=-50)
@@ -250,20 +252,20 @@ FEATURES = {
     "scale-limits-missing": Feature(
         one("X1,X2,Y1,Y2", "0,1000,,"),
         x(),
-        ("line 2, x: scaling without its four limits; left out",),
+        ("line 2, x: scaling without its four limits; skipped",),
     ),
     "scale-beside-limits": Feature(
         one("K,X1,X2,Y1,Y2", "0.5,0,10,0,100"),
         x(scale=0.5),
-        ("line 2, x: scale and offset count; the four limits beside them are left out",),
+        ("line 2, x: scale and offset count; the four limits beside them are ignored",),
     ),
     "scale-offset-no-number": Feature(
-        one("Offset", "low"), x(), ("line 2, x: offset 'low' is no number; left out",)
+        one("Offset", "low"), x(), ("line 2, x: offset 'low' is not a number; skipped",)
     ),
     "scale-of-a-bit": Feature(
         rows("Address,Name,Scale", "7.3,x,10"),
         {"x": {"at": "hr:7.3", "type": "bool"}},
-        ("line 2, x: scale 10 of a bool has no place; left out",),
+        ("line 2, x: scale 10 does not apply to a bool; skipped",),
     ),
     # Addresses and tables.
     "at-hexadecimal": Feature(
@@ -285,40 +287,40 @@ FEATURES = {
         rows("Address,Name", "7,x", "MW100,y", "%IX0.1,z"),
         x(),
         (
-            "line 3, y: 'MW100': 'MW' is no table that is known; left out",
-            "line 4, z: '%IX0.1' is no address; left out",
+            "line 3, y: 'MW100': 'MW' is not a known table; skipped",
+            "line 4, z: '%IX0.1' is not an address; skipped",
         ),
     ),
     "at-nothing": Feature(
-        rows("Address,Name", "7,x", ",y"), x(), ("line 3, y: no address; left out",)
+        rows("Address,Name", "7,x", ",y"), x(), ("line 3, y: no address; skipped",)
     ),
     "at-base-1": Feature(rows("Address,Name", "8,x"), x(), options={"base": 1}),
     "at-0-with-base-1": Feature(
         rows("Address,Name", "8,x", "0,y"),
         x(),
-        ("line 3, y: '0' is no address where counting begins at 1; left out",),
+        ("line 3, y: '0' is not an address where counting starts at 1; skipped",),
         {"base": 1},
     ),
     "at-beyond-the-last": Feature(
         rows("Address,Name", "7,x", "65536,y"),
         x(),
-        ("line 3, y: '65536' is no address where counting begins at 0; left out",),
+        ("line 3, y: '65536' is not an address where counting starts at 0; skipped",),
     ),
     "at-reaching-beyond-the-last": Feature(
         rows("Address,Name,Type", "7,x,", "65535,y,FLOAT"),
         x(),
-        ("line 3, y: wire address 65536 is none; left out",),
+        ("line 3, y: wire address 65536 does not exist; skipped",),
     ),
     "at-modicon-hexadecimal": Feature(
         rows("Address,Name", "40008,x", "0x006B,y"),
         x(),
-        ("line 3, y: '0x006B' is no Modicon address; left out",),
+        ("line 3, y: '0x006B' is not a Modicon address; skipped",),
         {"base": "modicon"},
     ),
     "at-modicon-of-another-table": Feature(
         rows("Address,Table,Name", "40008,holding,x", "30008,holding,y"),
         x(),
-        ("line 3, y: '30008' is no Modicon address of hr; left out",),
+        ("line 3, y: '30008' is not a Modicon address of hr; skipped",),
         {"base": "modicon"},
     ),
     "at-modicon-short": Feature(
@@ -359,7 +361,7 @@ FEATURES = {
     "table-unknown": Feature(
         rows("Table,Address,Name", "holding,7,x", "memory,8,y"),
         x(),
-        ("line 3, y: table 'memory' is not known; left out",),
+        ("line 3, y: table 'memory' is not known; skipped",),
     ),
     # Bits and halves.
     "bit-of-a-register": Feature(
@@ -369,12 +371,12 @@ FEATURES = {
     "bit-beyond": Feature(
         rows("Address,Name", "7,x", "7.16,y"),
         x(),
-        ("line 3, y: bit 16 is none of 0 to 15; left out",),
+        ("line 3, y: bit 16 is not one of 0 to 15; skipped",),
     ),
     "bit-of-a-number": Feature(
         rows("Address,Name,Type", "7,x,", "7.5,y,INT16"),
         x(),
-        ("line 3, y: a bit of a register is a bool, not 'INT16'; left out",),
+        ("line 3, y: a bit of a register is a bool, not 'INT16'; skipped",),
     ),
     "bit-halves": Feature(
         rows("Address,Name,Type", "7.Lo,a,", "7.Hi,b,INT8"),
@@ -397,7 +399,7 @@ FEATURES = {
             "d": {"at": "hr:4", "type": "u16", "access": "rw"},
             "e": {"at": "hr:5", "type": "u16"},
         },
-        ("line 6, e: access 'owner' is not known; left out",),
+        ("line 6, e: access 'owner' is not known; skipped",),
     ),
     "access-flag": Feature(one("Writable", "TRUE"), x(access="rw")),
     "enum-pairs": Feature(
@@ -410,20 +412,20 @@ FEATURES = {
     "enum-that-is-none": Feature(
         one("Values", "0 to 100"),
         x(),
-        ("line 2, x: labels '0 to 100' are not understood; left out",),
+        ("line 2, x: labels '0 to 100' are not understood; skipped",),
     ),
     "enum-of-a-float": Feature(
         one("Type,Enum", "FLOAT,0=off"),
         x(type="f32"),
-        ("line 2, x: enum {'0': 'off'} of a f32 has no place; left out",),
+        ("line 2, x: enum {'0': 'off'} does not apply to a f32; skipped",),
     ),
     "nan-raw-values": Feature(one("Type,NaN", "INT16,0x8000;-1"), x(type="s16", nan=[0x8000, -1])),
     "nan-fraction-of-a-whole": Feature(
-        one("NaN", "1.5"), x(), ("line 2, x: nan [1.5] is no raw value of a u16; left out",)
+        one("NaN", "1.5"), x(), ("line 2, x: nan [1.5] is not a raw value of a u16; skipped",)
     ),
     "enum-without-a-label": Feature(one("Enum", "0=;1=on"), x(enum={"1": "on"})),
     "nan-no-number": Feature(
-        one("NaN", "none"), x(), ("line 2, x: no value 'none' is no number; left out",)
+        one("NaN", "none"), x(), ("line 2, x: no value 'none' is not a number; skipped",)
     ),
     "slave-one": Feature(one("Slave", "3"), x()),
     "slave-chosen": Feature(
@@ -434,7 +436,7 @@ FEATURES = {
         rows("Address,Name,Factor", "7,x,1", "8,y,0,1"),
         x(),
         (
-            "line 3: 4 cells, but 3 columns; left out (a decimal comma, or a text without "
+            "line 3: 4 cells, but 3 columns; skipped (a decimal comma, or a text without "
             "quotation marks?)",
         ),
     ),
@@ -447,15 +449,15 @@ FEATURES = {
             "y": {"at": "hr:8", "type": "u16", "note": "z"},
             "bad": {"at": "hr:9", "type": "u16"},
         },
-        ("line 6, w: no address; left out",),
+        ("line 6, w: no address; skipped",),
     ),
     "row-twice": Feature(
-        rows("Address,Name", "7,x", "7,x"), x(), ("line 3, x: hr:7 belongs to x; left out",)
+        rows("Address,Name", "7,x", "7,x"), x(), ("line 3, x: hr:7 belongs to x; skipped",)
     ),
     "row-name-twice": Feature(
         rows("Address,Name", "7,x", "8,x"),
         {**x(), "x_2": {"at": "hr:8", "type": "u16"}},
-        ("line 3, x: the name stands twice; called x_2",),
+        ("line 3, x: the name appears twice; renamed to x_2",),
     ),
     "row-without-name": Feature(
         rows("Address,Name,Unit", "7,,V"), {"hr_7": {"at": "hr:7", "type": "u16", "unit": "V"}}
@@ -479,7 +481,7 @@ FEATURES = {
             "hr_7": {"at": "hr:7", "type": "u16", "scale": 0.1},
             "ir_19": {"at": "ir:19", "type": "f32", "order": "CDAB", "access": "w"},
         },
-        ("a table of Control Solutions", "column 'POLL' has no place in a profile; left out"),
+        ("a table of Control Solutions", "column 'POLL' cannot be kept in a profile; skipped"),
     ),
     "preset-kaspersky": Feature(
         "ID;Varname;Connection;Address;Datatype;Length;InLo;InHi;OutLo;OutHi;Description;EngUnits;"
@@ -487,9 +489,9 @@ FEATURES = {
         {"level": {"at": "hr:107", "type": "s16", "scale": 0.1, "unit": "%", "note": "tank"}},
         (
             "a table of Kaspersky",
-            "column 'ID' is not understood; left out",
-            "column 'Connection' is not understood; left out",
-            "column 'EnumName' is not understood; left out",
+            "column 'ID' is not understood; skipped",
+            "column 'Connection' is not understood; skipped",
+            "column 'EnumName' is not understood; skipped",
         ),
     ),
     "preset-python-protocol-gateway": Feature(
@@ -514,7 +516,7 @@ FEATURES = {
         },
         (
             "a table of PythonProtocolGateway",
-            "column 'note' says the same as 'documented name'; left out",
+            "column 'note' has the same meaning as 'documented name'; skipped",
         ),
     ),
     "preset-volttron-by-its-words": Feature(
@@ -530,7 +532,7 @@ FEATURES = {
         "_address\tdeviceId\tname\tdescription\tunit\ttype\tlen\tfactor\toffset\tformula\n"
         "7\t1\tx\tflow\tl/s\tfloatsw\t2\t0.5\t1\t\n",
         x(type="f32", order="CDAB", scale=0.5, offset=1, unit="l/s", note="flow"),
-        ("column 'formula' is not understood; left out",),
+        ("column 'formula' is not understood; skipped",),
     ),
 }
 
@@ -575,24 +577,33 @@ def test_orders_have_one_table() -> None:
         for word in words.split():
             assert importers.parse_order(word, "x") == order
     assert set(ORDERS.values()) == {"ABCD", "CDAB", "BADC", "DCBA"}
-    with pytest.raises(UsageError, match="is no order"):
+    with pytest.raises(UsageError, match="is not a byte order"):
         importers.parse_order("upside down", "x")
 
 
 @pytest.mark.parametrize(
     ("base", "said"),
     [
-        (None, "addresses count from 0, as on the wire (assumed; --base 0, 1 or modicon says it)"),
-        (0, "addresses count from 0, as on the wire (as told; --base 0, 1 or modicon says it)"),
-        (1, "addresses count from 1 (as told; --base 0, 1 or modicon says it)"),
-        ("modicon", "addresses count 40001 or 400001 (as told; --base 0, 1 or modicon says it)"),
+        (
+            None,
+            "addresses count from 0, as on the wire (assumed; --base 0, 1 or modicon overrides)",
+        ),
+        (
+            0,
+            "addresses count from 0, as on the wire (as given; --base 0, 1 or modicon overrides)",
+        ),
+        (1, "addresses count from 1 (as given; --base 0, 1 or modicon overrides)"),
+        (
+            "modicon",
+            "addresses count 40001 or 400001 (as given; --base 0, 1 or modicon overrides)",
+        ),
     ],
 )
 def test_the_assumed_base_is_noted(base: int | str | None, said: str) -> None:
     """The base is assumed or given, and that no column names the table is noted."""
     found = importers.read("csv", "Address,Name\n40008,x\n", "map", Options(base=base))
     assert said in found.notes
-    assumed = "no column says the table: holding registers (assumed)"
+    assumed = "no column names the table: holding registers (assumed)"
     assert (assumed in found.notes) == (base != "modicon")
 
 
@@ -610,7 +621,9 @@ def test_the_assumed_base_is_noted(base: int | str | None, said: str) -> None:
 def test_an_assumed_order_is_noted(line: str, options: Options, said: bool) -> None:
     """Where a value takes several registers and neither the file nor an option says the order."""
     found = importers.read("csv", one("Type,Byte order", line), "map", options)
-    note = "values of several registers: highest register first, ABCD (assumed; --order says it)"
+    note = (
+        "values of several registers: highest register first, ABCD (assumed; --order overrides it)"
+    )
     assert (note in found.notes) == said
 
 
@@ -618,7 +631,7 @@ def test_several_units_want_one_chosen() -> None:
     """No unit is given, or one that is not in the file."""
     text = rows("Address,Name,Slave", "7,x,3", "7,y,4")
     for unit in (None, 9):
-        with pytest.raises(UsageError, match=r"map: which unit\? --unit N; there are 3, 4"):
+        with pytest.raises(UsageError, match=r"map: choose a unit with --unit N; there are 3, 4"):
             points("csv", text, unit=unit)
 
 
@@ -626,9 +639,13 @@ def test_several_units_want_one_chosen() -> None:
     ("text", "line", "part"),
     [
         ("Name,Type\nx,INT16\n", 1, "no line names the columns.*begins with 'Name,Type'"),
-        ('Address,Name\n7,x\n8,"y\n9,z\n', 3, "no CSV from here on: .*quotation marks"),
-        ("at,name,type\nhr:1,x,u23\n", 2, r"registers\[0\].type: .* is none of"),
-        ("Address,Name\n,x\n", None, "no point in it that a profile can hold: line 2, x: no addre"),
+        ('Address,Name\n7,x\n8,"y\n9,z\n', 3, "not CSV from here on: .*quotation marks"),
+        ("at,name,type\nhr:1,x,u23\n", 2, r"registers\[0\].type: .* is not one of"),
+        (
+            "Address,Name\n,x\n",
+            None,
+            "it has no point that a profile can hold: line 2, x: no addre",
+        ),
         ("", None, "the file is empty"),
     ],
 )
@@ -644,6 +661,6 @@ def test_the_own_csv_says_everything_itself() -> None:
     text = "#base=1\nname;at\nx;hr:8\n"
     assert points("csv", text) == x()
     assert notes("csv", text, base=0, unit=3) == [
-        "--base is not used: a profile in CSV says it itself",
-        "--unit is not used: a profile in CSV says it itself",
+        "--base is ignored: a profile in CSV states it itself",
+        "--unit is ignored: a profile in CSV states it itself",
     ]

@@ -56,7 +56,7 @@ FEATURES = {
     "platform-number": Feature(
         one("use_write_multiple: true", "number"),
         x(**RW),
-        ("use_write_multiple: has no place in a profile",),
+        ("use_write_multiple: cannot be kept in a profile",),
     ),
     "platform-switch": Feature(one("register_type: coil", "switch"), x("co:7", "bool", **RW)),
     "platform-switch-of-a-bit": Feature(one("bitmask: 0x8", "switch"), x("hr:7.3", "bool", **RW)),
@@ -72,7 +72,7 @@ FEATURES = {
     "table-unknown": Feature(
         beside("address: 8, register_type: file"),
         x(),
-        ("y: register_type 'file' is not known; left out",),
+        ("y: register_type 'file' is not known; skipped",),
     ),
     # Types.
     **{
@@ -83,7 +83,7 @@ FEATURES = {
     },
     "type-none": Feature(one(), x()),
     "type-unknown": Feature(
-        beside("address: 8, value_type: FP64"), x(), ("y: value_type FP64 is not known; left out",)
+        beside("address: 8, value_type: FP64"), x(), ("y: value_type FP64 is not known; skipped",)
     ),
     "type-order-told": Feature(
         one("value_type: U_DWORD"), x(kind="u32", order="DCBA"), options={"order": "DCBA"}
@@ -115,17 +115,17 @@ FEATURES = {
     "mask-of-a-coil-that-says-more": Feature(
         one("register_type: coil, bitmask: 2", "switch"),
         x("co:7", "bool", **RW),
-        ("bitmask 2 of a coil: has no place in a profile",),
+        ("bitmask 2 of a coil: cannot be kept in a profile",),
     ),
     "mask-no-run": Feature(
         beside("address: 8, bitmask: 0x0005"),
         x(),
-        ("y: bitmask 5 is no run of bits of a register; left out",),
+        ("y: bitmask 5 is not a contiguous run of bits of a register; skipped",),
     ),
     "mask-across-words": Feature(
         beside("address: 8, value_type: U_DWORD, bitmask: 0x00018000"),
         x(),
-        ("y: bitmask 98304 is no run of bits of a register; left out",),
+        ("y: bitmask 98304 is not a contiguous run of bits of a register; skipped",),
     ),
     # Offsets: bytes of registers, bits of coils.
     "offset-byte-offset": Feature(one("byte_offset: 4"), x("hr:9")),
@@ -136,12 +136,12 @@ FEATURES = {
     "offset-inside-a-register": Feature(
         beside("address: 8, byte_offset: 1"),
         x(),
-        ("y: begins at byte 1, inside a register; left out",),
+        ("y: begins at byte 1, inside a register; skipped",),
     ),
     "offset-no-number": Feature(
         beside("address: 8, byte_offset: two"),
         x(),
-        ("y: byte_offset 'two' is no whole number; left out",),
+        ("y: byte_offset 'two' is not a whole number; skipped",),
     ),
     # Filters, labels, units.
     "filter-multiply": Feature(one("filters: [multiply: 0.1]"), x(scale=0.1)),
@@ -153,12 +153,12 @@ FEATURES = {
     "filter-of-another-kind": Feature(
         one("filters: [throttle: 10s, multiply: 2]"),
         x(scale=2),
-        ("filter throttle: has no place in a profile",),
+        ("filter throttle: cannot be kept in a profile",),
     ),
     "filter-lambda": Feature(
         one("filters: [lambda: return x * 2;]"),
         x(),
-        ("filter lambda: has no place in a profile",),
+        ("filter lambda: cannot be kept in a profile",),
     ),
     "filter-number-multiply": Feature(one("multiply: 10", "number"), x(scale=0.1, **RW)),
     "select-options": Feature(
@@ -167,7 +167,7 @@ FEATURES = {
     "select-option-that-is-none": Feature(
         one('optionsmap: {"Off": 0, "On": yes please}', "select"),
         x(enum={"0": "Off"}, **RW),
-        ("x: option 'On': 'yes please' is no raw value; left out",),
+        ("x: option 'On': 'yes please' is not a raw value; skipped",),
     ),
     "unit": Feature(one('unit_of_measurement: "°C"'), x(unit="°C")),
     "address-in-hexadecimal": Feature(entities("name: x, address: 0x006B"), x("hr:107")),
@@ -177,7 +177,7 @@ FEATURES = {
         one("accuracy_decimals: 1, skip_updates: 5, register_count: 2"),
         x(),
         tuple(
-            f"{key}: has no place in a profile"
+            f"{key}: cannot be kept in a profile"
             for key in ("accuracy_decimals", "register_count", "skip_updates")
         ),
     ),
@@ -190,7 +190,7 @@ FEATURES = {
         one('lambda: !lambda "return x;"'),
         x(),
         (
-            "line 4: !lambda return x; is not understood; left out",
+            "line 4: !lambda return x; is not understood; skipped",
             "x: lambda is not understood; the value is the raw one",
         ),
     ),
@@ -210,10 +210,10 @@ FEATURES = {
         ),
     ),
     "left-address-of-a-substitution": Feature(
-        beside('address: "${at}"'), x(), ("y: no address; left out",)
+        beside('address: "${at}"'), x(), ("y: no address; skipped",)
     ),
     "left-custom-command": Feature(
-        beside("custom_command: [1, 3]"), x(), ("y: no address; left out",)
+        beside("custom_command: [1, 3]"), x(), ("y: no address; skipped",)
     ),
 }
 
@@ -232,17 +232,19 @@ def test_units() -> None:
         "  - {platform: modbus_controller, modbus_controller_id: b, name: y, address: 8}\n"
     )
     for unit in (None, 7):
-        with pytest.raises(UsageError, match=r"which unit\? --unit N; there are 1 \(a\), 2 \(b\)"):
+        with pytest.raises(
+            UsageError, match=r"choose a unit with --unit N; there are 1 \(a\), 2 \(b\)"
+        ):
             points("esphome", text, unit=unit)
     assert list(points("esphome", text, unit=2)) == ["y"]
-    with pytest.raises(UsageError, match=r"which unit\? --unit N; there are 3 \(meter\)"):
+    with pytest.raises(UsageError, match=r"choose a unit with --unit N; there are 3 \(meter\)"):
         points("esphome", one(), unit=4)
 
 
 @pytest.mark.parametrize(
     ("text", "line", "part"),
     [
-        ("sensor: [\n", 2, "no YAML: "),
+        ("sensor: [\n", 2, "not YAML: "),
         ("sensor:\n  - {platform: dht, name: x}\n", None, "no entity on platform modbus_contr"),
         ("a: 1\nsensor: !include s.yaml\n", 2, "!include is not followed: import that file"),
     ],

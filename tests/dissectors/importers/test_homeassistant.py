@@ -76,7 +76,7 @@ FEATURES = {
     "list-switches-verify": Feature(
         hub(f"{COIL}, verify: {{address: 9}}", kind="switches"),
         x(access="rw"),
-        ("verify: has no place in a profile",),
+        ("verify: cannot be kept in a profile",),
     ),
     "list-lights": Feature(
         hub(f"{COIL}, write_type: coil", kind="lights"), x("co:7", "bool", access="rw")
@@ -85,12 +85,12 @@ FEATURES = {
     "list-covers": Feature(
         hub(f"{COIL}, input_type: coil, state_open: 1", kind="covers"),
         x("co:7", "bool", access="rw"),
-        ("state_open: has no place in a profile",),
+        ("state_open: cannot be kept in a profile",),
     ),
     "list-climates": Feature(
         hub(f"{COIL}, data_type: int16, scale: 0.1, target_temp_register: 9", kind="climates"),
         x(kind="s16", scale=0.1),
-        ("target_temp_register: has no place in a profile",),
+        ("target_temp_register: cannot be kept in a profile",),
     ),
     # Types.
     "type-none-is-int16": Feature(sensor("slave: 1"), x(kind="s16")),
@@ -124,7 +124,7 @@ FEATURES = {
     "struct-mixed": Feature(
         beside('address: 8, data_type: custom, structure: ">2h3b"'),
         x(),
-        ("y: data type '>2h3b' is not understood; left out",),
+        ("y: data type '>2h3b' is not understood; skipped",),
     ),
     # The schemas of 2020 and 2021: the count is the width.
     **{
@@ -145,7 +145,7 @@ FEATURES = {
     "old-count-that-cannot-be": Feature(
         beside("address: 8, data_type: int, count: 3"),
         x(),
-        ("y: data type 'int' is not understood; left out",),
+        ("y: data type 'int' is not understood; skipped",),
     ),
     "old-reverse-order": Feature(
         sensor("data_type: int, count: 2, reverse_order: true"), x(kind="s32", order="CDAB")
@@ -167,7 +167,7 @@ FEATURES = {
         sensor("data_type: int16, swap: byte"), x(kind="s16", order="BADC")
     ),
     "swap-unknown": Feature(
-        beside("address: 8, swap: sideways"), x(), ("y: 'sideways' is no order of bytes; left out",)
+        beside("address: 8, swap: sideways"), x(), ("y: 'sideways' is not a byte order; skipped",)
     ),
     "swap-told": Feature(
         sensor("data_type: int32"), x(kind="s32", order="CDAB"), options={"order": "CDAB"}
@@ -180,7 +180,7 @@ FEATURES = {
     "text-word-swap": Feature(
         beside("address: 8, data_type: string, count: 8, swap: word"),
         x(),
-        ("y: registers of a text in turned order; left out",),
+        ("y: registers of a text in turned order; skipped",),
     ),
     "virtual-count": Feature(sensor("data_type: uint32, virtual_count: 2"), x(kind="u32", count=6)),
     "virtual-slave-count": Feature(sensor("data_type: uint16, slave_count: 2"), x(count=3)),
@@ -190,22 +190,22 @@ FEATURES = {
     "virtual-count-of-switches": Feature(
         hub(f"{COIL}, write_type: coil, virtual_count: 7", kind="switches"),
         x("co:7", "bool", access="rw"),
-        ("virtual_count: has no place in a profile",),
+        ("virtual_count: cannot be kept in a profile",),
     ),
     "virtual-count-of-bits": Feature(
         hub(f"{COIL}, input_type: holding, virtual_count: 7", kind="binary_sensors"),
         x("hr:7.0", "bool"),
-        ("virtual_count: has no place in a profile",),
+        ("virtual_count: cannot be kept in a profile",),
     ),
     "virtual-count-of-texts": Feature(
         beside("address: 8, data_type: string, count: 2, virtual_count: 2"),
         x(),
-        ("y: an array of texts; left out",),
+        ("y: an array of texts; skipped",),
     ),
     "virtual-count-no-number": Feature(
         beside("address: 8, virtual_count: many"),
         x(),
-        ("y: virtual_count 'many' is no number of values; left out",),
+        ("y: virtual_count 'many' is not a number of values; skipped",),
     ),
     # Numbers.
     "number-scale-and-offset": Feature(
@@ -213,7 +213,7 @@ FEATURES = {
     ),
     "number-scale-1": Feature(sensor("data_type: uint16, scale: 1, offset: 0"), x()),
     "number-scale-no-number": Feature(
-        sensor("data_type: uint16, scale: ten"), x(), ("x: scale 'ten' is no number; left out",)
+        sensor("data_type: uint16, scale: ten"), x(), ("x: scale 'ten' is not a number; skipped",)
     ),
     "number-nan-value": Feature(
         sensor("data_type: int16, nan_value: 0x8000"), x(kind="s16", nan=[0x8000])
@@ -224,13 +224,13 @@ FEATURES = {
     "number-nan-of-a-text": Feature(
         sensor("data_type: string, count: 2, nan_value: 0"),
         x(kind="str", count=2),
-        ("x: nan 0 of a str has no place; left out",),
+        ("x: nan 0 does not apply to a str; skipped",),
     ),
     "number-unit": Feature(sensor('data_type: uint16, unit_of_measurement: "°C"'), x(unit="°C")),
     "number-unit-no-text": Feature(
         sensor("data_type: uint16, unit_of_measurement: [V]"),
         x(),
-        ("x: unit ['V'] is no text; left out",),
+        ("x: unit ['V'] is not text; skipped",),
     ),
     "number-address-in-hexadecimal": Feature(
         hub("name: x, address: 0x006B, data_type: uint16"), x("hr:107")
@@ -240,39 +240,39 @@ FEATURES = {
         sensor("data_type: uint16, precision: 1, device_class: power, scan_interval: 9"),
         x(),
         tuple(
-            f"{key}: has no place in a profile"
+            f"{key}: cannot be kept in a profile"
             for key in ("device_class", "precision", "scan_interval")
         ),
     ),
     "left-keys-are-counted": Feature(
         hub("name: x, address: 7, unique_id: a", "name: y, address: 8, unique_id: b"),
         {**x(kind="s16"), "y": {"at": "hr:8", "type": "s16"}},
-        ("unique_id: has no place in a profile (2 times)",),
+        ("unique_id: cannot be kept in a profile (2 times)",),
     ),
-    "left-no-address": Feature(beside("slave: 1"), x(), ("y: no address; left out",)),
+    "left-no-address": Feature(beside("slave: 1"), x(), ("y: no address; skipped",)),
     "left-template": Feature(
-        beside('address: "{{ 8 }}"'), x(), ("y: address '{{ 8 }}' is no number; left out",)
+        beside('address: "{{ 8 }}"'), x(), ("y: address '{{ 8 }}' is not a number; skipped",)
     ),
     "left-table": Feature(
         beside("address: 8, input_type: files"),
         x(),
-        ("y: input_type 'files' is not known; left out",),
+        ("y: input_type 'files' is not known; skipped",),
     ),
     "left-type": Feature(
         beside("address: 8, data_type: int24"),
         x(),
-        ("y: data type 'int24' is not understood; left out",),
+        ("y: data type 'int24' is not understood; skipped",),
     ),
     # YAML.
     "yaml-secret": Feature(
         sensor().replace("10.0.0.9", "!secret host"),
         x(),
-        ("line 4: !secret host is not followed; left out",),
+        ("line 4: !secret host is not followed; skipped",),
     ),
     "yaml-secret-address": Feature(
         beside("address: !secret at"),
         x(),
-        ("line 7: !secret at is not followed; left out", "y: no address; left out"),
+        ("line 7: !secret at is not followed; skipped", "y: no address; skipped"),
     ),
     "yaml-anchor": Feature(
         "modbus:\n  - sensors:\n      - &one {name: x, address: 7, data_type: uint32, swap: word}\n"
@@ -306,7 +306,7 @@ def test_units() -> None:
         "name: c, address: 3",
     )  # fmt: skip
     for unit in (None, 7):
-        with pytest.raises(UsageError, match=r"map: which unit\? --unit N; there are 1, 2"):
+        with pytest.raises(UsageError, match=r"map: choose a unit with --unit N; there are 1, 2"):
             points("homeassistant", text, unit=unit)
     assert list(points("homeassistant", text, unit=2)) == ["b", "c"]
 
@@ -314,11 +314,11 @@ def test_units() -> None:
 @pytest.mark.parametrize(
     ("text", "line", "part"),
     [
-        ("modbus: [\n", 2, "no YAML: "),
-        ("modbus:\n  - a: \x01\n", 2, "no YAML: unacceptable character"),
+        ("modbus: [\n", 2, "not YAML: "),
+        ("modbus:\n  - a: \x01\n", 2, "not YAML: unacceptable character"),
         ("light:\n  - x\n", None, "no modbus: with sensors or switches in it$"),
         ("a: 1\nmodbus: !include m.yaml\n", 2, "!include m.yaml is not followed: import that file"),
-        ("&a [*a]\n", None, "no modbus|holds itself"),
+        ("&a [*a]\n", None, "no modbus|contains itself"),
         ("? [a, b]\n: 3\n", None, "no modbus"),
     ],
 )

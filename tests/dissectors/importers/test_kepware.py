@@ -17,10 +17,10 @@ HEAD = (
 SAID = (
     "a table of Kepware",
     "values of several registers: lowest register first, CDAB (assumed; it is a setting of the "
-    "device that the file does not have; --order says it)",
-    "column 'Respect Data Type' has no place in a profile; left out",
-    "column 'Scan Rate' has no place in a profile; left out",
-    "column 'Scaled Data Type' has no place in a profile; left out",
+    "device that the file does not have; --order overrides it)",
+    "column 'Respect Data Type' cannot be kept in a profile; skipped",
+    "column 'Scan Rate' cannot be kept in a profile; skipped",
+    "column 'Scaled Data Type' cannot be kept in a profile; skipped",
 )
 
 
@@ -65,7 +65,7 @@ FEATURES = {
     "at-hexadecimal-is-not-understood": Feature(
         tag("40001", "Word") + '"U","H400100",Word,1,RO,100,None,,,,,,,,,,\n',
         t("hr:0"),
-        (*SAID, "line 3, U: 'H400100': 'H' is no table that is known; left out"),
+        (*SAID, "line 3, U: 'H400100': 'H' is not a known table; skipped"),
     ),
     # Types.
     **{
@@ -88,7 +88,7 @@ FEATURES = {
     "type-date": Feature(
         tag("40001", "Word") + '"U","40002",Date,1,RO,100,None,,,,,,,,,,\n',
         t("hr:0"),
-        (*SAID, "line 3, U: type 'Date' is not known; left out"),
+        (*SAID, "line 3, U: type 'Date' is not known; skipped"),
     ),
     # The order: assumed, or told.
     "order-told": Feature(
@@ -113,17 +113,17 @@ FEATURES = {
     "scaling-clamped": Feature(
         tag("40001", "Short", scaling=linear("0,10,0,100", "1,1")),
         t("hr:0", "s16", scale=10),
-        (*SAID, "clamplow: has no place in a profile", "clamphigh: has no place in a profile"),
+        (*SAID, "clamplow: cannot be kept in a profile", "clamphigh: cannot be kept in a profile"),
     ),
     "scaling-square-root": Feature(
         tag("40001", "Short", scaling='"Square Root",0,1,0,1,Float,0,0'),
         t("hr:0", "s16"),
-        (*SAID, "line 2, T: scaling 'Square Root' is not linear; left out"),
+        (*SAID, "line 2, T: scaling 'Square Root' is not linear; skipped"),
     ),
     "scaling-without-limits": Feature(
         tag("40001", "Short", scaling=linear("0,,0,100")),
         t("hr:0", "s16"),
-        (*SAID, "line 2, T: scaling without its four limits; left out"),
+        (*SAID, "line 2, T: scaling without its four limits; skipped"),
     ),
     # The rest.
     "unit-and-description": Feature(

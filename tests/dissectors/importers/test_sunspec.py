@@ -101,16 +101,16 @@ FEATURES = {
         model(point("acc16", mandatory="M", desc="words", static="S"), desc="a model"),
         x(),
         (
-            "desc: has no place in a profile (2 times)",
-            "mandatory: has no place in a profile",
-            "static: has no place in a profile",
+            "desc: cannot be kept in a profile (2 times)",
+            "mandatory: cannot be kept in a profile",
+            "static: cannot be kept in a profile",
         ),
     ),
     "left-options": Feature(
         model(point("acc16")),
         x(),
         tuple(
-            f"--{key} is not used: a file for sunspec says it itself"
+            f"--{key} is ignored: a file for sunspec states it itself"
             for key in ("base", "order", "unit")
         ),
         {"base": 1, "order": "CDAB", "unit": 3},
@@ -199,12 +199,12 @@ def test_the_device_is_named() -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("{", "map: no SunSpec model: Expecting"),
-        ("[]", "map: no SunSpec model: "),
-        ("{}", "map: no SunSpec model: 'group' is missing"),
-        ('{"id": 1, "group": 3}', "map: no SunSpec model: "),
+        ("{", "map: not a SunSpec model: Expecting"),
+        ("[]", "map: not a SunSpec model: "),
+        ("{}", "map: not a SunSpec model: 'group' is missing"),
+        ('{"id": 1, "group": 3}', "map: not a SunSpec model: "),
         ('{"id": 1, "group": {"points": [{"name": "a"}]}}', "'type' is missing"),
-        (model(point("acc16", -1)), "map: no SunSpec model: size -1 of x"),
+        (model(point("acc16", -1)), "map: not a SunSpec model: size -1 of x"),
     ],
 )
 def test_what_is_no_model(text: str, part: str) -> None:
@@ -227,7 +227,7 @@ def test_every_model_of_the_alliance_is_read() -> None:
         found = importers.read("sunspec", path.read_text(encoding="utf-8"), path.name)
         from_model(found.model, path.name)
         for note in found.notes:
-            words = ("repeats as the device says", "has no place in a profile")
+            words = ("repeats as the device says", "cannot be kept in a profile")
             assert any(word in note for word in words), (path.name, note)
 
 

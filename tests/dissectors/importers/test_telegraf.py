@@ -92,8 +92,8 @@ FEATURES = {
             "h": {"at": "hr:6", "type": "u16", "order": "BADC"},
         },
         (
-            "measurement: of a metric has no place in a profile",
-            "tags: of a metric has no place in a profile",
+            "measurement: of a metric cannot be kept in a profile",
+            "tags: of a metric cannot be kept in a profile",
         ),
     ),
     # Types, in both spellings.
@@ -188,12 +188,12 @@ FEATURES = {
     "scale-0-is-none": Feature(register('name = "x", scale = 0.0, address = [7]'), x()),
     # What is left out.
     "left-omit": Feature(
-        beside('name = "y", omit = true, address = [8]'), x(), ("y: omit = true; left out",)
+        beside('name = "y", omit = true, address = [8]'), x(), ("y: omit = true; skipped",)
     ),
     "left-output-measurement-tags": Feature(
         register('name = "x", address = [7], output = "FLOAT64", measurement = "m"'),
         x(),
-        ("measurement: has no place in a profile", "output: has no place in a profile"),
+        ("measurement: cannot be kept in a profile", "output: cannot be kept in a profile"),
     ),
     "left-settings-of-the-line": Feature(
         '[[inputs.modbus]]\nname = "meter"\ncontroller = "tcp://a:502"\ntimeout = "1s"\n'
@@ -201,70 +201,70 @@ FEATURES = {
         '[inputs.modbus.workarounds]\nafter_connect_pause = "1s"\n',
         x(),
         tuple(
-            f"{key}: is no part of a register map"
+            f"{key}: is not part of a register map"
             for key in ("controller", "name", "timeout", "workarounds")
         ),
     ),
     "left-keys-of-a-request": Feature(
         request('name = "x", address = 7, type = "UINT16"', 'optimization = "shrink"'),
         x(),
-        ("optimization: of a request has no place in a profile",),
+        ("optimization: of a request cannot be kept in a profile",),
     ),
     "left-registers-not-in-a-row": Feature(
         beside('name = "y", address = [9, 8], data_type = "UINT32"'),
         x(),
-        ("y: registers [9, 8] are not in a row; left out",),
+        ("y: registers [9, 8] are not in a row; skipped",),
     ),
     "left-width-that-cannot-be": Feature(
         beside('name = "y", address = [8, 9, 10], data_type = "UINT32"'),
         x(),
-        ("y: UINT32 takes 2 registers, not 3; left out",),
+        ("y: UINT32 takes 2 registers, not 3; skipped",),
     ),
     "left-fixed-of-3": Feature(
         beside('name = "y", address = [8, 9, 10], data_type = "FIXED"'),
         x(),
-        ("y: FIXED of 3 registers; left out",),
+        ("y: FIXED of 3 registers; skipped",),
     ),
     "left-type-unknown": Feature(
         beside('name = "y", address = [8], data_type = "INT24"'),
         x(),
-        ("y: type INT24 is not known; left out",),
+        ("y: type INT24 is not known; skipped",),
     ),
     "left-order-unknown": Feature(
         beside('name = "y", address = [8], byte_order = "ACBD"'),
         x(),
-        ("y: 'ACBD' is no order of bytes; left out",),
+        ("y: 'ACBD' is not a byte order; skipped",),
     ),
-    "left-no-address": Feature(beside('name = "y"'), x(), ("y: no address; left out",)),
+    "left-no-address": Feature(beside('name = "y"'), x(), ("y: no address; skipped",)),
     "left-address-no-number": Feature(
-        beside('name = "y", address = "8"'), x(), ("y: address '8' is no number; left out",)
+        beside('name = "y", address = "8"'), x(), ("y: address '8' is not a number; skipped",)
     ),
     "left-scale-no-number": Feature(
         beside('name = "y", address = [8], scale = "ten"'),
         x(),
-        ("y: scale 'ten' is no number; left out",),
+        ("y: scale 'ten' is not a number; skipped",),
     ),
     "left-bit-that-cannot-be": Feature(
         beside('name = "y", address = [8], data_type = "BIT", bit = 16'),
         x(),
-        ("y: bit 16 is none of 0 to 15; left out",),
+        ("y: bit 16 is not one of 0 to 15; skipped",),
     ),
     "left-length-no-number": Feature(
         beside('name = "y", address = [8], data_type = "STRING", length = "two"'),
         x(),
-        ("y: length 'two' is no number of registers; left out",),
+        ("y: length 'two' is not a number of registers; skipped",),
     ),
     "left-table-unknown": Feature(
         request('name = "x", address = 7, type = "UINT16"')
         + '[[inputs.modbus.request]]\nslave_id = 3\nregister = "files"\n'
         'fields = [ { name = "y", address = 8, type = "UINT16" } ]\n',
         x(),
-        ("y: table 'files' is not known; left out",),
+        ("y: table 'files' is not known; skipped",),
     ),
     "left-base-option": Feature(
         register('name = "x", address = [7]'),
         x(),
-        ("--base is not used: a file for telegraf says it itself",),
+        ("--base is ignored: a file for telegraf states it itself",),
         {"base": 1},
     ),
 }
@@ -286,7 +286,7 @@ def test_units() -> None:
 """
     text = metric.format(unit=1) + metric.format(unit=2)
     for unit in (None, 7):
-        with pytest.raises(UsageError, match=r"map: which unit\? --unit N; there are 1, 2"):
+        with pytest.raises(UsageError, match=r"map: choose a unit with --unit N; there are 1, 2"):
             points("telegraf", text, unit=unit)
     assert list(points("telegraf", text, unit=2)) == ["of_2"]
     assert list(points("telegraf", metric.format(unit=5))) == ["of_5"]
@@ -295,10 +295,10 @@ def test_units() -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("[[inputs.modbus]\n", "map: no TOML: "),
+        ("[[inputs.modbus]\n", "map: not TOML: "),
         ("[[inputs.cpu]]\n", r"map: no \[\[inputs.modbus\]\] in it"),
         ("inputs = 3\n", r"map: no \[\[inputs.modbus\]\] in it"),
-        ("[[inputs.modbus]]\nholding_registers = 3\n", "map: no point in it"),
+        ("[[inputs.modbus]]\nholding_registers = 3\n", "map: it has no point"),
     ],
 )
 def test_what_is_no_configuration(text: str, part: str) -> None:

@@ -74,10 +74,10 @@ def test_trap_2_five_digits_stop_at_9999() -> None:
     found = points("csv", table("49999,a", "410000,b", "465536,c"), base="modicon")
     assert [point["at"] for point in found.values()] == ["hr:9998", "hr:9999", "hr:65535"]
     assert place("hr:49999", "modicon") == "hr:9998"
-    with pytest.raises(ProfileError, match="50000 is no Modicon address"):
+    with pytest.raises(ProfileError, match="50000 is not a Modicon address"):
         place("hr:50000", "modicon")
     said = notes("csv", table("40001,x", "50000,y"), base="modicon")
-    assert said == ["line 3, y: '50000' is no Modicon address; left out"]
+    assert said == ["line 3, y: '50000' is not a Modicon address; skipped"]
 
 
 def test_trap_2_five_and_six_digits_may_be_mixed() -> None:
@@ -100,7 +100,7 @@ def test_trap_2_what_was_assumed_is_printed(tmp_path: Path, modlens: Modlens) ->
     path.write_text(table("40001,x"))
     done = modlens("import", "csv", str(path))
     assert 'at = "hr:40001"' in done.out
-    assert "addresses count from 0, as on the wire (assumed; --base 0, 1 or modicon says it)" in (
+    assert "addresses count from 0, as on the wire (assumed; --base 0, 1 or modicon overrides)" in (
         done.err
     )
     done = modlens("import", "csv", str(path), "--base", "modicon")
@@ -123,7 +123,7 @@ def test_trap_3_sigrok_calls_a_holding_register_31001() -> None:
     text = table("40001,3,ok", "31001,3,x", head="Address,Function,Name")
     assert list(points("csv", text, base="modicon")) == ["ok"]
     assert notes("csv", text, base="modicon") == [
-        "line 3, x: '31001' is no Modicon address of hr; left out"
+        "line 3, x: '31001' is not a Modicon address of hr; skipped"
     ]
     text = table("0x3E8,3,x", head="Address,Function,Name")
     assert points("csv", text)["x"]["at"] == "hr:1000"
@@ -134,7 +134,7 @@ def test_trap_4_bits_count_from_the_lowest() -> None:
     found = points("csv", table("10.0,a", "10.15,b"))
     assert [point["at"] for point in found.values()] == ["hr:10.0", "hr:10.15"]
     said = notes("csv", table("10,a", "10.16,x"))
-    assert said == ["line 3, x: bit 16 is none of 0 to 15; left out"]
+    assert said == ["line 3, x: bit 16 is not one of 0 to 15; skipped"]
 
 
 def test_trap_4_mervis_counts_them_from_1() -> None:
@@ -143,7 +143,7 @@ def test_trap_4_mervis_counts_them_from_1() -> None:
     text = table("1,a,10.1,BOOL", "1,b,10.16,BOOL", "1,c,10.0,BOOL", head=head)
     found = points("csv", text)
     assert [point["at"] for point in found.values()] == ["hr:10.0", "hr:10.15"]
-    assert "line 4, c: bit 0 is none of 1 to 16; left out" in notes("csv", text)
+    assert "line 4, c: bit 0 is not one of 1 to 16; skipped" in notes("csv", text)
 
 
 def test_trap_4_a_bit_is_the_bit_of_the_value() -> None:

@@ -209,13 +209,13 @@ FILES: dict[str, tuple[str, str, list[dict[str, Any]], list[str]]] = {
         [
             "addresses count from 0, as Telegraf does",
             *(
-                f"{key}: is no part of a register map"
+                f"{key}: is not part of a register map"
                 for key in (
                     "baud_rate", "controller", "data_bits", "name", "parity", "stop_bits",
                     "timeout", "transmission_mode",
                 )
             ),
-            "measurement: has no place in a profile",
+            "measurement: cannot be kept in a profile",
         ],
     ),
     "homeassistant": (
@@ -236,9 +236,9 @@ FILES: dict[str, tuple[str, str, list[dict[str, Any]], list[str]]] = {
         ],
         [
             "addresses count from 0, as Home Assistant does",
-            "line 7: !secret inverter_host is not followed; left out",
+            "line 7: !secret inverter_host is not followed; skipped",
             *(
-                f"{key}: has no place in a profile"
+                f"{key}: cannot be kept in a profile"
                 for key in (
                     "device_class", "scan_interval", "state_class", "unique_id", "precision",
                     "verify",
@@ -263,7 +263,7 @@ FILES: dict[str, tuple[str, str, list[dict[str, Any]], list[str]]] = {
             "addresses count from 0, as ESPHome does",
             "Odd one: lambda is not understood; the value is the raw one",
             "substitutions: is not resolved",
-            "accuracy_decimals: has no place in a profile (2 times)",
+            "accuracy_decimals: cannot be kept in a profile (2 times)",
         ],
     ),
     "a table of a vendor's manual": (
@@ -278,12 +278,13 @@ FILES: dict[str, tuple[str, str, list[dict[str, Any]], list[str]]] = {
             },
         ],
         [
-            "addresses count from 0, as on the wire (assumed; --base 0, 1 or modicon says it)",
-            "column 'Register' says the same as 'Address (hex)'; left out",
-            "no column says the names: those of 'Description' are taken",
-            "addresses are hexadecimal, as the head says",
-            "no column says the table: holding registers (assumed)",
-            "values of several registers: highest register first, ABCD (assumed; --order says it)",
+            "addresses count from 0, as on the wire (assumed; --base 0, 1 or modicon overrides)",
+            "column 'Register' has the same meaning as 'Address (hex)'; skipped",
+            "no column has the names: those of 'Description' are taken",
+            "addresses are hexadecimal, as the header says",
+            "no column names the table: holding registers (assumed)",
+            "values of several registers: highest register first, ABCD (assumed; --order overrides"
+            " it)",
         ],
     ),
 }  # fmt: skip

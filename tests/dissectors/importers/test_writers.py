@@ -147,13 +147,13 @@ def test_telegraf_carries_what_it_has_words_for(model: Row) -> None:
         arrays = f"{point['name']}_0" in names
         if point["name"] not in names and not arrays:
             assert f"{point['name']}: " in notes
-            assert "cannot be read by Telegraf; left out" in notes
+            assert "cannot be read by Telegraf; skipped" in notes
             continue
         assert not arrays or f"{point['name']}: " in notes
         for key in ("enum", "bits", "nan", "offset", "unit", "access", "group", "note"):
-            assert key not in point or f"{key} has no place in Telegraf" in notes
+            assert key not in point or f"{key} cannot be kept in Telegraf" in notes
     for key in profile.device:
-        assert key in ("address_base", "order") or f"{key} has no place in Telegraf" in notes
+        assert key in ("address_base", "order") or f"{key} cannot be kept in Telegraf" in notes
 
 
 @settings(deadline=None, max_examples=40)
@@ -175,13 +175,13 @@ def test_home_assistant_carries_what_it_has_words_for(model: Row) -> None:
             assert f"{point['name']}: {point['type']} {point['at']} cannot be read" in notes
             continue
         for key in ("enum", "bits", "group", "note", "unit"):
-            assert key not in point or key in found or f"{key} has no place in Home" in notes
+            assert key not in point or key in found or f"{key} cannot be kept in Home" in notes
         if len(point.get("nan", ())) > 1:
-            assert "the second value of nan has no place in Home Assistant" in notes
+            assert "the second value of nan cannot be kept in Home Assistant" in notes
         if point.get("access", "r") != found.get("access", "r"):
-            assert "access has no place in Home Assistant" in notes
+            assert "access cannot be kept in Home Assistant" in notes
     for key in profile.device:
-        assert key in ("address_base", "order") or f"{key} has no place in Home" in notes
+        assert key in ("address_base", "order") or f"{key} cannot be kept in Home" in notes
 
 
 WRITERS = [name for name, form in FORMATS.items() if form.writes]
@@ -228,8 +228,8 @@ def test_texts_that_a_cell_cannot_hold_are_altered_with_a_note() -> None:
     written = importers.write("csv", profile)
     assert written.notes == (
         "device.note: written on one line",
-        "mode.enum: written with commas for semicolons, without blanks at the ends",
-        "biggest.unit: written without the blanks at its ends",
+        "mode.enum: written with commas instead of semicolons, without spaces at the ends",
+        "biggest.unit: written without the spaces at its ends",
     )
     again = parse(written.text, "x.csv").model
     assert again["device"]["note"] == "first line second line"
@@ -240,7 +240,7 @@ def test_texts_that_a_cell_cannot_hold_are_altered_with_a_note() -> None:
 
 
 def test_toml_holds_the_edges() -> None:
-    """Lines in texts, the biggest whole number, a sentinel that is no number, small scales."""
+    """Lines in texts, the biggest whole number, a sentinel that is not a number, small scales."""
     profile = parse(EDGES, "x.toml")
     assert parse(importers.write("toml", profile).text, "x.toml").model == profile.model
 
@@ -300,9 +300,9 @@ def test_telegraf_word_by_word() -> None:
         "slave_id = 1 is an example",
         "powers: 2 values, each of them a field",
         "pumps: 3 values, each of them a field",
-        "nan has no place in Telegraf: powers",
-        "unit has no place in Telegraf: powers",
-        "access has no place in Telegraf: pumps",
+        "nan cannot be kept in Telegraf: powers",
+        "unit cannot be kept in Telegraf: powers",
+        "access cannot be kept in Telegraf: pumps",
     )
 
 
@@ -325,9 +325,9 @@ def test_home_assistant_word_by_word() -> None:
     ]  # fmt: skip
     assert written.notes == (
         "port, line settings and slave: 1 are examples",
-        "fourth: bool hr:1.3 cannot be read; left out",
+        "fourth: bool hr:1.3 cannot be read; skipped",
         "pumps: 3 values, each of them a switch",
-        "the second value of nan has no place in Home Assistant: powers",
+        "the second value of nan cannot be kept in Home Assistant: powers",
     )
 
 
@@ -340,5 +340,5 @@ def test_scale_factors_in_other_registers() -> None:
     )
     for form in ("toml", "csv"):
         assert back(form, profile) == (sorted(profile.points, key=lambda row: str(row["name"])), "")
-    assert "sf has no place in Telegraf: power" in back("telegraf", profile)[1]
-    assert "sf has no place in Home Assistant: power" in back("homeassistant", profile)[1]
+    assert "sf cannot be kept in Telegraf: power" in back("telegraf", profile)[1]
+    assert "sf cannot be kept in Home Assistant: power" in back("homeassistant", profile)[1]

@@ -102,11 +102,11 @@ pub fn false_frames(reported: &[ReportedFrame], from: u64) -> (u64, u64) {
     let claimed = reported.iter().filter(|frame| frame.is_whole && frame.end > from);
     claimed.fold(
         (0, 0),
-        |(facts, tentative), frame| {
-            if frame.tentative {
-                (facts, tentative + 1)
+        |(facts, unconfirmed), frame| {
+            if frame.unconfirmed {
+                (facts, unconfirmed + 1)
             } else {
-                (facts + 1, tentative)
+                (facts + 1, unconfirmed)
             }
         },
     )

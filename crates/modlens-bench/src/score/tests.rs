@@ -104,6 +104,6 @@ fn latency_counts_from_the_read() {
 fn unconfirmed_frames_in_noise_are_counted_apart() {
     let mut frames =
         vec![ReportedFrame::new(0, 0, 8, true), ReportedFrame::new(0, 100, 108, true), ReportedFrame::new(0, 200, 208, true)];
-    frames[1].tentative = true;
+    frames[1].unconfirmed = true;
     assert_eq!(false_frames(&frames, 50), (1, 1));
 }

@@ -109,7 +109,7 @@ impl ExchangeRows<'_> {
             code: Some(self.matched.expected.code),
             exception: None,
             verdict: Verdict::Ok,
-            tentative: false,
+            unconfirmed: false,
             confidence,
             delimited_by,
             txn: Some(self.txn),

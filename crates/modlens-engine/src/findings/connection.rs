@@ -12,7 +12,7 @@ pub(crate) fn missing_bytes(count: u32, packet: u64) -> (Finding, String) {
 /// This packet repeats one before it, or bytes that had been sent.
 pub(crate) fn repetition(kind: Repetition, packet: u64) -> (Finding, String) {
     match kind {
-        Repetition::Duplicate => (Finding::PacketTwice, words::packet_twice(packet)),
+        Repetition::Duplicate => (Finding::DuplicatePacket, words::packet_twice(packet)),
         Repetition::Retransmission => (Finding::Retransmission, words::retransmission(packet)),
     }
 }

@@ -101,8 +101,8 @@ pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
 /// rules of its framing.
 #[inline]
 pub(crate) fn framing(framed: &FrameResult, found: &mut Found) {
-    if framed.tentative {
-        found.push((Finding::Tentative, words::tentative()));
+    if framed.unconfirmed {
+        found.push((Finding::Unconfirmed, words::unconfirmed()));
     }
     if let Some((damage, finding)) = framed.damage.and_then(|damage| Some((damage, finding_of(damage)?))) {
         found.push((finding, words::damage(damage)));
@@ -121,8 +121,8 @@ fn finding_of(damage: DamageKind) -> Option<Finding> {
     match damage {
         DamageKind::LostBytes { .. } => Some(Finding::LostBytes),
         DamageKind::Collision { .. } => Some(Finding::Collision),
-        DamageKind::DoubledByte { .. } => Some(Finding::DoubledByte),
-        DamageKind::Glitch => Some(Finding::Glitch),
+        DamageKind::DoubledByte { .. } => Some(Finding::DuplicateByte),
+        DamageKind::Glitch => Some(Finding::StrayBytes),
         DamageKind::Truncated { .. } => None,
     }
 }

@@ -76,8 +76,8 @@ pub(crate) fn wrong_unit(transaction: &mut PendingTransaction, request_txn: u64)
 }
 
 /// No request is known that the response answers.
-pub(crate) fn unrequested(txn: u64) -> PairingResult {
-    PairingResult { txn: Some(txn), finding: Some(Finding::Unrequested), other: None }
+pub(crate) fn unsolicited(txn: u64) -> PairingResult {
+    PairingResult { txn: Some(txn), finding: Some(Finding::Unsolicited), other: None }
 }
 
 /// The response answers the request of `other`, whose time-out has passed.

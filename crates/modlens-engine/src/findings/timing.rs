@@ -22,7 +22,7 @@ pub(crate) fn silences(input: &Input, rule: Option<SilenceRule>, resolution: Ns,
         found.push((Finding::ShortSilence, words::short_silence(silence, rule.t35_ns)));
     }
     if let Some(silence) = input.longest_pause(0, frame.wire.len()).filter(|&silence| silence > rule.t15_ns) {
-        found.push((Finding::GapInside, words::gap_inside(silence, rule.t15_ns)));
+        found.push((Finding::GapInFrame, words::gap_inside(silence, rule.t15_ns)));
     }
 }
 

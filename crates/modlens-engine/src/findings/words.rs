@@ -23,11 +23,11 @@ pub(crate) fn unknown_function(function: u8) -> String {
 pub(crate) fn quantity_limit(field: &str, value: u32, ranges: &[(u32, u32)]) -> String {
     let range = |&(low, high): &(u32, u32)| if low == high { format!("{low}") } else { format!("{low} to {high}") };
     let ranges: Vec<String> = ranges.iter().map(range).collect();
-    format!("{field} is {value}, the specification has {}", ranges.join(" or "))
+    format!("{field} is {value}, the specification allows {}", ranges.join(" or "))
 }
 
 pub(crate) fn length_mismatch(body_bytes: usize) -> String {
-    format!("{body_bytes} bytes behind the function code do not fit the announced length")
+    format!("{body_bytes} bytes after the function code do not match the announced length")
 }
 
 pub(crate) fn incomplete(bytes: usize) -> String {
@@ -56,8 +56,8 @@ pub(crate) fn other_checksum(sent: &[u8], other: &[u8]) -> String {
 /// Receivers mark single bytes, or a read as a whole (then `marked_bytes` is 0).
 pub(crate) fn line_error(marked_bytes: usize, length: usize) -> String {
     match marked_bytes {
-        0 => String::from("marked by the receiver"),
-        _ => format!("the receiver marked {marked_bytes} of {length} bytes"),
+        0 => String::from("reported by the receiver"),
+        _ => format!("the receiver reported errors in {marked_bytes} of {length} bytes"),
     }
 }
 
@@ -65,8 +65,8 @@ pub(crate) fn receiver_lost_bytes() -> String {
     String::from("the receiver lost bytes before this frame")
 }
 
-pub(crate) fn tentative() -> String {
-    String::from("between bytes that are no frames, and the unit was in no paired transaction yet")
+pub(crate) fn unconfirmed() -> String {
+    String::from("surrounded by noise, and its unit has not been in a paired transaction yet")
 }
 
 /// What happened to a damaged frame, and where in it.
@@ -78,11 +78,11 @@ pub(crate) fn damage(damage: DamageKind) -> String {
     };
     match damage {
         DamageKind::LostBytes { at: 0, count } => format!("{} missing at the start", bytes(count)),
-        DamageKind::LostBytes { at, count } => format!("{} missing behind byte {}", bytes(count), at - 1),
+        DamageKind::LostBytes { at, count } => format!("{} missing after byte {}", bytes(count), at - 1),
         DamageKind::Truncated { count } => format!("{} never came", bytes(count)),
         DamageKind::Collision { at } => format!("wrong from byte {at} on, where more bits are 0 than were sent"),
         DamageKind::DoubledByte { at } => format!("byte {at} repeats the one before it"),
-        DamageKind::Glitch => String::from("one value next to a frame, as drivers give when they are switched"),
+        DamageKind::Glitch => String::from("one byte value next to a frame, as drivers produce when they are switched"),
     }
 }
 
@@ -106,7 +106,7 @@ pub(crate) fn gap_inside(silence: Ns, t15: Ns) -> String {
 }
 
 pub(crate) fn clock_jumped() -> String {
-    String::from("this read is older than the one before")
+    String::from("this read is earlier than the one before")
 }
 
 fn microseconds(ns: Ns) -> String {
@@ -122,11 +122,11 @@ pub(crate) fn order(finding: Finding, result: &PairingResult, frame: &ObservedFr
     let other = result.other.map_or(String::new(), |txn| format!(" {txn}"));
     match finding {
         Finding::Retry => format!("repeats transaction{other}"),
-        Finding::LateResponse => format!("answers transaction{other}"),
-        Finding::LocalEcho => format!("repeats the request of transaction{other} at once"),
-        Finding::TwoMasters if result.other.is_some() => format!("asked while transaction{other} waited for its answer"),
-        Finding::TwoMasters => String::from("answered after a later request"),
-        Finding::WrongFunction => format!("function {function}; transaction{other} asked for another"),
+        Finding::LateResponse => format!("responds to transaction{other}"),
+        Finding::LocalEcho => format!("repeats the request of transaction{other} immediately"),
+        Finding::TwoMasters if result.other.is_some() => format!("sent while transaction{other} was waiting for its response"),
+        Finding::TwoMasters => String::from("responded after a later request"),
+        Finding::WrongFunction => format!("function {function}; transaction{other} requested another"),
         _ => self::unit(unit),
     }
 }
@@ -135,9 +135,9 @@ pub(crate) fn order(finding: Finding, result: &PairingResult, frame: &ObservedFr
 pub(crate) fn delayed(delayed: &DelayedFinding) -> String {
     let (unit, other) = (delayed.location.unit, delayed.other_txn);
     match delayed.finding {
-        Finding::TwoMasters => format!("answered after the request of transaction {other}"),
-        Finding::WrongUnit => format!("unit {unit} answered; transaction {other} asked another"),
-        _ => format!("answered after the request of transaction {other}; one master that gave up, or two"),
+        Finding::TwoMasters => format!("responded after the request of transaction {other}"),
+        Finding::WrongUnit => format!("unit {unit} responded; transaction {other} addressed another"),
+        _ => format!("responded after the request of transaction {other}: one master that had given up, or two masters"),
     }
 }
 
@@ -154,21 +154,21 @@ pub(crate) fn exception(code: u8) -> String {
 }
 
 pub(crate) fn echo_mismatch(field: &str, requested: u32, answered: u32) -> String {
-    format!("{field}: asked {requested}, answered {answered}")
+    format!("{field}: request {requested}, response {answered}")
 }
 
 pub(crate) fn response_length(bytes: usize, expected: usize) -> String {
-    format!("{bytes} bytes, {expected} were asked for")
+    format!("{bytes} bytes, {expected} were requested")
 }
 
 /// `requested_bits`: how many bits of the last byte were requested.
 pub(crate) fn padding_bits(last: u8, requested_bits: u16) -> String {
-    format!("last byte 0x{last:02X}: only its {requested_bits} lowest bits were asked for")
+    format!("last byte 0x{last:02X}: only its {requested_bits} lowest bits were requested")
 }
 
 pub(crate) fn unsupported_function(function: u8, listed: &[u8]) -> String {
     let listed: Vec<String> = listed.iter().map(u8::to_string).collect();
-    format!("function {function}; the profile has {}", listed.join(", "))
+    format!("function {function}; the profile lists {}", listed.join(", "))
 }
 
 /// The values of a point make sense in the order `found` only, for this `reason`.
@@ -183,9 +183,9 @@ pub(crate) fn missing_segment(bytes: u32, packet: u64) -> String {
 }
 
 pub(crate) fn packet_twice(packet: u64) -> String {
-    format!("packet {packet} is one of those before, captured again; further ones are counted")
+    format!("packet {packet} is a copy of an earlier packet; further copies are only counted")
 }
 
 pub(crate) fn retransmission(packet: u64) -> String {
-    format!("packet {packet} repeats bytes that had come")
+    format!("packet {packet} repeats bytes that had already arrived")
 }

@@ -47,7 +47,7 @@ pub struct FrameResult {
     /// Lead over the best rival hypothesis in bits, at most 60.
     pub confidence: u8,
     /// The CRC is valid, but the frame stands alone in noise, and its unit has not been seen in a paired transaction.
-    pub tentative: bool,
+    pub unconfirmed: bool,
     /// Transaction identifier of the MBAP header.
     pub mbap_id: Option<u16>,
     /// A rule of its framing that it breaks.
@@ -65,7 +65,7 @@ impl FrameResult {
             delimited_by,
             direction: Direction::Unknown,
             confidence: 0,
-            tentative: false,
+            unconfirmed: false,
             mbap_id: None,
             fault: None,
             damage: None,

@@ -204,7 +204,7 @@ impl Pairing {
     /// recording would have shown one.
     fn close(&mut self, mut transaction: Box<PendingTransaction>, if_silent: Status, done: &mut Vec<Box<PendingTransaction>>) {
         let silence_proves_nothing = transaction.silence_is_inconclusive || !self.response_side_recorded;
-        let if_silent = if silence_proves_nothing { Status::NotSeen } else { if_silent };
+        let if_silent = if silence_proves_nothing { Status::NotObserved } else { if_silent };
         if transaction.status != Status::BadRequest {
             transaction.status = if transaction.response.is_present() { Status::BadResponse } else { if_silent };
         }
@@ -254,7 +254,7 @@ impl Pairing {
     pub fn finish(&mut self, done: &mut Vec<Box<PendingTransaction>>) {
         self.resolve_unit_mismatch(None, done);
         while let Some(transaction) = self.open.pop_front() {
-            let status = if transaction.is_timed_out { Status::NoResponse } else { Status::NotSeen };
+            let status = if transaction.is_timed_out { Status::NoResponse } else { Status::NotObserved };
             self.close(transaction, status, done);
         }
         let unproven = self.masters.take_undecided().into_iter().filter(|overlap| !overlap.timeout_excluded);

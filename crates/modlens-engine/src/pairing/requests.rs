@@ -267,7 +267,7 @@ impl Pairing {
         let is_missed_by_tap = is_too_soon && self.answering_units[transaction.unit as usize];
         // On two lines without a clock a lack of response may as well be missing bytes; only a retry proves it.
         let is_unproven = self.order_is_inferred && !is_retried;
-        let status = if is_missed_by_tap || is_unproven { Status::NotSeen } else { Status::NoResponse };
+        let status = if is_missed_by_tap || is_unproven { Status::NotObserved } else { Status::NoResponse };
         self.close(transaction, status, done);
     }
 }

@@ -36,7 +36,7 @@ impl Pairing {
         let Some(at) = at else { return self.add_unrequested(functions, frame, next_txn, done) };
         self.early_response = None;
         let mut transaction = self.open.remove(at).expect("found above");
-        transaction.confirms_unit = !frame.tentative;
+        transaction.confirms_unit = !frame.unconfirmed;
         self.history.add_answered(&transaction, frame);
         transaction.response.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
@@ -144,10 +144,10 @@ impl Pairing {
         let mut transaction = self.start(frame, next_txn);
         transaction.response.fill(frame);
         transaction.findings.extend_from_slice(frame.codes);
-        transaction.status = Status::Unrequested;
+        transaction.status = Status::Unsolicited;
         transaction.exception = exception_code(frame);
         transaction.gap = frame.gap;
-        let mut result = order::unrequested(transaction.txn);
+        let mut result = order::unsolicited(transaction.txn);
         let explained = self.explain_unrequested(functions, frame, transaction.txn);
         let is_unexplained = matches!(explained, Explanation::None);
         match explained {

@@ -35,7 +35,7 @@ pub struct ObservedFrame<'a> {
     /// Line or packet number in the recording, or the stream offset.
     pub origin: u64,
     /// The checksum is right, but the frame stands isolated in noise: it does not prove that its unit exists.
-    pub tentative: bool,
+    pub unconfirmed: bool,
     /// The findings on the frame itself.
     pub codes: &'a [Finding],
 }
@@ -205,7 +205,7 @@ pub struct PendingTransaction {
     pub(crate) has_late_response: bool,
     /// The request that came before this one had its response.
     pub(crate) overlap: Option<OverlappingRequest>,
-    /// A response that is not tentative answers it: the unit exists.
+    /// A response that is not unconfirmed answers it: the unit exists.
     pub confirms_unit: bool,
     /// The transaction is read back from a file that modlens wrote; it was decided and checked then.
     pub is_reimported: bool,

@@ -89,7 +89,7 @@ impl BusState {
         if framed.verdict.is_good() {
             line.lateness.learn(&line.input, framed.length);
             // Line 0 is the only one of its bus. Frames that waited to be merged have voted before.
-            if *line_id != 0 && line.unmerged.is_none() && !framed.tentative {
+            if *line_id != 0 && line.unmerged.is_none() && !framed.unconfirmed {
                 line.request_votes = add_vote(line.request_votes, functions, adu);
             }
         }
@@ -121,7 +121,7 @@ fn observed<'a>(
         gap: timing.gap,
         mbap_id: framed.mbap_id,
         origin: timing.origin,
-        tentative: framed.tentative,
+        unconfirmed: framed.unconfirmed,
         codes: &[],
     }
 }
@@ -174,7 +174,7 @@ fn frame_row(framed: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTimi
         code,
         exception: frame.adu.get(2).copied().filter(|_| is_exception),
         verdict: framed.verdict,
-        tentative: framed.tentative,
+        unconfirmed: framed.unconfirmed,
         confidence: framed.confidence,
         delimited_by: framed.delimited_by,
         txn: None,

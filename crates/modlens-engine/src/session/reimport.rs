@@ -14,6 +14,7 @@ use crate::session::{BusOptions, Session};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
+use modlens_protocol::renamed::{current, Vocabulary};
 use modlens_protocol::source::Place;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -34,8 +35,9 @@ fn finding_in(comment: &str) -> Option<(Finding, String)> {
     let (head, rest) = comment.split_once(": ")?;
     let (severity, code) = head.split_once(' ')?;
     let finding = Finding::from_code(code).filter(|finding| finding.doc().severity.text() == severity)?;
-    let detail = rest.strip_prefix(finding.doc().title)?;
-    Some((finding, detail.strip_prefix(": ").unwrap_or(detail).to_owned()))
+    // Files of the version before have other titles; no title has a colon in it.
+    let detail = if rest == finding.doc().title { "" } else { rest.split_once(": ").map_or("", |(_, detail)| detail) };
+    Some((finding, detail.to_owned()))
 }
 
 impl Session {
@@ -142,7 +144,7 @@ impl Session {
             gap: micros(text, "gap_us"),
             mbap_id: metadata::number(text, "mbap_id").map(|id| id as u16),
             origin: packet,
-            tentative: text.split(' ').any(|word| word == "tentative"),
+            unconfirmed: text.split(' ').any(|word| current(Vocabulary::Column, word) == "unconfirmed"),
             codes: &[],
         };
         self.stats.frame(self.buses[bus].counts, fields.mode, &observed);
@@ -161,7 +163,7 @@ impl Session {
             code,
             exception,
             verdict: fields.verdict,
-            tentative: observed.tentative,
+            unconfirmed: observed.unconfirmed,
             confidence: byte_of("confidence").unwrap_or(metadata::DEFAULTS.confidence),
             delimited_by: fields.delimited_by,
             txn: metadata::number(text, "txn").map(|txn| reimport.txns_before + txn),
@@ -233,8 +235,9 @@ impl Session {
         };
         let (request, response) = (half("request"), half("response"));
         let Some(first) = request.as_ref().or(response.as_ref()) else { return };
-        let status =
-            metadata::value_or_default(text, "status", metadata::DEFAULTS.status, |name| named(&Status::ALL, Status::text, name));
+        let status = metadata::value_or_default(text, "status", metadata::DEFAULTS.status, |name| {
+            named(&Status::ALL, Status::text, name.map(|name| current(Vocabulary::Status, name)))
+        });
         let Some(status) = status else { return };
         let other = |key: &str| number(text, key).map(|txn| reimport.txns_before + txn);
         let mut transaction = Box::new(PendingTransaction {
@@ -247,7 +250,7 @@ impl Session {
             waited: micros(text, "waited_us"),
             late_response: micros(text, "late_us"),
             retry_of: other("retry_of"),
-            late_for: other("late_for"),
+            late_for: other("late_response_to"),
             gap: micros(text, "gap_us"),
             mbap_id: number(text, "mbap_id").map(|id| id as u16),
             findings: finding_codes(text),
@@ -298,7 +301,7 @@ impl Session {
                 txn: first.txn,
                 unit: first.adu.first().copied().unwrap_or(0),
                 function: first.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT),
-                status: if first.direction == Direction::Response { Status::Unrequested } else { Status::NotSeen },
+                status: if first.direction == Direction::Response { Status::Unsolicited } else { Status::NotObserved },
                 gap: first.gap,
                 origin: first.packet,
                 is_reimported: true,

@@ -44,17 +44,17 @@ pub(super) fn coupling_bits(movement: &Movement, reason: &mut String) -> f64 {
     let mut bits = 0.0;
     if movement.high_changes > 0 && movement.carries == movement.high_changes {
         bits += (CARRY_BITS * f64::from(movement.carries)).min(24.0);
-        let _ = write!(reason, "the upper part steps as the lower register wraps ({} times); ", movement.carries);
+        let _ = write!(reason, "the upper register steps as the lower one wraps around ({} times); ", movement.carries);
     }
     if movement.low_step > WILD_STEP {
         bits += movement.fit;
         if movement.fit > 2.0 {
-            reason.push_str("the lower register tells what the steps of the upper one leave open; ");
+            reason.push_str("the lower register fills in between the steps of the upper one; ");
         }
     }
     if movement.distinct > 4 && movement.low_step > WILD_STEP && movement.high_step < movement.low_step / 16.0 {
         bits += 8.0;
-        reason.push_str("the lower register jumps all over its range, the upper one hardly moves; ");
+        reason.push_str("the lower register varies over its whole range, the upper one hardly changes; ");
         if movement.next_step > WILD_STEP && movement.next_step.to_bits() != movement.low_step.to_bits() {
             bits += 6.0;
         }
@@ -67,7 +67,7 @@ pub(super) fn request_bits(exact_request_share: f64, reason: &mut String) -> f64
     if exact_request_share < 0.5 {
         return 0.0;
     }
-    reason.push_str("the master asks for just these registers; ");
+    reason.push_str("the master requests exactly these registers; ");
     6.0
 }
 

@@ -37,11 +37,11 @@ pub fn integer_hypothesis(values: &[u64], words: usize, order: Order, exact_requ
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     if all_negative && !any_small && bits > 0.0 {
         bits += 2.0;
-        reason.push_str("small below zero; ");
+        reason.push_str("small negative numbers; ");
     }
     if signed && any_small && bits > 0.0 {
         bits += 2.0;
-        reason.push_str("the sign changes where the value passes zero; ");
+        reason.push_str("the sign changes where the value crosses zero; ");
     }
     if bits < MIN_HYPOTHESIS_BITS && constant_upper_bits == 0.0 {
         return None;
@@ -79,11 +79,11 @@ fn constant_upper_half(values: &[u64], reason: &mut String) -> f64 {
     match top {
         // 65535 is excluded because many devices use it for "not available".
         0xFF00..=0xFFFE => {
-            reason.push_str("the upper register is that of a small number below zero; ");
+            reason.push_str("the upper register fits a small negative number; ");
             CONSTANT_UPPER_BITS
         }
         1..0x8000 if rising => {
-            reason.push_str("a register that only rises beside a constant one, as the halves of a total; ");
+            reason.push_str("one register only rises and the other is constant, like the halves of a counter; ");
             // Counters have values of all magnitudes, so small upper halves are more frequent than large ones
             // (Benford's law). Unrelated constants are small, too, but less often.
             CONSTANT_UPPER_BITS + (65_536.0 / (11.0 * top as f64)).log2().clamp(-CONSTANT_UPPER_BITS, 2.0)
@@ -115,7 +115,7 @@ fn four_registers(values: &[u64], movement: &Movement, signed: bool, reason: &mu
     }
     let bits = coupling_bits(movement, reason) + coupling_bits(&Movement::of(&upper, 2, false), &mut String::new());
     if signed && upper.iter().all(|half| matches!(half >> 16, 0 | 0xFFFF)) {
-        reason.push_str("the highest register is nothing but the sign; ");
+        reason.push_str("the highest register holds only the sign; ");
         return bits + 8.0;
     }
     bits

@@ -16,7 +16,9 @@ pub fn profile(tree: &SourceNode, mistakes: &mut Vec<Mistake>) -> Profile {
     check.known(tree, "", FILE.iter().copied());
     match tree.get("profile").map(|node| (&node.value, node)) {
         Some((SourceValue::Integer(1), _)) => {}
-        Some((_, node)) => check.report(node.line, "profile", format!("is 1, the version of this format, not {}", node.shown())),
+        Some((_, node)) => {
+            check.report(node.line, "profile", format!("must be 1, the version of this format, not {}", node.shown()))
+        }
         None => check.report(1, "profile", "is missing; the file begins with profile = 1".into()),
     }
     let device = tree.get("device").map_or_else(Device::default, |node| check.device(node));
@@ -68,7 +70,7 @@ impl Checker<'_> {
                 };
                 self.mistakes.push(Mistake { line: entry.line, key, message: format!("no such key{all}"), hint });
             } else if seen.contains(&entry.key.as_str()) {
-                self.report(entry.line, &key, "stands twice".into());
+                self.report(entry.line, &key, "appears twice".into());
             }
             seen.push(&entry.key);
         }
@@ -113,7 +115,7 @@ impl Checker<'_> {
         if found.is_none() {
             let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
             let hint = similar_word(text, words.iter().copied()).filter(|_| words.len() > 4).map(str::to_owned);
-            let message = format!("{} is none of {}", node.shown(), words.join(", "));
+            let message = format!("{} is not one of {}", node.shown(), words.join(", "));
             self.mistakes.push(Mistake { line: node.line, key: table.path(key), message, hint });
         }
         found
@@ -159,7 +161,7 @@ impl Checker<'_> {
         let table = self.table(node, format!("registers[{index}]"), POINT)?;
         for key in ["at", "name"] {
             if node.get(key).is_none() {
-                self.report(node.line, &table.path(key), "is missing; every point has at and name".into());
+                self.report(node.line, &table.path(key), "is missing; every point needs at and name".into());
             }
         }
         let at = self.read(&table, "at", |node| match &node.value {
@@ -246,12 +248,12 @@ impl Checker<'_> {
         }
         for key in ["scale", "offset", "sf"] {
             if table.node.get(key).is_some() && !kind.is_number() {
-                report_key(key, format!("a {word} is no number to be scaled"));
+                report_key(key, format!("a {word} is not a number, so it cannot be scaled"));
             }
         }
         let labelled = kind.is_integer() || kind == Type::Bool;
         if !point.labels.is_empty() && !labelled {
-            report_key("enum", format!("a {word} is no whole number to be labelled"));
+            report_key("enum", format!("a {word} is not a whole number, so it cannot have labels"));
         }
         if let Some((bit, _)) = point.bit_labels.iter().find(|(bit, _)| u32::from(*bit) >= kind.bits().max(1)) {
             report_key("bits", format!("bit {bit}, but a {word} has bits 0 to {}", kind.bits().max(1) - 1));
@@ -260,7 +262,7 @@ impl Checker<'_> {
             report_key("nan", format!("a {word} is a whole number; raw values that mean no value are, too"));
         }
         if !point.nan.is_empty() && !kind.is_number() {
-            report_key("nan", format!("a {word} is no number"));
+            report_key("nan", format!("a {word} is not a number"));
         }
     }
 
@@ -295,7 +297,7 @@ fn label(entry: &SourceEntry, low: i64, high: i64) -> Result<(i64, String), Stri
         Some(digits) => i64::from_str_radix(digits, 16).ok(),
         None => text.parse().ok(),
     };
-    let number = number.ok_or_else(|| format!("{text:?} is no number"))?;
+    let number = number.ok_or_else(|| format!("{text:?} is not a number"))?;
     if !(low..=high).contains(&number) {
         return Err(format!("{number} is not from {low} to {high}"));
     }
@@ -335,7 +337,7 @@ fn decimal(node: &SourceNode) -> Result<Decimal, String> {
 fn sentinel(node: &SourceNode) -> Result<Sentinel, String> {
     match &node.value {
         SourceValue::Integer(number) => Ok(Sentinel::Whole(*number)),
-        SourceValue::Float(text) => text.parse().map(Sentinel::Float).map_err(|_| format!("{text} is no number")),
+        SourceValue::Float(text) => text.parse().map(Sentinel::Float).map_err(|_| format!("{text} is not a number")),
         _ => Err(format!("takes a raw value or a list of them, not {}", node.shown())),
     }
 }
@@ -346,6 +348,6 @@ fn base(node: &SourceNode) -> Result<AddressBase, String> {
         SourceValue::Integer(0) => Ok(AddressBase::Zero),
         SourceValue::Integer(1) => Ok(AddressBase::One),
         SourceValue::Text(text) if text.eq_ignore_ascii_case("modicon") => Ok(AddressBase::Modicon),
-        _ => Err(format!("is 0, 1 or \"modicon\", not {}", node.shown())),
+        _ => Err(format!("must be 0, 1 or \"modicon\", not {}", node.shown())),
     }
 }

@@ -25,11 +25,11 @@ pub fn check(profile: &Profile, mistakes: &mut Vec<Mistake>) {
         match names.get(sf.as_str()).map(|&at| &profile.points[at]) {
             None => {
                 let hint = crate::profile::keys::similar_word(sf, names.keys().copied()).map(str::to_owned);
-                let message = format!("no point {sf:?} holds the scale factor");
+                let message = format!("there is no point {sf:?} for the scale factor");
                 mistakes.push(Mistake { line: point.lines.sf, key, message, hint });
             }
             Some(holder) if !holder.kind.is_integer() || holder.value_count() != 1 || holder.sf.is_some() => {
-                let message = format!("{sf:?} is no single whole number, which a scale factor is");
+                let message = format!("{sf:?} is not a single whole number, as a scale factor must be");
                 mistakes.push(Mistake::new(point.lines.sf, &key, message));
             }
             Some(_) => {}

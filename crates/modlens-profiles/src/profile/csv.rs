@@ -29,7 +29,7 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> SourceNode {
             // Spreadsheets leave lines without content, or with delimiters only.
         } else if let Some(header) = &header {
             if cells.len() > header.len() {
-                mistakes.push(Mistake::new(line, "", format!("{} cells, but {} keys in the head", cells.len(), header.len())));
+                mistakes.push(Mistake::new(line, "", format!("{} cells, but {} keys in the header", cells.len(), header.len())));
             }
             registers.push(parse_point(header, &cells, line, decimal_comma));
         } else {

@@ -52,17 +52,17 @@ pub const FILE: &[&str] = &["profile", "device", "registers"];
 /// Keys of `[device]`.
 pub const DEVICE: &[ProfileKey] = &[
     key("id", ValueKind::Text, "a name of its own, such as vendor.model"),
-    key("vendor", ValueKind::Text, "who makes it"),
-    key("model", ValueKind::Text, "what it is called"),
-    key("source", ValueKind::Text, "the document that the profile is written from"),
+    key("vendor", ValueKind::Text, "manufacturer"),
+    key("model", ValueKind::Text, "name"),
+    key("source", ValueKind::Text, "document from which the profile was written"),
     key("note", ValueKind::Text, "free text"),
     key(
         "address_base",
         ValueKind::Base,
         "0: addresses as on the wire; 1: register 1 is wire address 0; modicon: 40001 or 400001",
     ),
-    key("order", ValueKind::Order, "order of bytes of all points that say none"),
-    key("functions", ValueKind::Codes, "function codes that the device knows"),
+    key("order", ValueKind::Order, "byte order of all points without their own"),
+    key("functions", ValueKind::Codes, "function codes that the device supports"),
     key("exceptions", ValueKind::Wording, "the device's own words for exception codes"),
     key("vendor_functions", ValueKind::Names, "vendors whose function rows are needed, as --functions names them"),
     key("sunspec", ValueKind::Whole, "number of a SunSpec model; its addresses count from the model's ID register"),
@@ -70,15 +70,11 @@ pub const DEVICE: &[ProfileKey] = &[
 
 /// Keys of a point in `[[registers]]`.
 pub const POINT: &[ProfileKey] = &[
-    key(
-        "at",
-        ValueKind::At,
-        "where it stands: hr, ir, co or di, a colon, the address, and .bit or .bit-bit for a part of a register",
-    ),
-    key("name", ValueKind::Text, "what it is called"),
-    key("type", ValueKind::Type, "how its registers are read; u16 if nothing is said, bool for single bits"),
-    key("count", ValueKind::Whole, "registers or bits that it takes; needed for texts and raw; several values make an array"),
-    key("order", ValueKind::Order, "order of bytes"),
+    key("at", ValueKind::At, "location: hr, ir, co or di, a colon, the address, and .bit or .bit-bit for a part of a register"),
+    key("name", ValueKind::Text, "name"),
+    key("type", ValueKind::Type, "data type; default: u16, or bool for single bits"),
+    key("count", ValueKind::Whole, "number of registers or bits; required for text and raw; several values make an array"),
+    key("order", ValueKind::Order, "byte order"),
     key("scale", ValueKind::Number, "value = raw * scale + offset"),
     key("offset", ValueKind::Number, "value = raw * scale + offset"),
     key("sf", ValueKind::Text, "name of the point that holds the exponent n of a further scale 10^n"),

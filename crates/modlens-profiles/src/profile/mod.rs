@@ -81,10 +81,10 @@ impl Profile {
             ProfileFormat::Csv => csv::parse(text, &mut mistakes),
             ProfileFormat::Tree | ProfileFormat::Json => {
                 let json: Json =
-                    serde_json::from_str(text).map_err(|error| vec![Mistake::new(0, "", format!("no JSON: {error}"))])?;
+                    serde_json::from_str(text).map_err(|error| vec![Mistake::new(0, "", format!("not JSON: {error}"))])?;
                 let tree =
                     if form == ProfileFormat::Json { Some(source_tree::from_json(&json)) } else { source_tree::from_tree(&json) };
-                tree.ok_or_else(|| vec![Mistake::new(0, "", "no tree of [line, value]".into())])?
+                tree.ok_or_else(|| vec![Mistake::new(0, "", "not a tree of [line, value]".into())])?
             }
         };
         let profile = check::profile(&tree, &mut mistakes);

@@ -19,12 +19,12 @@ pub struct PointAddress {
 pub fn parse(text: &str, base: AddressBase) -> Result<PointAddress, String> {
     let (word, rest) = text.trim().split_once(':').ok_or("takes hr, ir, co or di, a colon and an address, such as hr:0x00CD")?;
     let space = Space::from_word(&word.trim().to_ascii_lowercase())
-        .ok_or_else(|| format!("{word:?} is no table; it is hr (holding), ir (input), co (coil) or di (discrete input)"))?;
+        .ok_or_else(|| format!("{word:?} is not a table; write hr (holding), ir (input), co (coil) or di (discrete input)"))?;
     let (number, bits) = match rest.split_once('.') {
         Some((number, bits)) => (number, Some(parse_bits(bits, space)?)),
         None => (rest, None),
     };
-    let number = parse_number(number.trim()).ok_or_else(|| format!("{:?} is no address", number.trim()))?;
+    let number = parse_number(number.trim()).ok_or_else(|| format!("{:?} is not an address", number.trim()))?;
     Ok(PointAddress { space, address: to_wire(number, space, base)?, bits })
 }
 
@@ -44,7 +44,7 @@ fn parse_bits(text: &str, space: Space) -> Result<(u8, u8), String> {
     }
     let (first, last) = text.split_once('-').unwrap_or((text, text));
     let bit =
-        |text: &str| text.trim().parse::<u8>().map_err(|_| format!("{:?} is no bit; bits are 0 (lowest) to 15", text.trim()));
+        |text: &str| text.trim().parse::<u8>().map_err(|_| format!("{:?} is not a bit; bits are 0 (lowest) to 15", text.trim()));
     let (first, last) = (bit(first)?, bit(last)?);
     if first.max(last) > 15 {
         return Err(format!("bit {}; a register has bits 0 (lowest) to 15", first.max(last)));
@@ -64,7 +64,7 @@ fn to_wire(number: u64, space: Space, base: AddressBase) -> Result<u16, String> 
         AddressBase::Modicon => Some(from_modicon(number, space)?),
     };
     wire.and_then(|wire| u16::try_from(wire).ok())
-        .ok_or_else(|| format!("address {number} is beyond the last one, {}", 0xFFFF + u64::from(base == AddressBase::One)))
+        .ok_or_else(|| format!("address {number} is beyond the last address, {}", 0xFFFF + u64::from(base == AddressBase::One)))
 }
 
 /// The wire address of a Modicon address: 40001 to 49999, or 400001 to 465536 for holding registers. Addresses of coils
@@ -80,7 +80,7 @@ fn from_modicon(number: u64, space: Space) -> Result<u64, String> {
         return Ok(number - five_digits_base - 1);
     }
     let examples = format!("{:05} or {:06}", five_digits_base + 1, six_digits_base + 1);
-    Err(format!("{number} is no Modicon address of {word}; they begin with {examples}"))
+    Err(format!("{number} is not a Modicon address of {word}; they begin with {examples}"))
 }
 
 #[cfg(test)]

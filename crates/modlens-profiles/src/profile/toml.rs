@@ -13,7 +13,7 @@ pub fn parse(text: &str, mistakes: &mut Vec<Mistake>) -> SourceNode {
     let lines = LineEnds::new(text);
     for error in errors {
         let line = error.span().map_or(0, |span| lines.at(span.start));
-        mistakes.push(Mistake::new(line, "", format!("no TOML: {}", error.message().replace('\n', " "))));
+        mistakes.push(Mistake::new(line, "", format!("not TOML: {}", error.message().replace('\n', " "))));
     }
     SourceNode { line: 1, value: map(table.get_ref(), &lines) }
 }

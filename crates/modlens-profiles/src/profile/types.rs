@@ -69,7 +69,7 @@ impl Type {
         (Self::Str, "str", 0, "text, two characters a register"),
         (Self::Strh, "strh", 0, "text, one character a register, in its high half"),
         (Self::Strl, "strl", 0, "text, one character a register, in its low half"),
-        (Self::Raw, "raw", 0, "bytes without further meaning"),
+        (Self::Raw, "raw", 0, "uninterpreted bytes"),
     ];
 
     /// The type with this name.

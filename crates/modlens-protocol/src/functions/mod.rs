@@ -108,7 +108,7 @@ impl Functions {
         let (_, text) = VENDORS
             .iter()
             .find(|(known, _)| known.eq_ignore_ascii_case(name))
-            .ok_or_else(|| format!("no functions of a vendor {name:?}: known are {}", known()))?;
+            .ok_or_else(|| format!("no functions of vendor {name:?}; known are {}", known()))?;
         self.load(text, name, Some(name))
     }
 

@@ -63,12 +63,12 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<FunctionRow, String> {
         Some("write") => Operation::Write,
         Some("read_write") => Operation::ReadWrite,
         Some("other") | None => Operation::Other,
-        Some(word) => return Err(format!("operation {word:?} is none of read, write, read_write, other")),
+        Some(word) => return Err(format!("operation {word:?} is not one of read, write, read_write, other")),
     };
     let register_type = row.get("register_type").and_then(Json::as_str).map(str::to_owned);
     if let Some(word) = &register_type {
         if !REGISTER_TYPES.contains(&word.as_str()) {
-            return Err(format!("register_type {word:?} is none of {}", REGISTER_TYPES.join(", ")));
+            return Err(format!("register_type {word:?} is not one of {}", REGISTER_TYPES.join(", ")));
         }
     }
     if operation != Operation::Other && register_type.is_none() {
@@ -110,12 +110,13 @@ fn parse_row(row: &Json, vendor: Option<&str>) -> Result<FunctionRow, String> {
 /// applies to every value.
 fn parse_when(row: &Json, request: &Layout) -> Result<Option<u16>, String> {
     let Some(when) = row.get("when") else { return Ok(None) };
-    let (key, value) = when.as_object().filter(|o| o.len() == 1).and_then(|o| o.iter().next()).ok_or("when takes one field")?;
+    let (key, value) =
+        when.as_object().filter(|o| o.len() == 1).and_then(|o| o.iter().next()).ok_or("when must have one field")?;
     let leading = request.shape().and_then(|shape| shape.fields.first());
     if leading.is_none_or(|field| field.name != *key || field.field_type.width() == 0) {
         return Err(format!("when = {{ {key} = .. }}: {key:?} must be the first field of the request"));
     }
-    let value = value.as_u64().and_then(|v| u16::try_from(v).ok()).ok_or("when takes a number")?;
+    let value = value.as_u64().and_then(|v| u16::try_from(v).ok()).ok_or("when must be a number")?;
     Ok(Some(value))
 }
 
@@ -124,7 +125,7 @@ fn echo_names(list: Option<&Json>) -> Result<Vec<String>, String> {
     let Some(list) = list else { return Ok(Vec::new()) };
     list.as_array()
         .and_then(|items| items.iter().map(|item| item.as_str().map(str::to_owned)).collect())
-        .ok_or_else(|| "echo takes a list of field names".into())
+        .ok_or_else(|| "echo must be a list of field names".into())
 }
 
 /// The permitted values of all fields with a fixed offset in this layout, from the keys `limits` and `allowed`.
@@ -132,7 +133,7 @@ fn field_limits(row: &Json, layout: &Layout) -> Result<Vec<FieldLimits>, String>
     let mut all = Vec::new();
     for (key, wrong) in [("limits", "field = [lowest, highest]"), ("allowed", "field = [values]")] {
         let Some(table) = row.get(key) else { continue };
-        let wrong = || format!("{key} takes a table of {wrong}");
+        let wrong = || format!("{key} must be a table of {wrong}");
         for (name, list) in table.as_object().ok_or_else(wrong)? {
             let list: Option<Vec<u32>> =
                 list.as_array().and_then(|list| list.iter().map(|v| v.as_u64().and_then(|v| u32::try_from(v).ok())).collect());
@@ -162,7 +163,7 @@ fn parse_layout(layout: Option<&Json>) -> Result<Layout, String> {
                 fields.iter().map(|f| f.as_str().ok_or("a field is \"name:word\"")).collect::<Result<_, _>>()?;
             Ok(Layout::Body(Shape::new(fields.iter().map(|f| parse_field(f)).collect::<Result<_, _>>()?)))
         }
-        Some(_) => Err("request and response take a list of \"name:word\", or \"none\"".into()),
+        Some(_) => Err("request and response must be a list of \"name:word\", or \"none\"".into()),
     }
 }
 

@@ -18,7 +18,7 @@ pub fn encode(functions: &Functions, function: u8, response: bool, values: &Map<
     let layout = if response { &row.response } else { &row.request };
     let shape = match layout {
         Layout::Body(shape) => shape,
-        Layout::NoResponse => return Err(format!("function {function} is not answered")),
+        Layout::NoResponse => return Err(format!("function {function} has no response")),
         Layout::Unknown => return Err(format!("the layout of function {function} is not public: use show or a hex dump")),
     };
     if let Some(name) = values.keys().find(|name| !shape.fields.iter().any(|field| field.name == **name)) {
@@ -41,7 +41,7 @@ fn choose_row<'a>(functions: &'a Functions, function: u8, values: &Map<String, J
         (Some(when), Some(field)) => values.get(&field.name).and_then(Json::as_u64) == Some(u64::from(when)),
         _ => true,
     });
-    chosen.ok_or_else(|| format!("function {function} is not in the table; --functions loads further rows"))
+    chosen.ok_or_else(|| format!("function {function} is not in the table; --functions loads additional ones"))
 }
 
 /// Appends the fields in wire order. Fields inside groups are encoded by the same rules.

@@ -192,7 +192,7 @@ impl CaptureFile {
                 let header = if is_modified { 24 } else { 16 };
                 let Some(kept) = word(8, is_big_endian).filter(|_| bytes.len() >= header) else { return Ok(header) };
                 if kept > MAX_RECORD_BYTES {
-                    return Err("a packet longer than any");
+                    return Err("a packet of impossible length");
                 }
                 Ok(header + kept)
             }

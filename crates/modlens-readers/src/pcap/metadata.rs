@@ -10,6 +10,7 @@ use pcap_parser::{OptionCode, PcapNGOption};
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{DelimitedBy, Mode, Verdict};
 use modlens_protocol::line::LineSettings;
+use modlens_protocol::renamed::{former, Vocabulary};
 use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
@@ -144,7 +145,7 @@ impl FrameMetadata {
                 Direction::text,
                 value(metadata, "direction"),
             )?,
-            delimited_by: value_or_default(metadata, "cut_by", DEFAULTS.delimited_by, |name| {
+            delimited_by: value_or_default(metadata, "delimited_by", DEFAULTS.delimited_by, |name| {
                 named(&DelimitedBy::ALL, DelimitedBy::text, name)
             })?,
         })
@@ -183,9 +184,10 @@ pub fn custom_texts<'a>(options: &'a [PcapNGOption<'a>]) -> impl Iterator<Item =
     })
 }
 
-/// The value of a key, if it is there.
+/// The value of a key, which may have its former spelling, if it is there.
 pub fn value<'a>(metadata: &'a str, key: &str) -> Option<&'a str> {
-    metadata.split(' ').find_map(|word| word.strip_prefix(key)?.strip_prefix('='))
+    let of = |key: &str| metadata.split(' ').find_map(|word| word.strip_prefix(key)?.strip_prefix('='));
+    of(key).or_else(|| of(former(Vocabulary::Column, key)?))
 }
 
 /// The value of a key as `read` parses it, or the default if the key is missing; `None` if `read` cannot parse it.

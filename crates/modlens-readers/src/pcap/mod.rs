@@ -89,24 +89,24 @@ impl Capture {
             (String::from("packets of other traffic"), skipped.other),
             (String::from("packets without data"), skipped.without_data),
             (
-                format!("packets on Modbus ports that are not Modbus, of {} connections", skipped.other_connections),
+                format!("packets on Modbus ports that are not Modbus, in {} connections", skipped.other_connections),
                 skipped.not_modbus,
             ),
             (String::from("encrypted packets (Modbus over TLS, port 802)"), skipped.encrypted),
             (String::from("packets captured twice"), skipped.duplicates),
-            (String::from("packets that TCP sent again"), skipped.retransmissions),
-            (format!("packets of a link type that is not read{link}"), skipped.unknown_link),
+            (String::from("packets that TCP retransmitted"), skipped.retransmissions),
+            (format!("packets of an unsupported link type{link}"), skipped.unknown_link),
             (String::from("headers of the capturing program"), skipped.headers),
-            (String::from("bytes of streams that are not in the capture"), skipped.missing),
-            (String::from("packets cut short by the capture"), skipped.cut),
-            (String::from("packets of which IP fragments are missing"), self.fragments.lost + self.fragments.incomplete()),
-            (String::from("IP fragments cut short by the capture"), self.fragments.cut),
+            (String::from("bytes of connections that are missing from the capture"), skipped.missing),
+            (String::from("packets truncated by the capture"), skipped.cut),
+            (String::from("packets with missing IP fragments"), self.fragments.lost + self.fragments.incomplete()),
+            (String::from("IP fragments truncated by the capture"), self.fragments.cut),
             (String::from("damaged blocks of pcapng"), self.file.damaged_blocks),
         ];
         if let Some((at, what)) = self.file.damage {
-            all.push((format!("the rest of the file: at byte {at} stands {what}"), 1));
+            all.push((format!("the rest of the file: {what} at byte {at}"), 1));
         }
-        all.push((String::from("bytes of a last packet that is not whole"), self.file.incomplete_bytes() as u64));
+        all.push((String::from("bytes of an incomplete last packet"), self.file.incomplete_bytes() as u64));
         all.retain(|(_, count)| *count > 0);
         all
     }

@@ -70,7 +70,7 @@ pub fn detect(sample: &[u8], name: &str, dialects: &Dialects) -> Vec<FormatGuess
     }
     let control_chars = control_chars + (sample.len() - text.len());
     if sample.is_empty() || control_chars > 0 {
-        let reason = format!("{control_chars} of {} bytes are control characters: no text", sample.len());
+        let reason = format!("{control_chars} of {} bytes are control characters: not text", sample.len());
         let confidence = if matches!(suffix.as_str(), "bin" | "raw" | "dat") { 1.0 } else { 0.9 };
         return vec![("raw".into(), confidence, reason)];
     }
@@ -128,8 +128,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
         }
     }
     let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
-    let proof =
-        if rows[0].no_checksum { "have the layout of frames" } else { "are in frames that their checksum or length proves" };
+    let proof = if rows[0].no_checksum { "have the layout of frames" } else { "are in frames confirmed by checksum or length" };
     let confidence = if rows[0].no_checksum { 0.5 + 0.3 * total.purity() } else { 0.5 + 0.5 * total.purity() };
     let reason = format!("{} records, {:.0} % of their bytes {proof}", total.records, 100.0 * total.purity());
     Some((names.join("+"), confidence, reason))
@@ -141,11 +140,11 @@ fn unproved(scored: &[(Arc<Dialect>, Score)], text: &[u8]) -> Option<FormatGuess
     let why = foreign_protocols::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
-            let reason = format!("no checksum closes in {} byte strings{why}", score.records);
+            let reason = format!("no checksum matches in {} byte strings{why}", score.records);
             Some((row.name.clone(), UNPROVED / 2.0, reason))
         }
         None if why.is_empty() => None,
-        None => Some(("raw".into(), UNPROVED / 2.0, format!("no dialect that is known{why}"))),
+        None => Some(("raw".into(), UNPROVED / 2.0, format!("no known dialect{why}"))),
     }
 }
 

@@ -164,7 +164,7 @@ impl Dialects {
             .split('+')
             .map(|name| {
                 let known = || self.rows.iter().map(|row| row.name.as_str()).collect::<Vec<_>>().join(", ");
-                self.get(name).cloned().ok_or_else(|| format!("format {name:?} is no text format; known are {}", known()))
+                self.get(name).cloned().ok_or_else(|| format!("{name:?} is not a text format; known are {}", known()))
             })
             .collect()
     }
@@ -179,7 +179,7 @@ impl Dialects {
     ) -> Result<(), String> {
         let table = parse_toml(text).map_err(|message| format!("{origin}: {message}"))?;
         if table.get("format").and_then(Json::as_u64) != Some(1) {
-            return Err(format!("{origin}: the first line has to be `format = 1`"));
+            return Err(format!("{origin}: the first line must be `format = 1`"));
         }
         if let Some(key) =
             table.as_object().into_iter().flatten().map(|(key, _)| key).find(|key| !["format", "dialect"].contains(&key.as_str()))
@@ -238,7 +238,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         }
     }
     if !rules.iter().any(|(_, template)| template.takes_bytes()) {
-        return Err(String::from("no template takes bytes"));
+        return Err(String::from("no template contains bytes"));
     }
     let no_checksum = match text(row, "checksum")? {
         None => false,
@@ -249,7 +249,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         None => None,
         Some("solarman") => Some(Encapsulation::Solarman),
         Some("network") => Some(Encapsulation::Network),
-        Some(other) => return Err(format!("wrap {other:?}; it is solarman or network")),
+        Some(other) => return Err(format!("wrap {other:?}; write solarman or network")),
     };
     Ok(Dialect {
         title: need("title")?,
@@ -274,7 +274,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
 /// Parses the `bytes` of a row, such as `> 05 03` (sent), `< 05 03` (received) or `= 05 03` (the log does not say).
 fn claimed_bytes(row: &Json) -> Result<Strings, String> {
     let lines = row.get("bytes").and_then(Json::as_array).filter(|lines| !lines.is_empty());
-    let lines = lines.ok_or("bytes is missing: what the sample holds, as [\"> 05 03 ..\", \"< 05 03 ..\", \"= 05 03 ..\"]")?;
+    let lines = lines.ok_or("bytes is missing: the bytes of the sample, as [\"> 05 03 ..\", \"< 05 03 ..\", \"= 05 03 ..\"]")?;
     lines
         .iter()
         .map(|line| {
@@ -283,10 +283,10 @@ fn claimed_bytes(row: &Json) -> Result<Strings, String> {
                 Some(b'>') => Some(Side::Sent),
                 Some(b'<') => Some(Side::Received),
                 Some(b'=') => None,
-                _ => return Err(format!("bytes: {line} begins with none of > < =")),
+                _ => return Err(format!("bytes: {line} does not begin with > < or =")),
             };
             let bytes = modlens_protocol::hex::parse_hex(&text[1..]).filter(|bytes| !bytes.is_empty());
-            Ok((side, bytes.ok_or_else(|| format!("bytes: {line} is no hex"))?))
+            Ok((side, bytes.ok_or_else(|| format!("bytes: {line} is not hex"))?))
         })
         .collect()
 }

@@ -14,10 +14,10 @@ const V5_RESPONSE: u16 = 0x1510;
 
 /// The position of the RTU frame inside a Solarman V5 frame; the error says why there is none.
 pub(super) fn solarman_rtu_frame(bytes: &[u8]) -> Result<Range<usize>, &'static str> {
-    let [V5_START, low, high, control_low, control_high, ..] = *bytes else { return Err("no Solarman V5 frame") };
+    let [V5_START, low, high, control_low, control_high, ..] = *bytes else { return Err("not a Solarman V5 frame") };
     let length = usize::from(u16::from_le_bytes([low, high])) + 13;
     if bytes.len() != length || bytes.last() != Some(&V5_END) {
-        return Err("Solarman V5 frame of a wrong length");
+        return Err("Solarman V5 frame with a wrong length");
     }
     let sum = bytes[1..length - 2].iter().fold(0u8, |sum, &b| sum.wrapping_add(b));
     if sum != bytes[length - 2] {

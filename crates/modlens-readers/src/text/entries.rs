@@ -30,7 +30,7 @@ const MAX_GROUP_BYTES: usize = 1024;
 const MAX_MULTI_LINE_BYTES: usize = 1 << 16;
 
 /// The reason reported for skipped duplicates.
-const DUPLICATE: &str = "bytes that the program printed before";
+const DUPLICATE: &str = "bytes that the program had printed before";
 
 /// The bytes of one device whose lines carry its name, or of all lines without a name.
 #[derive(Debug, Default)]
@@ -291,7 +291,7 @@ impl EntryAssembler {
     }
 
     /// Makes an entry of the pending dump line. `offset` is that of the line behind it: one less than expected says that
-    /// the last word holds one byte only.
+    /// the last word holds only one byte.
     fn end_dump_line(&mut self, offset: Option<u64>, timestamps: &TimestampParser) {
         let Some(PendingDumpLine { record, mut bytes, end_offset }) = self.pending_dump_line.take() else { return };
         if offset.is_some_and(|offset| offset + 1 == end_offset) {

@@ -61,7 +61,7 @@ pub(super) struct LineMatch {
     /// Which line of a two-line tap: 0 for the only one, 1 for A, 2 for B.
     pub line: u8,
     pub flags: NotationFlags,
-    /// The bytes are 16-bit words, of which the last may hold one byte only.
+    /// The bytes are 16-bit words, of which the last may hold only one byte.
     pub may_end_with_half_word: bool,
 }
 
@@ -132,7 +132,7 @@ impl Template {
             _ => None,
         };
         if anchor.is_none() && !is_at_line_start && !matches!(elements.first(), Some(Element::Prefix | Element::ChunkLog)) {
-            return Err(format!("{text:?}: begins with no fixed text; put ^ in front if it begins the line"));
+            return Err(format!("{text:?}: does not begin with fixed text; put ^ in front if it begins the line"));
         }
         Ok(Self { anchor, elements, must_reach_line_end, is_at_line_start, is_at_line_end })
     }

@@ -7,6 +7,7 @@ use serde_json::Value as Json;
 use super::reader::{ColumnReader, RowReader};
 use super::row_columns::{Findings, Frames, Transactions, BUS_COLUMNS};
 use super::sink::CellSink;
+use modlens_protocol::renamed::{current, Vocabulary};
 
 /// The embedded definition of the columns.
 pub const COLUMNS: &str = include_str!("../../../../analyzer/columns.toml");
@@ -107,6 +108,7 @@ impl TableKind {
 
     /// The index of a column. The error lists the known names.
     pub fn column(self, key: &str) -> Result<usize, String> {
+        let key = current(Vocabulary::Column, key);
         let columns = self.columns();
         columns.iter().position(|column| column.key == key).ok_or_else(|| {
             let known: Vec<&str> = columns.iter().map(|column| column.key.as_str()).collect();

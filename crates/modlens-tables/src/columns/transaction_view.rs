@@ -123,7 +123,7 @@ impl<'a> TransactionView<'a> {
     #[inline]
     pub(super) fn read_data(self, batch: &Batch) -> Option<Items<'_>> {
         let row = self.row?;
-        if !matches!(self.status, Status::Ok | Status::Unrequested) || self.exception.is_some() {
+        if !matches!(self.status, Status::Ok | Status::Unsolicited) || self.exception.is_some() {
             return None;
         }
         let (at, bits) = row.offsets.response_block?;

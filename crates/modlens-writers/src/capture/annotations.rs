@@ -46,7 +46,7 @@ pub fn flags(batch: &Batch, frame: &Frame) -> u32 {
     };
     for code in frame.findings.of(&batch.codes) {
         flags |= match code {
-            Finding::ShortSilence | Finding::GapInside => WRONG_GAP,
+            Finding::ShortSilence | Finding::GapInFrame => WRONG_GAP,
             Finding::LineError => SYMBOL_ERROR,
             _ => 0,
         };
@@ -59,7 +59,7 @@ pub fn columns(batch: &Batch, frame: &Frame, notes: &[FindingNote]) -> (String, 
     let mode = frame.mode.text().to_uppercase();
     let checksum = if frame.mode == Mode::Ascii { "LRC" } else { "CRC" };
     let (kind, mut info) = match frame.verdict {
-        Verdict::BadChecksum => (format!("{mode} bad {checksum}"), format!("{} bytes, checksum wrong", frame.wire.length)),
+        Verdict::BadChecksum => (format!("{mode} bad {checksum}"), format!("{} bytes, checksum error", frame.wire.length)),
         Verdict::Incomplete => (format!("{mode} incomplete"), format!("{} bytes, the frame ends too early", frame.wire.length)),
         _ => (format!("{mode} noise"), format!("{} bytes, no valid frame", frame.wire.length)),
     };
@@ -102,13 +102,13 @@ pub fn custom(batch: &Batch, frame: &Frame, verbatim: bool, origin: Option<Ns>, 
         push_word(" verdict=", frame.verdict.text(), out);
     }
     if frame.delimited_by != DEFAULTS.delimited_by {
-        push_word(" cut_by=", frame.delimited_by.text(), out);
+        push_word(" delimited_by=", frame.delimited_by.text(), out);
     }
     if frame.confidence != DEFAULTS.confidence {
         push_number(" confidence=", u64::from(frame.confidence), out);
     }
-    if frame.tentative {
-        out.extend_from_slice(b" tentative");
+    if frame.unconfirmed {
+        out.extend_from_slice(b" unconfirmed");
     }
     if let Some(gap) = frame.gap {
         push_us_field(" gap_us=", gap, out);
@@ -163,7 +163,7 @@ pub fn transaction(batch: &Batch, row: &Transaction, out: &mut Vec<u8>) {
             push_us_field(key, ns, out);
         }
     }
-    for (key, value) in [(" retry_of=", row.retry_of), (" late_for=", row.late_for)] {
+    for (key, value) in [(" retry_of=", row.retry_of), (" late_response_to=", row.late_for)] {
         if let Some(value) = value {
             push_number(key, value, out);
         }

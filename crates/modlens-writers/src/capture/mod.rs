@@ -142,7 +142,7 @@ impl Capture {
         self.append_header(out);
         self.write_waiting(true, usize::MAX, out);
         if self.left_out > 0 && !self.options.classic {
-            let words = format!("{} frames are not in this file: damaged ones, noise, or of unknown direction", self.left_out);
+            let words = format!("{} frames are not in this file: damaged, noise, or of unknown direction", self.left_out);
             blocks::statistics(0, self.newest, &words, out);
         }
     }

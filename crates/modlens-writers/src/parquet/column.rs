@@ -43,13 +43,13 @@ const FEW_VALUES: [&str; 21] = [
     "exception",
     "exception_name",
     "verdict",
-    "cut_by",
+    "delimited_by",
     "operation",
     "register_type",
     "status",
     "code",
     "severity",
-    "evidence",
+    "impact",
     "advice",
 ];
 

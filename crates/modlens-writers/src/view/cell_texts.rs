@@ -220,10 +220,10 @@ fn field(value: &Json) -> String {
 pub fn status_style(status: &str) -> Style {
     match status {
         "ok" => Style::Good,
-        "exception" | "unrequested" => Style::Odd,
+        "exception" | "unsolicited" => Style::Odd,
         "no_response" | "bad_request" | "bad_response" => Style::Bad,
         "broadcast" => Style::Note,
-        "not_seen" => Style::Dim,
+        "not_observed" => Style::Dim,
         _ => Style::Plain,
     }
 }

@@ -23,7 +23,7 @@ pub fn columns(kind: TableKind, base: AddressNotation, rows: &[RowRef<'_>], is_w
     match kind {
         TableKind::Transactions => transactions(keys, base, has_times, is_wide),
         TableKind::Frames => frames(keys, has_times, is_wide),
-        TableKind::Readings => readings(keys, base),
+        TableKind::Readings => readings(keys, base, is_wide),
         TableKind::Findings => findings(keys, is_wide),
     }
 }
@@ -40,8 +40,7 @@ pub fn bus(kind: TableKind, labels: Vec<(String, String)>) -> GridColumn {
 
 /// The columns of the table of transactions.
 fn transactions(keys: ColumnLookup, base: AddressNotation, has_times: bool, is_wide: bool) -> Vec<GridColumn> {
-    let mut chosen =
-        vec![number(keys, "txn", ColumnHead::right("txn", 4)), unit(keys), function(keys, is_wide), addresses(keys, base)];
+    let mut chosen = vec![transaction(keys, is_wide), unit(keys), function(keys, is_wide), addresses(keys, base)];
     if has_times {
         chosen.push(response_time(keys));
     }
@@ -136,11 +135,11 @@ fn state_and_content(
 }
 
 /// The columns of the table of readings.
-fn readings(keys: ColumnLookup, base: AddressNotation) -> Vec<GridColumn> {
+fn readings(keys: ColumnLookup, base: AddressNotation, is_wide: bool) -> Vec<GridColumn> {
     let (address, kind, raw) = (keys.at("address"), keys.at("register_type"), keys.at("raw"));
     let parts = ["name", "value_text", "unit_of_measure"].map(|key| keys.at(key));
     vec![
-        number(keys, "txn", ColumnHead::right("txn", 4)),
+        transaction(keys, is_wide),
         unit(keys),
         plain(ColumnHead::left("type", 4), move |row| {
             cell_texts::short_name(cell_texts::word(row, kind)).unwrap_or_default().into()
@@ -148,7 +147,7 @@ fn readings(keys: ColumnLookup, base: AddressNotation) -> Vec<GridColumn> {
         plain(ColumnHead::right(base.title(), 6), move |row| {
             cell_texts::address_range(cell_texts::number(row, address), Some(1), cell_texts::word(row, kind), base)
         }),
-        word(keys, "operation", ColumnHead::left("does", 5), |_| Style::Plain),
+        word(keys, "operation", ColumnHead::left("operation", 5), |_| Style::Plain),
         GridColumn::new(ColumnHead::right("raw", 5), move |row| match row.cell(raw) {
             Cell::Ints(items) => (CellContent::ValueList(ValueList::Numbers(items)), Style::Plain),
             _ => (CellContent::Text(String::new()), Style::Plain),
@@ -165,7 +164,7 @@ fn findings(keys: ColumnLookup, is_wide: bool) -> Vec<GridColumn> {
     let (severity, code) = (keys.at("severity"), keys.at("code"));
     let mut chosen = vec![
         number(keys, "frame", ColumnHead::right("frame", 5)),
-        number(keys, "txn", ColumnHead::right("txn", 4)),
+        transaction(keys, is_wide),
         unit(keys),
         word(keys, "severity", ColumnHead::left("severity", 8), cell_texts::severity_style),
         GridColumn::new(ColumnHead::left("code", 16), move |row| {
@@ -192,6 +191,10 @@ fn number(keys: ColumnLookup, key: &str, head: ColumnHead) -> GridColumn {
 }
 
 /// The column with the unit address.
+fn transaction(keys: ColumnLookup, is_wide: bool) -> GridColumn {
+    number(keys, "txn", ColumnHead::right(if is_wide { "transaction" } else { "trans." }, 4))
+}
+
 fn unit(keys: ColumnLookup) -> GridColumn {
     number(keys, "unit", ColumnHead::right("unit", 4))
 }

@@ -47,7 +47,7 @@ def test_every_view_looks_as_it_should(view: str, width: int, height: int) -> No
 def test_keys_do_what_the_foot_says() -> None:
     """Pause, filter (an invalid one is reported), mark, pages, resize, quit."""
     with showing(80, 24, "log", DISTURBED) as terminal:
-        terminal.wait_for("txn")
+        terminal.wait_for("trans.")
         terminal.press("p")
         terminal.wait_for("PAUSED")
         terminal.press("p")

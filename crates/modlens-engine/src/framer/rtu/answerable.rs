@@ -196,12 +196,12 @@ impl RequestPool {
         last_answered.filter(|&(id, _)| self.get(id).unit == unit && self.get(id).pdu == pdu)
     }
 
-    /// Adds a tentative copy of a request. The original stays as it is for the paths that refer to it. `make_room` has to be
+    /// Adds a unconfirmed copy of a request. The original stays as it is for the paths that refer to it. `make_room` has to be
     /// called before.
     pub fn add_tentative_copy(&mut self, id: RequestId) -> RequestId {
-        let tentative = HeldRequest { is_tentative: true, ..self.get(id).clone() };
-        let copy = self.add(tentative.unit, &[]);
-        *self.get_mut(copy) = tentative;
+        let unconfirmed = HeldRequest { is_tentative: true, ..self.get(id).clone() };
+        let copy = self.add(unconfirmed.unit, &[]);
+        *self.get_mut(copy) = unconfirmed;
         copy
     }
 

@@ -137,7 +137,7 @@ impl RtuFramer {
             self.search.commit_fast_path_frame(context, input.bytes(), stray_bytes, length);
             let (end, direction) = (self.search.committed_offset(), self.search.last_direction());
             let confidence = MAX_CONFIDENCE_BITS;
-            self.decision = Some(Decision::Frame { start, end, direction, confidence, tentative: false });
+            self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
         }
         certain
     }
@@ -216,13 +216,13 @@ impl RtuFramer {
         }
         self.decision = None;
         match decision {
-            Decision::Frame { start, end, direction, confidence, tentative } => {
+            Decision::Frame { start, end, direction, confidence, unconfirmed } => {
                 self.last_was_damaged = false;
                 let length = (end - start) as usize;
                 self.learn_inner_pause(input, length);
                 self.recovery.truncation.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
                 let cut = self.emit_frame(input, context, length, direction, confidence, adu);
-                Some(FrameResult { tentative, ..cut })
+                Some(FrameResult { unconfirmed, ..cut })
             }
             Decision::Damaged { start, end, direction } => {
                 self.last_was_damaged = true;

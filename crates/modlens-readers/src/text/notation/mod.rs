@@ -112,7 +112,7 @@ impl Notation {
         }
     }
 
-    /// Whether it prints 16-bit words, so that the last word of a dump may hold one byte only.
+    /// Whether it prints 16-bit words, so that the last word of a dump may hold only one byte.
     pub fn has_words(self) -> bool {
         matches!(self, Self::Words | Self::Octal)
     }

@@ -25,7 +25,7 @@ pub struct Search {
     pub(super) skip: SkipAhead,
     /// The requests that hypotheses refer to.
     pub(super) requests: RequestPool,
-    /// The last frame committed is tentative, or a piece of noise was committed that goes on.
+    /// The last frame committed is unconfirmed, or a piece of noise was committed that goes on.
     pub(super) last_was_doubtful: bool,
     /// How many frames were committed without a byte between them.
     pub(super) adjacent_frames: u8,
@@ -124,7 +124,7 @@ impl Search {
         (first == ROOT && stray_bytes == 0) || (frame.start, frame.end, frame.direction) == (start, end, direction)
     }
 
-    /// Whether the outstanding request is neither tentative nor damaged: then an unambiguous frame behind stray bytes needs no
+    /// Whether the outstanding request is neither unconfirmed nor damaged: then an unambiguous frame behind stray bytes needs no
     /// search.
     pub fn has_sound_outstanding_request(&self) -> bool {
         self.outstanding_request().is_none_or(|request| !request.is_tentative && !request.is_damaged)

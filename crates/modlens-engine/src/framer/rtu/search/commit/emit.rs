@@ -39,9 +39,9 @@ impl Search {
         }
         let unframed_bytes = start - self.committed_offset();
         self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
-        let tentative = self.is_tentative(context, first, bytes);
+        let unconfirmed = self.is_tentative(context, first, bytes);
         // Noise must not teach units. That stray bytes stand before frames, it may.
-        if tentative {
+        if unconfirmed {
             self.model.learn_stray_bytes(unframed_bytes);
         } else {
             self.learn_frame(context, first, bytes);
@@ -49,17 +49,17 @@ impl Search {
         let is_undecided = lead < weights::UNDECIDED_DIRECTION_BITS && self.has_opposite_rival(first, f32::MIN);
         let direction = if is_undecided { Direction::Unknown } else { direction };
         let confidence = lead.clamp(0.0, f32::from(weights::MAX_CONFIDENCE_BITS)) as u8;
-        self.last_was_doubtful = tentative;
+        self.last_was_doubtful = unconfirmed;
         if unframed_bytes > 0 {
             let unframed = (self.committed_offset() - input.offset()) as usize..(start - input.offset()) as usize;
             self.model.learn_noise(&input.bytes()[unframed]);
         }
         self.set_root(first);
-        if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding.filter(|_| tentative) {
+        if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding.filter(|_| unconfirmed) {
             self.reserve_request();
             self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_tentative_copy(outstanding));
         }
-        Decision::Frame { start, end, direction, confidence, tentative }
+        Decision::Frame { start, end, direction, confidence, unconfirmed }
     }
 
     /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.

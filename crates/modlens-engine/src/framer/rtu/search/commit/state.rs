@@ -16,7 +16,7 @@ pub enum Decision {
         /// Lead over the best rival in bits, at most `MAX_CONFIDENCE_BITS`.
         confidence: u8,
         /// It stands alone in noise, and its unit has not been seen in a paired transaction.
-        tentative: bool,
+        unconfirmed: bool,
     },
     /// A frame with an invalid CRC.
     Damaged {
