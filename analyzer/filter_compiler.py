@@ -44,7 +44,7 @@ _KIND_NAMES = {
     "number": "a number",
     "flag": "true or false",
     "time": "a time",
-    "text": "text",
+    "text": "a text",
     "numbers": "a list of numbers",
     "texts": "a list of texts",
     "map": "a map",
