@@ -19,8 +19,9 @@ impl UnframedRegion<'_, '_> {
     /// The damaged frames of the chain of candidates with the highest total score, in order.
     ///
     /// A chain is built from left to right by dynamic programming: for each candidate, `chains` keeps the best total of a
-    /// chain that ends with it and the index of the candidate before it. Every candidate of a chain but its last needs
-    /// `MIN_DAMAGED_FRAME_BITS` for itself; a response behind its own damaged request gets back what its header cost.
+    /// chain that ends with it and the index of the candidate before it. Each candidate needs `MIN_DAMAGED_FRAME_BITS` at its
+    /// place, where a response behind its own damaged request gets back what its header cost, and by itself, too, if another
+    /// candidate follows it.
     pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<DamagedFrame> {
         let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
         for candidate in candidates {
@@ -67,29 +68,34 @@ impl UnframedRegion<'_, '_> {
         DamagedFrame { start, is_short: false, damage: None, wrong_head_bytes: count, ..frame }
     }
 
-    /// Decides where a candidate ends and what happened to it. `limit` is the index where the next frame begins.
+    /// Decides where a candidate ends and what happened to it, as far as its alignment does not say that already. `limit` is
+    /// the index where the next frame begins.
+    ///
+    /// It ends at its expected length, at a pause inside it, or at `limit`. With fewer bytes than expected, its end is lost, or
+    /// was never sent if a retry follows. With just as many, its last bytes may be stray bytes in the place of lost ones; with
+    /// one byte more, one of them may have been received twice.
     fn damaged_frame(&self, candidate: &Candidate, limit: usize) -> DamagedFrame {
-        let room = limit - candidate.start;
+        let available = limit - candidate.start;
         let announced = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced_length(candidate, limit));
-        let mut should = announced.unwrap_or(room);
-        let mut length = should.min(room).min(MAX_RTU_FRAME_BYTES);
+        let mut expected_length = announced.unwrap_or(available);
+        let mut length = expected_length.min(available).min(MAX_RTU_FRAME_BYTES);
         let mut damage = candidate.damage;
-        if damage.is_none() && candidate.is_exact && room > should && should < MAX_RTU_FRAME_BYTES {
-            let longer = &self.bytes()[candidate.start..=candidate.start + should];
+        if damage.is_none() && candidate.is_exact && available > expected_length && expected_length < MAX_RTU_FRAME_BYTES {
+            let longer = &self.bytes()[candidate.start..=candidate.start + expected_length];
             damage = crc_correction::doubled_byte(longer).map(|at| DamageKind::DoubledByte { at });
             length += usize::from(damage.is_some());
         }
         if let Some(gap) = self.gap_inside(candidate, candidate.start + length) {
             length = gap - candidate.start;
-            should = announced.unwrap_or(length);
+            expected_length = announced.unwrap_or(length);
         }
         let bytes = &self.bytes()[candidate.start..candidate.start + length];
         // The flipped bit may be in the byte that announces the length, so a correctable frame has the right length.
-        let is_correctable = length < should && correctable_bit(bytes).is_some();
+        let is_correctable = length < expected_length && correctable_bit(bytes).is_some();
         if is_correctable {
-            should = length;
-        } else if damage.is_none() && length < should {
-            let count = should - length;
+            expected_length = length;
+        } else if damage.is_none() && length < expected_length {
+            let count = expected_length - length;
             let is_truncated = self.is_followed_by_retry(candidate);
             damage =
                 Some(if is_truncated { DamageKind::Truncated { count } } else { DamageKind::LostBytes { at: length, count } });
@@ -100,7 +106,7 @@ impl UnframedRegion<'_, '_> {
                 _ => 0,
             };
         }
-        let is_short = length < should || matches!(damage, Some(DamageKind::LostBytes { .. }));
+        let is_short = length < expected_length || matches!(damage, Some(DamageKind::LostBytes { .. }));
         let direction = side::direction_of(candidate.direction);
         let (start, end) = (candidate.start, candidate.start + length);
         let head = candidate.head.clone();
