@@ -3,7 +3,7 @@
 //! A hypothesis about the bytes is scored by the bits that it saves over reading the same bytes as line noise: a
 //! log2-likelihood ratio. Noise bytes and payload bytes have the same probability model, so payload neither gains nor loses
 //! score. A field with a predicted value gains the information content of its bytes (-log2 p). Frequent values such as 00
-//! have little of it, so a run of zeros cannot score high. What a line teaches on top of these values is in `model`.
+//! have little of it, so a run of zeros cannot score high. What a line teaches on top of these values is in `traffic_model`.
 //!
 //! A row is a doc comment (the reason) and a constant whose name ends in its unit; [`UNITS`] lists the units. `TABLE` is made
 //! of the same rows, and `docs/segmentation.md` shows it: to add a weight, write a row here, and run the documentation test

@@ -26,9 +26,9 @@
 //! ```
 //!
 //! *Closed* means that no byte behind the last one scanned can belong to a frame before it (`advance` passes it):
-//! - a record of a recording starts there, or a silence of `break_ns` ended (`Input::hard_edge`);
-//! - the recording is over, or silence has lasted so long that no adapter holds bytes back (`Input::closed`);
-//! - the line is silent (`Input::paused`) and a frame leads. Where none does, the adapter may still hold back the end of one.
+//! - a record of a recording starts there, or a silence of `break_ns` ended (`Input::is_boundary`);
+//! - the recording is over, or silence has lasted so long that no adapter holds bytes back (`Input::is_closed`);
+//! - the line is silent (`Input::is_paused`) and a frame leads. Where none does, the adapter may still hold back the end of one.
 //!
 //! Each waiting state knows a stream offset before which it does not change unless a hypothesis is added. So nothing is
 //! decided byte by byte: see `SkipAhead`.

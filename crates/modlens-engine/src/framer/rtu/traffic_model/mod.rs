@@ -4,17 +4,17 @@
 //! Every share starts from a prior of the table of weights. Counts are halved from time to time, so the model follows a line
 //! that changes.
 
+mod byte_information;
+mod frame_costs;
+
 use crate::damage::kind::DamageKind;
 use crate::framer::rtu::learned_lengths::LearnedLengths;
 use crate::framer::rtu::log2::log2;
 use crate::framer::rtu::poll_cycle::PollCycle;
 use crate::framer::rtu::score_bounds::ScoreBounds;
 use crate::framer::rtu::side::{REQUEST, RESPONSE};
-use crate::weights::{self, function_prior, unit_prior, usual_bits, PRIOR_WEIGHT_FRAMES};
-use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
-
-/// From this many bytes on, four histograms are filled in turn: see `learn_noise`.
-const MANY_BYTES: usize = 1024;
+use crate::weights::{self, usual_bits, PRIOR_WEIGHT_FRAMES};
+use modlens_protocol::functions::EXCEPTION_BIT;
 
 /// What the line has shown so far.
 pub struct TrafficModel {
@@ -153,190 +153,6 @@ impl Default for TrafficModel {
         };
         this.update_costs();
         this
-    }
-}
-
-/// Bytes: their information content, and what the line's noise teaches of it.
-impl TrafficModel {
-    /// The information content of a byte, in bits: less for values that this line's noise is made of.
-    #[inline]
-    pub fn bits(&self, byte: u8) -> f32 {
-        self.bits[byte as usize]
-    }
-
-    /// The information content of some bytes, in bits.
-    pub fn bits_of(&self, bytes: &[u8]) -> f32 {
-        bytes.iter().map(|&byte| self.bits(byte)).sum()
-    }
-
-    /// Learns from bytes that belong to no frame: on a wrong baud rate or a floating line few values make all of the noise.
-    pub fn learn_noise(&mut self, bytes: &[u8]) {
-        let mut rest = bytes;
-        if bytes.len() >= MANY_BYTES {
-            // To count the same value twice in a row, the second addition would have to wait for the first. Four
-            // histograms, filled in turn, avoid that.
-            let mut histograms = [[0u32; 256]; 4];
-            let quads = bytes.chunks_exact(4);
-            rest = quads.remainder();
-            for quad in quads {
-                for (histogram, &byte) in histograms.iter_mut().zip(quad) {
-                    histogram[usize::from(byte)] += 1;
-                }
-            }
-            for (value, count) in self.noise.iter_mut().enumerate() {
-                *count += histograms.iter().map(|histogram| histogram[value]).sum::<u32>() as f32;
-            }
-        }
-        for &byte in rest {
-            self.noise[byte as usize] += 1.0;
-        }
-        self.noise_total += bytes.len() as f32;
-        if self.noise_total >= self.noise_due {
-            self.update_bits();
-        }
-    }
-
-    /// Computes the information content of all byte values anew: a mixture of the usual shares and those of the noise.
-    ///
-    /// The loop has no branches, so the compiler turns it into a few vector operations.
-    fn update_bits(&mut self) {
-        if self.noise_total > weights::NOISE_HALVE_BYTES {
-            self.noise.iter_mut().for_each(|count| *count /= 2.0);
-            self.noise_total /= 2.0;
-        }
-        self.noise_due = self.noise_total + weights::NOISE_UPDATE_BYTES;
-        let total = self.noise_total;
-        let weight = total / (total + weights::NOISE_PRIOR_BYTES);
-        for ((bits, &seen), &usual) in self.bits.iter_mut().zip(self.noise.iter()).zip(self.usual_shares.iter()) {
-            *bits = -log2((1.0 - weight) * usual + weight * (seen / total).max(usual));
-        }
-    }
-
-    /// Cost in bits of this many unframed bytes between two frames: the cheaper of a short run of stray bytes and noise.
-    pub fn unframed_cost(&self, bytes: u64) -> f32 {
-        if bytes == 0 {
-            return self.adjacent_cost;
-        }
-        let stray_run =
-            weights::ENTER_STRAY_RUN_BITS + weights::STRAY_BYTE_BITS * (bytes - 1) as f32 + weights::LEAVE_STRAY_RUN_BITS;
-        self.separated_cost + stray_run.min(weights::ENTER_NOISE_BITS + weights::LEAVE_NOISE_BITS)
-    }
-
-    /// Cost in bits of this many unframed bytes behind the last frame of a path while no frame follows yet.
-    pub fn open_unframed_cost(&self, bytes: u64) -> f32 {
-        if bytes == 0 {
-            0.0
-        } else {
-            let stray_run = weights::ENTER_STRAY_RUN_BITS + weights::STRAY_BYTE_BITS * (bytes - 1) as f32;
-            self.separated_cost + stray_run.min(weights::ENTER_NOISE_BITS)
-        }
-    }
-}
-
-/// Units and functions: what their occurrence costs.
-impl TrafficModel {
-    /// Cost of a unit number, in bits.
-    pub fn unit_cost(&self, unit: u8) -> f32 {
-        self.unit_cost_if_seen(unit, self.unit_count(unit))
-    }
-
-    /// Cost of a unit number, in bits, if it had been seen this often.
-    pub fn unit_cost_if_seen(&self, unit: u8, count: f32) -> f32 {
-        let count = count + PRIOR_WEIGHT_FRAMES * unit_prior(unit);
-        -log2(count / (self.unit_total + PRIOR_WEIGHT_FRAMES))
-    }
-
-    /// How often a unit was seen lately.
-    pub fn unit_count(&self, unit: u8) -> f32 {
-        self.units[usize::from(unit)]
-    }
-
-    /// Cost of a function code in a direction, in bits.
-    pub fn function_cost(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
-        self.function_cost_if_seen(functions, code, direction, self.function_count(code, direction))
-    }
-
-    /// Cost of a function code in a direction, in bits, if it had been seen this often.
-    pub fn function_cost_if_seen(&self, functions: &Functions, code: u8, direction: usize, count: f32) -> f32 {
-        let count = count + PRIOR_WEIGHT_FRAMES * function_prior(functions, code & !EXCEPTION_BIT);
-        -log2(count / (self.function_totals[direction] + PRIOR_WEIGHT_FRAMES))
-    }
-
-    /// How often a function was seen lately in a direction, exceptions included.
-    pub fn function_count(&self, code: u8, direction: usize) -> f32 {
-        self.functions[direction][usize::from(code & !EXCEPTION_BIT)]
-    }
-
-    /// Whether unit and function are both common on this line, so that such a header needs no further proof.
-    pub fn is_familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
-        self.unit_count(unit) >= weights::FAMILIAR_FRAMES && self.function_count(code, direction) >= weights::FAMILIAR_FRAMES
-    }
-
-    /// Whether this unit has been seen.
-    pub fn has_unit(&self, unit: u8) -> bool {
-        self.unit_count(unit) > 0.0
-    }
-
-    /// Whether this unit has been seen, and this function in either direction, together or apart.
-    pub fn has_unit_and_function(&self, unit: u8, code: u8) -> bool {
-        self.has_unit(unit) && [REQUEST, RESPONSE].iter().any(|&direction| self.function_count(code, direction) > 0.0)
-    }
-
-    /// What a request is worth, in bits, for being one that was seen before: its body is known then.
-    pub fn polled_request_score(&self, frame: &[u8]) -> f32 {
-        if !self.poll_cycle.contains(frame) {
-            return 0.0;
-        }
-        let body = self.bits_of(&frame[2..frame.len() - 2]);
-        (body - weights::POLL_CHOICE_BITS).clamp(0.0, weights::MAX_POLLED_REQUEST_BITS)
-    }
-
-    /// Cost in bits of the length of a body whose layout is not public.
-    pub fn open_length_cost(&self, code: u8, direction: usize, body: &[u8]) -> f32 {
-        let count_bits = body.first().map_or(0.0, |&count| self.bits(count));
-        self.lengths.cost(code, direction, body, count_bits)
-    }
-}
-
-/// Turns: whose frame is due, and how often nobody keeps to that.
-impl TrafficModel {
-    /// Costs in bits at this position: of a request, and of a response that answers nothing.
-    pub fn turn_costs(&self, position: FramePosition) -> (f32, f32) {
-        let index = position.index();
-        if position.request_outstanding {
-            let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
-            return (-log2(self.unanswered[index].with_prior(prior)), weights::UNSOLICITED_BITS);
-        }
-        let prior = [weights::PRIOR_UNSOLICITED_SHARE, weights::PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE][index];
-        let share = self.unsolicited[index].with_prior(prior);
-        (-log2(1.0 - share), -log2(share))
-    }
-
-    /// Cost in bits of the late response to a request that was repeated.
-    pub fn late_response_cost(&self) -> f32 {
-        -log2(self.late_responses.with_prior(weights::PRIOR_LATE_RESPONSE_SHARE))
-    }
-
-    /// A retry got its response (`false`), or the late response to the first request came behind that (`true`).
-    ///
-    /// A late response is one more hit, but no further chance: the retry before it was counted as one.
-    pub fn learn_late_response(&mut self, is_late: bool) {
-        let LearnedShare { hits, all } = &mut self.late_responses;
-        *if is_late { hits } else { all } += 1.0;
-        if self.late_responses.all > weights::HALVE_TURNS_FRAMES {
-            self.late_responses.hits /= 2.0;
-            self.late_responses.all /= 2.0;
-        }
-    }
-
-    /// Costs in bits of hearing a request twice, and of hearing it once only.
-    ///
-    /// Where the tap's adapter echoes what it sends, nearly all requests are heard twice.
-    pub fn echo_costs(&self) -> (f32, f32) {
-        let prior = PRIOR_WEIGHT_FRAMES * weights::PRIOR_ECHO_SHARE;
-        let share = (self.repeated_requests + prior) / (self.requests + PRIOR_WEIGHT_FRAMES);
-        let share = share.clamp(weights::MIN_ECHO_SHARE, weights::MAX_ECHO_SHARE);
-        (-log2(share), -log2(1.0 - share))
     }
 }
 

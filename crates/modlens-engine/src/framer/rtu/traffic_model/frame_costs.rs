@@ -1,0 +1,113 @@
+//! What units, functions, lengths and turns of frames cost on this line.
+
+use crate::framer::rtu::log2::log2;
+use crate::framer::rtu::side::{REQUEST, RESPONSE};
+use crate::framer::rtu::traffic_model::{FramePosition, LearnedShare, TrafficModel};
+use crate::weights::{self, function_prior, unit_prior, PRIOR_WEIGHT_FRAMES};
+use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
+
+impl TrafficModel {
+    /// Cost of a unit number, in bits.
+    pub fn unit_cost(&self, unit: u8) -> f32 {
+        self.unit_cost_if_seen(unit, self.unit_count(unit))
+    }
+
+    /// Cost of a unit number, in bits, if it had been seen this often.
+    pub fn unit_cost_if_seen(&self, unit: u8, count: f32) -> f32 {
+        let count = count + PRIOR_WEIGHT_FRAMES * unit_prior(unit);
+        -log2(count / (self.unit_total + PRIOR_WEIGHT_FRAMES))
+    }
+
+    /// How often a unit was seen lately.
+    pub fn unit_count(&self, unit: u8) -> f32 {
+        self.units[usize::from(unit)]
+    }
+
+    /// Cost of a function code in a direction, in bits.
+    pub fn function_cost(&self, functions: &Functions, code: u8, direction: usize) -> f32 {
+        self.function_cost_if_seen(functions, code, direction, self.function_count(code, direction))
+    }
+
+    /// Cost of a function code in a direction, in bits, if it had been seen this often.
+    pub fn function_cost_if_seen(&self, functions: &Functions, code: u8, direction: usize, count: f32) -> f32 {
+        let count = count + PRIOR_WEIGHT_FRAMES * function_prior(functions, code & !EXCEPTION_BIT);
+        -log2(count / (self.function_totals[direction] + PRIOR_WEIGHT_FRAMES))
+    }
+
+    /// How often a function was seen lately in a direction, exceptions included.
+    pub fn function_count(&self, code: u8, direction: usize) -> f32 {
+        self.functions[direction][usize::from(code & !EXCEPTION_BIT)]
+    }
+
+    /// Whether unit and function are both common on this line, so that such a header needs no further proof.
+    pub fn is_familiar(&self, unit: u8, code: u8, direction: usize) -> bool {
+        self.unit_count(unit) >= weights::FAMILIAR_FRAMES && self.function_count(code, direction) >= weights::FAMILIAR_FRAMES
+    }
+
+    /// Whether this unit has been seen.
+    pub fn has_unit(&self, unit: u8) -> bool {
+        self.unit_count(unit) > 0.0
+    }
+
+    /// Whether this unit has been seen, and this function in either direction, together or apart.
+    pub fn has_unit_and_function(&self, unit: u8, code: u8) -> bool {
+        self.has_unit(unit) && [REQUEST, RESPONSE].iter().any(|&direction| self.function_count(code, direction) > 0.0)
+    }
+
+    /// What a request is worth, in bits, for being one that was seen before: its body is known then.
+    pub fn polled_request_score(&self, frame: &[u8]) -> f32 {
+        if !self.poll_cycle.contains(frame) {
+            return 0.0;
+        }
+        let body = self.bits_of(&frame[2..frame.len() - 2]);
+        (body - weights::POLL_CHOICE_BITS).clamp(0.0, weights::MAX_POLLED_REQUEST_BITS)
+    }
+
+    /// Cost in bits of the length of a body whose layout is not public.
+    pub fn open_length_cost(&self, code: u8, direction: usize, body: &[u8]) -> f32 {
+        let count_bits = body.first().map_or(0.0, |&count| self.bits(count));
+        self.lengths.cost(code, direction, body, count_bits)
+    }
+}
+
+/// Turns: whose frame is due, and how often nobody keeps to that.
+impl TrafficModel {
+    /// Costs in bits at this position: of a request, and of a response that answers nothing.
+    pub fn turn_costs(&self, position: FramePosition) -> (f32, f32) {
+        let index = position.index();
+        if position.request_outstanding {
+            let prior = [weights::PRIOR_UNANSWERED_SHARE, weights::PRIOR_UNANSWERED_AFTER_UNFRAMED_SHARE][index];
+            return (-log2(self.unanswered[index].with_prior(prior)), weights::UNSOLICITED_BITS);
+        }
+        let prior = [weights::PRIOR_UNSOLICITED_SHARE, weights::PRIOR_UNSOLICITED_AFTER_UNFRAMED_SHARE][index];
+        let share = self.unsolicited[index].with_prior(prior);
+        (-log2(1.0 - share), -log2(share))
+    }
+
+    /// Cost in bits of the late response to a request that was repeated.
+    pub fn late_response_cost(&self) -> f32 {
+        -log2(self.late_responses.with_prior(weights::PRIOR_LATE_RESPONSE_SHARE))
+    }
+
+    /// A retry got its response (`false`), or the late response to the first request came behind that (`true`).
+    ///
+    /// A late response is one more hit, but no further chance: the retry before it was counted as one.
+    pub fn learn_late_response(&mut self, is_late: bool) {
+        let LearnedShare { hits, all } = &mut self.late_responses;
+        *if is_late { hits } else { all } += 1.0;
+        if self.late_responses.all > weights::HALVE_TURNS_FRAMES {
+            self.late_responses.hits /= 2.0;
+            self.late_responses.all /= 2.0;
+        }
+    }
+
+    /// Costs in bits of hearing a request twice, and of hearing it once only.
+    ///
+    /// Where the tap's adapter echoes what it sends, nearly all requests are heard twice.
+    pub fn echo_costs(&self) -> (f32, f32) {
+        let prior = PRIOR_WEIGHT_FRAMES * weights::PRIOR_ECHO_SHARE;
+        let share = (self.repeated_requests + prior) / (self.requests + PRIOR_WEIGHT_FRAMES);
+        let share = share.clamp(weights::MIN_ECHO_SHARE, weights::MAX_ECHO_SHARE);
+        (-log2(share), -log2(1.0 - share))
+    }
+}
