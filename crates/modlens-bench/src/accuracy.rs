@@ -14,7 +14,7 @@ pub type Makers = fn() -> Vec<Box<dyn Algorithm>>;
 
 /// The scenarios, tap modes, seeds and algorithms of a run.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct RunPlan {
     /// Scenarios, in the order of the table.
     pub scenarios: Vec<&'static Scenario>,
     /// Tap modes, in the order of the table.
@@ -33,7 +33,7 @@ pub struct Plan {
 pub type Cells = BTreeMap<(usize, usize), Vec<Score>>;
 
 /// The scores of a run.
-pub struct Outcome {
+pub struct RunOutcome {
     /// Names of the algorithms.
     pub names: Vec<&'static str>,
     /// Which algorithms give labels.
@@ -42,7 +42,7 @@ pub struct Outcome {
     pub scenarios: Vec<Cells>,
 }
 
-impl Plan {
+impl RunPlan {
     /// The algorithms of the plan.
     pub fn chosen_algorithms(&self, makers: Makers) -> Vec<Box<dyn Algorithm>> {
         let wanted = |name: &str| self.algorithms.is_empty() || self.algorithms.iter().any(|other| other == name);
@@ -50,7 +50,7 @@ impl Plan {
     }
 
     /// Runs all scenarios, on several threads.
-    pub fn run(&self, makers: Makers) -> Outcome {
+    pub fn run(&self, makers: Makers) -> RunOutcome {
         let next = std::sync::atomic::AtomicUsize::new(0);
         let done = std::sync::Mutex::new(vec![Cells::new(); self.scenarios.len()]);
         std::thread::scope(|scope| {
@@ -64,7 +64,7 @@ impl Plan {
             }
         });
         let algorithms = self.chosen_algorithms(makers);
-        Outcome {
+        RunOutcome {
             names: algorithms.iter().map(|algorithm| algorithm.name()).collect(),
             gives_labels: algorithms.iter().map(|algorithm| algorithm.labels()).collect(),
             scenarios: done.into_inner().expect("no thread panicked"),
@@ -99,7 +99,7 @@ impl Plan {
     }
 }
 
-impl Outcome {
+impl RunOutcome {
     /// The mean over the seeds of a figure, in percent; `None` if the algorithm cannot process the scenario.
     pub fn mean(&self, scenario: usize, algorithm: usize, mode: usize, of: fn(&Score) -> f64) -> Option<f64> {
         let scores = self.scenarios[scenario].get(&(algorithm, mode))?;
@@ -147,7 +147,7 @@ pub struct NoisePlan {
 
 impl NoisePlan {
     /// Counts false frames in noise alone and after clean traffic.
-    pub fn run(&self, plan: &Plan, makers: Makers) -> Vec<NoiseRow> {
+    pub fn run(&self, plan: &RunPlan, makers: Makers) -> Vec<NoiseRow> {
         let mut rows = Vec::new();
         for &pattern in &self.patterns {
             for warm in [false, true] {

@@ -61,7 +61,7 @@ impl Algorithm for Modlens {
     }
 
     fn run(&mut self, case: &Case) -> Vec<ReportedFrame> {
-        Run::new(case, *self).all(case)
+        ModlensRun::new(case, *self).all(case)
     }
 
     fn labels(&self) -> bool {
@@ -70,7 +70,7 @@ impl Algorithm for Modlens {
 }
 
 /// One run over a case.
-struct Run {
+struct ModlensRun {
     session: Session,
     bus: usize,
     live: bool,
@@ -82,7 +82,7 @@ struct Run {
     request_of_transaction: HashMap<u64, u64>,
 }
 
-impl Run {
+impl ModlensRun {
     /// A session with one bus that has the settings of the case.
     fn new(case: &Case, how: Modlens) -> Self {
         let live = how.live;

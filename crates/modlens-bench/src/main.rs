@@ -14,7 +14,7 @@ use modlens_bench::sim::bulk::{Bulk, Mixed};
 use modlens_bench::sim::case::{Case, Traffic};
 use modlens_bench::sim::output::{write_chunk_log, write_truth};
 use modlens_bench::sim::scenario::Scenario;
-use modlens_bench::speed::{self, Layer, Load};
+use modlens_bench::speed::{self, Load, MeasuredLayer};
 use modlens_bench::{baselines, tables};
 
 /// Bulk traffic is written in blocks of this size.
@@ -120,7 +120,8 @@ fn show_differences(options: &Options, differences: fn(&Case, &[ReportedFrame]) 
 fn show_speed(options: &Options) {
     let seed = options.plan.seeds[0];
     print("MB a CPU second, one thread; * where four times the bytes took more than six times as long\n");
-    let layers: Vec<Layer> = Layer::ALL.into_iter().filter(|layer| options.layer.is_none_or(|only| *layer == only)).collect();
+    let layers: Vec<MeasuredLayer> =
+        MeasuredLayer::ALL.into_iter().filter(|layer| options.layer.is_none_or(|only| *layer == only)).collect();
     let row =
         |name: &str, cells: Vec<String>| cells.iter().fold(format!("{name:<18}"), |row, cell| format!("{row}{cell:>13}")) + "\n";
     print(&row("", layers.iter().map(|layer| layer.name().to_owned()).collect()));

@@ -1,10 +1,10 @@
 //! The command line of the bench.
 
-use crate::accuracy::{NoisePlan, Plan};
+use crate::accuracy::{NoisePlan, RunPlan};
 use crate::sim::noise::Pattern;
 use crate::sim::scenario::{Scenario, HEADLINE};
 use crate::sim::tap::TapMode;
-use crate::speed::Layer;
+use crate::speed::MeasuredLayer;
 
 /// The text of `--help`.
 pub const HELP: &str = "\
@@ -38,7 +38,7 @@ modlens-bench scenarios            names of the scenarios
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The runs on simulated traffic.
-    pub plan: Plan,
+    pub plan: RunPlan,
     /// The runs on noise.
     pub noise: NoisePlan,
     /// The path or the stem of the files to write.
@@ -48,7 +48,7 @@ pub struct Options {
     /// Only loads with this text in their name are measured; `None` for all.
     pub only: Option<String>,
     /// The layer to measure; `None` for all.
-    pub layer: Option<Layer>,
+    pub layer: Option<MeasuredLayer>,
     /// Bulk traffic contains damage.
     pub dirty: bool,
 }
@@ -78,7 +78,7 @@ impl Options {
                 "--threads" => this.plan.threads = number(key, value)?,
                 "--out" => this.out = Some(value.clone()),
                 "--only" => this.only = Some(value.clone()),
-                "--layer" => this.layer = Some(Layer::named(value).ok_or_else(|| format!("{value} is no layer"))?),
+                "--layer" => this.layer = Some(MeasuredLayer::named(value).ok_or_else(|| format!("{value} is no layer"))?),
                 "--bytes" => this.bytes = number(key, value)?,
                 other => return Err(format!("{other} is no option; see --help")),
             }
@@ -94,7 +94,7 @@ impl Default for Options {
     fn default() -> Self {
         let headline = Scenario::all().take(HEADLINE.len()).collect();
         Self {
-            plan: Plan {
+            plan: RunPlan {
                 scenarios: headline,
                 modes: TapMode::ALL.to_vec(),
                 seeds: vec![1, 2, 3],

@@ -26,7 +26,7 @@ const MEAN_FRAME_BYTES: usize = 16;
 
 /// The layer of the core up to which bytes are processed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layer {
+pub enum MeasuredLayer {
     /// Framing: start, end and direction of frames.
     Framing,
     /// Framing, checks, pairing, statistics, and rows of transactions.
@@ -35,7 +35,7 @@ pub enum Layer {
     Everything,
 }
 
-impl Layer {
+impl MeasuredLayer {
     /// All layers.
     pub const ALL: [Self; 3] = [Self::Framing, Self::Transactions, Self::Everything];
 
@@ -220,7 +220,7 @@ fn rows(bytes: &[u8], everything: bool) -> u64 {
 
 /// The speed in MB per CPU second of this thread, the best of three runs, and whether four times the bytes take at most six
 /// times as long, which shows that the time is linear.
-pub fn rate(layer: Layer, bytes: &[u8]) -> (f64, bool) {
+pub fn rate(layer: MeasuredLayer, bytes: &[u8]) -> (f64, bool) {
     let best = |bytes: &[u8]| {
         let seconds = (0..3).map(|_| timed(|| layer.run(bytes)));
         seconds.fold(f64::MAX, f64::min)

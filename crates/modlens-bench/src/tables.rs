@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
-use crate::accuracy::{NoiseRow, Outcome, Plan};
+use crate::accuracy::{NoiseRow, RunOutcome, RunPlan};
 use crate::model::Label;
 use crate::score::Score;
 
 /// The table of one algorithm: a figure in percent for each scenario and tap mode.
-pub fn by_mode(plan: &Plan, outcome: &Outcome, algorithm: usize, title: &str, of: fn(&Score) -> f64) -> String {
+pub fn by_mode(plan: &RunPlan, outcome: &RunOutcome, algorithm: usize, title: &str, of: fn(&Score) -> f64) -> String {
     let mut text = format!("\n{}: {title}, percent\n{:<15}", outcome.names[algorithm], "");
     for mode in &plan.modes {
         write!(text, "{:>9}", mode.text()).expect("text can grow");
@@ -43,7 +43,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The table of totals over all scenarios and modes, one line per algorithm.
-pub fn totals(outcome: &Outcome) -> String {
+pub fn totals(outcome: &RunOutcome) -> String {
     let mut text = String::from(
         "\nall scenarios and modes, percent\n                recall  precision  direction  pair rec.  pair prec.    pair F1  located  loc.prec.  false/missed\n",
     );
@@ -65,7 +65,7 @@ pub fn totals(outcome: &Outcome) -> String {
 }
 
 /// The table of labels: precision and recall of each, by tap mode and in total.
-pub fn labels(plan: &Plan, outcome: &Outcome) -> String {
+pub fn labels(plan: &RunPlan, outcome: &RunOutcome) -> String {
     let mut text = String::new();
     for (at, name) in outcome.names.iter().enumerate().filter(|(at, _)| outcome.gives_labels[*at]) {
         write!(text, "\n{name}: what people act on, precision/recall, percent\n{:<14}", "").expect("text can grow");
@@ -87,7 +87,7 @@ pub fn labels(plan: &Plan, outcome: &Outcome) -> String {
 }
 
 /// The latency of live reports, one line per algorithm.
-pub fn latencies(outcome: &Outcome) -> String {
+pub fn latencies(outcome: &RunOutcome) -> String {
     let mut text = String::new();
     for (at, name) in outcome.names.iter().enumerate() {
         let latency = outcome.total(at, None).latency;

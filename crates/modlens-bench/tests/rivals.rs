@@ -1,6 +1,6 @@
 //! The rivals do as well as their kind does: figures of an independent implementation of the same simulator.
 
-use modlens_bench::accuracy::Plan;
+use modlens_bench::accuracy::RunPlan;
 use modlens_bench::baselines::{self, Colon, Length, Scan};
 use modlens_bench::reported::Algorithm;
 use modlens_bench::score::{false_frames, score};
@@ -25,7 +25,7 @@ const WANTED: [(&str, [f64; 4]); 9] = [
 
 #[test]
 fn the_rivals_are_as_good_as_elsewhere() {
-    let plan = Plan {
+    let plan = RunPlan {
         scenarios: WANTED.iter().map(|(name, _)| Scenario::named(name).unwrap()).collect(),
         modes: vec![TapMode::Exact, TapMode::Ftdi16],
         seeds: vec![11, 12, 13],

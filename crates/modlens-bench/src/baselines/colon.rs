@@ -1,7 +1,7 @@
 //! ASCII as the specification describes it: a colon begins a frame, CR LF ends it (2.5.2).
 
 use crate::baselines::lines::by_line;
-use crate::baselines::pairing::Pairing;
+use crate::baselines::pairing::RivalPairing;
 use crate::checksum::{crc, lrc};
 use crate::model::Framing;
 use crate::reported::{Algorithm, ReportedFrame};
@@ -32,7 +32,7 @@ impl Algorithm for Colon {
 }
 
 /// All frames of a line.
-fn find_frames(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
+fn find_frames(bytes: &[u8], line: u8, pairing: &mut RivalPairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut start = None;
     for (at, &byte) in bytes.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Frames by the rule of the specification: a silence ends a frame (serial line specification, 2.5.1.1).
 
 use crate::baselines::lines::is_rtu;
-use crate::baselines::pairing::{pair_lines, Pairing};
+use crate::baselines::pairing::{pair_lines, RivalPairing};
 use crate::checksum::crc_fits;
 use crate::reported::{Algorithm, ReportedFrame};
 use crate::score::score;
@@ -42,7 +42,7 @@ pub(crate) fn cut(case: &Case, threshold: f64) -> Vec<ReportedFrame> {
     if case.lines.len() > 1 {
         return pair_lines(pieces, bytes);
     }
-    let mut pairing = Pairing::default();
+    let mut pairing = RivalPairing::default();
     let paired = pieces.into_iter().map(|(_, mut frame)| {
         if frame.is_whole {
             pairing.assign(&bytes(&frame), &mut frame);

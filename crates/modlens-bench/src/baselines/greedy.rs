@@ -2,7 +2,7 @@
 
 use crate::baselines::layout::{request_length, response_length};
 use crate::baselines::lines::{by_line, is_rtu};
-use crate::baselines::pairing::Pairing;
+use crate::baselines::pairing::RivalPairing;
 use crate::checksum::{crc_fits, step};
 use crate::model::Direction;
 use crate::reported::{Algorithm, ReportedFrame};
@@ -59,7 +59,7 @@ impl Algorithm for Scan {
 }
 
 /// All frames of a line whose length the header predicts; the direction that the pairing expects is tried first.
-fn find_by_predicted_length(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
+fn find_by_predicted_length(bytes: &[u8], line: u8, pairing: &mut RivalPairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut at = 0;
     while at + MIN_FRAME_BYTES <= bytes.len() {
@@ -81,7 +81,7 @@ fn find_by_predicted_length(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Ve
 }
 
 /// All frames of a line, each of the shortest length that gives a valid CRC.
-fn find_by_all_lengths(bytes: &[u8], line: u8, pairing: &mut Pairing) -> Vec<ReportedFrame> {
+fn find_by_all_lengths(bytes: &[u8], line: u8, pairing: &mut RivalPairing) -> Vec<ReportedFrame> {
     let mut frames = Vec::new();
     let mut at = 0;
     while at + MIN_FRAME_BYTES <= bytes.len() {

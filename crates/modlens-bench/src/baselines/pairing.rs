@@ -14,12 +14,12 @@ struct Pending {
 
 /// Assigns directions and transactions by the outstanding request.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Pairing {
+pub(crate) struct RivalPairing {
     pending: Option<Pending>,
     txn: u64,
 }
 
-impl Pairing {
+impl RivalPairing {
     /// Whether a frame that begins with these bytes may be the response to the outstanding request.
     pub(crate) fn expects(&self, frame: &[u8]) -> bool {
         self.pending.is_some_and(|pending| {
@@ -56,7 +56,7 @@ impl Pairing {
 /// Assigns transactions to the frames of a two-line tap in the order of time, with requests on line 1 and responses on line 2.
 pub(crate) fn pair_lines(mut frames: Vec<(i64, ReportedFrame)>, bytes: impl Fn(&ReportedFrame) -> Vec<u8>) -> Vec<ReportedFrame> {
     frames.sort_by_key(|(time, _)| *time);
-    let mut pairing = Pairing::default();
+    let mut pairing = RivalPairing::default();
     let paired = frames.into_iter().map(|(_, mut frame)| {
         if frame.is_whole {
             let direction = if frame.line == 1 { Direction::Request } else { Direction::Response };

@@ -11,7 +11,7 @@ use crate::sim::damage::Damage;
 use crate::sim::reads::body;
 use crate::sim::registers::content;
 use crate::sim::requests::mask_padding;
-use crate::sim::tap::{Read, TapMode};
+use crate::sim::tap::{TapMode, TapRead};
 use crate::sim::truth::TruthFrame;
 
 /// The settings of the line from which the times follow.
@@ -225,7 +225,7 @@ impl Bulk {
         });
         let truth = truth.collect();
         let blocks = self.bytes.chunks(4096).enumerate();
-        let reads = blocks.map(|(at, block)| Read { time: None, length: block.len() as u32, order: at as i64 });
+        let reads = blocks.map(|(at, block)| TapRead { time: None, length: block.len() as u32, order: at as i64 });
         let reads = reads.collect();
         Case {
             name: "bulk".into(),

@@ -15,7 +15,7 @@ const VENDOR_CODES: [u8; 30] = [
 
 /// The bus.
 #[derive(Debug)]
-pub(crate) struct Bus {
+pub(crate) struct SimulatedBus {
     pub(crate) settings: Settings,
     pub(crate) slaves: Vec<Slave>,
     pub(crate) poll: Vec<PollItem>,
@@ -24,7 +24,7 @@ pub(crate) struct Bus {
     pub(crate) turn: usize,
 }
 
-impl Bus {
+impl SimulatedBus {
     pub(crate) fn new(scenario: &Scenario, rng: &mut Rng) -> Self {
         let settings = settings(scenario.framing, rng);
         let slaves = slaves(scenario, rng);

@@ -6,7 +6,7 @@ use crate::model::{Framing, Label, Settings};
 use crate::rng::Rng;
 use crate::sim::master::Simulation;
 use crate::sim::scenario::Scenario;
-use crate::sim::tap::{Read, TapMode};
+use crate::sim::tap::{TapMode, TapRead};
 use crate::sim::truth::{truth, Loss, TruthFrame};
 
 /// The bytes of one line.
@@ -47,7 +47,7 @@ pub struct CaseLine {
     /// The bytes.
     pub bytes: Vec<u8>,
     /// The reads in which they were delivered.
-    pub reads: Vec<Read>,
+    pub reads: Vec<TapRead>,
 }
 
 /// The input of an algorithm, with the truth by which it is scored.
@@ -192,7 +192,7 @@ impl Case {
 /// Looks up the times of reads; the offsets of successive calls must not decrease.
 #[derive(Clone, Debug)]
 pub struct ReadTimes<'a> {
-    reads: &'a [Read],
+    reads: &'a [TapRead],
     end: u64,
     time: Option<i64>,
 }

@@ -62,14 +62,14 @@ impl Slot {
 
 /// The characters of a frame, after the damage.
 #[derive(Debug)]
-pub(crate) struct DamagedFrame {
+pub(crate) struct DamagedTransmission {
     pub(crate) slots: Vec<Slot>,
     pub(crate) damage: Damage,
     /// It was damaged on the line already, so its receiver drops it, too.
     pub(crate) is_damaged_on_line: bool,
 }
 
-impl DamagedFrame {
+impl DamagedTransmission {
     /// The frame with the random damage of a scenario.
     pub(crate) fn new(frame: &[u8], scenario: &Scenario, rng: &mut Rng) -> Self {
         let slots = frame.iter().enumerate().map(|(index, &value)| Slot { index: Some(index as u16), ..Slot::stray(value) });

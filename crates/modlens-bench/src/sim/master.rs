@@ -4,11 +4,11 @@
 use crate::checksum::{ascii, rtu};
 use crate::model::{Direction, Framing};
 use crate::rng::Rng;
-use crate::sim::bus::Bus;
+use crate::sim::bus::SimulatedBus;
 use crate::sim::damage::Damage;
 use crate::sim::requests::PlannedRequest;
 use crate::sim::scenario::Scenario;
-use crate::sim::wire::{RequestOutcome, Role, SentFrame, Wire};
+use crate::sim::wire::{FrameRole, RequestOutcome, SentFrame, Wire};
 
 /// How often a master repeats a request without response.
 const MAX_RETRIES: usize = 2;
@@ -28,7 +28,7 @@ struct LateResponse {
 /// A simulation in progress.
 pub(crate) struct Simulation<'a> {
     scenario: &'a Scenario,
-    bus: Bus,
+    bus: SimulatedBus,
     pub(crate) wire: Wire,
     rng: Rng,
     /// The silence in ns before the next request, if it is not the usual one.
@@ -41,7 +41,7 @@ impl<'a> Simulation<'a> {
     /// Runs the simulation until so many frames were sent.
     pub(crate) fn new(scenario: &'a Scenario, seed: u64, frames: usize) -> Self {
         let mut rng = Rng::new(seed, scenario.name);
-        let bus = Bus::new(scenario, &mut rng);
+        let bus = SimulatedBus::new(scenario, &mut rng);
         let wire = Wire::new(bus.settings, scenario);
         let mut this = Self { scenario, bus, wire, rng, wait: None, transactions: 0, overlaps: 0 };
         while this.wire.frames.len() < frames {
@@ -74,7 +74,7 @@ impl<'a> Simulation<'a> {
 
     /// Simulates a request, its response, and the retries if there is none.
     fn exchange(&mut self, planned: &PlannedRequest) {
-        let mut role = Role::Request;
+        let mut role = FrameRole::Request;
         let mut overdue: Option<LateResponse> = None;
         for _ in 0..=MAX_RETRIES {
             let (request, is_received) = self.request(planned, role, 0);
@@ -86,7 +86,7 @@ impl<'a> Simulation<'a> {
             };
             let in_time = is_received && !self.rng.chance(self.scenario.timeout);
             if let Some(late) = overdue.take() {
-                let role = Role::Late { old: late.request, now: request };
+                let role = FrameRole::Late { old: late.request, now: request };
                 self.response(slave, planned.unit, &late.pdu, role, 0);
                 if in_time {
                     self.answer(planned, slave, request);
@@ -101,7 +101,7 @@ impl<'a> Simulation<'a> {
                 overdue = Some(LateResponse { request, pdu });
             }
             self.wait = Some(RESPONSE_TIMEOUT_NS * self.rng.uniform(0.95, 1.05));
-            role = Role::Retry(request);
+            role = FrameRole::Retry(request);
         }
     }
 
@@ -111,12 +111,12 @@ impl<'a> Simulation<'a> {
         let overlap_id = self.overlaps;
         let second = self.bus.other_request(first.unit, &mut self.rng);
         let mut asked = Vec::new();
-        let mut role = Role::Request;
+        let mut role = FrameRole::Request;
         for planned in [first, &second] {
             let (request, is_received) = self.request(planned, role, overlap_id);
             let slave = planned.slave.expect("only requests to one slave meet");
             asked.push((request, is_received, planned, slave));
-            role = Role::Intruder(request);
+            role = FrameRole::Intruder(request);
             let answer = self.bus.slaves[slave].response_time_ns;
             self.wait = Some((answer * self.rng.uniform(0.2, 0.7)).max(self.shortest()));
         }
@@ -127,7 +127,7 @@ impl<'a> Simulation<'a> {
         for (request, is_received, planned, slave) in asked {
             if is_received {
                 let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
-                let answer = self.response(slave, planned.unit, &pdu, Role::Response(request), overlap_id);
+                let answer = self.response(slave, planned.unit, &pdu, FrameRole::Response(request), overlap_id);
                 self.wire.frames[request].outcome = RequestOutcome::Response(answer);
             } else {
                 self.wait = Some(RESPONSE_TIMEOUT_NS * self.rng.uniform(0.95, 1.05));
@@ -136,14 +136,14 @@ impl<'a> Simulation<'a> {
     }
 
     /// Sends a request and its local echo, if there is one; returns the index of the frame and whether the slave can read it.
-    fn request(&mut self, planned: &PlannedRequest, role: Role, overlap_id: u32) -> (usize, bool) {
+    fn request(&mut self, planned: &PlannedRequest, role: FrameRole, overlap_id: u32) -> (usize, bool) {
         let silence = self.wait.take().unwrap_or_else(|| self.silence(REQUEST_DELAY_NS, 0.6));
         self.transactions += 1;
         let txn = self.transactions;
         let mut sent = self.frame(planned.unit, &planned.pdu, Direction::Request, role, false);
         (sent.txn, sent.overlap_id) = (txn, overlap_id);
         let request = self.wire.frames.len();
-        let copy = SentFrame { role: Role::Echo(request), ..sent.clone() };
+        let copy = SentFrame { role: FrameRole::Echo(request), ..sent.clone() };
         let is_received = self.wire.transmit(silence, sent, self.scenario, &mut self.rng);
         if self.rng.chance(self.scenario.echo) {
             self.wire.transmit(0.0, copy, self.scenario, &mut self.rng);
@@ -156,19 +156,19 @@ impl<'a> Simulation<'a> {
         let pdu = self.bus.respond(slave, &planned.pdu, self.scenario, &mut self.rng);
         if self.rng.chance(self.scenario.wrong_unit) {
             let unit = self.other_unit(planned.unit);
-            self.response(slave, unit, &pdu, Role::WrongUnit(request), 0);
+            self.response(slave, unit, &pdu, FrameRole::WrongUnit(request), 0);
             self.wire.frames[request].outcome = RequestOutcome::WrongUnit;
             return false;
         }
-        let answer = self.response(slave, planned.unit, &pdu, Role::Response(request), 0);
+        let answer = self.response(slave, planned.unit, &pdu, FrameRole::Response(request), 0);
         self.wire.frames[request].outcome = RequestOutcome::Response(answer);
         if self.rng.chance(self.scenario.dup_reply) {
-            self.response(slave, planned.unit, &pdu, Role::Duplicate(answer), 0);
+            self.response(slave, planned.unit, &pdu, FrameRole::Duplicate(answer), 0);
         }
         true
     }
 
-    fn response(&mut self, slave: usize, unit: u8, pdu: &[u8], role: Role, overlap_id: u32) -> usize {
+    fn response(&mut self, slave: usize, unit: u8, pdu: &[u8], role: FrameRole, overlap_id: u32) -> usize {
         let response_time_ns = self.bus.slaves[slave].response_time_ns;
         let silence = self.silence(response_time_ns, 0.5);
         let lower_case = self.bus.slaves[slave].lower_case;
@@ -181,7 +181,7 @@ impl<'a> Simulation<'a> {
     }
 
     /// A frame that is ready to be sent, without transaction.
-    fn frame(&self, unit: u8, pdu: &[u8], direction: Direction, role: Role, lower_case: bool) -> SentFrame {
+    fn frame(&self, unit: u8, pdu: &[u8], direction: Direction, role: FrameRole, lower_case: bool) -> SentFrame {
         SentFrame {
             wire: match self.scenario.framing {
                 Framing::Rtu => rtu(unit, pdu),

@@ -4,7 +4,7 @@ use crate::model::Framing;
 use crate::rng::Rng;
 use crate::sim::case::{Case, CaseLine, Traffic, TrafficLine};
 use crate::sim::scenario::Scenario;
-use crate::sim::tap::{Read, TapMode};
+use crate::sim::tap::{TapMode, TapRead};
 use crate::sim::uart::receive_with_wrong_settings;
 
 /// The number of frames of clean traffic before the noise of a warm run.
@@ -138,7 +138,7 @@ fn untimed(traffic: Traffic, noise: Vec<u8>) -> Case {
     bytes.extend(noise);
     let reads = (0..bytes.len()).step_by(4096).map(|at| {
         let length = (bytes.len() - at).min(4096) as u32;
-        Read { time: None, length, order: at as i64 }
+        TapRead { time: None, length, order: at as i64 }
     });
     let reads = reads.collect();
     Case {

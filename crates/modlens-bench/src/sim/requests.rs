@@ -2,7 +2,7 @@
 
 use crate::checksum::rtu;
 use crate::rng::Rng;
-use crate::sim::bus::Bus;
+use crate::sim::bus::SimulatedBus;
 use crate::sim::reads::{address, bits, body, read, registers};
 use crate::sim::registers::{anything, draw, payload};
 use crate::sim::scenario::Scenario;
@@ -44,7 +44,7 @@ pub(crate) struct PlannedRequest {
     pub(crate) slave: Option<usize>,
 }
 
-impl Bus {
+impl SimulatedBus {
     /// The next request.
     pub(crate) fn next_request(&mut self, scenario: &Scenario, rng: &mut Rng) -> PlannedRequest {
         if rng.chance(BROADCAST_SHARE) {

@@ -1,7 +1,7 @@
 //! The responses of the slaves (application protocol, section 6).
 
 use crate::rng::Rng;
-use crate::sim::bus::Bus;
+use crate::sim::bus::SimulatedBus;
 use crate::sim::registers::{anything, character, draw, COILS};
 use crate::sim::requests::mask_padding;
 use crate::sim::scenario::Scenario;
@@ -13,7 +13,7 @@ const EXCEPTIONS: [u8; 12] = [1, 2, 2, 2, 3, 3, 4, 5, 6, 8, 10, 11];
 /// The most registers of a response.
 const MAX_REGISTERS: u16 = 125;
 
-impl Bus {
+impl SimulatedBus {
     /// The PDU of a slave's response to a request.
     pub(crate) fn respond(&mut self, slave: usize, request: &[u8], scenario: &Scenario, rng: &mut Rng) -> Vec<u8> {
         let code = request[0];

@@ -26,7 +26,7 @@ pub enum TapMode {
 
 /// The bytes of one read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Read {
+pub struct TapRead {
     /// When the read returned, in ns, which is never before the stop bit of its last byte; `None` without times.
     pub time: Option<i64>,
     /// The number of bytes.
@@ -70,7 +70,7 @@ impl TapMode {
     }
 
     /// The reads that deliver characters with these times.
-    pub fn reads(self, times: &[i64], settings: Settings, rng: &mut Rng) -> Vec<Read> {
+    pub fn reads(self, times: &[i64], settings: Settings, rng: &mut Rng) -> Vec<TapRead> {
         let char_ns = settings.char_ns();
         let idle = |ms: f64, chars: f64| (ms * 1e6).max(chars * char_ns) as i64;
         let host = |jitter, stalls, low, high| HostDelays { jitter, stalls, stall: (low, high) };
@@ -88,8 +88,8 @@ impl TapMode {
     }
 }
 
-fn read(time: i64, length: usize) -> Read {
-    Read { time: Some(time), length: length as u32, order: time }
+fn read(time: i64, length: usize) -> TapRead {
+    TapRead { time: Some(time), length: length as u32, order: time }
 }
 
 /// A time rounded up to whole microseconds.
@@ -97,13 +97,13 @@ fn micros(time: i64) -> i64 {
     (time + 999) / 1000 * 1000
 }
 
-fn untimed(times: &[i64]) -> Vec<Read> {
+fn untimed(times: &[i64]) -> Vec<TapRead> {
     let blocks = times.chunks(4096);
-    blocks.map(|block| Read { time: None, length: block.len() as u32, order: block[block.len() - 1] }).collect()
+    blocks.map(|block| TapRead { time: None, length: block.len() as u32, order: block[block.len() - 1] }).collect()
 }
 
 /// One read per millisecond with everything since the last one.
-fn polled(times: &[i64], rng: &mut Rng) -> Vec<Read> {
+fn polled(times: &[i64], rng: &mut Rng) -> Vec<TapRead> {
     let mut reads = Vec::new();
     let mut at = 0;
     while at < times.len() {
@@ -172,8 +172,8 @@ fn packets(times: &[i64], full: usize, idle: i64) -> Transfers {
 }
 
 /// The reads of the host, which sees transfers late and sometimes very late. Transfers that it sees at once are one read.
-fn delayed_by_host(transfers: &Transfers, host: &HostDelays, rng: &mut Rng) -> Vec<Read> {
-    let mut reads: Vec<Read> = Vec::new();
+fn delayed_by_host(transfers: &Transfers, host: &HostDelays, rng: &mut Rng) -> Vec<TapRead> {
+    let mut reads: Vec<TapRead> = Vec::new();
     for &(time, length) in transfers {
         let mut ms = rng.exponential(host.jitter);
         if rng.chance(host.stalls) {

@@ -3,7 +3,7 @@
 
 use crate::model::{Direction, Framing, Label, Labels};
 use crate::sim::damage::Damage;
-use crate::sim::wire::{RequestOutcome, Role, SentFrame, Wire, NO_FRAME};
+use crate::sim::wire::{FrameRole, RequestOutcome, SentFrame, Wire, NO_FRAME};
 
 /// A frame of which at least one byte was delivered.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ pub type Loss = (u8, u64);
 
 /// The position and the condition of a frame in the recording.
 #[derive(Clone, Copy, Debug, Default)]
-struct Span {
+struct RecordedSpan {
     start: u64,
     end: u64,
     delivered: usize,
@@ -61,7 +61,7 @@ struct Span {
     lost: bool,
 }
 
-impl Span {
+impl RecordedSpan {
     fn is_whole(&self, sent: &SentFrame) -> bool {
         !self.modified && self.delivered == sent.wire.len() && self.is_contiguous()
     }
@@ -88,8 +88,8 @@ fn line_id(line: usize, lines: usize) -> u8 {
 }
 
 /// The position and condition of every sent frame, and the places where bytes are missing.
-fn spans(wire: &Wire) -> (Vec<Span>, Vec<Loss>) {
-    let mut spans = vec![Span::default(); wire.frames.len()];
+fn spans(wire: &Wire) -> (Vec<RecordedSpan>, Vec<Loss>) {
+    let mut spans = vec![RecordedSpan::default(); wire.frames.len()];
     let mut losses = Vec::new();
     for (line, bytes) in wire.lines.iter().enumerate() {
         let id = line_id(line, wire.lines.len());
@@ -124,7 +124,7 @@ fn spans(wire: &Wire) -> (Vec<Span>, Vec<Loss>) {
 /// The sent frames with their positions, from which the truth about each is derived.
 struct TruthBuilder<'a> {
     sent: &'a [SentFrame],
-    spans: &'a [Span],
+    spans: &'a [RecordedSpan],
     losses: &'a [Loss],
     lines: usize,
     framing: Framing,
@@ -138,8 +138,8 @@ impl TruthBuilder<'_> {
         let complete = !span.modified && span.body + 2 == sent.wire.len() && span.is_contiguous();
         let (labels, maybe) = if valid { self.labels(at) } else { damaged_labels(sent, span) };
         let old = match sent.role {
-            Role::Late { old, .. } => Some(self.sent[old].txn),
-            Role::Response(_) => self.late_before(at).map(|old| self.sent[old].txn),
+            FrameRole::Late { old, .. } => Some(self.sent[old].txn),
+            FrameRole::Response(_) => self.late_before(at).map(|old| self.sent[old].txn),
             _ => None,
         };
         TruthFrame {
@@ -154,8 +154,8 @@ impl TruthBuilder<'_> {
             alternative_txn: old,
             valid,
             is_unscored: self.framing == Framing::Ascii && !valid && complete,
-            echo: matches!(sent.role, Role::Echo(_)),
-            needs_no_pair: matches!(sent.role, Role::WrongUnit(_) | Role::Duplicate(_)),
+            echo: matches!(sent.role, FrameRole::Echo(_)),
+            needs_no_pair: matches!(sent.role, FrameRole::WrongUnit(_) | FrameRole::Duplicate(_)),
             labels,
             allowed_labels: maybe,
             overlap_id: sent.overlap_id,
@@ -171,11 +171,11 @@ impl TruthBuilder<'_> {
     fn labels(&self, at: usize) -> (Labels, Labels) {
         let sent = &self.sent[at];
         let mut rules = LabelRules::default();
-        if sent.direction == Direction::Request && !matches!(sent.role, Role::Echo(_)) {
+        if sent.direction == Direction::Request && !matches!(sent.role, FrameRole::Echo(_)) {
             self.request_labels(at, &mut rules);
         }
         match sent.role {
-            Role::Retry(before) => {
+            FrameRole::Retry(before) => {
                 let seen = self.valid(before) && !self.loss_between(before, at);
                 let silent = match self.sent[before].outcome {
                     RequestOutcome::WrongUnit => self.valid(before + 1) && !self.mirrors(before, before + 1),
@@ -183,37 +183,40 @@ impl TruthBuilder<'_> {
                 };
                 rules.require_if(Label::Retry, seen && silent);
             }
-            Role::Echo(original) => rules.require_if(Label::Echo, self.valid(original)),
-            Role::WrongUnit(request) => {
+            FrameRole::Echo(original) => rules.require_if(Label::Echo, self.valid(original)),
+            FrameRole::WrongUnit(request) => {
                 // A write response from another unit that repeats the request may as well be the same request to that unit.
                 let mirrors = self.mirrors(request, at);
                 rules.require_if(Label::WrongUnit, self.valid(request) && !mirrors);
                 rules.allow_if(Label::NoResponse, mirrors);
             }
-            Role::Duplicate(first) => {
+            FrameRole::Duplicate(first) => {
                 // Three equal frames may as well be a request, its retry and the response.
                 let equal = self.echoes(first);
                 rules.require_if(Label::Duplicate, self.valid(first) && !equal);
                 rules.allow_if(Label::Retry, equal);
                 // After a retry it may as well be the response to the first request.
-                let Role::Response(request) = self.sent[first].role else { return (rules.required, rules.allowed) };
-                rules.allow_if(Label::Late, matches!(self.sent[request].role, Role::Retry(_)));
+                let FrameRole::Response(request) = self.sent[first].role else { return (rules.required, rules.allowed) };
+                rules.allow_if(Label::Late, matches!(self.sent[request].role, FrameRole::Retry(_)));
             }
-            Role::Late { old, now } => {
+            FrameRole::Late { old, now } => {
                 // A single response after two equal requests looks like the response to the second one.
                 let both = matches!(self.sent[now].outcome, RequestOutcome::Response(own) if self.valid(own));
                 rules.require_if(Label::Late, both && self.valid(old) && self.valid(now));
             }
-            Role::Response(_) => {
+            FrameRole::Response(_) => {
                 rules.allow_if(Label::Retry, self.echoes(at) && self.is_doubled(at));
                 rules.allow_if(Label::Late, self.late_before(at).is_some());
                 // The late response and the response to the retry, if they are equal, may as well be one response sent twice.
                 rules.allow_if(Label::Duplicate, self.late_before(at).is_some() && self.sent[at - 1].wire == self.sent[at].wire);
             }
-            Role::Request | Role::Intruder(_) => {}
+            FrameRole::Request | FrameRole::Intruder(_) => {}
         }
         if sent.overlap_id > 0 {
-            rules.require_if(Label::TwoMasters, matches!(sent.role, Role::Intruder(_)) && self.overlap_is_whole(sent.overlap_id));
+            rules.require_if(
+                Label::TwoMasters,
+                matches!(sent.role, FrameRole::Intruder(_)) && self.overlap_is_whole(sent.overlap_id),
+            );
         }
         (rules.required, rules.allowed)
     }
@@ -232,7 +235,7 @@ impl TruthBuilder<'_> {
         }
         // A request may by chance equal the one before, whose response was not recorded.
         let before = self.sent[..at].iter().rposition(|other| other.direction == Direction::Request);
-        if let (Role::Request, Some(before)) = (sent.role, before) {
+        if let (FrameRole::Request, Some(before)) = (sent.role, before) {
             let answered = matches!(self.sent[before].outcome, RequestOutcome::Response(answer) if self.valid(answer));
             rules.allow_if(Label::Retry, !answered && self.sent[before].wire == sent.wire);
         }
@@ -240,9 +243,9 @@ impl TruthBuilder<'_> {
 
     /// Whether the frame after a request without response shows that there was none.
     fn silence_is_clear(&self, at: usize) -> bool {
-        let next = (at + 1..self.sent.len()).find(|&next| self.sent[next].role != Role::Echo(at));
+        let next = (at + 1..self.sent.len()).find(|&next| self.sent[next].role != FrameRole::Echo(at));
         next.is_some_and(|next| {
-            let late = matches!(self.sent[next].role, Role::Late { .. });
+            let late = matches!(self.sent[next].role, FrameRole::Late { .. });
             !late && self.valid(next) && !self.loss_between(at, next)
         })
     }
@@ -256,7 +259,7 @@ impl TruthBuilder<'_> {
     /// Whether this response equals its request.
     fn echoes(&self, answer: usize) -> bool {
         match self.sent[answer].role {
-            Role::Response(request) => self.sent[request].wire == self.sent[answer].wire,
+            FrameRole::Response(request) => self.sent[request].wire == self.sent[answer].wire,
             _ => false,
         }
     }
@@ -264,7 +267,7 @@ impl TruthBuilder<'_> {
     /// The request that timed out and whose late response stands directly before this response.
     fn late_before(&self, answer: usize) -> Option<usize> {
         match self.sent[answer - 1].role {
-            Role::Late { old, .. } => Some(old),
+            FrameRole::Late { old, .. } => Some(old),
             _ => None,
         }
     }
@@ -282,7 +285,7 @@ impl TruthBuilder<'_> {
     }
 
     fn is_doubled(&self, answer: usize) -> bool {
-        self.sent.get(answer + 1).is_some_and(|next| next.role == Role::Duplicate(answer))
+        self.sent.get(answer + 1).is_some_and(|next| next.role == FrameRole::Duplicate(answer))
     }
 
     /// Whether both requests and both responses of an overlap of two masters were recorded whole.
@@ -293,7 +296,7 @@ impl TruthBuilder<'_> {
 }
 
 /// The required and the allowed labels of a frame that was not recorded whole.
-fn damaged_labels(sent: &SentFrame, span: &Span) -> (Labels, Labels) {
+fn damaged_labels(sent: &SentFrame, span: &RecordedSpan) -> (Labels, Labels) {
     let mut rules = LabelRules::default();
     let damage = &sent.damage;
     if span.lost {

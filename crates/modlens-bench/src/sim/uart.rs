@@ -4,7 +4,7 @@ use crate::model::Settings;
 
 /// A change of the line's level.
 #[derive(Clone, Copy, Debug)]
-struct Edge {
+struct LevelChange {
     time: f64,
     is_high: bool,
 }
@@ -16,9 +16,9 @@ pub(crate) fn receive_with_wrong_settings(chars: &[(u8, i64)], sender: Settings,
 }
 
 /// The level changes that a sender makes on the line.
-fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
+fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<LevelChange> {
     let bit_ns = 1e9 / f64::from(sender.baud);
-    let mut edges: Vec<Edge> = Vec::with_capacity(6 * chars.len());
+    let mut edges: Vec<LevelChange> = Vec::with_capacity(6 * chars.len());
     // The idle line is high.
     let mut is_high = true;
     for &(value, end) in chars {
@@ -34,7 +34,7 @@ fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
             };
             if level != is_high {
                 is_high = level;
-                edges.push(Edge { time: start + f64::from(bit) * bit_ns, is_high: is_high != inverted });
+                edges.push(LevelChange { time: start + f64::from(bit) * bit_ns, is_high: is_high != inverted });
             }
         }
     }
@@ -43,7 +43,7 @@ fn edges(chars: &[(u8, i64)], sender: Settings, inverted: bool) -> Vec<Edge> {
 
 /// Decodes edges like a UART: a falling edge begins a character, each bit is sampled in its middle, and a wrong stop bit is
 /// ignored.
-fn receive(edges: &[Edge], bit_ns: f64) -> Vec<(u8, i64)> {
+fn receive(edges: &[LevelChange], bit_ns: f64) -> Vec<(u8, i64)> {
     let mut received = Vec::new();
     let mut at = 0;
     while at < edges.len() {

@@ -2,7 +2,7 @@
 
 use crate::model::{Direction, Framing, Settings};
 use crate::rng::Rng;
-use crate::sim::damage::{Damage, DamagedFrame, Slot};
+use crate::sim::damage::{Damage, DamagedTransmission, Slot};
 use crate::sim::scenario::Scenario;
 
 /// The owner of a character that belongs to no frame.
@@ -28,7 +28,7 @@ pub(crate) struct Byte {
 
 /// Why a frame was sent. The numbers are indices of other frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
+pub(crate) enum FrameRole {
     Request,
     /// A repetition of this request.
     Retry(usize),
@@ -49,7 +49,7 @@ pub(crate) enum Role {
     },
 }
 
-impl Role {
+impl FrameRole {
     /// The earlier frame to which this one refers; they share a transaction unless this one is a request.
     pub(crate) fn earlier(self) -> Option<usize> {
         match self {
@@ -89,7 +89,7 @@ pub(crate) struct SentFrame {
     /// Function code as sent.
     pub(crate) code: u8,
     pub(crate) txn: u32,
-    pub(crate) role: Role,
+    pub(crate) role: FrameRole,
     pub(crate) outcome: RequestOutcome,
     pub(crate) damage: Damage,
     /// Number of the overlap of two masters' transactions that it is part of, from 1; 0 for none.
@@ -129,7 +129,7 @@ impl Wire {
             self.noise_in_silence(line, silence, rng);
         }
         self.now = self.now.max(begin);
-        let damaged = DamagedFrame::new(&sent.wire, scenario, rng);
+        let damaged = DamagedTransmission::new(&sent.wire, scenario, rng);
         for slot in &damaged.slots {
             self.put(line, owner, slot);
         }

@@ -13,7 +13,7 @@ pub const RATE: f64 = 1e9;
 const FINAL_HOLD_NS: u64 = 100_000_000;
 
 /// A longer line is no row.
-const MAX_LINE_BYTES: usize = 1 << 16;
+const MAX_ROW_BYTES: usize = 1 << 16;
 
 /// Finds the level changes in text that arrives in blocks cut anywhere.
 #[derive(Debug, Default)]
@@ -43,7 +43,7 @@ impl LevelTable {
             }
             block = &block[end + 1..];
         }
-        if self.carry.len() < MAX_LINE_BYTES {
+        if self.carry.len() < MAX_ROW_BYTES {
             self.carry.extend_from_slice(block);
         }
     }

@@ -8,7 +8,7 @@ use foldhash::fast::RandomState;
 use crate::pcap::classify::{classify, BufferedChunk, Classification};
 use crate::pcap::event::{Event, Repetition, SkipCounts};
 use crate::pcap::net::{Endpoint, Segment};
-use crate::pcap::stream::{ArrivedSegment, Outcome, Stream, StreamChunk};
+use crate::pcap::stream::{ArrivedSegment, SegmentOutcome, Stream, StreamChunk, MAX_DUPLICATE_DELAY_NS};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
@@ -117,9 +117,6 @@ pub struct ConnectionTable {
 
 /// How many datagrams of a connection are remembered to recognise duplicates.
 const REMEMBERED_DATAGRAMS: usize = 8;
-
-/// A datagram without IP identification that repeats another one within this time was captured twice.
-const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
 
 impl ConnectionTable {
     /// A table of connections that expects Modbus on these ports.
@@ -247,7 +244,7 @@ impl Connection {
     fn segment(&mut self, arrival: &ArrivedSegment<'_>, context: &mut CaptureContext<'_, '_>) {
         let conversation = &mut self.conversation;
         let mut outcome = self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context));
-        if outcome == Outcome::OtherConnection {
+        if outcome == SegmentOutcome::OtherConnection {
             self.restart(context);
             let conversation = &mut self.conversation;
             outcome = self.stream.take(arrival, &mut |chunk| conversation.take_bytes(chunk, context));
@@ -272,7 +269,7 @@ impl Connection {
             *other == side && *id == ident && (ident.is_some() || soon()) && bytes == it.payload
         });
         if is_duplicate {
-            return self.conversation.note_repetition(Outcome::Duplicate, packet, time, context);
+            return self.conversation.note_repetition(SegmentOutcome::Duplicate, packet, time, context);
         }
         if self.datagrams.len() == REMEMBERED_DATAGRAMS {
             self.datagrams.remove(0);
@@ -314,16 +311,16 @@ impl Conversation {
     }
 
     /// Counts a duplicate or a retransmission, and reports it: of the duplicates of a connection only the first.
-    fn note_repetition(&mut self, outcome: Outcome, packet: u64, time: Option<Ns>, context: &mut CaptureContext<'_, '_>) {
+    fn note_repetition(&mut self, outcome: SegmentOutcome, packet: u64, time: Option<Ns>, context: &mut CaptureContext<'_, '_>) {
         let kind = match outcome {
-            Outcome::Duplicate => {
+            SegmentOutcome::Duplicate => {
                 context.skipped.duplicates += 1;
                 if std::mem::replace(&mut self.has_reported_duplicates, true) {
                     return;
                 }
                 Repetition::Duplicate
             }
-            Outcome::Retransmission => {
+            SegmentOutcome::Retransmission => {
                 context.skipped.retransmissions += 1;
                 Repetition::Retransmission
             }

@@ -19,9 +19,9 @@ const MAX_WAIT_NS: Ns = 5_000_000_000;
 /// A sequence number this far from the expected one belongs to another connection between the same ports.
 const MAX_SEQUENCE_DISTANCE: i32 = 1 << 24;
 
-/// Where the IP header has no identification, a segment that is repeated within this time was captured twice: no sender
+/// Where the IP header has no identification, a segment or datagram that is repeated within this time was captured twice: no sender
 /// retransmits so quickly.
-const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
+pub(super) const MAX_DUPLICATE_DELAY_NS: Ns = 2_000_000;
 
 /// After so many runs of missing bytes without any data between them, a side counts as not captured, and its sequence
 /// numbers are no longer waited for.
@@ -32,7 +32,7 @@ const RECENT_SEGMENTS: usize = 8;
 
 /// What `Stream::take` has done with a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum SegmentOutcome {
     /// It brought new bytes, which were delivered or wait for others.
     New,
     /// It has no payload.
@@ -83,7 +83,7 @@ pub struct ArrivedSegment<'a> {
 
 /// What a segment is recognised by when it comes again.
 #[derive(Clone, Copy, Debug, Default)]
-struct Fingerprint {
+struct SegmentFingerprint {
     start: u32,
     length: u32,
     ident: Option<u16>,
@@ -102,7 +102,7 @@ struct StreamDirection {
     /// Runs of missing bytes since the last data.
     losses_without_data: u8,
     /// A ring of the last segments.
-    recent: [Fingerprint; RECENT_SEGMENTS],
+    recent: [SegmentFingerprint; RECENT_SEGMENTS],
     /// Index in `recent` of the next one to be replaced.
     oldest: usize,
 }
@@ -135,26 +135,26 @@ fn ahead(a: u32, b: u32) -> i32 {
 
 impl Stream {
     /// Takes a segment; `each` is called with all bytes that are in order now.
-    pub fn take(&mut self, it: &ArrivedSegment<'_>, each: &mut dyn FnMut(StreamChunk<'_>)) -> Outcome {
+    pub fn take(&mut self, it: &ArrivedSegment<'_>, each: &mut dyn FnMut(StreamChunk<'_>)) -> SegmentOutcome {
         let side = &mut self.sides[it.side];
         let start = it.tcp.sequence.wrapping_add(u32::from(it.tcp.syn));
         let next = *side.next.get_or_insert(start);
         let distance = ahead(start, next);
         if distance.abs() > MAX_SEQUENCE_DISTANCE {
-            return Outcome::OtherConnection;
+            return SegmentOutcome::OtherConnection;
         }
         if it.tcp.fin {
             side.end = Some(start.wrapping_add(it.length as u32));
         }
-        let mut outcome = Outcome::Empty;
+        let mut outcome = SegmentOutcome::Empty;
         if it.length > 0 {
             outcome = side.check_and_remember(it, start);
-            if outcome == Outcome::New && ahead(start.wrapping_add(it.length as u32), next) <= 0 {
+            if outcome == SegmentOutcome::New && ahead(start.wrapping_add(it.length as u32), next) <= 0 {
                 // A single byte before the expected one is a keep-alive probe (RFC 9293, 3.8.4).
-                outcome = if it.length == 1 && distance == -1 { Outcome::Empty } else { Outcome::Retransmission };
+                outcome = if it.length == 1 && distance == -1 { SegmentOutcome::Empty } else { SegmentOutcome::Retransmission };
             }
         }
-        if outcome == Outcome::New {
+        if outcome == SegmentOutcome::New {
             if self.waiting.is_empty() && distance <= 0 && !self.is_blocked(it.side, it.tcp.acknowledged) {
                 self.deliver(it.side, start, it.payload, it.length, (it.packet, it.time), each);
             } else {
@@ -294,30 +294,30 @@ impl Stream {
 
 impl StreamDirection {
     /// Whether this segment is new, a duplicate of the capture or a retransmission; it is remembered for the next ones.
-    fn check_and_remember(&mut self, it: &ArrivedSegment<'_>, start: u32) -> Outcome {
-        let this = Fingerprint { start, length: it.length as u32, ident: it.ident.filter(|&id| id != 0), time: it.time };
-        let same = |old: &&Fingerprint| (old.start, old.length) == (this.start, this.length);
+    fn check_and_remember(&mut self, it: &ArrivedSegment<'_>, start: u32) -> SegmentOutcome {
+        let this = SegmentFingerprint { start, length: it.length as u32, ident: it.ident.filter(|&id| id != 0), time: it.time };
+        let same = |old: &&SegmentFingerprint| (old.start, old.length) == (this.start, this.length);
         let outcome = match self.recent.iter().rfind(same) {
             None => return self.remember(this),
             Some(old) if old.ident.is_some() || this.ident.is_some() => {
                 if self.recent.iter().filter(same).any(|old| old.ident == this.ident) {
-                    Outcome::Duplicate
+                    SegmentOutcome::Duplicate
                 } else {
-                    Outcome::Retransmission
+                    SegmentOutcome::Retransmission
                 }
             }
             Some(old) if old.time.zip(this.time).is_some_and(|(old, new)| (new - old).abs() < MAX_DUPLICATE_DELAY_NS) => {
-                Outcome::Duplicate
+                SegmentOutcome::Duplicate
             }
-            Some(_) => Outcome::Retransmission,
+            Some(_) => SegmentOutcome::Retransmission,
         };
         self.remember(this);
         outcome
     }
 
-    fn remember(&mut self, this: Fingerprint) -> Outcome {
+    fn remember(&mut self, this: SegmentFingerprint) -> SegmentOutcome {
         self.recent[self.oldest] = this;
         self.oldest = (self.oldest + 1) % RECENT_SEGMENTS;
-        Outcome::New
+        SegmentOutcome::New
     }
 }

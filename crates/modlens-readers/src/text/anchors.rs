@@ -3,7 +3,7 @@
 
 use memchr::{memchr, memchr2, memchr3};
 
-use crate::text::role::Role;
+use crate::text::role::LineRole;
 use crate::text::template::Template;
 
 /// The number of bits in a mask of rules. Rules beyond this number share the last bit.
@@ -26,7 +26,7 @@ pub(super) struct AnchorIndex {
 
 impl AnchorIndex {
     /// Builds the index; rules without bytes must stand before all others.
-    pub fn of(rules: &[(Role, Template)]) -> Self {
+    pub fn of(rules: &[(LineRole, Template)]) -> Self {
         let first = rules.iter().position(|(role, _)| role.holds_bytes()).unwrap_or(rules.len());
         let none = Box::new([0; 256]);
         let mut index = Self {

@@ -23,7 +23,7 @@ const MAX_STRAY_PER: usize = 50;
 
 /// How well a set of rows reads a text.
 #[derive(Clone, Copy, Debug, Default)]
-struct Score {
+struct RowScore {
     records: u64,
     bytes: usize,
     /// Bytes in frames with a valid checksum or length, or with a valid layout where the program prints no checksums.
@@ -32,7 +32,7 @@ struct Score {
     unparsed: u64,
 }
 
-impl Score {
+impl RowScore {
     /// The share of the bytes that are proven.
     fn purity(self) -> f64 {
         self.proven_bytes as f64 / self.bytes.max(1) as f64
@@ -94,7 +94,7 @@ fn is_sigrok(sample: &[u8]) -> bool {
 fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     // The sample may end inside a line.
     let text = sample.iter().rposition(|&b| b == b'\n').map_or(sample, |end| &sample[..=end]);
-    let mut scored: Vec<(Arc<Dialect>, Score)> = dialects
+    let mut scored: Vec<(Arc<Dialect>, RowScore)> = dialects
         .rows()
         .filter(|row| row.may_match(text))
         .map(|row| (Arc::clone(row), score(std::slice::from_ref(row), text)))
@@ -136,7 +136,7 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
 
 /// The guess for a text in which no checksum is valid: the row that finds most bytes, and the other protocol that the
 /// bytes look like, if any.
-fn unproved(scored: &[(Arc<Dialect>, Score)], text: &[u8]) -> Option<FormatGuess> {
+fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGuess> {
     let why = foreign_protocols::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
@@ -163,11 +163,11 @@ fn bursts(text: &[u8]) -> Vec<Vec<u8>> {
 
 /// Reads the text with these rows and counts how many of the bytes are proven to be frames. Rows with header lines of which
 /// the text has none score zero.
-fn score(rows: &[Arc<Dialect>], text: &[u8]) -> Score {
+fn score(rows: &[Arc<Dialect>], text: &[u8]) -> RowScore {
     let mut reader = Reader::new(rows.to_vec(), None, Arc::<ClockSettings>::default());
     reader.look_ahead(text);
     reader.push(text);
-    let mut score = Score::default();
+    let mut score = RowScore::default();
     let mut burst: Vec<u8> = Vec::new();
     while let Some((record, bytes)) = reader.next(true) {
         if record.starts_record || record.follows_loss || burst.len() > 1 << 14 {
@@ -183,9 +183,9 @@ fn score(rows: &[Arc<Dialect>], text: &[u8]) -> Score {
     }
     score.proven_bytes += frame_evidence::proven_bytes(&burst);
     if !reader.has_announced_bytes() {
-        return Score::default();
+        return RowScore::default();
     }
-    Score { records: reader.records(), unparsed: reader.unparsed, ..score }
+    RowScore { records: reader.records(), unparsed: reader.unparsed, ..score }
 }
 
 /// Whether at least half of the lines are a colon and an even number of hex digits, as in a Modbus ASCII frame.

@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 
 use crate::chunk::Side;
 use crate::text::anchors::AnchorIndex;
-use crate::text::role::Role;
+use crate::text::role::LineRole;
 use crate::text::template::Template;
 use modlens_protocol::functions::parse_toml;
 
@@ -29,19 +29,19 @@ pub(super) enum Encapsulation {
 
 /// The keys of a row that hold templates, with their meaning. Templates are tried in this order, so those without bytes
 /// come first.
-const ROLES: &[(&str, Role)] = &[
-    ("skip", Role::Ignored),
-    ("repeat", Role::RepeatedLines),
-    ("copy", Role::Duplicate),
-    ("head_copy", Role::DuplicateHeader),
-    ("head_sent", Role::Header(Some(Side::Sent))),
-    ("head_received", Role::Header(Some(Side::Received))),
-    ("head", Role::Header(None)),
-    ("sent", Role::Bytes(Some(Side::Sent))),
-    ("received", Role::Bytes(Some(Side::Received))),
-    ("again", Role::PossibleDuplicate),
-    ("more", Role::Continuation),
-    ("either", Role::Bytes(None)),
+const ROLES: &[(&str, LineRole)] = &[
+    ("skip", LineRole::Ignored),
+    ("repeat", LineRole::RepeatedLines),
+    ("copy", LineRole::Duplicate),
+    ("head_copy", LineRole::DuplicateHeader),
+    ("head_sent", LineRole::Header(Some(Side::Sent))),
+    ("head_received", LineRole::Header(Some(Side::Received))),
+    ("head", LineRole::Header(None)),
+    ("sent", LineRole::Bytes(Some(Side::Sent))),
+    ("received", LineRole::Bytes(Some(Side::Received))),
+    ("again", LineRole::PossibleDuplicate),
+    ("more", LineRole::Continuation),
+    ("either", LineRole::Bytes(None)),
 ];
 
 /// All other keys that a row may have.
@@ -76,7 +76,7 @@ pub struct Dialect {
     /// The bytes that the sample holds, with their sender.
     pub bytes: Strings,
     /// The templates and their meaning; those whose lines hold no bytes of frames come first.
-    pub(super) rules: Vec<(Role, Template)>,
+    pub(super) rules: Vec<(LineRole, Template)>,
     /// The index of the rules by the characters that they begin with.
     pub(super) anchors: AnchorIndex,
     /// Any program may write it, so more specific rows are preferred.
@@ -114,7 +114,7 @@ impl Dialect {
     pub(super) fn fixed_chars(&self) -> usize {
         self.rules
             .iter()
-            .filter(|(role, _)| *role != Role::Ignored)
+            .filter(|(role, _)| *role != LineRole::Ignored)
             .map(|(_, template)| template.fixed_chars())
             .max()
             .unwrap_or(0)
@@ -266,7 +266,7 @@ fn parse_row(row: &Json) -> Result<Dialect, String> {
         may_have_short_fractions: flag(row, "short_fractions")?,
         has_deltas: flag(row, "deltas")?,
         anchors: AnchorIndex::of(&rules),
-        has_headers: rules.iter().any(|(role, _)| matches!(role, Role::Header(_))),
+        has_headers: rules.iter().any(|(role, _)| matches!(role, LineRole::Header(_))),
         rules,
     })
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::chunk::Side;
 use crate::text::dialect::{Dialect, Encapsulation};
 use crate::text::frame_evidence::check_frame;
-use crate::text::role::Role;
+use crate::text::role::LineRole;
 use crate::text::template::LineMatch;
 use crate::text::timestamps::TimestampParser;
 use crate::text::{encapsulation, LogEntry};
@@ -141,26 +141,33 @@ impl EntryAssembler {
     }
 
     /// Takes one match of a line. `bytes` are those that the template found, `role` says what they are.
-    pub fn take(&mut self, dialect: &Arc<Dialect>, role: Role, found: &LineMatch, bytes: &[u8], timestamps: &TimestampParser) {
+    pub fn take(
+        &mut self,
+        dialect: &Arc<Dialect>,
+        role: LineRole,
+        found: &LineMatch,
+        bytes: &[u8],
+        timestamps: &TimestampParser,
+    ) {
         self.end_dump_line(found.offset, timestamps);
         let key = found.key.map_or(0, |(key, _)| key);
         match role {
-            Role::Ignored => {}
-            Role::RepeatedLines => self.dump_state.has_repeat_mark = true,
-            Role::Duplicate => self.skip(self.number, bytes, DUPLICATE),
-            Role::Header(_) | Role::DuplicateHeader => {
+            LineRole::Ignored => {}
+            LineRole::RepeatedLines => self.dump_state.has_repeat_mark = true,
+            LineRole::Duplicate => self.skip(self.number, bytes, DUPLICATE),
+            LineRole::Header(_) | LineRole::DuplicateHeader => {
                 self.end_multi_line_frame(timestamps);
                 self.announced += 1;
-                let side = if let Role::Header(side) = role { side } else { None };
-                let announces_duplicates = role == Role::DuplicateHeader;
+                let side = if let LineRole::Header(side) = role { side } else { None };
+                let announces_duplicates = role == LineRole::DuplicateHeader;
                 self.header = Some(Header { side, time: found.time, key, announces_duplicates });
             }
-            Role::Continuation => self.continuation(dialect, found, bytes, timestamps),
-            Role::PossibleDuplicate if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
+            LineRole::Continuation => self.continuation(dialect, found, bytes, timestamps),
+            LineRole::PossibleDuplicate if self.streams.get(key).is_some_and(|stream| stream.group.ends_with(bytes)) => {
                 self.skip(self.number, bytes, DUPLICATE);
             }
-            Role::PossibleDuplicate => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, timestamps),
-            Role::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, timestamps),
+            LineRole::PossibleDuplicate => self.entry(dialect, found, bytes, Some(Side::Received), found.time, key, timestamps),
+            LineRole::Bytes(side) => self.entry(dialect, found, bytes, found.side.or(side), found.time, key, timestamps),
         }
     }
 

@@ -4,7 +4,7 @@ use crate::chunk::Side;
 
 /// The meaning of a line that a template matches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum LineRole {
     /// It holds bytes; `None` where the log does not say who sent them.
     Bytes(Option<Side>),
     /// A header line, which announces the bytes in the lines behind it.
@@ -23,7 +23,7 @@ pub(super) enum Role {
     Ignored,
 }
 
-impl Role {
+impl LineRole {
     /// Whether lines with this meaning hold bytes that are delivered.
     pub fn holds_bytes(self) -> bool {
         matches!(self, Self::Bytes(_) | Self::Continuation | Self::PossibleDuplicate)

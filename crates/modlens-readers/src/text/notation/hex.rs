@@ -1,6 +1,6 @@
 //! Bytes as pairs of hex digits, with the separators, prefixes and suffixes that programs print.
 
-use crate::text::notation::tokens::{word, NotationFlags, BLOCK};
+use crate::text::notation::tokens::{word, NotationFlags, CHARS_PER_STEP};
 use modlens_protocol::hex::{
     byte_at, decode_pairs, digit_at, DIGIT_VALUES, HIGH_DIGIT_VALUES, INVALID, INVALID_DIGIT, LOW_DIGIT_VALUES,
 };
@@ -38,14 +38,14 @@ const fn separator_values() -> [u16; 256] {
 }
 
 /// Words that programs and manuals print in place of the checksum.
-const PLACEHOLDERS: &[&[u8]] =
+const CHECKSUM_PLACEHOLDERS: &[&[u8]] =
     &[b"xx", b"??", b"crc", b"crc16", b"lrc", b"crclo", b"crchi", b"crcl", b"crch", b"lo", b"hi", b"low", b"high", b"ll", b"hh"];
 
 /// Reads pairs of digits that are each followed by exactly one separator, up to the first irregularity. Returns the length
 /// of the text.
 fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
-    let mut blocks = text.chunks_exact(3 * BLOCK);
-    let (mut bytes, mut count) = ([0u8; BLOCK], 0);
+    let mut blocks = text.chunks_exact(3 * CHARS_PER_STEP);
+    let (mut bytes, mut count) = ([0u8; CHARS_PER_STEP], 0);
     for block in &mut blocks {
         let mut invalid = 0;
         for (byte, three) in bytes.iter_mut().zip(block.chunks_exact(3)) {
@@ -57,7 +57,7 @@ fn read_regular_pairs(text: &[u8], out: &mut Vec<u8>) -> usize {
             break;
         }
         out.extend_from_slice(&bytes);
-        count += BLOCK;
+        count += CHARS_PER_STEP;
     }
     for three in text[3 * count..].chunks_exact(3) {
         let value = HIGH_DIGIT_VALUES[three[0] as usize] | LOW_DIGIT_VALUES[three[1] as usize];
@@ -174,7 +174,7 @@ pub(super) fn hex(text: &[u8], allow_single_digits: bool, out: &mut Vec<u8>, fla
 
 /// Whether the word stands in place of a checksum.
 fn is_checksum_placeholder(token: &[u8]) -> bool {
-    PLACEHOLDERS.iter().any(|known| token.eq_ignore_ascii_case(known))
+    CHECKSUM_PLACEHOLDERS.iter().any(|known| token.eq_ignore_ascii_case(known))
 }
 
 /// Decodes a word of hex digits, with or without `0x` or `h`, and appends its bytes to `out`. Returns false if it is none.

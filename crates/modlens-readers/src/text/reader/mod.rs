@@ -14,7 +14,7 @@ use crate::text::dialect::{Dialect, Dialects};
 use crate::text::entries::{EntryAssembler, SkippedBytes};
 use crate::text::frame_evidence;
 use crate::text::notation::Notation;
-use crate::text::role::Role;
+use crate::text::role::LineRole;
 use crate::text::template::{LineMatch, MatchContext, Template};
 use crate::text::timestamps::{delta, TimestampParser};
 use crate::text::LogEntry;
@@ -60,7 +60,7 @@ pub struct Reader {
     /// Reused memory for a line without its decoration.
     scratch: Vec<u8>,
     /// All matches in the current line, each with the end of its bytes in `found`.
-    matches: Vec<(Role, LineMatch, usize)>,
+    matches: Vec<(LineRole, LineMatch, usize)>,
     /// Bytes of all matches in the current line.
     found: Vec<u8>,
     assembler: EntryAssembler,
@@ -216,7 +216,7 @@ impl Reader {
         while from < line.len() && self.matches.len() < MAX_MATCHES_PER_LINE {
             let Some((role, mut found, to_line_end)) = self.next_match(dialect, line, from) else { break };
             // Plain bytes count as announced only if a header line announced them or they prove themselves.
-            if role == Role::Continuation
+            if role == LineRole::Continuation
                 && dialect.has_headers
                 && found.offset.is_none()
                 && !self.assembler.expects_continuation()
@@ -248,7 +248,7 @@ impl Reader {
     /// The match to be taken next: that of the first rule without bytes that matches, or else the match with bytes that
     /// begins first, where the earlier rule wins a tie. Its bytes are in `self.bytes`. The boolean says that the match has
     /// to reach the end of the line.
-    fn next_match(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(Role, LineMatch, bool)> {
+    fn next_match(&mut self, dialect: &Dialect, line: &[u8], from: usize) -> Option<(LineRole, LineMatch, bool)> {
         let anchors = &dialect.anchors;
         for i in 0..anchors.first_rule_with_bytes {
             let found = self.try_rule(dialect, i, |template, scratch| template.find(line, from, scratch));
@@ -295,7 +295,7 @@ impl Reader {
         dialect: &Dialect,
         index: usize,
         find: impl FnOnce(&Template, &mut MatchContext<'_>) -> Option<LineMatch>,
-    ) -> Option<(Role, LineMatch, bool)> {
+    ) -> Option<(LineRole, LineMatch, bool)> {
         let (role, template) = &dialect.rules[index];
         let saved_state = self.timestamps.state;
         let found = find(template, &mut MatchContext::new(&mut self.timestamps, &mut self.bytes, &mut self.preferred));
