@@ -34,7 +34,7 @@ fn parse_script(data: &[u8]) -> Script<'_> {
 
 fn session(mode: Option<Mode>, clock: Clock, live: bool) -> (Session, usize) {
     let functions = std::sync::Arc::new(modlens_protocol::functions::Functions::default());
-    let wanted = modlens_engine::session::Wanted { frames: true, transactions: true, findings: true };
+    let wanted = modlens_engine::session::WantedTables { frames: true, transactions: true, findings: true };
     let mut session = Session::new(functions, wanted, live, None);
     let mut options = BusOptions::named("bus");
     options.mode = mode;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::{Batch, Bus, Frame};
-use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::direction;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::Functions;
@@ -86,7 +86,7 @@ impl ModlensRun {
     /// A session with one bus that has the settings of the case.
     fn new(case: &Case, how: Modlens) -> Self {
         let live = how.live;
-        let wanted = Wanted { frames: true, transactions: true, findings: true };
+        let wanted = WantedTables { frames: true, transactions: true, findings: true };
         let mut session = Session::new(Arc::new(Functions::default()), wanted, live, None);
         let timed = case.timed_reads().next().is_some_and(|feed| feed.time.is_some());
         let clock = if timed { Clock::Relative } else { Clock::None };

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use modlens_engine::framer::fixed::FixedFramer;
 use modlens_engine::framer::{Framer, FramerContext};
 use modlens_engine::input::Input;
-use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::checksum::CRC_BYTES;
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
@@ -194,7 +194,7 @@ fn exchanges(framer: &mut FixedFramer, functions: &Functions, input: &mut Input)
 }
 
 fn session(everything: bool) -> (Session, usize) {
-    let wanted = Wanted { frames: everything, transactions: true, findings: everything };
+    let wanted = WantedTables { frames: everything, transactions: true, findings: everything };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
     let mut options = BusOptions::named("bus");
     options.mode = Some(Mode::Rtu);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use modlens_engine::framer::silence::SilenceRule;
 use modlens_engine::records::Bus;
-use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, Wanted};
+use modlens_engine::session::{BusOptions, CaptureOptions, Session as Core, WantedTables};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::source::{Clock, Place};
 use modlens_readers::chunk::{Chunk, Times};
@@ -54,7 +54,7 @@ impl Session {
     #[new]
     #[pyo3(signature = (functions, *, live=false, timeout_ns=None, tables=None))]
     fn new(functions: &Functions, live: bool, timeout_ns: Option<i64>, tables: Option<Vec<String>>) -> PyResult<Self> {
-        let mut wanted = Wanted { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
+        let mut wanted = WantedTables { frames: tables.is_none(), transactions: tables.is_none(), findings: tables.is_none() };
         for name in tables.unwrap_or_default() {
             match TableKind::from_name(&name).ok_or_else(|| value_error(format!("no table {name:?}")))? {
                 TableKind::Frames => wanted.frames = true,

@@ -6,7 +6,7 @@ mod wire;
 use std::fmt::Write;
 use std::sync::Arc;
 
-use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_profiles::points::{NumberBuffer, Plan, PlanInstance};
 use modlens_profiles::profile::{Profile, ProfileFormat};
 use modlens_protocol::checksum::crc16;
@@ -129,7 +129,7 @@ proptest! {
 
     #[test]
     fn rows_and_filters(plan in profiles(), polls in prop::collection::vec((0..300u16, 1..40u16, any::<u32>()), 1..20), limit in -100i32..40_000) {
-        let wanted = Wanted { frames: false, transactions: true, findings: false };
+        let wanted = WantedTables { frames: false, transactions: true, findings: false };
         let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
         session.bind(None, &[7], &plan);
         let mut options = BusOptions::named("bus");

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use modlens_engine::records::Batch;
-use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_readers::chunk::Chunk;
@@ -161,7 +161,7 @@ const WRITERS: &[(&str, New)] = &[
 ];
 
 fn decode(data: &[u8]) -> (Vec<Arc<Batch>>, Duration) {
-    let wanted = Wanted { frames: true, transactions: true, findings: true };
+    let wanted = WantedTables { frames: true, transactions: true, findings: true };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, false, None);
     let mut options = BusOptions::named("bus");
     options.mode = Some(Mode::Rtu);

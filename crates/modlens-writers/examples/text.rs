@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::Read;
 use std::sync::Arc;
 
-use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::functions::Functions;
 use modlens_readers::text::{Dialects, Reader};
 
@@ -30,8 +30,12 @@ fn main() {
         println!("{records} {size} {}", reader.unparsed);
         return;
     }
-    let mut session =
-        Session::new(Arc::new(Functions::default()), Wanted { frames: false, transactions: true, findings: false }, false, None);
+    let mut session = Session::new(
+        Arc::new(Functions::default()),
+        WantedTables { frames: false, transactions: true, findings: false },
+        false,
+        None,
+    );
     let bus = session.add_bus(BusOptions::named("bus"));
     session.open_text(bus, reader, b"");
     let mut transactions = 0;

@@ -1,4 +1,13 @@
 //! The engine behind one `feed`: input, framer, pairing, findings, statistics and rows of all buses.
+//!
+//! | question | file |
+//! |--|--|
+//! | what a source feeds: bytes and time, text, captures, logic samples | `feed`, `text`, `capture`, `logic` (state: `sources`) |
+//! | what is known of a bus and of a line | `bus`, `line`, `profiles` |
+//! | which line of a two-line tap is next | `two_lines` |
+//! | when a frame was on the line, and how exact that is | `frame_timing`, `lateness` |
+//! | how a frame or a transaction becomes a row | `frames`, `transactions`, `rows` |
+//! | how rows of our own captures are read back | `reimport` |
 
 // A transaction is large and changes hands three times; moving its box is cheaper than moving it.
 #![allow(clippy::vec_box)]
@@ -45,7 +54,7 @@ const MAX_HELD_TRANSACTIONS: usize = 65_536;
 
 /// The tables to build.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub struct WantedTables {
     /// Frames.
     pub frames: bool,
     /// Transactions.
@@ -76,7 +85,7 @@ pub struct Session {
     pool: MemoryPool,
     /// Rows of transactions. In a recording they wait here for older transactions that are still open.
     pub(crate) held: Vec<Transaction>,
-    pub(crate) wanted: Wanted,
+    pub(crate) wanted: WantedTables,
     live: bool,
     /// The time-out of requests that the user has set.
     timeout: Option<Ns>,
@@ -114,14 +123,14 @@ pub struct Session {
 
 impl Default for Session {
     fn default() -> Self {
-        Self::new(Arc::new(Functions::default()), Wanted { frames: true, transactions: true, findings: true }, false, None)
+        Self::new(Arc::new(Functions::default()), WantedTables { frames: true, transactions: true, findings: true }, false, None)
     }
 }
 
 impl Session {
     /// A session with this table of functions. A `live` one emits transactions in the order of completion, any other in
     /// the order of requests. `timeout` is that of requests; it is learned where `None`.
-    pub fn new(functions: Arc<Functions>, wanted: Wanted, live: bool, timeout: Option<Ns>) -> Self {
+    pub fn new(functions: Arc<Functions>, wanted: WantedTables, live: bool, timeout: Option<Ns>) -> Self {
         Self {
             functions,
             buses: Vec::new(),

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use modlens_engine::records::Batch;
-use modlens_engine::session::{BusOptions, Session, Wanted};
+use modlens_engine::session::{BusOptions, Session, WantedTables};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::Direction;
 use modlens_protocol::framing::{Mode, Verdict};
@@ -40,7 +40,7 @@ pub fn read_response(unit: u8, values: &[u16]) -> Vec<u8> {
 
 /// A session with one RTU bus at 19200 baud.
 pub fn session(live: bool, clock: Clock) -> (Session, usize) {
-    let wanted = Wanted { frames: true, transactions: true, findings: true };
+    let wanted = WantedTables { frames: true, transactions: true, findings: true };
     let mut session = Session::new(Arc::new(Functions::default()), wanted, live, None);
     let mut options = BusOptions::named("bus");
     options.mode = Some(Mode::Rtu);

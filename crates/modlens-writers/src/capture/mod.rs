@@ -385,13 +385,13 @@ fn origin(frame: &Frame) -> Option<Ns> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use modlens_engine::session::{BusOptions, Session, Wanted};
+    use modlens_engine::session::{BusOptions, Session, WantedTables};
     use modlens_readers::chunk::{Chunk, Times};
 
     /// A tap may run for years: nothing of a transaction may stay once its packets are written.
     #[test]
     fn a_live_capture_keeps_no_transaction_that_is_written() {
-        let should_write = Wanted { frames: true, transactions: true, findings: true };
+        let should_write = WantedTables { frames: true, transactions: true, findings: true };
         let mut session = Session::new(Arc::default(), should_write, true, None);
         let bus = session.add_bus(BusOptions::named("bus"));
         let mut capture = Capture::new(CaptureOptions { live: true, ..CaptureOptions::default() });

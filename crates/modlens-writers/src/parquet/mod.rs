@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::arrow::{batch_of, schema};
     use modlens_engine::records::{Batch, Bus, FindingRow, Frame, Network, Span};
-    use modlens_engine::session::{BusOptions, Session, Wanted};
+    use modlens_engine::session::{BusOptions, Session, WantedTables};
     use modlens_protocol::finding::Finding;
     use modlens_protocol::source::{Clock, Place};
     use modlens_readers::chunk::{Chunk, Times};
@@ -176,7 +176,8 @@ mod tests {
     }
 
     fn decoded(pieces: &[Vec<u8>], with_clock: bool) -> Vec<Arc<Batch>> {
-        let mut session = Session::new(Arc::default(), Wanted { frames: true, transactions: true, findings: true }, false, None);
+        let mut session =
+            Session::new(Arc::default(), WantedTables { frames: true, transactions: true, findings: true }, false, None);
         let mut options = BusOptions::named("bus");
         options.bus.clock = if with_clock { Clock::Utc } else { Clock::None };
         let bus = session.add_bus(options);
