@@ -1,6 +1,6 @@
 r"""Device profiles: the meaning of a device's registers, checked by the core.
 
-One model in three spellings: TOML, YAML (needs ruamel.yaml) and CSV. The core checks and converts;
+One model in three spellings: TOML, YAML and CSV. The core checks and converts;
 `dissectors/profiles/profile-1.json` is the JSON Schema for editors.
 
 >>> meter = parse('''
@@ -88,7 +88,7 @@ def parse(text: str, path: str, form: str | None = None) -> Profile:
     """
     form = form or form_of(path)
     if form == "yaml":
-        from dissectors.yaml import tree  # noqa: PLC0415 - ruamel.yaml is an extra
+        from dissectors.yaml import tree  # noqa: PLC0415 - ruamel.yaml takes a while to import
 
         text, form = json.dumps(tree(text, path)), "tree"
     return _checked(text, form, path)

@@ -1,6 +1,6 @@
 """YAML 1.2 with line numbers, as the tree that the core's profiles take.
 
-ruamel.yaml is an extra (`pip install ruamel.yaml`). PyYAML is not used: it reads YAML 1.1,
+It is imported when YAML is read. PyYAML is not used: it reads YAML 1.1,
 where `0107` is 71, `12:30` is 750 and `NO` is false.
 """
 
@@ -10,10 +10,13 @@ from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
 
-__all__ = ["load", "plain_data", "scalar", "tree"]
+__all__ = ["load", "plain_data", "scalar", "tag_notes", "tree"]
 
 _MAX_DIGITS = 100
 """Longest number in digits: longer ones stay text, because Python refuses thousands of digits."""
+
+_NAMED = 10
+"""Lines that a note names at most; the others are counted."""
 
 _RADIX = ("0x", "0o", "0b")
 
@@ -24,7 +27,7 @@ def load(text: str, path: str) -> Any:
     `ProfileError` with the line where it is no YAML, `UsageError` without ruamel.yaml.
     """
     try:
-        from ruamel.yaml import YAML  # noqa: PLC0415 - an extra
+        from ruamel.yaml import YAML  # noqa: PLC0415 - takes a while
         from ruamel.yaml.error import MarkedYAMLError, YAMLError  # noqa: PLC0415
     except ImportError:
         raise UsageError(f"{path}: YAML needs ruamel.yaml; pip install ruamel.yaml") from None
@@ -100,6 +103,27 @@ def plain_data(text: str, path: str) -> tuple[Any, list[tuple[int, str]]]:
         return (None if root is None else _plain(root, tags)), list(tags)
     except RecursionError:
         raise ProfileError("an anchor that contains itself", path=path) from None
+
+
+def tag_notes(tags: list[tuple[int, str]], why: str) -> list[str]:
+    """A note for each kind of tag with its lines, as a file may hold dozens of secrets.
+
+    >>> tag_notes([(3, "!secret a"), (9, "!secret b")], "is not followed")
+    ['lines 3, 9: !secret is not followed; skipped']
+    >>> tag_notes([(12, "!include c.yaml")], "is not followed")
+    ['line 12: !include c.yaml is not followed; skipped']
+    """
+    kinds: dict[str, list[tuple[int, str]]] = {}
+    for line, tag in tags:
+        kinds.setdefault(tag.split()[0], []).append((line, tag))
+    notes = []
+    for kind, found in kinds.items():
+        lines = [str(line) for line, _ in found]
+        where = f"line {lines[0]}" if len(lines) == 1 else f"lines {', '.join(lines[:_NAMED])}"
+        more = f" and {len(lines) - _NAMED} more" if len(lines) > _NAMED else ""
+        what = found[0][1] if len(found) == 1 else kind
+        notes.append(f"{where}{more}: {what} {why}; skipped")
+    return notes
 
 
 def _plain(node: Any, tags: dict[tuple[int, str], None]) -> Any:

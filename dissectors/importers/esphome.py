@@ -1,14 +1,17 @@
 """ESPHome's `modbus_controller`; addresses as on the wire.
 
-Substitutions and packages are not resolved, lambdas not understood: each is a note.
+Substitutions of the same file are resolved; packages are not, and lambdas are not understood: each
+is a note.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dissectors.errors import ProfileError, UsageError
+from dissectors.function_lookup import parse_number
 from dissectors.importers.profile_builder import (
     REGISTERS_OF_TYPE,
     Imported,
@@ -17,7 +20,7 @@ from dissectors.importers.profile_builder import (
     ProfileBuilder,
     parse_decimal,
 )
-from dissectors.yaml import plain_data
+from dissectors.yaml import plain_data, tag_notes
 
 __all__ = ["read"]
 
@@ -36,11 +39,14 @@ _KNOWN = {
 }  # fmt: skip
 _NO_MASK = 0xFFFFFFFF
 _SIZES = {"register_count", "response_size"}
+_SUBSTITUTION = re.compile(r"\$(?:\{(\w+)\}|(\w+))")
+_SUBSTITUTION_DEPTH = 5
 
 
 def read(text: str, name: str, options: Options) -> Imported:
     """Read the entities on modbus_controller; `ProfileError` where there are none."""
     data, tags = plain_data(text, name)
+    data = _substituted(data)
     rows = list(_entities(data)) if isinstance(data, Mapping) else []
     if not rows:
         line, tag = tags[0] if tags else (None, "")
@@ -50,15 +56,41 @@ def read(text: str, name: str, options: Options) -> Imported:
     wanted = _controller(data, options, name)
     builder = ProfileBuilder({"source": f"ESPHome configuration {name}"}, options.order)
     builder.notes.append("addresses count from 0, as ESPHome does")
-    builder.notes += [f"line {line}: {tag} is not understood; skipped" for line, tag in tags]
-    builder.note_dropped(
-        (key for key in ("substitutions", "packages") if key in data), "is not resolved"
-    )
+    builder.notes += tag_notes(tags, "is not understood")
+    builder.note_dropped((key for key in ("packages",) if key in data), "is not resolved")
     for kind, row in rows:
         if wanted is None or row.get("modbus_controller_id") in (None, wanted):
             with builder.noting_failures(_label(row)):
                 _add(builder, kind, row)
     return builder.build()
+
+
+def _substituted(data: Any) -> Any:
+    """The configuration with `$name` and `${name}` replaced by the file's `substitutions`.
+
+    >>> _substituted({"substitutions": {"what": "flow"}, "sensor": [{"name": "${what} 1"}]})
+    {'sensor': [{'name': 'flow 1'}]}
+    """
+    if not isinstance(data, Mapping) or not isinstance(data.get("substitutions"), Mapping):
+        return data
+    values = {str(key): str(value) for key, value in data["substitutions"].items()}
+
+    def resolve(node: Any) -> Any:
+        if isinstance(node, Mapping):
+            return {resolve(key): resolve(value) for key, value in node.items()}
+        if isinstance(node, list):
+            return [resolve(item) for item in node]
+        if not isinstance(node, str):
+            return node
+        for _ in range(_SUBSTITUTION_DEPTH):  # a value may name another one
+            text = _SUBSTITUTION.sub(lambda match: values.get(match[1] or match[2], match[0]), node)
+            if text == node:
+                break
+            node = text
+        number = parse_number(node)
+        return node if number is None else number
+
+    return resolve({key: value for key, value in data.items() if key != "substitutions"})
 
 
 def _controller(data: Mapping[str, Any], options: Options, name: str) -> str | None:
@@ -117,7 +149,8 @@ def _add(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]) -> None:
         raise NotConvertible(f"begins at byte {shift}, inside a register")
     word, count, order = _type(row, kind)
     address, word, part = _apply_bitmask(row, address + shift // 2, word, order)
-    scale, offset = _filters(builder, row)
+    # What a lambda makes of the value is not known, so nothing that follows it is applied either.
+    scale, offset = (None, None) if "lambda" in row else _filters(builder, row)
     builder.add(
         label,
         space,
@@ -144,7 +177,7 @@ def _note_unsupported(builder: ProfileBuilder, kind: str, row: Mapping[str, Any]
         if key in row:
             builder.notes.append(f"{label}: {key} is not understood; the value is the raw one")
     if "${" in label:
-        builder.notes.append(f"{label}: substitutions are not resolved")
+        builder.notes.append(f"{label}: no such substitution in this file")
 
 
 def _whole_number(row: Mapping[str, Any], keys: tuple[str, ...], nothing: int) -> int:

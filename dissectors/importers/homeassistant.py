@@ -26,7 +26,7 @@ from dissectors.importers.profile_builder import (
 )
 from dissectors.importers.unsupported_keys import UnsupportedKeys
 from dissectors.profile import Profile
-from dissectors.yaml import plain_data
+from dissectors.yaml import plain_data, tag_notes
 
 __all__ = ["read", "write"]
 
@@ -66,7 +66,7 @@ def read(text: str, name: str, options: Options) -> Imported:
     data, tags = plain_data(text, name)
     builder = ProfileBuilder({"source": f"Home Assistant configuration {name}"}, options.order)
     builder.notes.append("addresses count from 0, as Home Assistant does")
-    builder.notes += [f"line {line}: {tag} is not followed; skipped" for line, tag in tags]
+    builder.notes += tag_notes(tags, "is not followed")
     entities = [found for hub in _hubs(data) for found in _entities(hub, builder)]
     if not entities:
         line, tag = tags[0] if tags else (None, "")

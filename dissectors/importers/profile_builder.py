@@ -12,8 +12,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from dissectors.errors import UsageError
+from dissectors.errors import ProfileError, UsageError
 from dissectors.function_lookup import normalized, parse_number
+from dissectors.profile import from_model
 
 __all__ = [
     "ORDERS",
@@ -220,9 +221,26 @@ class ProfileBuilder:
         """The finished model, with its points in the order of the file, and the notes."""
         for text, count in self._dropped.items():
             self.notes.append(f"{text} ({count} times)" if count > 1 else text)
-        device = {"address_base": 0, **self.device}
-        model = {"profile": 1, "device": device, "registers": self._points}
+        model = self._model(self._points)
+        if _mistake(model) is not None:
+            model = self._model(self._valid_points())
         return Imported(model, tuple(self.notes))
+
+    def _model(self, points: list[dict[str, Any]]) -> dict[str, Any]:
+        return {"profile": 1, "device": {"address_base": 0, **self.device}, "registers": points}
+
+    def _valid_points(self) -> list[dict[str, Any]]:
+        """The points that a profile can hold, each judged alone; a note for each of the others."""
+        valid = []
+        for point in self._points:
+            # A scale factor is another point, which is not there when this one is judged alone.
+            alone = {key: value for key, value in point.items() if key != "sf"}
+            mistake = _mistake(self._model([alone]))
+            if mistake is None:
+                valid.append(point)
+            else:
+                self.notes.append(f"{point['name']}: {mistake}; skipped")
+        return valid
 
     def _note(self, note: str) -> None:
         self.notes.append(self.where + note)
@@ -236,6 +254,15 @@ class ProfileBuilder:
             self._note(f"{name}: the name appears twice; renamed to {unique}")
         self._names.add(unique)
         return unique
+
+
+def _mistake(model: Mapping[str, Any]) -> str | None:
+    """What is wrong with a model, in the words of the profile's reader; None if it is valid."""
+    try:
+        from_model(model, "import")
+    except ProfileError as error:
+        return error.mistakes[0].message.removeprefix("import: ")
+    return None
 
 
 def choose_unit(units: Iterable[int | None], requested: int | None, name: str) -> int | None:

@@ -95,9 +95,10 @@ class RowConverter:
             cells.sentinels(),
         )
         keys["scale"], keys["offset"] = cells.scale_and_offset()
-        scaled = re.match(r"([\d.]+)\s*(\D.*)", cells.get("unit"))
+        # "0.1V": the scale stands before the unit, or alone where the value has none.
+        scaled = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([^\d.\s].*)?", cells.get("unit"))
         if self.preset.scaled_units and scaled:
-            keys["scale"], keys["unit"] = parse_decimal(scaled[1]), scaled[2]
+            keys["scale"], keys["unit"] = parse_decimal(scaled[1]), scaled[2] or ""
         if place.space in ("co", "di"):
             count = parse_decimal(cells.get("count") or cells.get("length")) or place.elements
             if kind.word not in (None, "bool"):

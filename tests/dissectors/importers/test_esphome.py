@@ -199,15 +199,21 @@ FEATURES = {
         x(**RW),
         ("x: write_lambda is not understood; the value is the raw one",),
     ),
-    "left-substitutions": Feature(
+    "substitutions": Feature(
+        "substitutions: {room: cellar, at: 0x07, long: $room pump}\n"
+        + entities('name: "${long}", address: $at'),
+        {"cellar pump": {"at": "hr:7", "type": "u16"}},
+    ),
+    "left-substitutions-of-another-file": Feature(
         "substitutions: {room: cellar}\npackages: {a: b}\n"
-        + entities('name: "${room}", address: 7'),
-        {"${room}": {"at": "hr:7", "type": "u16"}},
-        (
-            "${room}: substitutions are not resolved",
-            "substitutions: is not resolved",
-            "packages: is not resolved",
-        ),
+        + entities('name: "${level}", address: 7'),
+        {"${level}": {"at": "hr:7", "type": "u16"}},
+        ("${level}: no such substitution in this file", "packages: is not resolved"),
+    ),
+    "lambda-and-multiply": Feature(
+        one('lambda: "return x / 10;", filters: [{multiply: 0.5}]'),
+        x(),
+        ("x: lambda is not understood; the value is the raw one",),
     ),
     "left-address-of-a-substitution": Feature(
         beside('address: "${at}"'), x(), ("y: no address; skipped",)

@@ -262,7 +262,6 @@ FILES: dict[str, tuple[str, str, list[dict[str, Any]], list[str]]] = {
         [
             "addresses count from 0, as ESPHome does",
             "Odd one: lambda is not understood; the value is the raw one",
-            "substitutions: is not resolved",
             "accuracy_decimals: cannot be kept in a profile (2 times)",
         ],
     ),
