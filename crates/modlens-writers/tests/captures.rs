@@ -295,7 +295,7 @@ fn what_is_not_modbus_on_the_port_is_left_alone() {
     sent[0].bytes = b"GET / HTTP/1.1\r\nHost: plant\r\n\r\n".to_vec();
     let (batch, left_out) = decoded_in(&file(&sent), usize::MAX, Ports::default());
     assert!(batch.frames.is_empty());
-    assert_eq!(left_out, [(String::from("packets on Modbus ports that are not Modbus, of 1 connections"), 1)]);
+    assert_eq!(left_out, [(String::from("packets on Modbus ports that are not Modbus, in 1 connections"), 1)]);
 }
 
 #[test]
