@@ -54,7 +54,7 @@ def test_wireshark_lists_the_interfaces_until_they_are_taken_away(tmp_path: Path
     shown = listed(env)
     assert "modlens-replay (Modbus from a recording)" in shown
     assert "modlens-port (Modbus on another port or URL)" in shown
-    for action, said in (("status", ": installed\n"), ("uninstall", ": taken away\n")):
+    for action, said in (("status", ": installed\n"), ("uninstall", ": removed\n")):
         words = command("extcap", action)
         done = subprocess.run(
             words, env=env, capture_output=True, text=True, check=True, timeout=60
@@ -75,7 +75,7 @@ def test_another_python_is_reported(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace(sys.executable, "/usr/bin/python2"))
     words = command("extcap", "status")
     done = subprocess.run(words, env=env, capture_output=True, text=True, check=True, timeout=60)
-    assert "for another Python: install it again" in done.stdout
+    assert "for another Python; install it again" in done.stdout
 
 
 def test_a_recording_is_captured_like_a_line(tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_the_dialog_says_what_wireshark_understands(modlens: Modlens) -> None:
 
 def test_wrong_use_of_extcap(modlens: Modlens, tmp_path: Path) -> None:
     """Wrong use on the command line, and settings that were left empty in Wireshark's dialog."""
-    assert "say what to do" in modlens("extcap").err
+    assert "name an action" in modlens("extcap").err
     words = ["extcap", "--capture", "--extcap-interface"]
     assert "--capture needs --fifo" in modlens(*words, "modlens-port").err
     assert "cannot be written" in modlens(*words, "modlens-port", "--fifo", tmp_path / "f").err

@@ -88,8 +88,8 @@ def test_encodings(
             2,
             "map: it has no point that a profile can hold: line 2, x: no",
         ),
-        ("csv", TABLE, ("--encoding", "utf-9"), 2, "--encoding utf-9: there is no such encoding"),
-        ("csv", b"\xff\xfe\x00", (), 3, "map: no utf-16 at byte "),
+        ("csv", TABLE, ("--encoding", "utf-9"), 2, "--encoding utf-9: no such encoding"),
+        ("csv", b"\xff\xfe\x00", (), 3, "map: not valid utf-16 at byte "),
         ("csv", TABLE, ("--base", "2"), 2, "--base: invalid choice: '2'"),
         ("csv", TABLE, ("--order", "ZZ"), 2, "--order: 'ZZ' is not a byte order; ABCD, CDAB"),
         ("csv", TABLE, ("--to", "yaml"), 2, "no format 'yaml' that it writes; there are toml, csv"),
@@ -97,8 +97,8 @@ def test_encodings(
         ("csw", TABLE, (), 2, "no format 'csw' that it reads; did you mean 'csv'?"),
         ("telegraf", "x", (), 2, "map: not TOML: "),
         ("telegraf", TABLE, (), 2, "map: no file for telegraf: it is read by `modlens import csv`"),
-        ("homeassistant", "a: [", (), 2, "map:1: no YAML: "),
-        ("homeassistant", "a: \x01", (), 2, "map:1: no YAML: unacceptable character"),
+        ("homeassistant", "a: [", (), 2, "map:1: not YAML: "),
+        ("homeassistant", "a: \x01", (), 2, "map:1: not YAML: unacceptable character"),
         ("homeassistant", "a: !include b", (), 2, "map:1: no modbus: with sensors or switches in"),
         ("esphome", "sensor: []", (), 2, "map: no entity on platform modbus_controller in it"),
         ("sunspec", "{}", (), 2, "map: not a SunSpec model: 'group' is missing"),
@@ -173,7 +173,7 @@ def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
         assert done.err == f"modlens: {yaml}: {wanted}\n"
     assert modlens("import", "csv", "-", stdin=TABLE.encode(), **paths).status == 0
     done = modlens("import", "telegraf", of(tmp_path / "x", "x"), **paths)
-    assert "no TOML" in done.err
+    assert "not TOML" in done.err
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_one_bad_profile_hides_no_other(tmp_path: Path, modlens: Modlens) -> Non
     assert "bad          cannot be used: " in listed.out
     assert f'{tmp_path}/bad.toml:3: registers[0].at: "x" is not an address' in listed.out
     assert "cannot be loaded: ModuleNotFoundError: No module named 'acme_gone'" in listed.out
-    assert "is no text of a profile, but int" in listed.out
+    assert "is not the text of a profile, but int" in listed.out
     assert "mightyzap    IR Robot" in listed.out
     assert "folder" not in listed.out
     bus = of(tmp_path / "bus.hex", "01 03 00 D2 00 01 24 33\n01 03 02 03 E8 B8 FA\n")

@@ -36,7 +36,7 @@ def test_other_silences_cut_elsewhere(modlens: Modlens) -> None:
     """t3.5 in microseconds or characters, t1.5 as a finding."""
     words = ("decode", FLOWMETER, "--line", "9600-8N1", "--segmentation", "silence")
     longer = modlens(*words, "--table", "frames", "--to", "jsonl", "--t35", "20chars")
-    assert "after 20,833 us (t3.5)" in longer.err
+    assert "20,833 us (t3.5) ends a frame" in longer.err
     assert len(longer.out.splitlines()) < 132
     strict = modlens(*words, "--table", "findings", "--to", "jsonl", "--t15", "100us")
     assert '"code":"gap_in_frame"' in strict.out.replace(" ", "")

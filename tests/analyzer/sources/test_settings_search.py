@@ -88,7 +88,7 @@ def test_without_marks_parity_stays_open_and_is_reported(settings: str, said: st
     seconds = search_settings(search, traffic(parse_line(settings), "rtu", 4), marks_errors=False)
     assert search.found is not None
     assert str(search.found.line) == said
-    assert ("the port does not tell" in search.found.evidence) == ("E" in said)
+    assert ("not reported by the port" in search.found.evidence) == ("E" in said)
     assert seconds < MAX_S
 
 
