@@ -212,9 +212,12 @@ weights! {
         ENTER_NOISE_BITS: f32 = 1.8;
         /// Leaves a long run of noise into a frame.
         LEAVE_NOISE_BITS: f32 = 5.0;
-        /// Behind a frame with a pause inside in a hundred, pauses inside frames prove nothing on this line.
+    }
+
+    "Habits of a line" {
+        /// If more than one valid frame in a hundred has a pause inside, pauses inside frames prove nothing on this line.
         FRAMES_PER_INNER_PAUSE_FACTOR: f32 = 100.0;
-        /// With stray bytes in front of more than one frame in fifty a line counts as noisy.
+        /// If stray bytes stand in front of more than one frame in fifty, the line counts as noisy.
         FRAMES_PER_STRAY_RUN_FACTOR: f32 = 50.0;
         /// Stray bytes that usually stand in one place of a noisy line, at most: four random ones are common there.
         MAX_STRAY_NOISY_BYTES: usize = 7;

@@ -26,7 +26,7 @@ impl TruncationLearner {
             return;
         }
         self.awaits_reaction = true;
-        if !model.loses_ends() {
+        if !model.tap_truncates_responses() {
             last.damage = Some(DamageKind::Truncated { count });
         }
     }
@@ -38,7 +38,7 @@ impl TruncationLearner {
         if std::mem::take(&mut self.awaits_reaction) && direction == Direction::Request {
             if let Some(request) = context.outstanding_request {
                 let is_retry = frame[0] == request.unit && &frame[1..frame.len() - 2] == request.pdu;
-                model.learn_end(is_retry);
+                model.learn_truncation(is_retry);
             }
         }
     }

@@ -123,7 +123,7 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
     let repeats_request = bytes.get(1..=request.pdu.len()) == Some(&request.pdu[..]);
     let is_copy = repeats_request && (row.has_equal_layouts || length.bytes() == request.pdu.len() + 3);
     let pause = || if at > 0 { input.silence_since(input.offset(), at) } else { input.pause_before(at) };
-    if is_copy && request.is_tentative {
+    if is_copy && request.is_unconfirmed {
         return None;
     }
     if is_copy && (context.timeout_log_odds)(pause()) > RESPONSE_LOG_ODDS_BITS {

@@ -30,7 +30,7 @@ pub fn announced_lengths(context: &FramerContext<'_>, frame: &[u8]) -> [Option<(
     };
     let request = Some((Direction::Request, whole_frame(&row.request)));
     let response = (row.response != Layout::NoResponse).then(|| (Direction::Response, whole_frame(&row.response)));
-    if context.outstanding_request.is_some_and(|asked| asked.unit == frame[0] && asked.pdu.first() == Some(&code)) {
+    if context.outstanding_request.is_some_and(|request| request.unit == frame[0] && request.pdu.first() == Some(&code)) {
         [response, request]
     } else {
         [request, response]

@@ -20,14 +20,14 @@ pub struct HeldRequest {
     /// It repeats the request before it: heard twice already.
     pub is_repeated: bool,
     /// It stands alone in noise and may be none.
-    pub is_tentative: bool,
+    pub is_unconfirmed: bool,
     /// The byte count that its response begins with, and the response's whole length, where both are known.
     pub expected_response: Option<(u8, usize)>,
 }
 
 impl HeldRequest {
     /// The request as other parts of the engine refer to it.
-    pub fn as_asked(&self) -> RequestRef<'_> {
+    pub fn as_request_ref(&self) -> RequestRef<'_> {
         RequestRef { unit: self.unit, pdu: &self.pdu }
     }
 
@@ -160,7 +160,7 @@ impl RequestPool {
         let request = &mut self.requests[usize::from(id)];
         copy_prefix(&mut request.pdu, bytes, length);
         request.unit = unit;
-        (request.is_damaged, request.is_repeated, request.is_tentative) = (false, false, false);
+        (request.is_damaged, request.is_repeated, request.is_unconfirmed) = (false, false, false);
         request.expected_response = None;
         id
     }
@@ -196,10 +196,10 @@ impl RequestPool {
         last_answered.filter(|&(id, _)| self.get(id).unit == unit && self.get(id).pdu == pdu)
     }
 
-    /// Adds a unconfirmed copy of a request. The original stays as it is for the paths that refer to it. `make_room` has to be
+    /// Adds an unconfirmed copy of a request. The original stays as it is for the paths that refer to it. `make_room` has to be
     /// called before.
-    pub fn add_tentative_copy(&mut self, id: RequestId) -> RequestId {
-        let unconfirmed = HeldRequest { is_tentative: true, ..self.get(id).clone() };
+    pub fn add_unconfirmed_copy(&mut self, id: RequestId) -> RequestId {
+        let unconfirmed = HeldRequest { is_unconfirmed: true, ..self.get(id).clone() };
         let copy = self.add(unconfirmed.unit, &[]);
         *self.get_mut(copy) = unconfirmed;
         copy

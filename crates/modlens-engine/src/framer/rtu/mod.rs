@@ -122,11 +122,11 @@ impl RtuFramer {
         if !(is_possible && self.search.has_sound_outstanding_request()) {
             return FrameCheck::NoFrame;
         }
-        let (stray_bytes, certain) = check_frame_behind_strays(&self.search, input, context);
-        if matches!(certain, FrameCheck::NoFrame) {
+        let (stray_bytes, check) = check_frame_behind_strays(&self.search, input, context);
+        if matches!(check, FrameCheck::NoFrame) {
             self.fast_path_failed_after_strays_at = Some(input.offset());
         }
-        if let FrameCheck::Frame(length) = certain {
+        if let FrameCheck::Frame(length) = check {
             let unit = input.bytes()[stray_bytes];
             let is_known = self.search.outstanding_request().is_some() || context.paired_units[usize::from(unit)];
             if !(is_known && self.search.allows_fast_path(stray_bytes, length)) {
@@ -139,7 +139,7 @@ impl RtuFramer {
             let confidence = MAX_CONFIDENCE_BITS;
             self.decision = Some(Decision::Frame { start, end, direction, confidence, unconfirmed: false });
         }
-        certain
+        check
     }
 
     /// Gives out the frame that the fast path found at the first byte.

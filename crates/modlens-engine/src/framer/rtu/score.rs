@@ -181,7 +181,7 @@ fn response_context_score(
     let outstanding = answerable.outstanding;
     let (_, unsolicited) = turn_costs(model, answerable, preceding);
     let matched =
-        outstanding.map_or(ResponseMatch::No, |request| match_response(context.functions, request.as_asked(), unit, pdu));
+        outstanding.map_or(ResponseMatch::No, |request| match_response(context.functions, request.as_request_ref(), unit, pdu));
     let Some(request) = outstanding.filter(|_| matched != ResponseMatch::No) else {
         let after_damage = preceding.has_same_header && outstanding.is_none();
         let unsolicited = unsolicited - if after_damage { weights::DAMAGED_REQUEST_BITS } else { 0.0 };
@@ -230,7 +230,8 @@ fn belated_response_score(
     pause: TimeoutLogOdds,
 ) -> f32 {
     let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
-    let fits = |request: &&HeldRequest| match_response(context.functions, request.as_asked(), unit, pdu) == ResponseMatch::Fully;
+    let fits =
+        |request: &&HeldRequest| match_response(context.functions, request.as_request_ref(), unit, pdu) == ResponseMatch::Fully;
     let late = answerable.superseded.filter(fits).map(|request| {
         let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
         (request, model.late_response_cost() + retry, false)

@@ -127,7 +127,7 @@ impl Search {
     /// Whether the outstanding request is neither unconfirmed nor damaged: then an unambiguous frame behind stray bytes needs no
     /// search.
     pub fn has_sound_outstanding_request(&self) -> bool {
-        self.outstanding_request().is_none_or(|request| !request.is_tentative && !request.is_damaged)
+        self.outstanding_request().is_none_or(|request| !request.is_unconfirmed && !request.is_damaged)
     }
 
     /// Commits a frame that the fast path found behind the root and some stray bytes. `bytes` begin behind the root.

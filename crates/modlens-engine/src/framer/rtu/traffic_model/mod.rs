@@ -229,7 +229,7 @@ impl TrafficModel {
     }
 
     /// Behind a truncated response the master asked for it again (`true`), or went on.
-    pub fn learn_end(&mut self, asked_again: bool) {
+    pub fn learn_truncation(&mut self, asked_again: bool) {
         *if asked_again { &mut self.truncations_by_sender } else { &mut self.truncations_by_tap } += 1.0;
     }
 
@@ -264,7 +264,7 @@ impl TrafficModel {
     }
 
     /// Whether it is the tap that loses the ends of responses, and not the sender that stops: masters went on.
-    pub fn loses_ends(&self) -> bool {
+    pub fn tap_truncates_responses(&self) -> bool {
         let by_tap = self.truncations_by_tap;
         let enough = weights::TAP_TRUNCATIONS_PER_RETRY_FACTOR * self.truncations_by_sender;
         by_tap >= weights::MIN_TAP_TRUNCATIONS_FRAMES && by_tap >= enough

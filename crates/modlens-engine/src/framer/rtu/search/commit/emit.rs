@@ -39,7 +39,7 @@ impl Search {
         }
         let unframed_bytes = start - self.committed_offset();
         self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
-        let unconfirmed = self.is_tentative(context, first, bytes);
+        let unconfirmed = self.is_unconfirmed(context, first, bytes);
         // Noise must not teach units. That stray bytes stand before frames, it may.
         if unconfirmed {
             self.model.learn_stray_bytes(unframed_bytes);
@@ -57,20 +57,20 @@ impl Search {
         self.set_root(first);
         if let Some(outstanding) = self.lattice[ROOT].answerable.outstanding.filter(|_| unconfirmed) {
             self.reserve_request();
-            self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_tentative_copy(outstanding));
+            self.lattice[ROOT].answerable.outstanding = Some(self.requests.add_unconfirmed_copy(outstanding));
         }
         Decision::Frame { start, end, direction, confidence, unconfirmed }
     }
 
     /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
-    fn is_tentative(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
+    fn is_unconfirmed(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
         let frame = &self.lattice[first];
         let unframed_bytes = frame.start - self.committed_offset();
         let outstanding = self.outstanding_request();
         let is_vouched = frame.answers_outstanding && outstanding.is_none_or(|request| vouches_for(context, request, bytes));
         // Drivers that are switched leave a stray byte or two in front of every frame.
         let is_near = is_vouched && unframed_bytes < weights::MAY_HIDE_FRAME_BYTES;
-        let answers_request = frame.answers_outstanding && outstanding.is_some_and(|request| !request.is_tentative || is_near);
+        let answers_request = frame.answers_outstanding && outstanding.is_some_and(|request| !request.is_unconfirmed || is_near);
         // Right behind a chance match there may be another one, but neither its response nor a chain of frames.
         let is_behind_doubt = self.last_was_doubtful && !is_vouched && self.adjacent_frames < weights::CHAIN_FRAMES;
         (unframed_bytes > 0 || is_behind_doubt) && !answers_request && !context.paired_units[bytes[0] as usize]
@@ -114,7 +114,7 @@ impl Search {
             Some(retry) if answers_outstanding && (retry.unit, &retry.pdu) == (superseded.unit, &superseded.pdu) => {
                 self.model.learn_late_response(false);
             }
-            None if direction::match_response(context.functions, superseded.as_asked(), frame[0], pdu)
+            None if direction::match_response(context.functions, superseded.as_request_ref(), frame[0], pdu)
                 == ResponseMatch::Fully =>
             {
                 self.model.learn_late_response(true);
