@@ -33,6 +33,10 @@ FIELDS = (
 )  # fmt: skip
 COLUMNS = "time,unit,function,exception,request_frame,response_time_us,address,data"
 EIGHT = ("--columns", COLUMNS)
+TEN = (
+    "--columns",
+    "time,bus,unit,function,exception,status,address,quantity,data,response_time_us",
+)
 FRAMES = ("--table", "frames")
 
 EXPORTS = {
@@ -41,7 +45,7 @@ EXPORTS = {
     "jsonl": ("jsonl",),
     "frames as jsonl": ("jsonl", *FRAMES),
     "pcapng": ("pcapng",),
-    "parquet, eight columns": ("parquet", *EIGHT),
+    "parquet, ten columns": ("parquet", *TEN),
     "parquet": ("parquet",),
     "arrow": ("arrow",),
     "zeek": ("zeek",),

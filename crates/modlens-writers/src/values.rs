@@ -37,12 +37,6 @@ impl<T> ColumnBuilder<T> {
             row.emit(reader, self);
         }
     }
-
-    /// The number of rows.
-    #[cfg(feature = "files")]
-    pub(super) fn rows(&self) -> usize {
-        self.nulls.len()
-    }
 }
 
 impl<T: Clone + Default> ColumnBuilder<T> {

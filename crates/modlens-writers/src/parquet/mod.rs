@@ -1,132 +1,189 @@
-//! Parquet (parquet-format 2.12): parts of rows, in each the columns one behind the other, in pages.
+//! Parquet (parquet-format 2.12), by the library's column writers.
 //!
-//! The layout is ours, because arrow-rs takes a list apart item by item: here a list of registers costs what its bytes
-//! cost. Headers, schema and footer are arrow-rs'. How a column becomes bytes is told in `column`, the encodings in
-//! `encode` and `distinct`.
+//! They are fed without the library's own way from Arrow (its feature `arrow`), which would bring kernels for arrays that
+//! nothing here calls. How rows become values and levels is in `column`.
 
 mod column;
-mod distinct;
-mod encode;
 
 use std::sync::Arc;
 
-use arrow_schema::Schema;
-use parquet::arrow::{encode_arrow_schema, ArrowSchemaConverter, ARROW_SCHEMA_META_KEY};
-use parquet::basic::ColumnOrder;
+use parquet::basic::{Compression, Encoding, Type, ZstdLevel};
 use parquet::errors::Result;
-use parquet::file::metadata::{
-    ColumnChunkMetaData, FileMetaData, KeyValue, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData,
-};
-use parquet::schema::types::SchemaDescPtr;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesBuilder};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use parquet::schema::types::SchemaDescriptor;
 
-use column::{Column, Packer};
-use modlens_tables::columns::{RowRef, Table, TableKind};
+use column::Column;
+use modlens_tables::columns::{ColumnType, RowRef, Table, TableKind};
 
-/// Rows that a part of a file holds; its columns are in memory, packed, until it is complete.
-const PART: usize = 65_536;
+/// Rows of a row group; its columns are in memory, compressed, until it is complete.
+const ROW_GROUP_ROWS: usize = 65_536;
 
 /// Rows whose columns are read one after the other: rows and their bytes stay in the processor's cache meanwhile.
-const AT_ONCE: usize = 1024;
+const ROWS_AT_ONCE: usize = 1024;
 
-const MAGIC: &[u8] = b"PAR1";
+/// A page is full with so many rows, or so many bytes of values: it is to stay in the processor's cache.
+const PAGE_ROWS: usize = 8192;
+const PAGE_BYTES: usize = 1 << 17;
 
-/// Writes a file, part by part.
+/// Levels that the library takes at a time; what a thousand rows hold is small enough as it is.
+const BATCH_LEVELS: usize = 1 << 16;
+
+/// zstd: higher levels take twice the time for a twentieth less.
+const ZSTD_LEVEL: i32 = 1;
+
+/// Columns with few different values: a dictionary makes them small. On all others it costs time and room.
+const FEW_VALUES: [&str; 21] = [
+    "bus",
+    "line",
+    "client",
+    "server",
+    "connection",
+    "mode",
+    "direction",
+    "unit",
+    "function",
+    "function_name",
+    "exception",
+    "exception_name",
+    "verdict",
+    "delimited_by",
+    "operation",
+    "register_type",
+    "status",
+    "code",
+    "severity",
+    "impact",
+    "advice",
+];
+
+/// Writes a file, row group by row group.
 pub(super) struct Parquet {
-    schema: SchemaDescPtr,
+    writer: SerializedFileWriter<Vec<u8>>,
     columns: Vec<Box<dyn Column>>,
-    packer: Packer,
-    /// Of the part that is being filled.
+    /// Of the row group that is being filled.
     rows: usize,
-    parts: Vec<RowGroupMetaData>,
-    /// Bytes so far.
-    written: usize,
-    about: Vec<KeyValue>,
-    version: String,
 }
 
 impl Parquet {
-    /// For these columns of a table, which `arrow` describes.
-    pub(super) fn new(kind: TableKind, columns: &[usize], arrow: &Schema, version: &str) -> Result<Self> {
-        let schema = Arc::new(ArrowSchemaConverter::new().convert(arrow)?);
-        let leaves = columns.iter().zip(schema.columns());
+    /// For these columns of a table; `metadata` is kept as it is.
+    pub(super) fn new(kind: TableKind, columns: &[usize], metadata: &[(&str, String)], version: &str) -> Result<Self> {
+        let schema = Arc::new(parse_message_type(&message(kind, columns))?);
+        let descriptor = SchemaDescriptor::new(Arc::clone(&schema));
+        let metadata = metadata.iter().map(|(key, value)| KeyValue::new((*key).to_owned(), value.clone())).collect();
+        let properties =
+            Arc::new(properties(kind, columns, &descriptor, version)?.set_key_value_metadata(Some(metadata)).build());
+        let leaves = columns.iter().zip(descriptor.columns());
         Ok(Self {
-            columns: leaves.map(|(&column, leaf)| column::column(kind, column, Arc::clone(leaf))).collect(),
-            packer: Packer::new()?,
-            schema,
+            columns: leaves.map(|(&column, leaf)| column::column(kind, column, leaf, &properties)).collect(),
+            writer: SerializedFileWriter::new(Vec::new(), schema, properties)?,
             rows: 0,
-            parts: Vec::new(),
-            written: 0,
-            about: vec![KeyValue::new(ARROW_SCHEMA_META_KEY.to_owned(), encode_arrow_schema(arrow))],
-            version: format!("modlens {version}"),
         })
     }
 
-    /// Takes the rows of a table; `out` gets the parts that are complete.
+    /// Takes the rows of a table; `out` gets the row groups that are complete.
     pub(super) fn rows(&mut self, table: &Table, out: &mut Vec<u8>) -> Result<()> {
         let mut next = 0;
         while next < table.len() {
-            let end = table.len().min(next + AT_ONCE.min(PART - self.rows));
+            let end = table.len().min(next + ROWS_AT_ONCE.min(ROW_GROUP_ROWS - self.rows));
             let rows: Vec<RowRef<'_>> = (next..end).map(|row| table.row(row)).collect();
             for column in &mut self.columns {
-                column.take(&rows, &mut self.packer)?;
+                column.take(&rows)?;
             }
             self.rows += rows.len();
             next = end;
-            if self.rows == PART {
-                self.part(out)?;
+            if self.rows == ROW_GROUP_ROWS {
+                self.row_group()?;
             }
         }
+        self.writer.flush()?;
+        out.append(self.writer.inner_mut());
         Ok(())
     }
 
-    /// The last part, and the footer.
+    /// The last row group, and the footer.
     pub(super) fn end(mut self, out: &mut Vec<u8>) -> Result<()> {
         if self.rows > 0 {
-            self.part(out)?;
+            self.row_group()?;
         }
-        self.begin(out);
-        let orders = self.schema.columns().iter().map(|leaf| ColumnOrder::TYPE_DEFINED_ORDER(leaf.sort_order()));
-        let rows = self.parts.iter().map(RowGroupMetaData::num_rows).sum();
-        let file =
-            FileMetaData::new(1, rows, Some(self.version), Some(self.about), Arc::clone(&self.schema), Some(orders.collect()));
-        ParquetMetaDataWriter::new(out, &ParquetMetaData::new(file, self.parts)).finish()
+        out.append(&mut self.writer.into_inner()?);
+        Ok(())
     }
 
-    fn begin(&mut self, out: &mut Vec<u8>) {
-        if self.written == 0 {
-            out.extend_from_slice(MAGIC);
-            self.written = MAGIC.len();
-        }
-    }
-
-    /// The columns of the rows so far become a part.
-    fn part(&mut self, out: &mut Vec<u8>) -> Result<()> {
-        self.begin(out);
-        let mut chunks = Vec::with_capacity(self.columns.len());
+    /// The columns of the rows so far become a row group.
+    fn row_group(&mut self) -> Result<()> {
+        let mut row_group = self.writer.next_row_group()?;
         for column in &mut self.columns {
-            let before = out.len();
-            chunks.push(column.end(self.written, &mut self.packer, out)?);
-            self.written += out.len() - before;
+            let (pages, close) = column.close()?;
+            row_group.append_column(&pages, close)?;
         }
-        let size = chunks.iter().map(ColumnChunkMetaData::uncompressed_size).sum();
-        let part = RowGroupMetaData::builder(Arc::clone(&self.schema));
-        let part = part.set_column_metadata(chunks).set_num_rows(self.rows as i64).set_total_byte_size(size);
-        self.parts.push(part.build()?);
+        row_group.close()?;
         self.rows = 0;
         Ok(())
     }
 }
 
+/// The schema as Parquet's own language has it ("Logical Types" of parquet-format).
+fn message(kind: TableKind, columns: &[usize]) -> String {
+    let fields = columns.iter().map(|&column| field(&kind.columns()[column].key, kind.columns()[column].kind));
+    format!("message arrow_schema {{ {} }}", fields.collect::<String>())
+}
+
+fn field(key: &str, kind: ColumnType) -> String {
+    let list = |item: &str| format!("optional group {key} (LIST) {{ repeated group list {{ optional {item}; }} }} ");
+    match kind {
+        ColumnType::Int => format!("optional int64 {key}; "),
+        ColumnType::Us | ColumnType::Float => format!("optional double {key}; "),
+        ColumnType::Time => format!("optional int64 {key} (TIMESTAMP(NANOS,true)); "),
+        ColumnType::Bool => format!("optional boolean {key}; "),
+        ColumnType::Text | ColumnType::Map => format!("optional binary {key} (STRING); "),
+        ColumnType::Ints => list("int32 item"),
+        ColumnType::Texts => list("binary item (STRING)"),
+    }
+}
+
+/// How each column is written.
+fn properties(kind: TableKind, columns: &[usize], schema: &SchemaDescriptor, version: &str) -> Result<WriterPropertiesBuilder> {
+    let mut properties = WriterProperties::builder()
+        .set_created_by(format!("modlens {version}"))
+        .set_compression(Compression::ZSTD(ZstdLevel::try_new(ZSTD_LEVEL)?))
+        .set_data_page_row_count_limit(PAGE_ROWS)
+        .set_data_page_size_limit(PAGE_BYTES)
+        .set_write_batch_size(BATCH_LEVELS)
+        .set_statistics_enabled(EnabledStatistics::Chunk)
+        .set_offset_index_disabled(true);
+    for (leaf, what) in schema.columns().iter().zip(columns.iter().map(|&column| &kind.columns()[column])) {
+        let path = leaf.path();
+        let few = what.kind == ColumnType::Texts || FEW_VALUES.contains(&what.key.as_str());
+        properties = properties.set_column_dictionary_enabled(path.clone(), few);
+        // Counters, times and registers that hardly change take next to no room as differences.
+        if matches!(leaf.physical_type(), Type::INT32 | Type::INT64) {
+            properties = properties.set_column_encoding(path.clone(), Encoding::DELTA_BINARY_PACKED);
+        }
+        // The least and the greatest of all registers of a device help no query.
+        if leaf.max_rep_level() > 0 {
+            properties = properties.set_column_statistics_enabled(path.clone(), EnabledStatistics::None);
+        }
+    }
+    Ok(properties)
+}
+
 #[cfg(test)]
 mod tests {
-    use arrow_array::RecordBatchReader as _;
-    use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+    use arrow_array::cast::AsArray as _;
+    use arrow_array::types::{Float64Type, Int32Type, Int64Type, TimestampNanosecondType};
+    use arrow_array::Array;
+    use arrow_schema::DataType;
+    use parquet::file::metadata::RowGroupMetaData;
     use parquet::file::reader::FileReader as _;
     use parquet::file::serialized_reader::SerializedFileReader;
+    use parquet::record::Field;
     use proptest::prelude::*;
 
     use super::*;
-    use crate::arrow::{batch_of, schema};
+    use crate::arrow::batch_of;
     use modlens_engine::records::{Batch, Bus, FindingRow, Frame, Network, Span};
     use modlens_engine::session::{BusOptions, Session, WantedTables};
     use modlens_protocol::finding::Finding;
@@ -135,11 +192,18 @@ mod tests {
 
     const TABLES: [TableKind; 4] = [TableKind::Frames, TableKind::Transactions, TableKind::Readings, TableKind::Findings];
 
+    #[test]
+    fn columns_with_few_values_are_columns_of_a_table() {
+        for key in FEW_VALUES {
+            assert!(TABLES.iter().any(|table| table.column(key).is_ok()), "{key}");
+        }
+    }
+
     /// The file of these tables, rows given so many batches at a time.
     fn file(tables: &[Table]) -> Vec<u8> {
         let kind = tables[0].kind;
         let columns: Vec<usize> = (0..kind.columns().len()).collect();
-        let mut file = Parquet::new(kind, &columns, &schema(kind), "0").unwrap();
+        let mut file = Parquet::new(kind, &columns, &[("modlens.table", kind.name().to_owned())], "0").unwrap();
         let mut out = Vec::new();
         for table in tables {
             file.rows(table, &mut out).unwrap();
@@ -148,31 +212,42 @@ mod tests {
         out
     }
 
-    /// arrow-rs reads out of the file what goes into its own arrays.
+    /// The library reads out of the file what goes into Arrow's arrays.
     fn assert_whole(tables: &[Table]) {
-        let bytes = bytes::Bytes::from(file(tables));
-        let reader = ParquetRecordBatchReaderBuilder::try_new(bytes).unwrap().with_batch_size(1 << 20).build().unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(file(tables))).unwrap();
         let kind = tables[0].kind;
-        assert_eq!(reader.schema().fields(), schema(kind).fields());
         let columns: Vec<usize> = (0..kind.columns().len()).collect();
-        let mut found = reader.map(Result::unwrap);
-        let (mut batch, mut at) = (None, 0);
+        let mut rows = reader.get_row_iter(None).unwrap();
         for table in tables {
-            let mut next = 0;
-            while next < table.len() {
-                let there = batch.get_or_insert_with(|| found.next().expect("more rows"));
-                let count = (table.len() - next).min(there.num_rows() - at);
-                let expected = batch_of(table, next..next + count, &columns);
-                for (column, (is, should)) in there.slice(at, count).columns().iter().zip(expected.columns()).enumerate() {
-                    assert_eq!(is, should, "{} {}", kind.name(), kind.columns()[column].key);
-                }
-                (next, at) = (next + count, at + count);
-                if at == there.num_rows() {
-                    (batch, at) = (None, 0);
+            let expected = batch_of(table, 0..table.len(), &columns);
+            for at in 0..table.len() {
+                let row = rows.next().expect("more rows").unwrap();
+                for ((key, is), should) in row.get_column_iter().zip(expected.columns()) {
+                    assert!(same(is, should, at), "{} {key}: {is} is not {should:?} {at}", kind.name());
                 }
             }
         }
-        assert!(found.next().is_none());
+        assert!(rows.next().is_none());
+    }
+
+    fn same(is: &Field, array: &dyn Array, at: usize) -> bool {
+        let there = array.is_valid(at);
+        match is {
+            Field::Null => !there,
+            Field::Bool(yes) => there && array.as_boolean().value(at) == *yes,
+            Field::Int(number) => there && array.as_primitive::<Int32Type>().value(at) == *number,
+            Field::Long(number) if matches!(array.data_type(), DataType::Timestamp(..)) => {
+                there && array.as_primitive::<TimestampNanosecondType>().value(at) == *number
+            }
+            Field::Long(number) => there && array.as_primitive::<Int64Type>().value(at) == *number,
+            Field::Double(number) => there && array.as_primitive::<Float64Type>().value(at).to_bits() == number.to_bits(),
+            Field::Str(text) => there && array.as_string::<i32>().value(at) == text,
+            Field::ListInternal(list) => {
+                let items = array.as_list::<i32>().value(at);
+                there && list.len() == items.len() && list.elements().iter().enumerate().all(|(i, one)| same(one, &items, i))
+            }
+            _ => false,
+        }
     }
 
     fn decoded(pieces: &[Vec<u8>], with_clock: bool) -> Vec<Arc<Batch>> {
@@ -255,7 +330,7 @@ mod tests {
         Bus { name: name.to_owned(), source: "file".to_owned(), place: Place::Line, clock: Clock::Utc, line: None, network }
     }
 
-    /// More rows than a page and a part hold, more values than a dictionary of two bytes has places for.
+    /// More rows than a page and a row group hold, and many values in a dictionary.
     #[test]
     fn many_rows_and_values_are_read_back() {
         let buses = (0..70_000).map(|at| a_bus("bus", at)).collect();
@@ -266,12 +341,12 @@ mod tests {
         batch.frames = (0..70_000).map(|at| Frame { bus: at, wire: Span::default(), ..one.clone() }).collect();
         let table = Table::new(Arc::new(batch), TableKind::Frames);
         let reader = SerializedFileReader::new(bytes::Bytes::from(file(std::slice::from_ref(&table)))).unwrap();
-        let parts: Vec<i64> = reader.metadata().row_groups().iter().map(RowGroupMetaData::num_rows).collect();
-        assert_eq!(parts, [65_536, 4_464]);
+        let row_groups: Vec<i64> = reader.metadata().row_groups().iter().map(RowGroupMetaData::num_rows).collect();
+        assert_eq!(row_groups, [65_536, 4_464]);
         assert_whole(&[table]);
     }
 
-    /// Every value that a register can have, twice: the last of them has the last place of two bytes.
+    /// Every value that a register can have, twice: the greatest of them has all bits.
     #[test]
     fn all_registers_are_read_back() {
         let values: Vec<u8> = (0..=u16::MAX).flat_map(u16::to_be_bytes).collect();
@@ -286,9 +361,9 @@ mod tests {
         assert_whole(&tables);
     }
 
-    /// Bounds of each part, from the rows themselves.
+    /// Bounds of each row group, from the rows themselves.
     #[test]
-    fn parts_say_what_is_in_them() {
+    fn row_groups_say_what_is_in_them() {
         let mut batch = Batch::default();
         batch.buses = Arc::new([a_bus("b", 1), a_bus("a", 2)].into_iter().collect());
         let row = |frame, bus, start| FindingRow {
@@ -318,6 +393,6 @@ mod tests {
         assert_eq!(said("elapsed_us"), (float(-5.0), float(3.0), Some(1)));
         assert_eq!(said("bus"), (Some(b"a".to_vec()), Some(b"b".to_vec()), Some(0)));
         assert_eq!(said("unit"), (None, None, Some(3)));
-        assert_eq!(said("detail"), (None, None, Some(0)));
+        assert_eq!(said("detail"), (Some(Vec::new()), Some(Vec::new()), Some(0)));
     }
 }
