@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(shell find $(filter-out crates/modlens-bench,$(wildcard crates/*)) dissectors analyzer -name '*.rs' -o -name '*.toml')
 
-.PHONY: demo test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz properties captures vectors corpus clean
+.PHONY: demo check test lint recipes wheel load soak settings bench bench-text bench-readings bench-exports speed accuracy noise fuzz properties captures vectors corpus clean
 
 demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
@@ -16,6 +16,10 @@ demo: $(VENV)/.installed
 test: $(VENV)/.tested
 	cargo test --release --locked --workspace --exclude modlens-py
 	$(BIN)/python -m pytest
+
+# The inner loop: the linters, and the tests of what changed since main.
+check: $(VENV)/.tested
+	$(BIN)/python -m tests.support.changed
 
 lint: $(VENV)/.tested
 	cargo fmt --check

@@ -1,0 +1,130 @@
+"""What `make check` runs: the linters, and the tests of what changed since `main`.
+
+The tests of a file are those of its crate, or those that bear its name or the name of its folder.
+They are the first to fail; what else a change may break is for `make test`.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent.parent
+
+TESTS_OF_CRATES = {
+    "modlens-protocol": ("tests/border/test_checksums.py", "tests/dissectors/test_pdu.py"),
+    "modlens-readers": ("tests/dissectors/importers", "tests/border/test_marks.py"),
+    "modlens-profiles": ("tests/analyzer/test_profiles.py", "tests/dissectors/test_profile.py"),
+    "modlens-engine": ("tests/border/test_decoder.py", "tests/captures/test_decode.py"),
+    "modlens-tables": ("tests/analyzer/test_filters.py", "tests/analyzer/test_columns.py"),
+    "modlens-writers": (
+        "tests/analyzer/exports/test_sink.py",
+        "tests/analyzer/exports/test_types.py",
+    ),
+    "modlens-py": ("tests/border",),
+    "modlens-bench": (),
+}
+"""Tests in Python that show what a crate does; its own are run as well."""
+
+TESTS_OF_FILES = {
+    "Cargo.lock": "tests/packaging/test_third_party.py",
+    "THIRD_PARTY.md": "tests/packaging/test_third_party.py",
+    "_modlens.pyi": "tests/border/test_stub.py",
+    "README.md": "tests/docs/test_readme.py",
+    "CONTRIBUTING.md": "tests/docs/test_contributing.py",
+    "ARCHITECTURE.md": "tests/docs/test_contributing.py",
+}
+
+
+def changed_files() -> list[str]:
+    """Files that differ from the last commit that this branch shares with `main`, new ones too."""
+    base = git("merge-base", "HEAD", "main") or ["HEAD"]
+    changed = git("diff", "--name-only", "--diff-filter=d", base[0])
+    return sorted({*changed, *git("ls-files", "--others", "--exclude-standard")})
+
+
+def git(*words: str) -> list[str]:
+    """The lines that git prints; none if it fails, as where there is no branch `main`."""
+    run = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    return run.stdout.splitlines() if run.returncode == 0 else []
+
+
+def crates(files: Iterable[str]) -> list[str]:
+    """The crates of the files."""
+    return sorted({Path(file).parts[1] for file in files if file.startswith("crates/")})
+
+
+def python_tests(files: Iterable[str]) -> list[str]:
+    """What pytest is to collect."""
+    files = list(files)
+    found = {test for crate in crates(files) for test in TESTS_OF_CRATES[crate]}
+    for file in files:
+        found.update(tests_of(file))
+    return sorted(found)
+
+
+def tests_of(file: str) -> Iterator[str]:
+    """The tests of a file outside of the crates."""
+    path = Path(file)
+    if file in TESTS_OF_FILES:
+        yield TESTS_OF_FILES[file]
+    elif path.parts[0] == "tests" and path.name.startswith("test_"):
+        yield file
+    elif path.parts[0] in ("analyzer", "dissectors"):
+        if path.suffix == ".py":
+            yield file  # Its doctests.
+        yield from nearest_tests(path)
+
+
+def nearest_tests(path: Path) -> list[str]:
+    """The tests that bear the name of the file; else those of its folder, or of the next above."""
+    folder = ROOT / "tests" / path.parent
+    named = sorted(folder.glob(f"test_{path.stem.lstrip('_')}*.py")) if folder.is_dir() else []
+    while not named:
+        if folder.is_dir() and folder != ROOT / "tests":
+            named = sorted(folder.glob("test_*.py"))
+        elif folder == ROOT / "tests":
+            break
+        folder = folder.parent
+    return [test.relative_to(ROOT).as_posix() for test in named]
+
+
+def commands(files: list[str]) -> Iterator[list[str]]:
+    """The commands in their order: the quick ones come first."""
+    rust = any(file.endswith((".rs", ".toml")) and file.startswith("crates/") for file in files)
+    yield [sys.executable, "-m", "ruff", "check"]
+    yield [sys.executable, "-m", "ruff", "format", "--check"]
+    if rust:
+        yield ["cargo", "fmt", "--check"]
+        packages = [word for crate in crates(files) for word in ("--package", crate)]
+        yield [*CLIPPY, *packages, "--all-targets", "--", "-D", "warnings"]
+        # What the others make of a changed interface.
+        yield [*CLIPPY, "--package", "modlens-py", "--", "-D", "warnings"]
+        # The extension does not link as a test program.
+        own = [crate for crate in crates(files) if crate != "modlens-py"]
+        if own:
+            packages = [word for crate in own for word in ("--package", crate)]
+            yield ["cargo", "test", "--release", "--locked", "--quiet", *packages]
+    if any(file.endswith((".py", ".pyi")) for file in files):
+        yield [sys.executable, "-m", "mypy"]
+        yield [str(Path(sys.executable).parent / "lint-imports")]
+    if tests := python_tests(files):
+        yield [sys.executable, "-m", "pytest", "--quiet", *tests]
+
+
+CLIPPY = ("cargo", "clippy", "--release", "--locked", "--quiet")
+
+
+def main() -> None:
+    """Runs the commands until one fails."""
+    for command in commands(changed_files()):
+        sys.stdout.write(f"== {' '.join(command)}\n")
+        sys.stdout.flush()
+        if status := subprocess.run(command, cwd=ROOT, check=False).returncode:
+            raise SystemExit(status)
+
+
+if __name__ == "__main__":
+    main()
