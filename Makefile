@@ -14,7 +14,7 @@ demo: $(VENV)/.installed
 	$(BIN)/modlens decode captures/pymodbus_disturbed/recording.jsonl --line 19200-8E1
 
 test: $(VENV)/.tested
-	cargo test --release --locked --workspace --exclude modlens-py
+	cargo test --release --locked --workspace
 	$(BIN)/python -m pytest
 
 # The inner loop: the linters, and the tests of what changed since main.
@@ -92,7 +92,7 @@ fuzz:
 # Property tests with examples that no run before had: make properties CASES=20000
 CASES ?= 5000
 properties: $(VENV)/.tested
-	PROPTEST_CASES=$(CASES) cargo test --release --locked --workspace --exclude modlens-py
+	PROPTEST_CASES=$(CASES) cargo test --release --locked --workspace
 	$(BIN)/python -m pytest -m hypothesis
 
 captures: $(VENV)/.tested

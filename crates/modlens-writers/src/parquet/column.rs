@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use arrow_buffer::NullBuffer;
 use bytes::Bytes;
 use parquet::column::page::{CompressedPage, PageWriteSpec, PageWriter};
-use parquet::column::writer::{get_column_writer, get_typed_column_writer, ColumnCloseResult, ColumnWriterImpl};
+use parquet::column::writer::{ColumnCloseResult, ColumnWriterImpl};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int32Type, Int64Type};
 use parquet::errors::Result;
 use parquet::file::properties::WriterPropertiesPtr;
@@ -179,7 +179,7 @@ struct Pages(Arc<Mutex<Vec<u8>>>);
 impl Pages {
     fn writer<P: DataType>(&self, leaf: &ColumnDescPtr, properties: &WriterPropertiesPtr) -> ColumnWriterImpl<'static, P> {
         let pages = Box::new(Self(Arc::clone(&self.0)));
-        get_typed_column_writer(get_column_writer(Arc::clone(leaf), Arc::clone(properties), pages))
+        ColumnWriterImpl::new(Arc::clone(leaf), Arc::clone(properties), pages)
     }
 
     fn take(&self) -> Bytes {
