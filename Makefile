@@ -115,8 +115,13 @@ $(VENV)/.installed: $(BIN)/python $(SOURCES)
 	$(PIP) install --editable .
 	touch $@
 
-$(VENV)/.tested: $(BIN)/python $(SOURCES)
+# The packages that tests need change with pyproject.toml only. With maturin among them, a change in Rust needs no index.
+$(VENV)/.packages: $(BIN)/python pyproject.toml
 	$(PIP) install --editable '.[test]'
+	touch $@
+
+$(VENV)/.tested: $(VENV)/.packages $(SOURCES)
+	PATH="$(abspath $(BIN)):$$PATH" $(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(VENV)/.installed $@
 
 clean:

@@ -9,7 +9,7 @@ import pytest
 
 from analyzer import decode
 from analyzer.columns import TABLES, columns
-from analyzer.exports.sink import ExportSink, target
+from analyzer.exports.sink import ExportSink, parse_target
 
 # By the types of columns.toml: as Arrow (pyarrow), polars, duckdb and pandas name them.
 NAMES = {
@@ -36,7 +36,7 @@ def files(tmp_path: Path, captures: Path) -> Path:
     source = decode(captures / "pymodbus_all_functions" / "recording.jsonl")
     for table in TABLES:
         for suffix in ("parquet", "arrow"):
-            one = target(str(tmp_path / f"{table}.{suffix}"), table)
+            one = parse_target(str(tmp_path / f"{table}.{suffix}"), table)
             sink = ExportSink(one, columns=None, where=None, growing=False)
             for batch in source.batches(*TABLES):
                 sink.put(batch)
