@@ -234,7 +234,7 @@ def test_words_that_make_no_sense_are_no_words(tmp_path: Path) -> None:
     )
     data = path.read_bytes()
     for old, new in ((b"direction=re", b"direction=xy"), (b"txn=", b"txm="), (b"frame=", b"frame?"),
-                     (b"request=", b"request?"), (b" offset=", b" delimited_by=")):  # fmt: skip
+                     (b"request=", b"request?"), (b" offset=", b" cut_by=")):  # fmt: skip
         assert old in data
         changed = tmp_path / "changed.pcapng"
         changed.write_bytes(data.replace(old, new))

@@ -118,7 +118,7 @@ def test_parquet_says_where_it_comes_from(tmp_path: Path, captures: Path) -> Non
     export(path, captures, columns=None, where=None)
     file = parquet.ParquetFile(path)
     said = {key.decode(): value.decode() for key, value in file.schema_arrow.metadata.items()}
-    assert (said["modlens.table"], said["modlens.schema_version"]) == ("transactions", "1")
+    assert (said["modlens.table"], said["modlens.schema_version"]) == ("transactions", "2")
     chunks = [file.metadata.row_group(0).column(at) for at in range(file.metadata.num_columns)]
     coded = {one.path_in_schema for one in chunks if "RLE_DICTIONARY" in one.encodings}
     assert {"status", "unit", "function_name"} <= coded

@@ -43,7 +43,7 @@ def test_a_scraper_reads_what_happened() -> None:
     assert found["modbus_response_time_seconds_count bus=bus unit=1"] == 3
     assert found["modbus_last_seen_timestamp_seconds bus=bus unit=1"] > 10**9
     assert found["modbus_bad_checksum_total bus=bus"] == 3
-    assert found["modbus_bus_busy_ratio bus=bus"] == 0.25
+    assert found["modbus_bus_utilization_ratio bus=bus"] == 0.25
     port = metrics.port
     metrics.close()
     with socket.socket() as probe:

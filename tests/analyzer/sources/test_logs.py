@@ -282,7 +282,7 @@ def test_the_table_reads_what_each_dialect_writes() -> None:
     ]
     assert [time for _, _, time, _ in found] == [NOON + 250_000_000, NOON + 270_000_000]
     assert (left_out, unparsed) == ([], 1)
-    with pytest.raises(ValueError, match="no text format"):
+    with pytest.raises(ValueError, match="not a text format"):
         table.read("nothing", b"")
 
 
