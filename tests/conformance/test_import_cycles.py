@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import grimp
 import pytest
 
+from tests.conftest import ROOT
 from tests.support.cycles import cycles
+from tests.support.rust_imports import crate_imports, describe_cycles
+
+SOURCES = sorted(ROOT.glob("crates/*/src"))
 
 
 @pytest.mark.parametrize("packages", [("analyzer", "dissectors"), ("tests",)])
@@ -23,3 +29,12 @@ def test_python_files_do_not_import_each_other(packages: tuple[str, ...]) -> Non
         for group in cycles(imports)
     ]
     assert not tied, "\n\n".join("\n".join(lines) for lines in tied)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=[source.parent.name for source in SOURCES])
+def test_rust_files_do_not_import_each_other(source: Path) -> None:
+    """Files of one crate do not import each other; Cargo permits no circles between crates."""
+    imports = crate_imports(source)
+    assert any(imports.values()), "nothing was read"
+    circles = describe_cycles(imports)
+    assert not circles, "\n\n".join(circles)
