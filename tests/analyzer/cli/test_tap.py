@@ -153,7 +153,7 @@ def test_the_screen_shows_what_happens_as_it_happens(tmp_path: Path) -> None:
         truth = follow(bus, client)
         assert running.stop(signal.SIGTERM) == 0
     head, *lines = running.out.splitlines()
-    assert head.split()[:4] == ["txn", "elapsed", "s", "unit"]
+    assert head.split()[:4] == ["trans.", "elapsed", "s", "unit"]
     assert len(lines) == len(truth)
     assert all(len(line) <= 80 for line in [head, *lines])
 

@@ -108,7 +108,7 @@ def test_a_closed_pipe_ends_the_tap() -> None:
     running = tap(wired.name, stdout=subprocess.PIPE)
     assert running.stdout is not None
     os.write(wired.far, PAIR)
-    assert "txn" in running.stdout.readline()
+    assert "trans." in running.stdout.readline()
     running.stdout.close()
     until = time.monotonic() + 10.0
     while running.poll() is None and time.monotonic() < until:
