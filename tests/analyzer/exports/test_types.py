@@ -84,4 +84,4 @@ def test_pandas_has_times_with_a_zone(files: Path) -> None:
     pandas: Any = pytest.importorskip("pandas")
     found = pandas.read_parquet(files / "frames.parquet")
     assert str(found["time"].dtype) == "datetime64[ns, UTC]"
-    assert str(found["tentative"].dtype) == "bool"
+    assert str(found["unconfirmed"].dtype) == "bool"
