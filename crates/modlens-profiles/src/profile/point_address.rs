@@ -121,10 +121,10 @@ mod tests {
     fn errors_explain_the_mistake() {
         for (text, base, part) in [
             ("107", AddressBase::Zero, "colon"),
-            ("xr:1", AddressBase::Zero, "is no table"),
-            ("hr:x", AddressBase::Zero, "no address"),
-            ("hr:65536", AddressBase::Zero, "beyond the last one, 65535"),
-            ("hr:65537", AddressBase::One, "beyond the last one, 65536"),
+            ("xr:1", AddressBase::Zero, "is not a table"),
+            ("hr:x", AddressBase::Zero, "not an address"),
+            ("hr:65536", AddressBase::Zero, "beyond the last address, 65535"),
+            ("hr:65537", AddressBase::One, "beyond the last address, 65536"),
             ("hr:0", AddressBase::One, "counts from 1"),
             ("hr:1.16", AddressBase::Zero, "bits 0 (lowest) to 15"),
             ("hr:1.5-3", AddressBase::Zero, "lower bit"),
