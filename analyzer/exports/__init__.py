@@ -16,7 +16,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from analyzer.columns import TABLES
-from analyzer.exports.output import Output, open_output
+from analyzer.exports.output import NewAtomicFile, Output, open_output
 from dissectors.errors import UsageError
 from dissectors.function_lookup import similar_name
 
@@ -116,7 +116,12 @@ class Format:
         return b""
 
     def output(self, path: str | None, *, growing: bool) -> Output:
-        """Open the output; None is standard output. `SourceError` if it cannot be written."""
+        """Open the output; None is standard output. `SourceError` if it cannot be written.
+
+        A `growing` file is that of a live tap, and must be new.
+        """
+        if growing and not self.readable_while_written and path is not None:
+            return NewAtomicFile(path)
         return open_output(path, growing=growing)
 
     def closing_remark(self) -> str:

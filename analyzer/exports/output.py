@@ -1,8 +1,9 @@
 """Where exported bytes go: a file that appears when complete, a growing file, standard output.
 
-No export is left incomplete: a file is written under a temporary name beside its place and renamed
-at the end. A live tap can end at any moment, so its file grows in place, block by block, and never
-replaces an existing file.
+No export is left incomplete under its name: a file is written under a temporary name beside its
+place and renamed at the end, to `NAME.partial` where a signal has interrupted the export, so that
+an older file of the name stays. A live tap can end at any moment, so its file grows in place, block
+by block, and never replaces an existing file.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ __all__ = [
     "StandardOutput",
     "is_special",
     "open_output",
+    "partial_name",
 ]
 
 
@@ -38,8 +40,12 @@ class Output(Protocol):
     def append(self, data: bytes) -> None:
         """Append these bytes."""
 
-    def close(self) -> None:
-        """Complete the output, which then takes its final name."""
+    def close(self, *, interrupted: bool = False) -> None:
+        """Complete the output, which then takes its final name.
+
+        Where the export was `interrupted` before the end of its input, a file that appears when it
+        is complete takes the name of `partial_name` instead, and so does `name`.
+        """
 
     def rollback(self) -> None:
         """Discard the output: nothing incomplete is left."""
@@ -71,7 +77,7 @@ class _File:
                 raise
             raise _source_error(self.name, error) from error
 
-    def close(self) -> None:
+    def close(self, *, interrupted: bool = False) -> None:
         """Complete the file; does nothing after `rollback`."""
         if self._fd is None:
             return
@@ -79,7 +85,7 @@ class _File:
             self._finish(self._fd)
         except OSError as error:
             self._fd = None
-            self._delete_partial()
+            self._delete_temporary()
             raise _source_error(self.name, error) from error
 
     def rollback(self) -> None:
@@ -88,13 +94,13 @@ class _File:
         if fd is not None:
             with contextlib.suppress(OSError):
                 os.close(fd)
-            self._delete_partial()
+            self._delete_temporary()
 
     def _finish(self, fd: int) -> None:
         os.close(fd)
         self._fd = None
 
-    def _delete_partial(self) -> None:
+    def _delete_temporary(self) -> None:
         """Delete the incomplete file."""
 
 
@@ -108,21 +114,28 @@ class AtomicFile(_File):
         self._path = os.path.realpath(path)
         self._writes_directly = is_special(self._path)
         folder, base = os.path.split(self._path)
-        self._partial_path = os.path.join(folder, f".{base}.{os.getpid()}")
+        self._temporary_path = os.path.join(folder, f".{base}.{os.getpid()}")
         if self._writes_directly:
             super().__init__(path, self._path, 0)
         else:
-            super().__init__(path, self._partial_path, os.O_CREAT | os.O_TRUNC)
+            super().__init__(path, self._temporary_path, os.O_CREAT | os.O_TRUNC)
+
+    def close(self, *, interrupted: bool = False) -> None:
+        """Rename the file to its name, or beside it where the export was `interrupted`."""
+        if interrupted and not self._writes_directly:
+            shown = self._path if os.path.islink(self.name) else self.name
+            self.name, self._path = partial_name(shown), partial_name(self._path)
+        super().close()
 
     def _finish(self, fd: int) -> None:
         super()._finish(fd)
         if not self._writes_directly:
-            os.replace(self._partial_path, self._path)
+            os.replace(self._temporary_path, self._path)
 
-    def _delete_partial(self) -> None:
+    def _delete_temporary(self) -> None:
         if not self._writes_directly:
             with contextlib.suppress(OSError):
-                os.unlink(self._partial_path)
+                os.unlink(self._temporary_path)
 
 
 class NewAtomicFile(AtomicFile):
@@ -161,7 +174,7 @@ class StandardOutput:
         except OSError as error:
             raise _source_error(self.name, error) from error
 
-    def close(self) -> None:
+    def close(self, *, interrupted: bool = False) -> None:
         """Nothing to do: every `append` has been flushed."""
 
     def rollback(self) -> None:
@@ -173,6 +186,15 @@ def open_output(path: str | None, *, growing: bool) -> Output:
     if path is None:
         return StandardOutput()
     return GrowingFile(path) if growing else AtomicFile(path)
+
+
+def partial_name(path: str) -> str:
+    """The name beside `path` for what an interrupted export has decoded.
+
+    >>> partial_name("log.csv")
+    'log.csv.partial'
+    """
+    return f"{path}.partial"
 
 
 def is_special(path: str) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import _modlens
 from analyzer.columns import TABLES, pick
 from analyzer.exports import ExportOptions, Format, MultiTableFormat, format_of, load
-from analyzer.exports.output import NewAtomicFile, Output
+from analyzer.exports.output import Output
 from analyzer.filters import Filter, parse
 from dissectors.errors import UsageError
 
@@ -121,10 +121,7 @@ class ExportSink:
         self._format: Format = format_class(options)
         wanted: Filter | None = None if where is None else parse(where, target.table)
         self._predicate = None if wanted is None else wanted.predicate()
-        if growing and not format_class.readable_while_written and target.path is not None:
-            self._output: Output = NewAtomicFile(target.path)
-        else:
-            self._output = self._format.output(target.path, growing=growing)
+        self._output: Output = self._format.output(target.path, growing=growing)
         self.name = self._output.name
 
     def put(self, batch: _modlens.Batch) -> None:
@@ -141,12 +138,13 @@ class ExportSink:
             if data:
                 self._output.append(data)
 
-    def close(self) -> None:
-        """Complete the output."""
+    def close(self, *, interrupted: bool = False) -> None:
+        """Complete the output; see `Output.close` for one that was `interrupted`."""
         data = self._format.footer()
         if data:
             self._output.append(data)
-        self._output.close()
+        self._output.close(interrupted=interrupted)
+        self.name = self._output.name
 
     def closing_remark(self) -> str:
         """A remark for the user about the complete output; mostly empty."""

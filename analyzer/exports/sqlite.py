@@ -19,7 +19,7 @@ from typing import Self
 import _modlens
 from analyzer import exports
 from analyzer.columns import TABLES, Column, columns
-from analyzer.exports.output import is_special
+from analyzer.exports.output import is_special, partial_name
 from dissectors.errors import SourceError, UsageError
 from dissectors.vocabulary import vocabulary
 
@@ -33,6 +33,9 @@ ROWS_PER_INSERT = 4096
 
 COMMIT_S = 1.0
 """Seconds between two commits of a live file: the most that can be lost."""
+
+MERGE_MS = 1000
+"""Milliseconds for which the end of a live file waits for other programs that read it."""
 
 VIEWS = """
 CREATE VIEW v_latest AS
@@ -65,8 +68,9 @@ class Format(exports.MultiTableFormat):
         super().__init__(options)
         self.name = ""
         self._database: sqlite3.Connection | None = None
-        self._path = self._partial_path = ""
+        self._path = self._temporary_path = ""
         self._filtered = False
+        self._remark = ""
         self._committed_s = 0.0
         self._keys = {table: [column.key for column in columns(table)] for table in TABLES}
 
@@ -77,7 +81,7 @@ class Format(exports.MultiTableFormat):
         self.name = path
         self._path = os.path.realpath(path)
         folder, database = os.path.split(self._path)
-        self._partial_path = (
+        self._temporary_path = (
             self._path if growing else os.path.join(folder, f".{database}.{os.getpid()}")
         )
         if growing and os.path.exists(self._path):
@@ -116,21 +120,27 @@ class Format(exports.MultiTableFormat):
     def append(self, data: bytes) -> None:
         """Nothing to do: the rows are written by `encode_batch`."""
 
-    def close(self) -> None:
-        """Commit, merge the write-ahead log into the file, and give the file its name."""
+    def close(self, *, interrupted: bool = False) -> None:
+        """Commit, merge the write-ahead log into the file, and give the file its name.
+
+        A finished database has no write-ahead log: SQLite opens one that has it in a writable
+        folder only.
+        """
         if self._database is None:
             return
+        if interrupted and self._temporary_path != self._path:
+            shown = self._path if os.path.islink(self.name) else self.name
+            self.name, self._path = partial_name(shown), partial_name(self._path)
         try:
             if self._filtered and self.options.table == "transactions":
                 for table in ("frames", "readings", "findings"):
                     self._database.execute(DELETE_OF_OTHER_TRANSACTIONS.format(table))
             self._database.commit()
-            self._database.execute("PRAGMA journal_mode = WAL")
-            self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            self._merge_log(self._database)
             self._database.close()
             self._database = None
-            if self._partial_path != self._path:
-                os.replace(self._partial_path, self._path)
+            if self._temporary_path != self._path:
+                os.replace(self._temporary_path, self._path)
         except (sqlite3.Error, OSError) as error:
             self.rollback()
             raise self._source_error(error) from error
@@ -142,10 +152,10 @@ class Format(exports.MultiTableFormat):
             return
         with contextlib.suppress(sqlite3.Error):
             database.close()
-        if self._partial_path != self._path:
+        if self._temporary_path != self._path:
             for tail in ("", "-wal", "-shm", "-journal"):
                 with contextlib.suppress(OSError):
-                    os.unlink(self._partial_path + tail)
+                    os.unlink(self._temporary_path + tail)
 
     def _open(self, *, growing: bool) -> None:
         """Create the database with its tables, views and metadata.
@@ -154,7 +164,7 @@ class Format(exports.MultiTableFormat):
         renamed when it is complete needs no journal.
         """
         # A sink is used by one thread at a time, but may be opened in another one.
-        database = self._database = sqlite3.connect(self._partial_path, check_same_thread=False)
+        database = self._database = sqlite3.connect(self._temporary_path, check_same_thread=False)
         database.execute(f"PRAGMA journal_mode = {'WAL' if growing else 'OFF'}")
         database.execute(f"PRAGMA synchronous = {'NORMAL' if growing else 'OFF'}")
         version = vocabulary()["version"]
@@ -171,6 +181,21 @@ class Format(exports.MultiTableFormat):
             database.execute(f"CREATE TABLE {table} ({parts})")
         database.executescript(VIEWS)
         database.commit()
+
+    def _merge_log(self, database: sqlite3.Connection) -> None:
+        """Merge the write-ahead log into the file, and leave WAL mode unless somebody reads it."""
+        database.execute(f"PRAGMA busy_timeout = {MERGE_MS}")
+        try:
+            (mode,) = database.execute("PRAGMA journal_mode = DELETE").fetchone()
+        except sqlite3.OperationalError:
+            mode = "wal"
+        if mode == "wal":
+            database.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            self._remark = "another program has it open, so it stays in WAL mode"
+
+    def closing_remark(self) -> str:
+        """Whether the finished file needs a writable folder because it is still in WAL mode."""
+        return self._remark
 
     def _insert(self, table: str, rows: _modlens.Table) -> None:
         if len(rows) and self._database is not None:

@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -53,7 +54,7 @@ def test_the_views_answer_what_is_asked_most(tmp_path: Path) -> None:
             assert count == len(own)
             assert timed == sum(row.response_time_us is not None for row in own)
         assert base.execute("PRAGMA user_version").fetchone() == (vocabulary()["version"],)
-        assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+        assert base.execute("PRAGMA journal_mode").fetchone() == ("delete",)
         assert dict(base.execute("SELECT key, value FROM meta"))["program"] == "modlens"
 
 
@@ -82,6 +83,54 @@ def test_what_cannot_be_written(tmp_path: Path) -> None:
     """Paths that cannot be written are reported by name."""
     with pytest.raises(SourceError, match=r"no/log\.sqlite: cannot be written"):
         export(tmp_path / "no" / "log.sqlite")
+
+
+READ_ONLY = """
+import os, sqlite3, sys
+if os.getuid() == 0:
+    os.setuid(65534)  # permissions do not hold for root
+base = sqlite3.connect(f"file:{sys.argv[1]}", uri=True)
+print(base.execute("SELECT count(*) FROM transactions").fetchone()[0])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="permissions of POSIX")
+@pytest.mark.parametrize("growing", [False, True])
+@pytest.mark.parametrize("how", ["mode=ro", "immutable=0"])
+def test_a_finished_file_opens_where_nothing_can_be_written(how: str, growing: bool) -> None:
+    """File and folder read-only, another process of another user: a plain file, no WAL."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "log.sqlite")
+        export(path, growing=growing).close()
+        assert [one.name for one in Path(folder).iterdir()] == ["log.sqlite"]
+        # The file format versions of the header (https://sqlite.org/fileformat2.html, 1.3.3).
+        assert path.read_bytes()[18:20] == b"\x01\x01"
+        path.chmod(0o444)
+        Path(folder).chmod(0o555)
+        try:
+            done = subprocess.run(
+                [sys.executable, "-c", READ_ONLY, f"{path}?{how}"],
+                capture_output=True, text=True, check=False,
+            )  # fmt: skip
+        finally:
+            Path(folder).chmod(0o755)
+        assert (done.stderr, done.returncode) == ("", 0)
+        assert int(done.stdout) == len(list(recording().transactions))
+
+
+def test_a_reader_does_not_keep_a_live_file_from_being_finished(tmp_path: Path) -> None:
+    """It stays in WAL mode then, which is said; every row is there."""
+    path = tmp_path / "live.sqlite"
+    sink = export(path, growing=True)
+    reader = sqlite3.connect(path)
+    reader.execute("BEGIN")
+    reader.execute("SELECT count(*) FROM transactions").fetchone()
+    sink.close()
+    assert sink.closing_remark() == "another program has it open, so it stays in WAL mode"
+    reader.close()
+    with sqlite3.connect(path) as base:
+        count = base.execute("SELECT count(*) FROM transactions").fetchone()
+    assert count == (len(list(recording().transactions)),)
 
 
 LIVE = """
