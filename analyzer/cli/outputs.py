@@ -1,7 +1,7 @@
 """The outputs of tap, decode and export: opens them, passes batches to them, closes them.
 
-If the input fails, incomplete export files are deleted; the files of a live tap grow in place and
-stay.
+If the input fails, incomplete export files are deleted; if a signal ends the run, they are kept as
+`NAME.partial`, and what stood under the name stays. The files of a live tap grow in place and stay.
 """
 
 from __future__ import annotations
@@ -74,17 +74,28 @@ def run_files(
         Outputs(options, messages, to=to, names=options.files) as outputs,
     ):
         outputs.pump(run, stop_signals.received)
-        outputs.close()
+        signal = stop_signals.signal
+        # A signal is the only way to end `--follow`, whose outputs are complete then.
+        outputs.close(interrupted=signal is not None and not follow)
         if outputs.reader_gone:
             return 0
+        if signal is not None:
+            messages.error(_interruption(outputs.partial))
         stats = run.stats()
         messages.summary(stats)
-        if stop_signals.signal is not None:
-            messages.error("interrupted: the outputs hold what was decoded until then")
-            return SIGNALLED + stop_signals.signal
+        if signal is not None:
+            return SIGNALLED + signal
     if options.strict and (damaged(stats) or messages.unparsed_lines) and not outputs.status:
         return DAMAGED
     return max(outputs.status, CaptureError.exit_status if run.unreadable else 0)
+
+
+def _interruption(partial: Sequence[str]) -> str:
+    """The message after a signal; `partial` are the names of the files that are incomplete."""
+    if not partial:
+        return "interrupted: the outputs hold what was decoded until then"
+    names = ", ".join(partial)
+    return f"interrupted: what was decoded until then is in {names}; older files are unchanged"
 
 
 class OutputSink(Sink, Protocol):
@@ -108,8 +119,8 @@ class Outputs:
 
     `to` says what goes to standard output: `TABLE`, an export format, or None for nothing. `names`
     are the names of the buses, `extra_sinks` are sinks that the caller has made. `status` is the
-    exit status for what went wrong in the sinks; `reader_gone` is True when standard output was the
-    only sink and its reader has closed the pipe.
+    exit status for what went wrong in the sinks; `partial` are the files of an interrupted run;
+    `reader_gone` is True when standard output was the only sink and its reader has closed the pipe.
     """
 
     def __init__(  # noqa: PLR0913 - all but two by keyword
@@ -124,6 +135,7 @@ class Outputs:
     ) -> None:
         self.status = 0
         self.reader_gone = False
+        self.partial: list[str] = []
         self._messages = messages
         where = combine_filters(options.where, options.between)
         self._filtered = where is not None
@@ -181,14 +193,23 @@ class Outputs:
         """Pass all batches to these sinks, too; they write nothing and need no closing."""
         self._observers += sinks
 
-    def close(self) -> None:
-        """Complete all outputs, whose files take their final names, and report their row counts."""
+    def close(self, *, interrupted: bool = False) -> None:
+        """Complete all outputs, whose files take their final names, and report their row counts.
+
+        Where the run was `interrupted`, files that appear when they are complete become `partial`.
+        """
         for sink in self._sinks:
+            name = sink.name
             try:
-                sink.close()
+                if isinstance(sink, ExportSink):
+                    sink.close(interrupted=interrupted)
+                else:
+                    sink.close()
             except (SourceError, BrokenPipeError) as error:
                 self._on_failure(sink, error)
                 continue
+            if sink.name != name:
+                self.partial.append(sink.name)
             if sink.table and (not isinstance(sink, TableSink) or self._filtered):
                 self._messages.info(f"{sink.name}: {sink.row_count:,} {sink.table}")
             remark = sink.closing_remark() if isinstance(sink, ExportSink) else ""

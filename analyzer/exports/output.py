@@ -122,7 +122,7 @@ class AtomicFile(_File):
 
     def close(self, *, interrupted: bool = False) -> None:
         """Rename the file to its name, or beside it where the export was `interrupted`."""
-        if interrupted and not self._writes_directly:
+        if interrupted and self._fd is not None and not self._writes_directly:
             shown = self._path if os.path.islink(self.name) else self.name
             self.name, self._path = partial_name(shown), partial_name(self._path)
         super().close()

@@ -6,10 +6,8 @@ import csv
 import io
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -186,31 +184,3 @@ def test_a_terminal_that_is_gone_harms_no_output(tmp_path: Path) -> None:
     os.close(writing)
     assert done.returncode == 0
     assert out.read_text().count("\n") > 50
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_closes_the_outputs(number: int, tmp_path: Path) -> None:
-    """Waiting for more of a pipe: what was decoded is written, then the summary is said."""
-    out = tmp_path / "out.csv"
-    reading, writing = os.pipe()
-    running = subprocess.Popen(
-        command("decode", "-", "--from", "hex", "-o", out),
-        stdin=reading,
-        stderr=subprocess.PIPE,
-        env=environment(),
-        cwd=ROOT,
-    )
-    os.close(reading)
-    os.write(writing, b"010300000001840a\n01030200 07f986\n")
-    assert running.stderr is not None
-    assert running.stderr.readline().startswith(b"stdin: hex")
-    time.sleep(0.3)
-    running.send_signal(number)
-    said = running.stderr.read().decode()
-    running.stderr.close()
-    os.close(writing)
-    assert running.wait(60) == 128 + number
-    assert "1 transaction: ok 1" in said
-    assert "Traceback" not in said
-    assert out.read_text().count("\n") == 2
