@@ -321,8 +321,8 @@ def evidence(mode: str, core: _modlens.Session) -> str:
     stats = json.loads(core.stats())
     frames = stats["buses"][0]["frames"]["ok"]
     answered = sum(stats["transactions"].get(status, 0) for status in ("ok", "exception"))
-    tentative = stats["findings"].get("unconfirmed", 0)
+    unconfirmed = stats["findings"].get("unconfirmed", 0)
     enough = frames >= _MIN_ASCII_FRAMES if mode == "ascii" else answered >= _MIN_ANSWERED
-    if not enough and frames - tentative < _MIN_FRAMES:
+    if not enough and frames - unconfirmed < _MIN_FRAMES:
         return ""
     return f"{frames} frames with a matching checksum, {answered} requests answered"

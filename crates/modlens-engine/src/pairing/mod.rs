@@ -8,13 +8,13 @@
 //! | the response that fits | `ok`, `exception` |
 //! | a damaged frame in place of the response, then the next request | `bad_response` |
 //! | the next request, after at least the master's time-out, or the same one | `no_response` |
-//! | another request, too soon for a time-out, though the unit does respond | `not_seen`: the tap has missed the response |
+//! | another request, too soon for a time-out, though the unit does respond | `not_observed`: the tap has missed the response |
 //! | the time-out, live | `no_response` |
-//! | bytes missing from the recording, or its end | `not_seen` |
+//! | bytes missing from the recording, or its end | `not_observed` |
 //! | none; the request is a broadcast | `broadcast` |
 //!
 //! A request with a wrong checksum opens a transaction of status `bad_request`, and a response that no open request fits is
-//! a transaction by itself, `unrequested`; `history` tells whether it is late or sent twice. On a serial line one request is
+//! a transaction by itself, `unsolicited`; `history` tells whether it is late or sent twice. On a serial line one request is
 //! open at a time, or two that overlap (`masters`); on a TCP connection as many as there are transaction identifiers.
 //!
 //! The time-out is learned from the master's retries (`timing`): it tells a retry from a response that repeats its request,
