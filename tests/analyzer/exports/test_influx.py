@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from analyzer import decode
 from tests.conftest import CAPTURES, Modlens
 
@@ -75,7 +77,32 @@ def test_transactions_are_a_measurement_of_their_own(tmp_path: Path, modlens: Mo
 def test_rows_without_a_time_are_counted(tmp_path: Path, modlens: Modlens) -> None:
     """A database of times would file them under now."""
     path = tmp_path / "bus.lp"
-    done = modlens("decode", "captures/seed_rtu/recording.hex", "--mode", "rtu", "-o", path)
+    done = modlens("decode", "captures/seed_rtu/recording.hex", FILE, "-o", path)
     assert done.status == 0
     assert "rows without date and time skipped" in done.err
-    assert path.read_bytes() == b""
+    assert parsed(path)
+
+
+@pytest.mark.parametrize("command", ["decode", "export"])
+@pytest.mark.parametrize("table", ["transactions", "readings"])
+def test_without_any_utc_time_there_is_an_error(
+    command: str, table: str, tmp_path: Path, modlens: Modlens
+) -> None:
+    """One sentence with the way out, no empty file, and an older file stays."""
+    path, old = tmp_path / "bus.lp", tmp_path / "old.lp"
+    old.write_bytes(b"old")
+    source = "captures/seed_rtu/recording.hex"
+    done = modlens(command, source, "-o", f"{table}:{path}", "-o", f"{table}:{old}")
+    assert done.status == 3
+    sentence = f"modlens: {path}: no row has a UTC time, which line protocol needs; --timezone and"
+    assert done.err.count(sentence) == 1
+    assert "Traceback" not in done.err
+    assert list(tmp_path.iterdir()) == [old]
+    assert old.read_bytes() == b"old"
+
+
+def test_to_standard_output_the_error_is_the_same(modlens: Modlens) -> None:
+    """Nothing on standard output, status 3."""
+    done = modlens("export", "captures/seed_rtu/recording.hex", "--to", "influx")
+    assert (done.status, done.out) == (3, "")
+    assert "standard output: no row has a UTC time" in done.err
