@@ -13,6 +13,12 @@ pass: names of columns, numbers, texts, `and or not`, comparisons (chained, too)
 questions `touches(type, where)` and `writes(type, where)`. A filter never runs as Python: it
 becomes the tree below, which the core interprets row by row.
 
+A word alone is a condition, too: `exception` (a column that is not empty), `retry` (a finding),
+`no_response` (a status), `noise` (a verdict), `write` (an operation). `findings` alone means that
+there is at least one. Words of other languages and programs (`=`, `&&`, `slave`, `fc`) are refused
+with the right one, and so are values that a column never has (`status == 'no_respons'`). An
+address is a wire address, from 0; the number of a manual stands in quotes: `address == '40001'`.
+
 ## The tree
 
 Nested JSON lists; the first item says what the node is.
@@ -57,6 +63,7 @@ from dataclasses import dataclass
 import _modlens
 from analyzer.columns import columns
 from analyzer.filter_compiler import Compiler, Tree
+from analyzer.filter_words import wrong_operator
 from dissectors.errors import FilterError
 
 __all__ = ["MAX_CHARACTERS", "Filter", "parse"]
@@ -67,11 +74,15 @@ MAX_CHARACTERS = 4096
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """A filter for the rows of one table; `str()` gives it in normalized spelling."""
+    """A filter for the rows of one table; `str()` gives it in normalized spelling.
+
+    `notes` are sentences about what is valid, but may be meant otherwise.
+    """
 
     table: str
     text: str
     tree: Tree
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return self.text
@@ -98,10 +109,13 @@ def parse(text: str, table: str = "transactions") -> Filter:
         expression = ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
         column = None if error.offset is None else max(error.offset - 1, 0)
+        found = wrong_operator(text.strip())
+        column, reason = (column, error.msg) if found is None else found
         raise FilterError(
-            f"not an expression: {error.msg}", text=text.strip(), column=column
+            f"not an expression: {reason}", text=text.strip(), column=column
         ) from None
     except (ValueError, RecursionError, MemoryError) as error:
         raise FilterError(f"not an expression: {error}", text=text.strip()) from None
-    tree = Compiler(text.strip(), table, known).condition(expression)
-    return Filter(table, ast.unparse(expression), tree)
+    compiler = Compiler(text.strip(), table, known)
+    tree = compiler.condition(expression)
+    return Filter(table, ast.unparse(expression), tree, tuple(dict.fromkeys(compiler.notes)))

@@ -29,10 +29,11 @@ from analyzer.exports.sink import (
     required_tables,
     with_suitable_table,
 )
+from analyzer.filters import parse
 from analyzer.session import FileRun, Run, Settings, Sink, pump
 from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
-from analyzer.views.summary import damaged
+from analyzer.views.summary import count_of, damaged
 from analyzer.views.table_sink import TableSink
 from dissectors.errors import CaptureError, SourceError, UsageError
 
@@ -139,6 +140,8 @@ class Outputs:
         self._messages = messages
         where = combine_filters(options.where, options.between)
         self._filtered = where is not None
+        for note in () if where is None else parse(where, options.table).notes:
+            messages.info(f"--where: {note}")
         self._sinks: list[OutputSink] = list(extra_sinks)
         self._observers: list[Sink] = []
         self._failures = 0
@@ -211,7 +214,7 @@ class Outputs:
             if sink.name != name:
                 self.partial.append(sink.name)
             if sink.table and (not isinstance(sink, TableSink) or self._filtered):
-                self._messages.info(f"{sink.name}: {sink.row_count:,} {sink.table}")
+                self._messages.info(f"{sink.name}: {count_of(sink.row_count, sink.table)}")
             remark = sink.closing_remark() if isinstance(sink, ExportSink) else ""
             if remark:
                 self._messages.info(f"{sink.name}: {remark}")

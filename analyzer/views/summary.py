@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["damaged", "summary"]
+__all__ = ["count_of", "damaged", "summary"]
 
 DAMAGED = ("bad_checksum", "incomplete", "noise")
 
@@ -21,10 +21,10 @@ def summary(stats: Mapping[str, Any]) -> list[str]:
     """The lines of the summary; views/stats.py documents the keys of `stats`."""
     frames, sizes = _total(stats, "frames"), _total(stats, "bytes")
     parts = [f"{name} {count:,} ({sizes[name]:,})" for name, count in frames.items()]
-    head = f"{_count(sum(frames.values()), 'frame')} ({_count(sum(sizes.values()), 'byte')})"
+    head = f"{count_of(sum(frames.values()), 'frame')} ({count_of(sum(sizes.values()), 'byte')})"
     lines = [f"{head}{_list(parts)}"]
     states = [f"{status} {count:,}" for status, count in stats["transactions"].items()]
-    lines.append(f"{_count(sum(stats['transactions'].values()), 'transaction')}{_list(states)}")
+    lines.append(f"{count_of(sum(stats['transactions'].values()), 'transaction')}{_list(states)}")
     codes = [f"{code} {count:,}" for code, count in stats["findings"].items()]
     if codes:
         lines.append(f"findings{_list(codes)} (modlens explain CODE)")
@@ -45,8 +45,13 @@ def _total(stats: Mapping[str, Any], what: str) -> dict[str, int]:
     return {name: count for name, count in total.items() if count}
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+def count_of(number: int, noun: str) -> str:
+    """A number with its noun, which is given in the singular or the plural.
+
+    >>> count_of(1, "frames"), count_of(2, "frame"), count_of(0, "byte")
+    ('1 frame', '2 frames', '0 bytes')
+    """
+    return f"{number:,} {noun.removesuffix('s')}{'' if number == 1 else 's'}"
 
 
 def _list(parts: list[str]) -> str:

@@ -167,8 +167,8 @@ def test_a_mistake_is_reported(text: str, message: str, more: str) -> None:
 def test_the_column_counts_characters_not_bytes() -> None:
     """Letters outside of ASCII take one column each."""
     with pytest.raises(FilterError) as caught:
-        filters.parse("'äöü' in findings and nope == 1")
-    assert caught.value.column == len("'äöü' in findings and ")
+        filters.parse("'äöü' in function_name and nope == 1")
+    assert caught.value.column == len("'äöü' in function_name and ")
 
 
 def test_other_tables_have_other_columns() -> None:
