@@ -20,6 +20,7 @@ from analyzer.filter_terms import (
     Term,
     Tree,
     at_address,
+    at_time_of_day,
     constant,
     join,
 )
@@ -28,7 +29,7 @@ from analyzer.filter_words import (
     column_of_word,
     instead_of_column,
 )
-from analyzer.times import parse_ns
+from analyzer.times import parse_ns, parse_time_of_day, utc_offset_changes
 from dissectors.vocabulary import findings, respelled
 
 __all__ = ["Compiler", "Tree"]
@@ -181,6 +182,11 @@ class Compiler(Refusals):
             address = self._address(one, other)
             if address is not None:
                 return at_address(operator, one.tree, address, turned=one is b)
+            clock = parse_time_of_day(str(other.tree[1])) if _is_time(one, other) else None
+            if clock is not None:
+                wanted_ns, zone = clock
+                changes = utc_offset_changes("utc" if zone == "Z" else zone)
+                return at_time_of_day(operator, one.tree, wanted_ns, changes, turned=one is b)
         a, b = self._as_time(a, b), self._as_time(b, a)
         for term in (a, b):
             if term.kind not in ("number", "flag", "text", "time"):
@@ -374,7 +380,7 @@ class Compiler(Refusals):
             return term
         moment = parse_ns(term.tree[1])
         if moment is None:
-            self._refuse(term.node, "not a time; write '2023-10-11T14:00:00Z'")
+            self._refuse(term.node, "not a time; write '2023-10-11T14:00:00Z' or '14:00:00'")
         return Term("time", ["time", moment], term.node)
 
     def _spelling(self, term: Term, other: Term, *, part: bool = False) -> Tree:
@@ -394,3 +400,7 @@ class Compiler(Refusals):
         self._depth += 1
         if self._depth > MAX_DEPTH:
             self._refuse(node, f"nested more than {MAX_DEPTH} levels deep")
+
+
+def _is_time(column: Term, literal: Term) -> bool:
+    return column.kind == "time" and column.tree[0] == "col" and literal.tree[0] == "text"

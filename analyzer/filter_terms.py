@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from analyzer import addresses
+from analyzer.times import DAY_NS
 
 __all__ = [
     "ARITHMETIC_OPERATORS",
@@ -16,6 +17,7 @@ __all__ = [
     "Term",
     "Tree",
     "at_address",
+    "at_time_of_day",
     "constant",
     "join",
 ]
@@ -102,3 +104,28 @@ def at_address(operator: str, column: Tree, address: addresses.Address, *, turne
         other = ["or", where, ["cmp", "!=", ["col", "register_type"], kind]]
         return ["and", ["not", ["is_none", column]], other]
     return ["and", where, ["cmp", "==", ["col", "register_type"], kind]]
+
+
+def at_time_of_day(
+    operator: str, column: Tree, wanted_ns: int, offsets: list[tuple[int, int]], *, turned: bool
+) -> Tree:
+    """The condition for `time >= '12:00:05'`, which holds on every day.
+
+    `offsets` are the offsets of the time's zone, as `utc_offset_changes` gives them. They are
+    halved until one is left, so that a zone with summer time costs a few comparisons.
+    """
+    if len(offsets) == 1:
+        shifted = ["arith", "+", column, ["num", offsets[0][1]]]
+        pair = [["arith", "%", shifted, ["num", DAY_NS]], ["num", wanted_ns]]
+        return ["cmp", operator, *(reversed(pair) if turned else pair)]
+    middle = len(offsets) // 2
+    change = ["time", offsets[middle][0]]
+    before, after = (
+        at_time_of_day(operator, column, wanted_ns, part, turned=turned)
+        for part in (offsets[:middle], offsets[middle:])
+    )
+    return [
+        "or",
+        ["and", ["cmp", "<", column, change], before],
+        ["and", ["cmp", ">=", column, change], after],
+    ]

@@ -40,6 +40,9 @@ Nested JSON lists; the first item says what the node is.
 | `["touches", register_type, first, last]` | the row reads or writes one of these registers |
 | `["writes", register_type, first, last]` | the row writes one of them |
 
+A time without a date, `time >= '12:00:05'`, holds on every day; it becomes arithmetic on the
+column. Times are UTC unless they say their zone: `'12:00:05 local'`, `'12:00 +02:00'`.
+
 First and last are inclusive wire addresses. A division by zero and an overflow give null.
 
 Conditions are true or false, never null: `cmp` and `in` with a null on either side are false, so

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, time, timedelta
 
 from dissectors.errors import UsageError
 
-__all__ = ["format_seconds", "parse_ns", "utc_offset_changes"]
+__all__ = ["DAY_NS", "format_seconds", "parse_ns", "parse_time_of_day", "utc_offset_changes"]
+
+DAY_NS = 86_400_000_000_000
 
 _NS_PER_S = 1_000_000_000
 _FIXED_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)")
@@ -27,23 +29,50 @@ _ISO = re.compile(
     r"(?:[T ](?P<clock>\d\d:\d\d(?::\d\d)?)(?:[.,](?P<fraction>\d{1,9}))?)?"
     r"\s*(?P<zone>Z|[+-]\d\d:?\d\d)?"
 )
+_TIME_OF_DAY = re.compile(
+    r"(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d)(?:[.,](?P<fraction>\d{1,9}))?)?"
+    r"\s*(?P<zone>Z|utc|local|[+-]\d\d:?\d\d)?"
+)
 
 
-def parse_ns(text: str) -> int | None:
+def parse_ns(text: str, *, local: bool = False) -> int | None:
     """Parse an ISO-8601 date, or date and time; gives nanoseconds since 1970 UTC.
 
-    Without a zone the text is taken for UTC. None if it is neither a date nor a time.
+    Without a zone the text is taken for UTC, or with `local` for the time of this computer. None if
+    it is neither a date nor a time.
     """
     match = _ISO.fullmatch(text.strip())
     if not match:
         return None
-    zone = match["zone"] or "Z"
+    zone = match["zone"] or ("" if local else "Z")
     try:
         moment = datetime.fromisoformat(f"{match['date']}T{match['clock'] or '00:00'}{zone}")
-    except ValueError:
+        moment = moment.astimezone(UTC)
+    except (ValueError, OverflowError):
         return None
     whole = (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(seconds=1)
     return whole * 1_000_000_000 + int((match["fraction"] or "0").ljust(9, "0"))
+
+
+def parse_time_of_day(text: str) -> tuple[int, str] | None:
+    """Parse a time without a date; gives nanoseconds since midnight, and its zone (utc if none).
+
+    >>> parse_time_of_day("12:00:05.25"), parse_time_of_day("7:30 +02:00")
+    ((43205250000000, 'utc'), (27000000000000, '+02:00'))
+    >>> parse_time_of_day("24:00"), parse_time_of_day("noon")
+    (None, None)
+    """
+    match = _TIME_OF_DAY.fullmatch(text.strip())
+    if not match:
+        return None
+    hours, minutes, seconds = (int(match[part] or 0) for part in ("h", "m", "s"))
+    try:
+        time(hours, minutes, seconds)
+    except ValueError:
+        return None
+    fraction = int((match["fraction"] or "0").ljust(9, "0"))
+    whole = (hours * 60 + minutes) * 60 + seconds
+    return whole * _NS_PER_S + fraction, match["zone"] or "utc"
 
 
 def format_seconds(elapsed_us: float, digits: int) -> str:

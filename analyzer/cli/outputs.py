@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from os.path import isfile
-from typing import Protocol
+from typing import Literal, Protocol
 
 from analyzer.cli.between import combine_filters
 from analyzer.cli.messages import Messages
@@ -138,7 +138,9 @@ class Outputs:
         self.reader_gone = False
         self.partial: list[str] = []
         self._messages = messages
-        where = combine_filters(options.where, options.between)
+        zone: Literal["local", "utc"] = "utc" if options.times == "utc" else "local"
+        where = combine_filters(options.where, options.between, zone=zone)
+        self._has_times = where is not None and options.between is not None and "(time" in where
         self._filtered = where is not None
         for note in () if where is None else parse(where, options.table).notes:
             messages.info(f"--where: {note}")
@@ -215,6 +217,12 @@ class Outputs:
                 self.partial.append(sink.name)
             if sink.table and (not isinstance(sink, TableSink) or self._filtered):
                 self._messages.info(f"{sink.name}: {count_of(sink.row_count, sink.table)}")
+            if self._has_times and sink.table and not sink.row_count:
+                self._messages.info(
+                    "--between: no row has such a time; times without a zone are those of the table"
+                    " (--times), and a log without a date or zone has none but seconds since its"
+                    " start (--date and --timezone give them)"
+                )
             remark = sink.closing_remark() if isinstance(sink, ExportSink) else ""
             if remark:
                 self._messages.info(f"{sink.name}: {remark}")

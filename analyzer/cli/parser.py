@@ -192,8 +192,8 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         "--between",
         nargs=2,
         metavar=("T1", "T2"),
-        help="only rows at or after T1 and before T2: ISO times (UTC), or seconds since the"
-        " recording began",
+        help="only rows at or after T1 and before T2: times as the table shows them, with or"
+        " without a date, in the same zone (--times), or seconds since the recording began",
     )
     group = parser.add_argument_group("output")
     group.add_argument(

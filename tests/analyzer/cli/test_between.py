@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import operator
+import time
+from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -10,9 +13,14 @@ from typing import Any
 import pytest
 
 from analyzer.cli import main
+from analyzer.cli.between import combine_filters
+from analyzer.filter_terms import Tree
+from analyzer.filters import parse
+from analyzer.times import parse_ns
 from tests.conftest import CAPTURES
 
 RECORDING = str(CAPTURES / "pymodbus_two_units" / "recording.jsonl")
+DISTURBED = str(CAPTURES / "pymodbus_disturbed" / "recording.jsonl")
 
 
 def rows(path: Path, *words: str) -> list[dict[str, Any]]:
@@ -46,13 +54,92 @@ def test_with_a_filter_whatever_its_operators(tmp_path: Path) -> None:
     assert rows(tmp_path / "both.jsonl", *words) == rows(tmp_path / "one.jsonl", *words[2:])
 
 
+@pytest.fixture
+def berlin(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A computer in Berlin: UTC+1 in November, when the recording was made."""
+    monkeypatch.setenv("TZ", "Europe/Berlin")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.usefixtures("berlin")
+@pytest.mark.parametrize("words", [(), ("--times", "utc")])
+@pytest.mark.parametrize("table", ["transactions", "frames"])
+@pytest.mark.parametrize("day", ["", "2026-11-21 "])
+def test_the_times_that_the_table_shows(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], table: str, day: str
+) -> None:
+    """Copied out of the table, they select the rows from one line of it to before another."""
+    command = ["decode", DISTURBED, "--table", table, *words]
+    assert main(command) == 0
+    shown = [line.split()[:2] for line in capsys.readouterr().out.splitlines()[2:]]
+    assert shown[0][1] == ("11:12:56.645" if words else "12:12:56.645")
+    (_, first), (_, last) = shown[4], shown[11]
+    for bounds in ((day + first, day + last), (day + first, last)):
+        assert main([*command, "--between", *bounds]) == 0
+        found = [line.split()[:2] for line in capsys.readouterr().out.splitlines()[2:]]
+        assert found == shown[4:11]
+
+
+@pytest.mark.usefixtures("berlin")
+def test_a_time_of_day_means_every_day_in_its_zone() -> None:
+    """Over midnight, and on both sides of the change to summer time (29 March 2026, 1:00 UTC)."""
+    moments = ["2026-03-28T11:00:05Z", "2026-03-29T10:00:05Z", "2026-03-29T11:00:05Z"]
+    text = combine_filters(None, ["12:00", "12:01"])
+    assert text is not None
+    assert [holds(text, moment) for moment in moments] == [True, True, False]
+    assert holds("time == '13:00:05 +02:00'", moments[2])
+    assert holds("'11:00' < time", moments[2])
+    assert not holds("time < '11:00:05 utc'", moments[2])
+    over_midnight = combine_filters(None, ["23:59", "0:01"], zone="utc")
+    assert over_midnight is not None
+    midnight = ["2026-03-28T23:58:59Z", "2026-03-28T23:59:00Z", "2026-03-29T00:00:59.9Z"]
+    assert [holds(over_midnight, moment) for moment in midnight] == [False, True, True]
+    assert not holds(over_midnight, "2026-03-29T00:01Z")
+
+
+def holds(text: str, moment: str) -> bool:
+    """Whether a filter selects a row at this moment, by a small interpreter of filter trees."""
+    return bool(value(parse(text).tree, parse_ns(moment)))
+
+
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "and": lambda a, b: a and b, "or": lambda a, b: a or b, "==": operator.eq, "<": operator.lt,
+    ">=": operator.ge, "+": operator.add, "%": operator.mod,
+}  # fmt: skip
+
+
+def value(tree: Tree, moment_ns: int | None) -> Any:
+    """The value of a tree whose only column is the time."""
+    head, *rest = tree
+    if head in ("num", "time"):
+        return rest[0]
+    if head == "col":
+        return moment_ns
+    if head in ("cmp", "arith"):
+        head, *rest = rest
+    return OPERATIONS[head](*(value(part, moment_ns) for part in rest))
+
+
+def test_nothing_between_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """Where no row has such a time, with the zone that times are taken in."""
+    assert main(["decode", DISTURBED, "--between", "3:00", "3:01"]) == 0
+    assert "no row has such a time; times without a zone are" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
         (("yesterday", "2026-01-01"), "not a time"),
         (("1", "inf"), "not a time"),
         (("2", "1"), "T2 is before"),
+        (("2", "2"), "T2 is before T1, or equal"),
+        (("12:00", "12:00"), "T2 is before T1, or equal"),
         (("1", "2026-01-01"), "not one of each"),
+        (("12:00", "2026-01-01"), "not one of each"),
+        (("12:00", "25:00"), "not a time; write 2023-10-11T14:00:00Z, 14:00:00, or seconds"),
     ],
 )
 def test_what_cannot_be_between(
