@@ -114,7 +114,8 @@ pub(super) enum UnexpectedResponse {
 }
 
 impl History {
-    /// Remembers a request without a good response; `was_silent` if there was none at all.
+    /// Remembers a closed request without a good response as one that the next request may repeat; if it `was_silent`, that is,
+    /// if there was no response at all, also as one that a late response may still answer (the last 16 of these are kept).
     pub(super) fn add_unanswered(&mut self, transaction: &PendingTransaction, was_silent: bool) {
         let request = PastRequest::of(transaction);
         if was_silent {
@@ -132,8 +133,8 @@ impl History {
         self.retry_candidates.push(PastRequest { damaged, ..PastRequest::of(transaction) });
     }
 
-    /// The unanswered request that this frame repeats, if any. Only the next request counts as a retry, so all
-    /// candidates are forgotten.
+    /// The request without a good response that this request repeats, if any; of several, the oldest. Only the next request
+    /// counts as a retry, so all candidates are forgotten.
     pub(super) fn take_repeated(&mut self, frame: &ObservedFrame<'_>) -> Option<PastRequest> {
         let at = self.retry_candidates.iter().position(|request| request.is_repeated_by(frame));
         let found = at.map(|at| self.retry_candidates.swap_remove(at));
@@ -192,12 +193,22 @@ impl History {
         self.retry_candidates.clear();
     }
 
-    /// Classifies a response for which no request is open. `txn` is the number it would get as a transaction of its own;
-    /// `no_request_since`: no request came since the last response.
+    /// Classifies a good response that no open request fits. `txn` is the number of its own transaction; `no_request_since`: no
+    /// request came since the last response.
     ///
-    /// The same content as the last response makes it a duplicate, unless that response went to a retry: then it may as
-    /// well be the late response to the first request, which by chance has the same content. The longer the response,
-    /// the less likely that is.
+    /// | the last response, if no request came since | an unanswered request that it fully answers | result |
+    /// |--|--|--|
+    /// | the same, not to a retry | any | duplicate |
+    /// | the same, to a retry | none | duplicate |
+    /// | the same, to a retry | one | duplicate or late, if one is three times as likely as the other, else ambiguous |
+    /// | another, or none | one | late |
+    /// | another, or none | none | unexplained |
+    ///
+    /// The third row: it may as well be the late response to the first request, which by chance has the same content. The longer
+    /// the response, the less likely that is. The unanswered request is the newest that fits; it must be at most four
+    /// transactions back, with no requests missing from the recording since. If the response is late, that request is forgotten,
+    /// as it has its response now. Duplicates (of the first two rows) and late responses (of the fourth) are counted, which makes
+    /// them more likely the next time.
     pub(super) fn classify_unexpected(
         &mut self,
         functions: &Functions,
@@ -209,11 +220,11 @@ impl History {
         let same_as_last = self.last_response.as_ref().filter(is_same).map(|last| last.is_to_retry);
         let is_recent = |old: &PastRequest| old.txn + MAX_TRANSACTIONS_LATE >= txn && self.is_complete_since(old.txn);
         let fits = |old: &PastRequest| is_recent(old) && old.is_answered_by(functions, frame);
-        let late_for = self.unanswered.iter().rposition(fits);
+        let newest_answered = self.unanswered.iter().rposition(fits);
         let unchanged = UNCHANGED_BYTE_PROBABILITY.powi(frame.pdu().len() as i32);
         let late_unchanged = self.late_after_retry.estimate(PRIOR_LATE_RATE) * unchanged / (1.0 - unchanged);
         let duplicate = self.duplicates.estimate(PRIOR_DUPLICATE_RATE);
-        match (same_as_last, late_for) {
+        match (same_as_last, newest_answered) {
             (Some(false), _) | (Some(_), None) => {
                 self.duplicates.events += 1.0;
                 UnexpectedResponse::Duplicate

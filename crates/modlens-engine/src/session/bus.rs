@@ -130,8 +130,11 @@ impl BusState {
         &mut self.lines.last_mut().expect("just pushed").1
     }
 
-    /// The line of a chunk. If it is one of two lines without a clock, the order of their frames will be inferred from
-    /// their content.
+    /// The line of a chunk, which is added if it is new.
+    ///
+    /// The first chunk of a line decides how its frames are ordered: if the tap has two lines (numbers from 1, no connection),
+    /// the chunk has no times and starts no record, and the lines before it are of that kind, too, the line's frames wait
+    /// unmerged, so that their order is inferred from their content. Pairing is told that the order is inferred.
     pub(crate) fn line_for(&mut self, chunk: &Chunk<'_>) -> &mut LineState {
         let is_new = self.lines.iter().all(|(line, _)| *line != chunk.line);
         let all_unmerged = self.lines.iter().all(|(_, line)| line.unmerged.is_some());
@@ -145,7 +148,8 @@ impl BusState {
         self.line(chunk.line)
     }
 
-    /// The step of a line's clock: two times that differ by less may be in any order.
+    /// The step of a line's clock in ns: two times that differ by less may be in any order. It is the one that the source has
+    /// stated; else the one learned from the reads, but not below that of the time stamps in a text.
     pub(crate) fn resolution(&self, at: usize) -> Ns {
         let line = &self.lines[at].1;
         let reads = line.lateness.resolution(&line.input);
@@ -157,7 +161,10 @@ impl BusState {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
-    /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided.
+    /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided. Asked in
+    /// recordings only, before the chunk is added.
+    ///
+    /// No line may see a change of marks or of the kind of times. Without a time the bus may have line 0 only.
     pub(crate) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
         if !self.lines.iter().all(|(_, line)| line.input.is_uniform_with(chunk)) {
             return false;
@@ -176,8 +183,9 @@ impl BusState {
         }
     }
 
-    /// The parameters from which the times of a line's next frame are computed. Pairing gets the clock on this
-    /// occasion, since what has been learned of it changes with every frame.
+    /// The parameters from which the times of the next frame of line `at` are computed. On this occasion pairing gets the finest
+    /// step of that line's clock, the step that was learned, and whether frames come in the order of the wire: not if one of
+    /// several lines has reads of several bytes, which an adapter may have held back. What is learned changes with every frame.
     pub(crate) fn timing_config(&mut self, at: usize) -> TimingConfig {
         let resolution = self.resolution(at);
         let has_several_lines = self.lines.len() > 1;
@@ -210,9 +218,13 @@ impl BusState {
         }
     }
 
-    /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed.
+    /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed: while the
+    /// survey is open, while it is not known which line is next, or as long as that line's framer decides nothing. The bytes of
+    /// the frame are left in the input.
     ///
-    /// Of two lines, the frame that was on the wire first is returned first.
+    /// Of two lines, the frame that was on the wire first is returned first: by inferred order if no clock tells it, else by
+    /// `turn`. The framer looks ahead in recordings only. What it has learned of the framing may change the silence that ends
+    /// frames of this line (`break_ns`).
     pub(crate) fn next_frame(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.lines.first().is_some_and(|(_, line)| line.unmerged.is_some()) {
             return self.next_merged(functions, live, adu);
@@ -250,8 +262,10 @@ impl BusState {
 }
 
 impl BusState {
-    /// The next frame of two lines without a clock. Both lines are framed as far as their bytes and the window go; then
-    /// the order of the frames found is inferred.
+    /// The next frame of two lines without a clock, as `next_frame` gives it. Each time the frames ordered so far are used up,
+    /// both lines are framed as far as their bytes and the window go; frames that either side may send are assigned to the one
+    /// that speaks on their line, if that is known; then the order of the frames found is inferred. `None` while the order is
+    /// open because the window is not full and more bytes may come.
     fn next_merged(&mut self, functions: &Functions, live: bool, adu: &mut Vec<u8>) -> Option<(usize, FrameResult)> {
         if self.merged_order.is_empty() {
             self.frame_unmerged(functions, live);
@@ -266,7 +280,8 @@ impl BusState {
         Some((at, self.lines[at].1.pop_unmerged(adu)?))
     }
 
-    /// Frames the bytes of all lines in turn, until none yields a further frame.
+    /// Frames the bytes of all lines in turn, until none yields a further frame. No outstanding request and no silence is given
+    /// as evidence, as pairing has not seen these frames yet and there is no clock.
     fn frame_unmerged(&mut self, functions: &Functions, live: bool) {
         let mut at = 0;
         let mut lines_without_frame = 0;

@@ -5,7 +5,8 @@ use modlens_protocol::Ns;
 use modlens_readers::chunk::Chunk;
 
 impl Session {
-    /// Takes bytes of one line of a bus and emits the frames that they complete.
+    /// Takes bytes of one line of a bus, lets time advance on the bus to that of the chunk, and emits the frames that can be
+    /// decided by now. Without a time, only the bytes are decided.
     pub fn feed(&mut self, bus: usize, chunk: &Chunk<'_>) {
         let time = self.buffer_chunk(bus, chunk);
         if let Some(time) = time {
@@ -14,10 +15,12 @@ impl Session {
         self.decide(bus, time);
     }
 
-    /// Takes bytes of one line of a bus, but may leave them undecided until `decide_waiting` is called: the fast path
-    /// wants the records of a request and of its response together.
+    /// Takes bytes of one line of a bus, but in a recording may leave them undecided until `decide_waiting` is called: the fast
+    /// path wants the records of a request and of its response together. At most one bus has undecided bytes, so those of
+    /// another bus are decided first.
     ///
-    /// A chunk that changes how the bytes before it are decided has them decided first.
+    /// In a live session, and where the chunk would change how the bytes before it are decided (`may_wait`), these are decided
+    /// first, and then those of the chunk at once.
     pub(super) fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
         if self.waiting.is_some_and(|waiting| waiting != bus) {
             self.decide_waiting();
@@ -31,14 +34,14 @@ impl Session {
         }
     }
 
-    /// Decides the bytes that `feed_later` has left undecided.
+    /// Decides the bytes that `feed_later` has left undecided, if there are any, as of the last chunk's time.
     pub(super) fn decide_waiting(&mut self) {
         if let Some(bus) = self.waiting.take() {
             self.decide(bus, self.buses[bus].newest);
         }
     }
 
-    /// Emits the frames in the bytes of a bus, and lets its requests time out up to `time`.
+    /// Emits the frames in the bytes of a bus, and lets its requests time out up to `time`, or not at all without a clock.
     pub(super) fn decide(&mut self, bus: usize, time: Option<Ns>) {
         self.emit_frames(bus);
         if let Some(time) = time {
@@ -46,7 +49,12 @@ impl Session {
         }
     }
 
-    /// Appends the bytes of a chunk to the input of its line; gives the time of the chunk.
+    /// Appends the bytes of a chunk to the input of its line, which is added if it is new, and notes the time of the chunk, which
+    /// it gives back: that of its last byte, or `None` without a clock. Frames in these bytes are not decided here.
+    ///
+    /// What lies before the chunk may be decided: all that is open on a serial bus if the tap was away, and, in a live session,
+    /// everything on all buses that time alone decides up to just before the chunk. The first chunk with a time sets the
+    /// beginning of the recording, unless the source has.
     fn buffer_chunk(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
         let time = chunk.time();
         // A hole on a serial line means that the tap was away: no response to an open request will come. A connection goes
@@ -75,16 +83,18 @@ impl Session {
             state.newest = Some(time);
             state.latest = state.latest.max(Some(time));
             let char_ns = state.options.line.map_or(0, |line| line.char_ns());
-            let first = time - chunk.bytes.len() as Ns * char_ns;
-            self.origin.get_or_insert(first);
+            let start = time - chunk.bytes.len() as Ns * char_ns;
+            self.origin.get_or_insert(start);
         }
         time
     }
 
-    /// Lets time advance to `now` without bytes: silences end frames, and open requests time out.
+    /// Lets time advance to `now` on all buses without bytes, in a live session: silences end frames, open requests time out,
+    /// and lines stop waiting for each other.
     ///
-    /// Buses are taken in the order of their deadlines. Otherwise the numbers of rows would depend on how often a session
-    /// with several buses is polled.
+    /// Several buses are advanced deadline by deadline, the earliest first. Otherwise the numbers of rows would depend on how
+    /// often a session is polled. A deadline that stays though its bus has been advanced to it ends this, since it would never
+    /// get further. At last, every bus is advanced to `now`.
     pub fn poll(&mut self, now: Ns) {
         while self.buses.len() > 1 {
             let due = self.buses.iter().enumerate().filter_map(|(bus, state)| Some((state.deadline()?, bus))).min();
@@ -99,6 +109,7 @@ impl Session {
         }
     }
 
+    /// Lets time advance to `now` on one bus, and emits what that decides.
     fn advance_bus(&mut self, bus: usize, now: Ns) {
         self.buses[bus].advance_silence(now);
         self.emit_frames(bus);
@@ -121,7 +132,8 @@ impl Session {
         }
     }
 
-    /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on.
+    /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on. All bytes
+    /// become frames or noise, and all open requests are closed. The bus goes on as usual if further bytes are fed.
     pub fn flush_bus(&mut self, bus: usize) {
         for (_, line) in &mut self.buses[bus].lines {
             (line.input.is_closed, line.input.is_ended) = (true, true);
@@ -131,8 +143,10 @@ impl Session {
         self.emit_transactions(bus);
     }
 
-    /// Lets the requests of a bus time out. Bytes that are not framed yet may be a response, so time advances only up to
-    /// the first of them.
+    /// Lets the requests of a bus time out up to `now`. Bytes that are not framed yet may be a response, so time advances only
+    /// up to the first of them.
+    ///
+    /// Only in a live session does a time-out close a transaction, which is emitted here; in a recording the request is marked.
     fn advance_pairing(&mut self, bus: usize, now: Ns) {
         let state = &mut self.buses[bus];
         let unframed_since = state.lines.iter().filter_map(|(_, line)| line.input.byte_time(0)).min();

@@ -17,12 +17,18 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
 impl Session {
-    /// Emits the next frame of a line, the first `framed.length` bytes of its input: checks and pairs it, adds its rows, and
-    /// learns from it. `at` is the index of the line.
+    /// Emits the next frame (or noise) of a line, the first `framed.length` bytes of its input. `at` is the index of the line in
+    /// the bus, `adu` the frame's unit and PDU, without checksum.
+    ///
+    /// In this order: its times are computed; it is checked by itself, and pairing gets the codes of what was found; open
+    /// requests time out up to its start; it is paired, which may add one more finding; its findings and its row are written,
+    /// as far as these tables are wanted, and counted in any case; the bus learns from it; its bytes are consumed; and the
+    /// transactions that it has closed are emitted, with the findings on earlier frames that it has made certain.
     pub(super) fn emit_frame(&mut self, bus: usize, at: usize, framed: &FrameResult, adu: &[u8]) {
         let number = self.next_frame;
         self.next_frame += 1;
         let state = &mut self.buses[bus];
+        // This also tells pairing how exact the clock is by now.
         let config = state.timing_config(at);
         state.clock_jumped = false;
         let rule = state.options.rule();
@@ -82,7 +88,8 @@ impl Session {
 }
 
 impl BusState {
-    /// Removes an emitted frame from the input of its line, and learns from it how late reads come and who speaks there.
+    /// Removes an emitted frame from the input of its line `at`, and remembers its `end` for the start of the next one, if it
+    /// is known. From a good frame it learns how late reads come and, on one of two lines, who speaks there.
     #[inline]
     fn consume_frame(&mut self, at: usize, functions: &Functions, framed: &FrameResult, adu: &[u8], end: Option<Ns>) {
         let (line_id, line) = &mut self.lines[at];
@@ -144,7 +151,8 @@ fn find_on_frame(
 }
 
 /// Counts whether a receiver that goes by silences of t3.5 alone would have delimited this frame like the framer did: whether
-/// there is one before it (or nothing at all), and none inside.
+/// there is one before it, and none inside. The beginning of the stream, or a boundary of the input, counts as a silence.
+/// `offset` is the stream offset of the frame, which stands at the head of the input.
 #[inline]
 fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
     let is_long = |pause: Option<Ns>| pause.is_some_and(|pause| pause >= rule.t35_ns);

@@ -16,7 +16,13 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
 impl BusState {
-    /// The line whose frame is next; `None` while bytes of the other line may still come that were on the wire before.
+    /// The index of the line whose frame is next; `None` if no line has bytes, or while bytes of the other line may still come
+    /// that were on the wire before.
+    ///
+    /// Where times are exact or it is unknown who speaks where (`roles`), it is the line whose first unframed byte is older, a
+    /// byte without time being the oldest. Else, if one line only has bytes, it is that line unless it must wait; and if both
+    /// have, the older one, as long as they are at least `max_reordering` apart or a time is missing. Closer times are decided
+    /// by content.
     pub(in crate::session) fn turn(&self, functions: &Functions) -> Option<usize> {
         let with_bytes = (0..self.lines.len()).filter(|&at| !self.lines[at].1.input.bytes().is_empty());
         let oldest = with_bytes.clone().min_by_key(|&at| self.first_seen(at))?;
@@ -32,8 +38,10 @@ impl BusState {
         self.turn_by_content(functions, oldest, (requests, responses))
     }
 
-    /// Which of two lines is next where the clock does not tell: the response goes to the request that it fits best, the
-    /// outstanding one or the first one that is not emitted yet.
+    /// Which of two lines is next where both have bytes and the clock does not tell: the response goes to the request that it
+    /// fits best, the outstanding one (the line of the responses is next) or the first one that is not emitted yet (that of the
+    /// requests is). If it fits both equally well or neither, the `oldest` line is next. `None` only while the frame behind a
+    /// repeated response to a retry is waited for.
     fn turn_by_content(&self, functions: &Functions, oldest: usize, (requests, responses): (usize, usize)) -> Option<usize> {
         let response_bytes = self.lines[responses].1.input.bytes();
         let fit_of_next = self.fit_of_next_request(functions, requests, response_bytes);
@@ -52,7 +60,8 @@ impl BusState {
         }
     }
 
-    /// How well a response fits the first request of the other line, of which only the header may have come.
+    /// How well the response that `response` begins with fits the first request of line `requests`. If that request is not whole
+    /// or is damaged, its first two bytes are taken for unit and function, which give `Header` at best; with fewer, `No`.
     fn fit_of_next_request(&self, functions: &Functions, requests: usize, response: &[u8]) -> Fit {
         let bytes = self.lines[requests].1.input.bytes();
         if let Some((frame, _)) = first_frame(functions, bytes, Direction::Request) {
@@ -74,8 +83,9 @@ impl BusState {
         first.zip(last).is_some_and(|((frame, _), (unit, pdu))| frame[0] == unit && frame[1..] == *pdu)
     }
 
-    /// The line that is next behind an answered retry whose response repeats: that of the responses, if the one behind the
-    /// repeated one fits the next request, so that the repeated one is left over. As long as it may come, it is waited for.
+    /// The line that is next behind an answered retry whose response repeats: that of the responses, if the frame behind the
+    /// repeated one is the whole response to the next request, so that the repeated one is left over; else that of the requests.
+    /// `None`: the frame behind may still come, so it is waited for.
     fn turn_after_retry(&self, functions: &Functions, requests: usize, responses: usize) -> Option<usize> {
         let input = &self.lines[responses].1.input;
         let (_, behind) = first_frame(functions, input.bytes(), Direction::Response)?;
@@ -92,7 +102,8 @@ impl BusState {
         self.pairing.timing.timeout_log_odds(times.map(|(seen, request_end)| seen - request_end)) > 0.0
     }
 
-    /// When a line need not wait for the other one any more, or when the survey ends.
+    /// When a line need not wait for the other one any more, or when the survey ends; `None` if neither is still to come. Only
+    /// times after `now` count, since one that has passed has had its effect.
     pub(in crate::session) fn turn_deadline(&self) -> Option<Ns> {
         if let Some(survey) = self.survey_deadline().filter(|&until| self.now.is_some_and(|now| now < until)) {
             return Some(survey);
@@ -103,8 +114,8 @@ impl BusState {
         until.filter(|&until| self.now.is_some_and(|now| now < until))
     }
 
-    /// The lines of the requests and of the responses, where the order of reads may differ from that on the wire. `None`
-    /// for a TCP connection, for byte-exact times, and as long as it is unknown who speaks on which line.
+    /// The indices of the lines of the requests and of the responses, where the order of reads may differ from that on the wire.
+    /// `None` for anything but two RTU lines of a tap, for byte-exact times, and as long as it is unknown who speaks where.
     fn roles(&self) -> Option<(usize, usize)> {
         let is_two_line_tap = self.lines.len() == 2 && self.options.bus.network.is_none();
         if !is_two_line_tap || !self.lines.iter().any(|(_, line)| line.input.has_multibyte_reads) {
@@ -117,8 +128,10 @@ impl BusState {
         }
     }
 
-    /// Whether the only line with bytes has to wait, since bytes of the other line may come that were on the wire before:
-    /// a request waits while another one is outstanding, a response while no request that it fits is outstanding.
+    /// Whether the only line with bytes, `at`, has to wait, since bytes of the other line may come that were on the wire before:
+    /// a request waits while another one is outstanding; a response waits while no request is outstanding, or one that it does
+    /// not fit, or one that its master has rather given up. It waits for at most `max_reordering`, and not once its input is
+    /// closed. `requests` is the line of the requests.
     fn must_wait(&self, functions: &Functions, at: usize, requests: usize) -> bool {
         let input = &self.lines[at].1.input;
         let is_due = match self.pairing.outstanding_request() {
@@ -136,7 +149,7 @@ impl BusState {
         self.now.zip(self.first_seen(at)).is_some_and(|(now, seen)| now - seen < self.max_reordering())
     }
 
-    /// Reads on the two lines that are less than this apart may have been on the wire in any order.
+    /// Reads on the two lines that are less than this apart, in ns, may have been on the wire in any order.
     fn max_reordering(&self) -> Ns {
         self.pairing.timing.max_skew().max(2 * self.coarsest_resolution())
     }
