@@ -14,7 +14,12 @@ import sys
 from collections.abc import Sequence
 from typing import TextIO
 
-from analyzer.cli.standard_streams import STDOUT, discard_output
+from analyzer.cli.standard_streams import (
+    STDOUT,
+    discard_output,
+    open_missing_streams,
+    report,
+)
 
 __all__ = ["COMMANDS", "main", "module_of"]
 
@@ -43,6 +48,7 @@ INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; every error is printed as one line."""
+    open_missing_streams()
     _survive_odd_text(sys.stdout, sys.stderr)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):
@@ -77,7 +83,7 @@ def _run(command: str, words: list[str]) -> int:
         _flush(reported=status != 0)
     except ModlensError as error:
         for line in error.message.split("\n"):
-            sys.stderr.write(f"modlens: {_plain(line)}\n")
+            report(f"modlens: {line}")
         _flush(reported=True)
         return error.exit_status
     return status
@@ -145,10 +151,3 @@ def _survive_odd_text(*streams: TextIO) -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="backslashreplace")
-
-
-def _plain(text: str) -> str:
-    return "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
-        for letter in text
-    )

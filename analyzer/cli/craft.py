@@ -51,9 +51,9 @@ def run(options: argparse.Namespace) -> int:
     """Print the frame; gives the exit status."""
     frame = _frame(options)
     if options.to == "raw":
-        import sys  # noqa: PLC0415
+        from analyzer.exports.output import StandardOutput  # noqa: PLC0415
 
-        sys.stdout.buffer.write(frame)
+        StandardOutput().append(frame)
         return 0
     text = frame.decode("ascii").rstrip() if options.mode == "ascii" else frame.hex(" ").upper()
     stdout().line(text)

@@ -13,7 +13,7 @@ import stat
 import sys
 from pathlib import Path
 
-from analyzer.cli.standard_streams import STDOUT
+from analyzer.cli.standard_streams import STDOUT, print_text
 from dissectors.errors import SourceError, UsageError
 
 __all__ = ["add_arguments", "run"]
@@ -59,20 +59,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Do what the user or Wireshark asks; gives the exit status."""
-    out = sys.stdout
     if options.extcap_interfaces:
-        out.write(_interfaces())
+        print_text(_interfaces())
     elif options.extcap_dlts:
-        out.write(LINK)
+        print_text(LINK)
     elif options.extcap_config:
-        out.write(_settings(options.extcap_interface))
+        print_text(_settings(options.extcap_interface))
     elif options.capture:
         return _capture(options)
     elif options.action is None:
         raise UsageError(f"extcap: name an action: {', '.join(ACTIONS)}")
     else:
         for folder in _folders():
-            out.write(_ACTIONS[options.action](folder) + "\n")
+            print_text(_ACTIONS[options.action](folder) + "\n")
     return 0
 
 

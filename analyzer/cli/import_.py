@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TextIO
 
+from analyzer.cli.standard_streams import STDERR, discard_output
 from analyzer.exports.output import AtomicFile, StandardOutput
 from analyzer.views.screen import Screen, visible
 from dissectors import importers
@@ -62,16 +62,19 @@ def run(options: argparse.Namespace) -> int:
     profile = from_model(found.model, options.file)
     written = importers.write(options.to, profile)
     notes = [f"{len(profile.points)} points", *encoding_notes, *found.notes, *written.notes]
-    show_notes(notes, sys.stderr)
     write_text(written.text, options.output)
+    show_notes(notes)
     return 0
 
 
-def show_notes(notes: Iterable[str], stream: TextIO) -> None:
-    """Print each note as a dimmed line on a stream, usually standard error."""
-    screen = Screen(stream)
-    for note in notes:
-        screen.line(visible(note), "dim")
+def show_notes(notes: Iterable[str]) -> None:
+    """Print each note as a dimmed line on standard error; they are dropped when nobody reads."""
+    try:
+        screen = Screen(sys.stderr)
+        for note in notes:
+            screen.line(visible(note), "dim")
+    except (BrokenPipeError, SourceError):
+        discard_output(STDERR)
 
 
 def write_text(text: str, path: str | None) -> None:

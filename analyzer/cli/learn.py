@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 from analyzer.cli.import_ import show_notes, write_text
@@ -46,8 +45,8 @@ def run(options: argparse.Namespace) -> int:
     unit_tables = tables_of_unit(tables, options.unit, "learn")
     model = profile_skeleton(unit_tables, options.files[0])
     from_model(model, options.files[0])
-    show_notes(evidence_lines(unit_tables), sys.stderr)
     write_text(dumps(model), options.output)
+    show_notes(evidence_lines(unit_tables))
     return 0
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 
 from analyzer.cli.learn import tables_of_unit
 from analyzer.cli.parser import add_decoding, add_input, add_line
 from analyzer.cli.register_survey import survey
+from analyzer.cli.standard_streams import report
 from analyzer.profiles import available_profiles, load
-from analyzer.views.screen import Screen, stdout, visible
+from analyzer.views.screen import stdout, visible
 from dissectors.errors import ModlensError
 from dissectors.profile import Profile
 from dissectors.profile_learning import score_profile
@@ -66,4 +66,4 @@ def _usable() -> Iterator[Profile]:
             yield load(one.name)
         except ModlensError as error:
             what = f"{one.name} is skipped: {error.message.splitlines()[0]}"
-            Screen(sys.stderr).line(visible(what), "odd")
+            report(what)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from analyzer.cli.import_ import show_notes, write_text
@@ -76,8 +75,8 @@ def _convert(options: argparse.Namespace) -> None:
     if len(options.names) != 1:
         raise UsageError("profiles convert: name one profile only")
     written = importers.write(format_of(options.to, options.output), load(options.names[0]))
-    show_notes(written.notes, sys.stderr)
     write_text(written.text, options.output)
+    show_notes(written.notes)
 
 
 def format_of(name: str | None, output: str | None) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-import sys
 from pathlib import Path
 
+from analyzer.cli.standard_streams import print_text
 from dissectors.errors import SourceError
 
 __all__ = ["add_arguments", "run"]
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     done = (
         "removed" if options.remove else "written; choose it in Wireshark's status bar, or with -C"
     )
-    sys.stdout.write(f"{folder}: {done}\n")
+    print_text(f"{folder}: {done}\n")
     return 0
 
 

@@ -15,6 +15,7 @@ import stat
 import sys
 from typing import Protocol
 
+from analyzer.visible import for_terminal
 from dissectors.errors import SourceError
 
 __all__ = [
@@ -160,12 +161,21 @@ class GrowingFile(_File):
 
 
 class StandardOutput:
-    """Standard output, flushed after each `append`; `BrokenPipeError` when its reader has gone."""
+    """Standard output, flushed after each `append`; `BrokenPipeError` when its reader has gone.
+
+    A terminal gets no character that could move its cursor or hide text; files and pipes get the
+    bytes as they are.
+    """
 
     name = "standard output"
 
+    def __init__(self) -> None:
+        self._is_terminal = sys.stdout.isatty()
+
     def append(self, data: bytes) -> None:
         """Write these bytes and flush."""
+        if self._is_terminal:
+            data = for_terminal(data.decode("utf-8", "backslashreplace")).encode()
         try:
             sys.stdout.buffer.write(data)
             sys.stdout.buffer.flush()

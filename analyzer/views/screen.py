@@ -1,10 +1,7 @@
-r"""Output to a terminal, file or pipe: width, colour, and no control characters but our own.
+"""Output to a terminal, file or pipe: width, colour, and no control characters but our own.
 
-Texts from recordings are not trusted: a device name may hold an escape sequence that clears the
-screen. Everything that is printed goes through `visible`.
-
->>> visible("pump\x1b[2J")
-'pump\\x1b[2J'
+Everything that is printed goes through `analyzer.visible`; texts that are escaped already stay as
+they are.
 """
 
 from __future__ import annotations
@@ -15,6 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, TextIO
 
+from analyzer.visible import for_terminal, visible
 from dissectors.errors import SourceError
 
 if TYPE_CHECKING:
@@ -27,25 +25,6 @@ Part = tuple[str, str]
 
 DEFAULT_COLUMNS = 80
 """Width where the terminal's is not known."""
-
-_ESCAPES = {
-    code: ascii(chr(code))[1:-1]
-    for code in (
-        *range(0x20),
-        *range(0x7F, 0xA0),
-        0xAD,  # a soft hyphen
-        *range(0x200B, 0x2010),  # invisible marks of direction
-        *range(0x2028, 0x202F),
-        *range(0x2066, 0x206A),
-        *range(0xD800, 0xE000),  # what file names hold that are no text
-        0xFEFF,
-    )
-}
-
-
-def visible(text: str) -> str:
-    """Escape everything in a text that could move the cursor or hide characters."""
-    return text if text.isascii() and text.isprintable() else text.translate(_ESCAPES)
 
 
 def width_of(text: str) -> int:
@@ -91,6 +70,11 @@ def _as_source_error() -> Iterator[None]:
         raise
     except OSError as error:
         raise _write_error(error) from error
+
+
+def _visible_parts(line: Iterable[Part]) -> Iterator[Part]:
+    """The parts of a line as a terminal may get them."""
+    return ((visible(text), style) for text, style in line)
 
 
 def _truncate(line: Iterable[Part], width: int) -> Iterator[Part]:
@@ -150,11 +134,12 @@ class Screen:
             self.text("".join("".join(text for text, _ in line).rstrip() + "\n" for line in lines))
             return
         with _as_source_error():
-            self._rich().lines(lines)
+            self._rich().lines(map(_visible_parts, lines))
             self._stream.flush()
 
     def text(self, lines: str) -> None:
-        """Print whole lines without styles, already escaped; raises as `lines` does."""
+        """Print whole lines without styles; raises as `lines` does."""
+        lines = for_terminal(lines)
         # A live tap calls this for each transaction, and a context manager would double its cost.
         try:
             self._stream.write(lines)
@@ -181,7 +166,7 @@ class Screen:
     def page(self, lines: Sequence[Iterable[Part]]) -> None:
         """Draw a page over the one before; lines are cut off at the edge of the terminal."""
         width = self.size[0]
-        self._rich().page([list(_truncate(line, width)) for line in lines])
+        self._rich().page([list(_truncate(_visible_parts(line), width)) for line in lines])
 
     def line(self, text: str, style: str = "") -> None:
         """Print one line."""

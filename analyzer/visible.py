@@ -1,0 +1,50 @@
+r"""Text from recordings, devices and file names as a terminal may get it.
+
+Such texts are not trusted: a device name may hold an escape sequence that clears the screen. This
+module alone decides which characters reach a terminal; the core's `view` has the same rule for the
+tables that it draws. Files get every character as it is.
+
+>>> visible("pump\x1b[2J")
+'pump\\x1b[2J'
+"""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["for_terminal", "visible"]
+
+_ESCAPES = {
+    code: ascii(chr(code))[1:-1]
+    for code in (
+        *range(0x20),
+        *range(0x7F, 0xA0),
+        0xAD,  # a soft hyphen
+        0x61C,  # invisible marks of direction
+        0x180E,
+        *range(0x200B, 0x2010),
+        *range(0x2028, 0x202F),
+        *range(0x2060, 0x2070),
+        *range(0xD800, 0xE000),  # what file names hold that are no text
+        0xFEFF,
+        *range(0xE0000, 0xE0080),  # tags
+    )
+}
+_UNSAFE = re.compile(f"[{''.join(map(re.escape, map(chr, _ESCAPES.keys() - {9, 10})))}]")
+_LINE_ESCAPES = {code: text for code, text in _ESCAPES.items() if chr(code) not in "\t\n"}
+
+
+def visible(text: str) -> str:
+    """Escape everything in a text that could move the cursor or hide characters."""
+    return text if text.isascii() and text.isprintable() else text.translate(_ESCAPES)
+
+
+def for_terminal(lines: str) -> str:
+    r"""Escape as `visible` does, but keep tabs and the ends of lines (LF, and CR LF of CSV).
+
+    >>> for_terminal("unit\tname\r\n1\tpump\r\x9b2J\n")
+    'unit\tname\r\n1\tpump\\r\\x9b2J\n'
+    """
+    if _UNSAFE.search(lines) is None:
+        return lines
+    return "\r\n".join(part.translate(_LINE_ESCAPES) for part in lines.split("\r\n"))
