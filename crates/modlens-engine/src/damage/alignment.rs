@@ -54,7 +54,13 @@ pub fn align(model: &TrafficModel, expected: &ExpectedFrame<'_>, bytes: &[u8], n
     alignments.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// The best alignment if `missing` bytes of the expected frame are missing in front.
+/// The best alignment of `bytes` with the expected frame without its first `missing` bytes; `None` if none is worth more than
+/// 0 and at least `need` bits. `bytes` begin where the frame would and may reach beyond its end.
+///
+/// Flipped bits are always allowed for. One break behind the leading bytes that agree (up to three bytes missing, the last
+/// one doubled, or a collision) is tried as well, but only with nothing missing in front, where some known bytes agree and
+/// some do not, and where even the cheapest break leaves enough bits. A score is that of the bytes less what it costs to
+/// select this frame, plus what the CRC adds. Where the bytes stand in their region is not judged here.
 fn align_without_head(
     model: &TrafficModel,
     expected: &ExpectedFrame<'_>,
@@ -64,25 +70,27 @@ fn align_without_head(
 ) -> Option<Alignment> {
     let known = &expected.bytes[missing..];
     let agreeing = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
-    // At nearly all places nothing fits, which has to be noticed with as little work as possible.
+    // At nearly all places nothing fits, which has to be noticed with as little work as possible. With bytes missing in
+    // front, two have to agree, and not as a run of one value; else the first byte, or nearly all bits of the header.
     let is_run = agreeing > 1 && bytes[..agreeing].iter().all(|&byte| byte == bytes[0]);
     let is_hopeless =
         if missing > 0 { is_run || agreeing < 2.min(known.len()) } else { agreeing == 0 && !header_nearly_agrees(known, bytes) };
     if is_hopeless {
         return None;
     }
-    // An upper bound: no damage makes the bytes that agree worth more than this.
+    // An upper bound: no damage makes the bytes that agree worth more than this. One more byte than is known may count, for
+    // a doubled one.
     let bytes_compared = bytes.len().min(known.len() + 1);
     let max_score: f32 = model.bits_of(&bytes[..bytes_compared]) - expected.selection_cost + expected.max_crc_bits();
     if max_score < need - ROUNDING_BITS {
         return None;
     }
-    let may_break = agreeing > 0 && agreeing < known.len() && missing == 0 && max_score - COLLISION_BITS >= need;
-    let agreeing_score = if may_break { score_with_flips(model, &known[..agreeing], bytes, 0).0 } else { 0.0 };
+    let may_have_break = agreeing > 0 && agreeing < known.len() && missing == 0 && max_score - COLLISION_BITS >= need;
+    let agreeing_score = if may_have_break { score_with_flips(model, &known[..agreeing], bytes, 0).0 } else { 0.0 };
     let prefix = Prefix { length: agreeing, score: agreeing_score };
     let losses =
-        (1..=MAX_LOST_BYTES).filter(|_| may_break).filter_map(|count| missing_inside(model, known, bytes, prefix, count));
-    let breaks = [doubled_byte, collision].into_iter().filter(|_| may_break);
+        (1..=MAX_LOST_BYTES).filter(|_| may_have_break).filter_map(|count| missing_inside(model, known, bytes, prefix, count));
+    let breaks = [doubled_byte, collision].into_iter().filter(|_| may_have_break);
     let others = breaks.filter_map(|explain| explain(model, known, bytes, prefix));
     let unbroken = std::iter::once(without_break(model, known, bytes, missing));
     let alignments = unbroken.chain(losses).chain(others).map(|explanation| {
@@ -95,6 +103,7 @@ fn align_without_head(
         let length = expected.length.map(|length| length.saturating_add_signed(-shortfall));
         let crc_score = crc_score(expected, bytes, length, shortfall);
         let is_corrected = crc_score > 0.0;
+        // A valid CRC confirms all bytes of the frame, those that were not known among them.
         let core_bytes = if is_corrected { explanation.core_bytes.max(length.unwrap_or(0)) } else { explanation.core_bytes };
         Alignment {
             score: explanation.score - expected.selection_cost + crc_score,

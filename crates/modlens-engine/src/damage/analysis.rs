@@ -9,7 +9,16 @@ use crate::framer::rtu::prefix_index::PrefixFilter;
 use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BYTES};
 
 impl UnframedRegion<'_, '_> {
-    /// The damaged frames of this region, in order; all other bytes of it are noise.
+    /// The damaged frames of this region, in order, with indices that count from its first byte; all other bytes are noise.
+    ///
+    /// They are the best chain of candidates (none where the bytes are too few, and none if the region is the entire
+    /// recording and its first frame does not begin it), with the fragment in front that `leading_fragment` finds. Then the
+    /// bytes behind the last frame decide, the first rule that fits:
+    ///
+    /// 1. They are its own rest, which came as late as the missing bytes would have taken: it extends to the region's end,
+    ///    and fewer bytes are missing, inside it.
+    /// 2. They show that it lost an unknown number of bytes at its end (`lost_bytes_behind`); it does not get longer.
+    /// 3. They may be the end of another frame (`trailing_fragment`).
     pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
         let mut frames = if self.is_too_short() { Vec::new() } else { self.best_chain(&self.all_candidates()) };
         // If the region is the entire input (somebody pasted one damaged frame), the frame starts at the first byte: a
@@ -17,10 +26,9 @@ impl UnframedRegion<'_, '_> {
         if self.is_entire_input() && frames.first().is_some_and(|frame| !is_glitch(&self.bytes()[..frame.start])) {
             frames.clear();
         }
-        let first = frames.first().map_or(self.length, |frame| frame.start);
-        frames.splice(0..0, self.leading_fragment(first, frames.is_empty()));
+        let first_start = frames.first().map_or(self.length, |frame| frame.start);
+        frames.splice(0..0, self.leading_fragment(first_start, frames.is_empty()));
         match frames.last_mut() {
-            // The rest of the frame follows a loss in its middle: the frame extends to the end of the region.
             Some(last) if self.is_one_burst_behind(last) && self.resumes_after_loss(last) => {
                 let at = last.end - last.start;
                 let count = match last.damage {

@@ -56,34 +56,44 @@ pub(crate) fn find_colonless(bytes: &[u8], is_final: bool, known_units: &[bool; 
     None
 }
 
-/// The message without a colon in one line, whose end is left for the caller to add.
+/// The message without a colon that ends with the line from `line_start` to `line_end`, which is the index of its CR or LF.
+/// `bytes` has no colon and begins with the first unframed character. The result ends at `line_end`; the caller adds the line
+/// end.
+///
+/// Only the hex characters right in front of the line end count. `None` if they are fewer than six, or none of these:
+///
+/// 1. Their LRC is valid: a whole message. A character in front that differs from a colon in one bit is its damaged colon
+///    (no loss, `damage` is `None`); else the colon is lost, and what stands in front is no part of the message.
+/// 2. Their LRC is valid without the first one: that one is the damaged colon.
+/// 3. In the first line, with at most three stray characters in front: the rest of a message that has lost an unknown number
+///    of characters (`is_complete` is false). More than six have to be left.
 fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
     let line = &bytes[line_start..line_end];
-    let hex = line_end - line.iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
-    let digits = line_end - hex;
+    let hex_start = line_end - line.iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
+    let digits = line_end - hex_start;
     if digits < MIN_HEX_CHARACTERS {
         return None;
     }
     let is_valid = |start: usize| (line_end - start).is_multiple_of(2) && has_valid_lrc(&bytes[start..line_end]);
-    let message = |start, hex_start, is_complete, damage| {
-        Some(ColonlessMessage { start, hex_start, hex_end: line_end, end: line_end, is_complete, damage })
+    let message = |start, first_digit, is_complete, damage| {
+        Some(ColonlessMessage { start, hex_start: first_digit, hex_end: line_end, end: line_end, is_complete, damage })
     };
     // The character in front may be the colon with a flipped bit; one that differs in more bits is a stray byte.
-    let lost_colon = hex == line_start || (bytes[hex - 1] ^ b':').count_ones() > MAX_COLON_FLIPS;
-    if is_valid(hex) {
+    let lost_colon = hex_start == line_start || (bytes[hex_start - 1] ^ b':').count_ones() > MAX_COLON_FLIPS;
+    if is_valid(hex_start) {
         let damage = lost_colon.then_some(DamageKind::LostBytes { at: 0, count: 1 });
-        return message(if lost_colon { hex } else { hex - 1 }, hex, true, damage);
+        return message(if lost_colon { hex_start } else { hex_start - 1 }, hex_start, true, damage);
     }
     // The first hex character may be the damaged colon.
-    if is_valid(hex + 1) {
-        return message(hex, hex + 1, true, None);
+    if is_valid(hex_start + 1) {
+        return message(hex_start, hex_start + 1, true, None);
     }
     // Right behind another message, this is the rest of one that lost more than its colon: an odd number of characters
     // shows that, or an LRC that becomes valid with a known unit in front.
-    let may_be_rest = lost_colon && line_start == 0 && hex <= MAX_GLITCH_BYTES && digits > MIN_HEX_CHARACTERS;
-    let lacks_known_unit = || missing_byte(&bytes[hex..line_end]).is_some_and(|unit| known_units[usize::from(unit)]);
+    let may_be_rest = lost_colon && line_start == 0 && hex_start <= MAX_GLITCH_BYTES && digits > MIN_HEX_CHARACTERS;
+    let lacks_known_unit = || missing_byte(&bytes[hex_start..line_end]).is_some_and(|unit| known_units[usize::from(unit)]);
     if may_be_rest && (digits % 2 == 1 || lacks_known_unit()) {
-        return message(hex, hex, false, Some(DamageKind::LostBytes { at: 0, count: 0 }));
+        return message(hex_start, hex_start, false, Some(DamageKind::LostBytes { at: 0, count: 0 }));
     }
     None
 }

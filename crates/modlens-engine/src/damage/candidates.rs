@@ -84,7 +84,17 @@ impl UnframedRegion<'_, '_> {
         (score > 0.0 && score >= min_score).then(|| Candidate::new(expected, &alignment, start, end, score))
     }
 
-    /// A frame that no context predicts, if its unit and function are likely on this line and the frame would end well.
+    /// A frame at index `start` of the region that no context predicts, if its unit and function are likely on this line and
+    /// it would end well. `direction` is `REQUEST` or `RESPONSE`.
+    ///
+    /// Bits count for the values of the two header bytes less what that header costs on this line, for stray bytes or a pause
+    /// in front (`start_cost`), for fields within the limits of the specification (against it otherwise), and for a pause or
+    /// the region's end where the frame should end. A response costs what an unsolicited one does, since no request in front
+    /// predicts it, but not where the other line has its request; an exception costs extra. The CRC is not looked at.
+    ///
+    /// `None` with fewer than two bytes, for function 0, for an exception code as a request, on a line that carries only the
+    /// other direction, and if the score is not above 0 or is below `min_score`. `end` is `None` if the layout does not
+    /// determine the length, or announces more than a frame may have.
     ///
     /// Example: with unit 17 and function 3 familiar, `11 03 04 00 07 00 09 12 34` scores for the two header bytes and,
     /// if a pause follows byte 9, for ending where the byte count says; no CRC is needed.
@@ -126,6 +136,7 @@ impl UnframedRegion<'_, '_> {
             head: Vec::new(),
             damage: None,
             is_corrected: false,
+            // No byte was predicted, so none disagrees: `chain` may look for stray bytes and a doubled byte.
             is_exact: true,
             agreeing_bytes: None,
         })

@@ -18,10 +18,16 @@ use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of the chain of candidates with the highest total score, in order.
     ///
-    /// A chain is built from left to right by dynamic programming: for each candidate, `chains` keeps the best total of a
-    /// chain that ends with it and the index of the candidate before it. Each candidate needs `MIN_DAMAGED_FRAME_BITS` at its
-    /// place, where a response behind its own damaged request gets back what its header cost, and by itself, too, if another
-    /// candidate follows it.
+    /// `candidates` are ordered by their first bytes and may overlap. A chain is built from left to right by dynamic
+    /// programming: for each candidate, `chains` keeps the best total in bits of a chain that ends with it, and the index of
+    /// the candidate before it. A candidate may follow another one if it begins at or behind `core_end` of that one. It then
+    /// counts with `score_behind`, which favours the response to that request, and costs `FURTHER_DAMAGED_FRAME_BITS`.
+    ///
+    /// Each candidate needs `MIN_DAMAGED_FRAME_BITS` in the place it has in its chain: the first one by its own score, a later
+    /// one by `score_behind`. One that another follows needs them by its own score, too. If no candidate has enough, there
+    /// are no frames.
+    ///
+    /// The best chain is then turned into frames from its end: only the frame behind says up to where one may reach.
     pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<DamagedFrame> {
         let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
         for candidate in candidates {
@@ -40,13 +46,13 @@ impl UnframedRegion<'_, '_> {
         }
         let may_end_with = |&at: &usize| chains[at].1.is_some() || candidates[at].score >= MIN_DAMAGED_FRAME_BITS;
         let ends = (0..candidates.len()).filter(may_end_with);
-        let mut next = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
+        let mut current = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
         let mut frames: Vec<DamagedFrame> = Vec::new();
-        while let Some(at) = next {
+        while let Some(at) = current {
             let limit = frames.last().map_or(self.length, |frame| frame.start);
             let frame = self.damaged_frame(&candidates[at], limit);
-            next = chains[at].1;
-            let previous_end = next.map_or(0, |before| candidates[before].end.unwrap_or(candidates[before].core_end));
+            current = chains[at].1;
+            let previous_end = current.map_or(0, |before| candidates[before].end.unwrap_or(candidates[before].core_end));
             frames.push(self.extend_over_wrong_head(frame, previous_end));
         }
         frames.reverse();
@@ -68,12 +74,21 @@ impl UnframedRegion<'_, '_> {
         DamagedFrame { start, is_short: false, damage: None, wrong_head_bytes: count, ..frame }
     }
 
-    /// Decides where a candidate ends and what happened to it, as far as its alignment does not say that already. `limit` is
-    /// the index where the next frame begins.
+    /// The candidate as a frame: where it ends, and what happened to it, as far as its alignment does not say that already.
+    /// `limit` is the index in the region where the next frame of the chain begins, or the region's length.
     ///
-    /// It ends at its expected length, at a pause inside it, or at `limit`. With fewer bytes than expected, its end is lost, or
-    /// was never sent if a retry follows. With just as many, its last bytes may be stray bytes in the place of lost ones; with
-    /// one byte more, one of them may have been received twice.
+    /// Its expected length is that of the alignment, else the one that its header announces, else all bytes up to `limit`. It
+    /// ends there, at `limit`, after `MAX_RTU_FRAME_BYTES`, or at the first pause inside that `gap_inside` counts as its end,
+    /// whichever comes first. If the alignment names no damage, it is found here, in this order:
+    ///
+    /// 1. All known bytes agree and there is one more byte than expected: a byte was received twice if the CRC is valid
+    ///    without it. The frame is one byte longer then.
+    /// 2. Fewer bytes than expected: the end is missing. It was never sent if a retry follows, else it was lost. If one
+    ///    flipped bit explains the CRC, nothing is missing, and the announced length is what is wrong.
+    /// 3. As many as the alignment expects: the last ones may be stray bytes in the place of lost ones
+    ///    (`strays_for_lost_bytes`). The frame ends in front of them.
+    ///
+    /// Otherwise `damage` stays `None`: some bits are wrong. `is_short`: the frame has fewer bytes than expected, or lost some.
     fn damaged_frame(&self, candidate: &Candidate, limit: usize) -> DamagedFrame {
         let available = limit - candidate.start;
         let announced = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced_length(candidate, limit));

@@ -109,7 +109,13 @@ pub fn response_length(region: &UnframedRegion<'_, '_>, request: RequestRef<'_>)
     responses(region, request)?[0].length
 }
 
-/// The normal response and the exception response to a request; `None` if the request has no function code.
+/// The normal response and the exception response to a request, as far as the request determines their bytes; `None` if the
+/// request has no function code. Of `region` only the table of functions is used.
+///
+/// The known bytes of a normal response are unit and function, and then what the request says: its whole body where the
+/// function sends it back, the byte count of a read, or the first four bytes (address and value, or quantity) of a write. If
+/// the layout determines the length and only the CRC is missing, the CRC is appended and all bytes are known. Of a function
+/// that the table does not have, only unit and function are known; of an exception response, these two and its length.
 fn responses<'a>(region: &UnframedRegion<'a, '_>, request: RequestRef<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
     let (&code, body) = request.pdu.split_first()?;
     let mut bytes = vec![request.unit, code];

@@ -34,11 +34,20 @@ impl UnframedRegion<'_, '_> {
         Some(unidentified(start, end, direction, damage))
     }
 
-    /// The fragment in front of the first damaged frame, which ends at index `end`, where a frame must have stood.
+    /// The fragment of a frame that must have stood in the first `end` bytes of the region, in front of its first damaged
+    /// frame; `is_alone`: there is none, so that `end` is the region's length.
     ///
-    /// A recording begins in the middle of a frame more often than not. Elsewhere a fragment is reported only if the
-    /// direction of the next frame shows that a request or a response is missing, and if there are more bytes than stray
-    /// bytes account for. `is_alone`: no damaged frame was recognised in the region.
+    /// `None` if no frame is due here (`due_in_front`), if the bytes are more than a frame has, or if there is a damaged frame
+    /// right in front of the region or, except at the start of a recording, inside it. Else, by what the bytes can be:
+    ///
+    /// 1. On a line with few stray bytes, the first one or two bytes of the response to the outstanding request, with no
+    ///    damaged frame behind them. `Truncated` if that request follows the region once more, else without explanation.
+    /// 2. The end of a frame, without up to three stray bytes in front. `None` if no more bytes are left than stray bytes
+    ///    account for (at the start of a recording: fewer than two), or more than the expected response has. If the response
+    ///    lacks no more bytes than are there and its request is not repeated, those were lost in front. On a line of one
+    ///    side, other bytes that cannot be a header have lost an unknown number in front. Else nothing is said of the damage.
+    ///
+    /// A recording begins in the middle of a frame more often than not, so that less evidence is enough there.
     pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<DamagedFrame> {
         let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
         let (direction, request) = self.due_in_front(end, starts_recording)?;
@@ -46,17 +55,20 @@ impl UnframedRegion<'_, '_> {
             return None;
         }
         let bytes = &self.bytes()[..end];
-        let is_beginning =
+        let is_response_start =
             |&request: &RequestRef<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, request);
-        if let Some(request) = request.filter(is_beginning) {
+        if let Some(request) = request.filter(is_response_start) {
             let is_unidentified = bytes.len() < 2;
             let damage = self.is_followed_by(Some(request)).then_some(DamageKind::Truncated { count: 0 });
             return Some(DamagedFrame { is_unidentified, ..unidentified(0, end, direction, damage) });
         }
-        // On a line with few stray bytes, zeros at the beginning are data.
-        let has_no_strays = starts_recording || (self.context.line_direction.is_some() && self.has_few_strays());
-        let strays =
-            if has_no_strays { 0 } else { bytes.iter().take(MAX_GLITCH_BYTES).take_while(|&&byte| is_glitch_byte(byte)).count() };
+        // At the start of a recording and on a quiet line of one side, bytes such as 00 and FF at the beginning are data.
+        let counts_all_bytes = starts_recording || (self.context.line_direction.is_some() && self.has_few_strays());
+        let strays = if counts_all_bytes {
+            0
+        } else {
+            bytes.iter().take(MAX_GLITCH_BYTES).take_while(|&&byte| is_glitch_byte(byte)).count()
+        };
         let min_length = if starts_recording { 2 } else { self.model.max_stray_bytes() + 1 };
         let length = end - strays;
         if length < min_length {

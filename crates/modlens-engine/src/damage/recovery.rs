@@ -50,9 +50,18 @@ impl<'a, 'c> Surroundings<'a, 'c> {
 }
 
 impl DamageRecovery {
-    /// The first frame of the unframed bytes up to stream offset `to`: a damaged frame, or noise. `adu` gets unit and PDU.
+    /// The first row of the unframed bytes from the first byte of the input to stream offset `to`. `adu` is cleared; it gets
+    /// unit and PDU of a damaged frame.
     ///
-    /// A region is analysed once; further calls emit what was found. The line's model learns from the damage.
+    /// The first call for a `to` analyses all bytes up to there at once and keeps the damaged frames in `found`; the line's
+    /// model learns what happened to each. Every call gives one row, and the caller consumes its bytes:
+    ///
+    /// - the damaged frame that begins with the first byte, which leaves `found`;
+    /// - else the first burst (`burst`) of the bytes in front of the next damaged frame or of `to`: nearly always noise, with
+    ///   `Glitch` where a line driver has left it.
+    ///
+    /// Live, if no frame behind these bytes is known, the last frame found may be a response without its end; `truncation`
+    /// attributes it by what the master did after earlier ones.
     pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
         let offset = at.input.offset();
         let region_bytes = (to - offset) as usize;
@@ -67,10 +76,10 @@ impl DamageRecovery {
             }
             self.found.iter().for_each(|(_, frame)| model.learn_damage(frame.damage));
         }
-        let first = self.found.front().filter(|(start, _)| *start == offset);
-        let Some((_, frame)) = first else {
-            let noise_bytes = self.found.front().map_or(region_bytes, |(start, _)| (start - offset) as usize);
-            let result = burst(at, noise_bytes, adu);
+        let at_first_byte = self.found.front().filter(|(start, _)| *start == offset);
+        let Some((_, frame)) = at_first_byte else {
+            let unclaimed_bytes = self.found.front().map_or(region_bytes, |(start, _)| (start - offset) as usize);
+            let result = burst(at, unclaimed_bytes, adu);
             let is_glitch = result.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..result.length]);
             return FrameResult { damage: is_glitch.then_some(DamageKind::Glitch), ..result };
         };
@@ -82,9 +91,12 @@ impl DamageRecovery {
     }
 }
 
-/// A frame with a wrong CRC that the search found by its announced length, and what happened to it. `adu` gets unit and PDU.
+/// The row of a frame with a wrong CRC that the search found by its announced `length`, from the first byte of the input on,
+/// and what happened to it. `adu` gets unit and PDU.
 ///
-/// If the result has fewer bytes than `length`, the others are stray bytes in the place of what the frame has lost.
+/// If the analysis recognises the frame, the row is that of the analysis, and the model learns the damage. If that row has
+/// fewer bytes than `length`, the others are stray bytes in the place of what the frame has lost. Else the row has `length`
+/// bytes, a bad checksum, the `direction` that the search found, and no explanation.
 pub fn damaged_hypothesis(
     model: &mut TrafficModel,
     at: &Surroundings<'_, '_>,
@@ -116,8 +128,9 @@ fn emit(frame: &DamagedFrame, wire: &[u8], delimited_by: DelimitedBy, adu: &mut 
     FrameResult { verdict, direction: frame.direction, damage: frame.damage, ..FrameResult::noise(wire.len(), delimited_by) }
 }
 
-/// Emits the first burst of `length` bytes that hold no recognised frame. A burst ends at a pause or a record boundary, and
-/// it is noise unless `burst_frame` makes a damaged frame of it.
+/// Emits the first burst of the first `length` bytes of the input, which hold no recognised frame. A burst ends at the first
+/// pause of `frame_gap_ns`, at the start of a record, after `length` bytes or after `MAX_NOISE_ROW_BYTES`. It is noise unless
+/// `burst_frame` makes a damaged frame of it, which may be shorter than the burst.
 fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameResult {
     let Surroundings { input, context, .. } = *at;
     let edge = input.boundary_after(0, length, at.frame_gap_ns);
@@ -138,11 +151,22 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameRe
     result
 }
 
-/// The damaged frame that a burst has to be because nothing else stands in its record or in the whole recording: somebody
-/// has put it there as a frame. Its header says whether its CRC is wrong or its end is missing.
+/// The damaged frame that the first `burst_bytes` of the input have to be because somebody has recorded them as one: they are
+/// the whole recording, or a record begins or ends with them. `None`, so noise, for all other bursts and for fewer than four
+/// bytes.
 ///
-/// Example: a recording of the bytes `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`. Such a burst is noise
-/// only if it is too long for a frame, or if its unit is unknown and its boundaries prove nothing.
+/// Its header says what is wrong, by the lengths that it announces as a request and as a response (only the latter if
+/// it has unit and function of the outstanding request):
+///
+/// - exactly `burst_bytes`: a bad checksum;
+/// - less, where the unit is familiar and the burst may have been cut by the end of the recording (`is_bounded` is false):
+///   the first bytes are a frame of the announced length with a bad checksum, and the caller goes on behind it;
+/// - more, or no certain length: `Incomplete`;
+/// - none of these: a bad checksum of unknown direction.
+///
+/// The last two take the whole burst, and only if it is short enough for a frame and its boundaries or its unit are
+/// trusted; `Incomplete` also where the recording ends. If not, it is noise. Example: a recording of the bytes
+/// `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`.
 fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, delimited_by: DelimitedBy) -> Option<FrameResult> {
     let bytes = &input.bytes()[..burst_bytes];
     let is_entire_input = input.offset() == 0 && delimited_by == DelimitedBy::End;
