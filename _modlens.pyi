@@ -116,7 +116,7 @@ def recording_head(
     segment: int,
     ports: Sequence[tuple[str, int, str, str | None, str | None]],
 ) -> bytes:
-    """The beginning of a segment of a raw recording (see write/recording.rs of the core).
+    """The beginning of a segment of a raw recording (see modlens-writers/src/recording.rs).
 
     `ports`: name of the port, number of its bus, name of the bus, its line (A or B) on a two-line
     tap, line settings as `19200-8E1`; all that is not known is None.

@@ -56,7 +56,7 @@ class RecordedRead:
 def reads(recording: bytes) -> Iterator[RecordedRead]:
     """The reads of a raw recording (`tap --record`); other files are one read without a clock.
 
-    The format is documented in the core, write/recording.rs. A truncated block ends the recording.
+    Its format: modlens-writers/src/recording.rs. A truncated block ends the recording.
     """
     if not recording.startswith(_SECTION):
         yield RecordedRead(recording[:MAX_BYTES], None)

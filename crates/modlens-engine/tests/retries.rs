@@ -139,3 +139,35 @@ fn a_transaction_of_the_second_master_has_the_finding_in_its_own_row() {
     assert_eq!(units, [2, 2]);
     assert_eq!(batch.findings.iter().filter(|row| row.finding == Finding::TwoMasters).count(), 3);
 }
+
+/// Two masters ask two units without a clock; the second request arrives truncated first, then whole, while the first one
+/// is still open. The truncated request is closed, not the one that it overlaps: each response keeps its request.
+#[test]
+fn a_truncated_request_takes_no_response_from_the_one_that_it_overlaps() {
+    let rounds = |first: u16| {
+        (0..40).flat_map(move |i| {
+            let exchange = |unit: u8, values: &[u16]| [read_request(unit, 107, 3), read_response(unit, values)].concat();
+            [exchange(1, &[first + i * 77, 555 + i, 4242]), exchange(2, &[first + i * 79, 655 + i, 4242])].concat()
+        })
+    };
+    for first_responds in [true, false] {
+        let mut bytes: Vec<u8> = rounds(1000).collect();
+        bytes.extend(read_request(1, 107, 3));
+        bytes.extend(&read_request(2, 107, 3)[..5]);
+        bytes.extend(read_request(2, 107, 3));
+        if first_responds {
+            bytes.extend(read_response(1, &[900, 901, 4242]));
+        }
+        bytes.extend(read_response(2, &[800, 801, 4242]));
+        bytes.extend(rounds(5000));
+        let (mut session, bus) = session(false, Clock::None);
+        session.feed(bus, &Chunk { bytes: &bytes, ..Chunk::default() });
+        session.flush();
+        let batch = session.take();
+        let rows: Vec<(u8, Status)> = batch.transactions[80..83].iter().map(|row| (row.unit, row.status)).collect();
+        let of_first = if first_responds { Status::Ok } else { rows[0].1 };
+        assert_eq!(rows, [(1, of_first), (2, Status::BadRequest), (2, Status::Ok)]);
+        assert_ne!(of_first, Status::BadResponse);
+        assert!(batch.transactions.iter().all(|row| row.status != Status::Unsolicited));
+    }
+}

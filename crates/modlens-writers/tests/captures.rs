@@ -4,9 +4,13 @@ use std::sync::Arc;
 
 use etherparse::PacketBuilder;
 use modlens_engine::records::Batch;
-use modlens_engine::session::{CaptureOptions, Session};
+use modlens_engine::session::{BusOptions, CaptureOptions, Session};
 use modlens_protocol::finding::Finding;
+use modlens_protocol::framing::Mode;
+use modlens_protocol::line::LineSettings;
+use modlens_protocol::source::Clock;
 use modlens_protocol::status::Status;
+use modlens_readers::chunk::{Chunk, Times};
 use modlens_readers::pcap::Ports;
 use modlens_tables::columns::{Cell, Table, TableKind};
 use proptest::prelude::*;
@@ -323,4 +327,33 @@ fn any_port_needs_a_question_and_its_answer() {
     assert!(decoded(&both).frames.is_empty(), "only port 502 is looked at by default");
     let one = moved(poll(&[(2, 1000)]).into_iter().take(1).collect());
     assert!(decoded_in(&one, usize::MAX, Ports::Any).0.frames.is_empty(), "one message may be chance");
+}
+
+/// Connections to one server share their statistics, so a bus behind them has another number there than in the session.
+#[test]
+fn silences_are_counted_on_their_own_bus_behind_connections_to_one_server() {
+    let (ask, _) = read_registers(1, 2);
+    let sent = Sent { from_client: true, sequence: 1, acknowledged: 1, bytes: ask, ident: 1 };
+    let mut other_client = ethernet(&sent);
+    // The source port stands behind 14 bytes of Ethernet and 20 of IPv4.
+    other_client[35] ^= 1;
+    let file = pcap(1, &[ethernet(&sent), other_client]);
+    let mut session = Session::default();
+    let options = CaptureOptions { source: String::from("file"), ports: Ports::default(), mode: None, line: None, rule: None };
+    let capture = session.add_capture(options);
+    session.feed_capture(capture, &file, true);
+    let line: LineSettings = "9600-8E1".parse().unwrap();
+    let mut options = BusOptions::named("line");
+    (options.mode, options.line, options.bus.clock) = (Some(Mode::Rtu), Some(line), Clock::Relative);
+    let bus = session.add_bus(options);
+    for at in 0..3 {
+        let frame = [17, 3, 0, 0x6B, 0, 3, 0x76, 0x87];
+        session.feed(bus, &Chunk { bytes: &frame, times: Times::Read(at * 1_000_000_000), ..Chunk::default() });
+    }
+    session.flush();
+    let stats = session.stats_json();
+    let buses = stats["buses"].as_array().unwrap();
+    let counted: Vec<_> = buses.iter().map(|bus| (bus["bus"].as_str().unwrap(), bus["silence"].is_null())).collect();
+    assert_eq!(counted.len(), 2, "{stats}");
+    assert_eq!((counted[0].1, counted[1]), (true, ("line", false)), "{stats}");
 }

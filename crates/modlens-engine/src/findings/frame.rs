@@ -4,7 +4,7 @@ use crate::damage::kind::DamageKind;
 use crate::findings::{words, Found};
 use crate::framer::{FrameResult, FramingFault};
 use crate::input::Input;
-use crate::pairing::ObservedFrame;
+use crate::pairing::transaction::ObservedFrame;
 use modlens_protocol::checksum::{correctable_bit, crc16, lrc};
 use modlens_protocol::direction::{counts_agree, possible_directions, Direction};
 use modlens_protocol::finding::Finding;

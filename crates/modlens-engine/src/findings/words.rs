@@ -3,7 +3,8 @@
 //! Title, reason and advice, which are the same every time, are in `modlens_protocol::finding`.
 
 use crate::damage::kind::DamageKind;
-use crate::pairing::{DelayedFinding, ObservedFrame, PairingResult};
+use crate::pairing::result::{DelayedFinding, PairingResult};
+use crate::pairing::transaction::ObservedFrame;
 use modlens_protocol::finding::Finding;
 use modlens_protocol::functions::EXCEPTION_BIT;
 use modlens_protocol::hex::hex;

@@ -1,57 +1,87 @@
-//! Whether the adapter of a line echoes its own transmissions, so that every request appears twice.
+//! Whether a request that appears twice is the echo of the local adapter or the master's retry.
+//!
+//! An echo comes much sooner than any retry: the clock decides as far as it is fine enough, else whether the line has shown
+//! echo so far (`echo_share`). Where neither tells, nothing is claimed.
 
-/// A line has echo if more than this share of its requests appears twice, and has none if the share is below the other.
-const MIN_SHARE_WITH_ECHO: f32 = 0.65;
-const MAX_SHARE_WITHOUT_ECHO: f32 = 0.5;
+use crate::findings::order;
+use crate::pairing::timeouts::{interval, MIN_MASTER_TIMEOUT_NS};
+use crate::pairing::transaction::{ObservedFrame, PendingTransaction};
+use crate::pairing::Pairing;
+use modlens_protocol::framing::{Mode, BROADCAST_UNIT};
+use modlens_protocol::functions::Functions;
+use modlens_protocol::Ns;
 
-/// The share of requests that appear twice: the prior, and the weight of the newest request once many were seen.
-const PRIOR_ECHO_SHARE: f32 = 0.1;
-const ECHO_LEARNING_RATE: f32 = 0.05;
+/// The echo of an adapter that receives its own transmission comes within this time: the adapter's own delay.
+const MAX_ECHO_DELAY_NS: Ns = 3_000_000;
 
-/// A smaller share is set to 0: arithmetic on denormal numbers takes a processor a hundred times as long.
-const MIN_NORMAL_SHARE: f32 = 1e-12;
-
-/// Estimates the share of requests that appear twice in a row on this line.
-///
-/// If the adapter echoes its own transmissions, it is close to 1; if the master merely retries after time-outs, it is far
-/// lower. Requests whose response is identical to the request are not counted.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct EchoStatistics {
-    /// The share, without the last request.
-    share: f32,
-    requests: f32,
-    /// Whether the last request has appeared twice by now; `None` before the first one.
-    pub(super) last_appeared_twice: Option<bool>,
+/// What a request is in relation to the one before it.
+pub(super) enum SameRequest {
+    /// The adapter's echo of the request of this transaction.
+    Echo(u64),
+    /// The same request again: either the echo or a retry, the evidence does not tell which.
+    Ambiguous,
+    /// A retry, or a different request.
+    New,
 }
 
-impl Default for EchoStatistics {
-    fn default() -> Self {
-        Self { share: PRIOR_ECHO_SHARE, requests: 1.0, last_appeared_twice: None }
+impl Pairing {
+    /// Whether a request is the adapter's echo of the one before it, on a serial line: of the newest open request, or of the
+    /// last broadcast.
+    ///
+    /// It also keeps the books. Every request whose response does not repeat it counts in the share of those that appear
+    /// twice. An echo marks the open request (`echo_seen`, and the finding), and its response time counts from the end of
+    /// the echo; a broadcast has no response, so nothing is marked there. Where the evidence decides nothing, the open
+    /// request's silence will prove nothing either.
+    pub(super) fn compare_with_open(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> SameRequest {
+        if frame.mode == Mode::Tcp {
+            return SameRequest::New;
+        }
+        if frame.unit() == BROADCAST_UNIT {
+            let before = self.history.last_broadcast.take().filter(|before| before.is_repeated_by(frame));
+            return before.map_or(SameRequest::New, |before| self.echo_or_retry(frame, before.end, before.txn));
+        }
+        let is_same = |open: &PendingTransaction| open.unit == frame.unit() && open.request.pdu() == frame.pdu();
+        let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen);
+        let same = open.map(|open| (open.request.end, open.txn));
+        if !mirrors_request(functions, frame.pdu()) {
+            if same.is_some() {
+                self.echoes.last_appeared_twice = Some(true);
+            } else {
+                self.echoes.add_request();
+            }
+        }
+        let Some((end, txn)) = same else { return SameRequest::New };
+        let same = self.echo_or_retry(frame, end, txn);
+        let open = self.open.back_mut().expect("found above");
+        match same {
+            SameRequest::Echo(_) => {
+                open.echo_seen = true;
+                order::note_echo(open);
+                // The response time counts from the last byte of the request, whichever copy of it that is.
+                open.request.end = frame.end.or(open.request.end);
+            }
+            SameRequest::Ambiguous => open.silence_is_inconclusive = true,
+            SameRequest::New => {}
+        }
+        same
+    }
+
+    /// Whether the same request again is an echo or a retry, `end` being the end of the first one: by the clock as far as
+    /// it is fine enough, else by whether this line has shown echo so far.
+    fn echo_or_retry(&self, frame: &ObservedFrame<'_>, end: Option<Ns>, txn: u64) -> SameRequest {
+        match (interval(end, frame.start), self.echoes.has_echo()) {
+            (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),
+            (Some(pause), Some(true)) if pause < MIN_MASTER_TIMEOUT_NS => SameRequest::Echo(txn),
+            (Some(pause), _) if !self.is_before_timeout(pause) => SameRequest::New,
+            (Some(_), _) | (None, None) => SameRequest::Ambiguous,
+            (None, Some(true)) => SameRequest::Echo(txn),
+            (None, Some(false)) => SameRequest::New,
+        }
     }
 }
 
-impl EchoStatistics {
-    /// Counts a new request. The one before it is final now: it will not appear again.
-    #[inline]
-    pub(crate) fn add_request(&mut self) {
-        let share = self.share_with_last();
-        self.share = if share < MIN_NORMAL_SHARE { 0.0 } else { share };
-        self.requests += f32::from(u8::from(self.last_appeared_twice.is_some()));
-        self.last_appeared_twice = Some(false);
-    }
-
-    /// The share, the last request included as it is now: a plain mean at first, a running mean later.
-    fn share_with_last(self) -> f32 {
-        let last = self.last_appeared_twice.map_or(self.share, |twice| f32::from(u8::from(twice)));
-        // A division for every request would be measurable, so there is none once the rate is constant.
-        let is_constant = self.requests >= 1.0 / ECHO_LEARNING_RATE;
-        let rate = if is_constant { ECHO_LEARNING_RATE } else { (1.0 / (self.requests + 1.0)).max(ECHO_LEARNING_RATE) };
-        self.share + (last - self.share) * rate
-    }
-
-    /// Whether the line has echo; `None` while that is undecided.
-    pub(super) fn has_echo(self) -> Option<bool> {
-        let share = self.share_with_last();
-        (share > MIN_SHARE_WITH_ECHO).then_some(true).or((share < MAX_SHARE_WITHOUT_ECHO).then_some(false))
-    }
+/// Whether the response to this request repeats it byte by byte, as that to function 6 does. Of functions without a row
+/// nothing is known, and it may.
+pub(super) fn mirrors_request(functions: &Functions, pdu: &[u8]) -> bool {
+    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.has_equal_layouts)
 }

@@ -17,7 +17,8 @@
 //! a transaction by itself, `unsolicited`; `history` tells whether it is late or sent twice. On a serial line one request is
 //! open at a time, or two that overlap (`masters`); on a TCP connection as many as there are transaction identifiers.
 //!
-//! The time-out is learned from the master's retries (`timing`): it tells a retry from a response that repeats its request,
+//! How long a request waits is decided in `timeouts`: the time-out of the user, else the one that the master's retries have
+//! shown (`timing`). It tells a retry from a response that repeats its request,
 //! a second master from one that gave up, and a silent unit from a response that the tap has missed.
 //!
 //! Some findings show only after the row of their frame is written (a second master, a response from the wrong unit): these
@@ -30,11 +31,13 @@ use std::collections::VecDeque;
 
 mod damaged_request;
 mod echo;
+mod echo_share;
 mod history;
 mod masters;
 mod requests;
 mod responses;
-mod result;
+pub(crate) mod result;
+mod timeouts;
 mod timing;
 pub(crate) mod transaction;
 
@@ -50,13 +53,10 @@ use modlens_protocol::functions::Functions;
 use modlens_protocol::status::Status;
 use modlens_protocol::Ns;
 
-use echo::EchoStatistics;
+use echo_share::EchoStatistics;
 use history::History;
 use masters::MasterEvidence;
 use transaction::{EarlyResponse, UnitMismatch};
-
-/// A request is given up after this time at the latest (records.md).
-pub const DEFAULT_TIMEOUT: Ns = 1_000_000_000;
 
 /// Closed transactions whose buffers are kept for new ones.
 const MAX_REUSABLE: usize = 8;
@@ -216,12 +216,6 @@ impl Pairing {
         }
         note_no_response(&mut transaction);
         done.push(transaction);
-    }
-
-    /// How long an open request waits for its response: as the user has set it, or the learned time, or the default.
-    pub fn request_timeout(&self) -> Ns {
-        let learned = || self.timing.request_timeout().map_or(DEFAULT_TIMEOUT, |learned| learned.min(DEFAULT_TIMEOUT));
-        self.timeout.unwrap_or_else(learned)
     }
 
     /// When the next open request times out.

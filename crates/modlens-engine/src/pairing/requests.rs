@@ -1,8 +1,11 @@
-//! Pairing of a request: new, repeated, echoed by the adapter, or sent while another one still waits for its response.
+//! Pairing of a request: new, repeated, or sent while another one still waits for its response. Whether it is the
+//! adapter's echo is decided in `echo`.
 
 use crate::findings::order;
 use crate::pairing::damaged_request::DamagedRequest;
+use crate::pairing::echo::{mirrors_request, SameRequest};
 use crate::pairing::history::PastRequest;
+use crate::pairing::timeouts::interval;
 use crate::pairing::transaction::OverlappingRequest;
 use crate::pairing::{ObservedFrame, Pairing, PairingResult, PendingTransaction};
 use modlens_protocol::direction::Direction;
@@ -10,17 +13,6 @@ use modlens_protocol::framing::BROADCAST_UNIT;
 use modlens_protocol::framing::{Mode, Verdict};
 use modlens_protocol::functions::{Functions, Layout};
 use modlens_protocol::status::Status;
-use modlens_protocol::Ns;
-
-/// No master gives up sooner than this, as long as it has not shown its time-out (serial line specification, 2.4.1: one
-/// second is typical).
-const MIN_MASTER_TIMEOUT_NS: Ns = 50_000_000;
-
-/// A master whose time-out is known never gives up before this share of it: recorded times are late by at most the rest.
-const MIN_TIMEOUT_FRACTION: f64 = 0.4;
-
-/// The echo of an adapter that receives its own transmission comes within this time: the adapter's own delay.
-const MAX_ECHO_DELAY_NS: Ns = 3_000_000;
 
 /// Requests that may be open at once on a TCP connection. A serial line has one or two.
 const MAX_OPEN_REQUESTS: usize = 1024;
@@ -28,19 +20,16 @@ const MAX_OPEN_REQUESTS: usize = 1024;
 /// Transaction identifiers that are remembered, to tell whether a response carries one that was ever requested with.
 const MAX_REMEMBERED_IDS: usize = 64;
 
-/// What a request is in relation to the one before it.
-enum SameRequest {
-    /// The adapter's echo of the request of this transaction.
-    Echo(u64),
-    /// The same request again: either the echo or a retry, the evidence does not tell which.
-    Ambiguous,
-    /// A retry, or a different request.
-    New,
-}
-
 impl Pairing {
-    /// Pairs a good request: closes the requests that it supersedes and opens a transaction for it, unless it is the echo
-    /// of the open one.
+    /// Pairs a good request: closes the requests that it supersedes and opens a transaction for it, numbered `next_txn`.
+    ///
+    /// - The adapter's echo opens none: the result has the finding, and `compare_with_open` has marked the open request.
+    /// - A truncated request before it, of which this is the retry, gets a transaction of its own, with the number before
+    ///   this one's, and is closed at once. If it is not that, it is forgotten, also by an echo.
+    /// - A request to another unit may leave the open one waiting (`close_superseded`); both are told of the overlap.
+    /// - A broadcast on a serial line is closed at once, because nobody responds to it.
+    ///
+    /// Closed transactions are appended to `done`, the oldest first.
     pub(super) fn add_request(
         &mut self,
         functions: &Functions,
@@ -63,6 +52,8 @@ impl Pairing {
         }
         if let Some(truncated) = truncated.filter(|truncated| self.is_retry_of_truncated(truncated, frame)) {
             self.open_truncated(truncated, next_txn);
+            // An overlapping request stays open: the truncated one behind it is the one to close.
+            self.open.rotate_right(1);
             self.close_oldest(functions, frame, done);
         }
         let mut transaction = self.start(frame, next_txn);
@@ -141,61 +132,8 @@ impl Pairing {
         }
     }
 
-    /// Whether a master that has waited so long for a response cannot have given up yet.
-    pub(super) fn is_before_timeout(&self, waited: Ns) -> bool {
-        let learned = self.timing.master_timeout().map(|timeout| (timeout as f64 * MIN_TIMEOUT_FRACTION) as Ns);
-        waited < learned.unwrap_or(MIN_MASTER_TIMEOUT_NS)
-    }
-
-    /// Whether a request is the adapter's echo of the one before it: an echo comes much sooner than any retry.
-    fn compare_with_open(&mut self, functions: &Functions, frame: &ObservedFrame<'_>) -> SameRequest {
-        if frame.mode == Mode::Tcp {
-            return SameRequest::New;
-        }
-        if frame.unit() == BROADCAST_UNIT {
-            let before = self.history.last_broadcast.take().filter(|before| before.is_repeated_by(frame));
-            return before.map_or(SameRequest::New, |before| self.echo_or_retry(frame, before.end, before.txn));
-        }
-        let is_same = |open: &PendingTransaction| open.unit == frame.unit() && open.request.pdu() == frame.pdu();
-        let open = self.open.back().filter(|open| is_same(open) && !open.echo_seen);
-        let same = open.map(|open| (open.request.end, open.txn));
-        if !mirrors_request(functions, frame.pdu()) {
-            if same.is_some() {
-                self.echoes.last_appeared_twice = Some(true);
-            } else {
-                self.echoes.add_request();
-            }
-        }
-        let Some((end, txn)) = same else { return SameRequest::New };
-        let same = self.echo_or_retry(frame, end, txn);
-        let open = self.open.back_mut().expect("found above");
-        match same {
-            SameRequest::Echo(_) => {
-                open.echo_seen = true;
-                order::note_echo(open);
-                // The response time counts from the last byte of the request, whichever copy of it that is.
-                open.request.end = frame.end.or(open.request.end);
-            }
-            SameRequest::Ambiguous => open.silence_is_inconclusive = true,
-            SameRequest::New => {}
-        }
-        same
-    }
-
-    /// Whether the same request again is an echo or a retry, `end` being the end of the first one: by the clock as far as
-    /// it is fine enough, else by whether this line has shown echo so far.
-    fn echo_or_retry(&self, frame: &ObservedFrame<'_>, end: Option<Ns>, txn: u64) -> SameRequest {
-        match (interval(end, frame.start), self.echoes.has_echo()) {
-            (Some(pause), _) if pause < MAX_ECHO_DELAY_NS && self.read_lateness <= MAX_ECHO_DELAY_NS => SameRequest::Echo(txn),
-            (Some(pause), Some(true)) if pause < MIN_MASTER_TIMEOUT_NS => SameRequest::Echo(txn),
-            (Some(pause), _) if !self.is_before_timeout(pause) => SameRequest::New,
-            (Some(_), _) | (None, None) => SameRequest::Ambiguous,
-            (None, Some(true)) => SameRequest::Echo(txn),
-            (None, Some(false)) => SameRequest::New,
-        }
-    }
-
-    /// Pairs a request that arrived damaged. One of its full length opens a transaction, since a response to it would show
+    /// Pairs a request that arrived damaged, on a serial line; on TCP, and for a function and a unit that are both unknown,
+    /// it does nothing. One of its full length closes all open requests and opens a transaction, since a response to it would show
     /// that the unit could read it; a truncated one only waits for such a response, or for its retry.
     pub(super) fn add_damaged_request(
         &mut self,
@@ -272,11 +210,6 @@ impl Pairing {
     }
 }
 
-/// From the end of one frame to the start of another, where both are known.
-pub(super) fn interval(end: Option<Ns>, start: Option<Ns>) -> Option<Ns> {
-    Some(start? - end?)
-}
-
 /// The transaction of a request that lacks bytes; it has no number yet.
 fn truncated_request(frame: &ObservedFrame<'_>) -> Box<PendingTransaction> {
     let mut request = Box::new(PendingTransaction::new(frame.mode));
@@ -291,10 +224,4 @@ fn truncated_request(frame: &ObservedFrame<'_>) -> Box<PendingTransaction> {
 fn has_no_response(functions: &Functions, transaction: &PendingTransaction) -> bool {
     let body = transaction.request.pdu().get(1..).unwrap_or(&[]);
     functions.row(transaction.function, body).is_some_and(|row| row.response == Layout::NoResponse)
-}
-
-/// Whether the response to this request repeats it byte by byte, as that to function 6 does. Of functions without a row
-/// nothing is known, and it may.
-fn mirrors_request(functions: &Functions, pdu: &[u8]) -> bool {
-    pdu.split_first().and_then(|(&code, body)| functions.row(code, body)).is_none_or(|row| row.has_equal_layouts)
 }

@@ -143,7 +143,7 @@ impl TimingModel {
     /// After how long pairing gives a request up; `None` until the master's own time-out is known.
     ///
     /// It is longer than the master's time-out: a response that is a little late for the master is still paired.
-    pub(super) fn request_timeout(&self) -> Option<Ns> {
+    pub(super) fn learned_request_timeout(&self) -> Option<Ns> {
         let timeout = self.master_timeout()?;
         Some((timeout as f64 * TIMEOUT_FACTOR).max(self.longest_response * LONGEST_RESPONSE_FACTOR) as Ns)
     }
@@ -188,16 +188,16 @@ mod tests {
     #[test]
     fn the_master_timeout_is_learned_from_retries() {
         let mut timing = TimingModel::default();
-        assert_eq!(timing.request_timeout(), None);
+        assert_eq!(timing.learned_request_timeout(), None);
         for _ in 0..20 {
             timing.record_response_time(10 * MS);
             timing.record_timeout(250 * MS, true);
         }
         let about = |time: Option<Ns>, ms: Ns| time.is_some_and(|time| (time - ms * MS).abs() < MS);
-        assert!(about(timing.master_timeout(), 250) && about(timing.request_timeout(), 375));
+        assert!(about(timing.master_timeout(), 250) && about(timing.learned_request_timeout(), 375));
         // A unit that takes nearly as long as the master waits is given more time, or every response of it were late.
         timing.record_response_time(240 * MS);
-        assert!(about(timing.request_timeout(), 480));
+        assert!(about(timing.learned_request_timeout(), 480));
         // One accident among the time-outs changes nothing.
         timing.record_timeout(3 * MS, true);
         assert!(about(timing.master_timeout(), 250));

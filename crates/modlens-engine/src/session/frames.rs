@@ -40,7 +40,7 @@ impl Session {
         self.found.clear();
         find_on_frame(&self.functions, input, framed, &frame, (&config, rule), &mut self.found);
         if let Some(rule) = rule.filter(|_| config.has_clock && input.has_times && config.mode == Mode::Rtu) {
-            count_silence(&mut self.stats, bus, input, &frame, (timing.offset, rule));
+            count_silence(&mut self.stats, state.counts, input, &frame, (timing.offset, rule));
         }
         self.codes.clear();
         self.codes.extend(self.found.iter().map(|(finding, _)| *finding));
@@ -154,11 +154,11 @@ fn find_on_frame(
 /// there is one before it, and none inside. The beginning of the stream, or a boundary of the input, counts as a silence.
 /// `offset` is the stream offset of the frame, which stands at the head of the input.
 #[inline]
-fn count_silence(stats: &mut Stats, bus: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
+fn count_silence(stats: &mut Stats, counts: usize, input: &Input, frame: &ObservedFrame<'_>, (offset, rule): (u64, SilenceRule)) {
     let is_long = |pause: Option<Ns>| pause.is_some_and(|pause| pause >= rule.t35_ns);
     let before = input.is_boundary(0) || offset == 0 || is_long(input.pause_before(0));
     let inside = is_long(input.longest_pause(0, frame.wire.len()));
-    stats.silence(bus, rule.t35_ns, frame, before, inside);
+    stats.silence(counts, rule.t35_ns, frame, before, inside);
 }
 
 /// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller.

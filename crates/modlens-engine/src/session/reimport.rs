@@ -30,7 +30,7 @@ fn finding_codes(text: &str) -> Vec<Finding> {
     value(text, "findings").map_or(Vec::new(), |list| list.split(',').filter_map(Finding::from_code).collect())
 }
 
-/// The finding and its detail in a comment `severity code: title: detail`, as `write::capture::words::comment` writes it.
+/// The finding and its detail in a comment `severity code: title: detail`, as `capture::annotations` of the writers writes it.
 fn finding_in(comment: &str) -> Option<(Finding, String)> {
     let (head, rest) = comment.split_once(": ")?;
     let (severity, code) = head.split_once(' ')?;

@@ -97,7 +97,7 @@ impl Session {
         self.buses[to].side_votes = side_votes;
         if is_unused {
             Arc::make_mut(&mut self.bus_rows)[bus] = row.clone();
-            self.stats.rename_bus(bus, &row.name);
+            self.stats.rename_bus(self.buses[bus].counts, &row.name);
             self.buses[bus].options.bus = row;
         }
         self.buses[bus].devices.push((entry.key, to));

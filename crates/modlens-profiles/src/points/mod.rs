@@ -4,6 +4,9 @@
 //! This is the only place where registers become values. A value counts only if one transaction carries all of its
 //! registers: a value that is cut at the end of a read, or split over two reads, is not put together, because the
 //! device may have changed it in between.
+//!
+//! Scale factors that are points themselves are read here (`with_factors_from`) and applied in `conversion` and
+//! `fast_decoder`; `sunspec` finds the models of a device, and `order_check` watches whether an order makes sense.
 
 mod conversion;
 mod fast_decoder;

@@ -17,7 +17,7 @@ pub fn profile(tree: &SourceNode, mistakes: &mut Vec<Mistake>) -> Profile {
     match tree.get("profile").map(|node| (&node.value, node)) {
         Some((SourceValue::Integer(1), _)) => {}
         Some((_, node)) => {
-            check.report(node.line, "profile", format!("must be 1, the version of this format, not {}", node.shown()))
+            check.report(node.line, "profile", format!("must be 1, the version of this format, not {}", node.shown()));
         }
         None => check.report(1, "profile", "is missing; the file begins with profile = 1".into()),
     }

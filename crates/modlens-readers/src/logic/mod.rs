@@ -1,7 +1,8 @@
 //! Decodes the samples of logic analysers to the characters of serial lines.
 //!
-//! `edges` finds the level changes in binary samples and `level_table` those in exported text; `autobaud` detects which
-//! channels are serial lines, and their settings; `uart` decodes level changes to characters. Edges are kept in memory
+//! `edges` finds the level changes in binary samples and `level_table` those in exported text; `autobaud` finds the settings
+//! of one channel, `decide` here takes the one or two channels with most bytes in valid frames; `uart` decodes level
+//! changes to characters. Edges are kept in memory
 //! only until the settings are decided.
 
 mod autobaud;
