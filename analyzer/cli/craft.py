@@ -1,15 +1,23 @@
-"""`modlens craft`: build the bytes of a frame from keywords and print them; nothing is sent."""
+"""`modlens craft`: build the bytes of a frame from keywords and print them; nothing is sent.
+
+What the specification does not permit is crafted all the same, to test devices with it, but told on
+standard error.
+"""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 
+import _modlens
+from analyzer.cli.messages import Messages
 from analyzer.cli.parser import add_functions, load_functions
 from analyzer.views.screen import stdout
 from dissectors.craft import craft, craft_pdu
+from dissectors.describe import describe
 from dissectors.errors import UsageError
 from dissectors.function_lookup import parse_number
-from dissectors.table import Direction
+from dissectors.table import Direction, Function, function
 
 __all__ = ["add_arguments", "run"]
 
@@ -49,7 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the frame; gives the exit status."""
-    frame = _frame(options)
+    functions = load_functions(options.functions)
+    frame = _frame(options, functions)
+    for fault in _faults(frame, options, functions):
+        Messages(quiet=False).info(f"not permitted: {fault}")
     if options.to == "raw":
         from analyzer.exports.output import StandardOutput  # noqa: PLC0415
 
@@ -60,13 +71,37 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _frame(options: argparse.Namespace) -> bytes:
+def _faults(
+    frame: bytes, options: argparse.Namespace, functions: _modlens.Functions
+) -> Iterator[str]:
+    """What the specification does not permit in the frame, a line each."""
+    direction: Direction = "response" if options.response else "request"
+    pieces = describe(frame, mode=options.mode, direction=direction, functions=functions)
+    for piece in pieces:
+        if not piece.is_valid:
+            head = f"{piece.name} {piece.value}"
+            yield piece.meaning if piece.meaning.startswith(head) else f"{head}: {piece.meaning}"
+    numbers = {piece.name: piece.value for piece in pieces}
+    if options.mode in ("rtu", "ascii") and numbers.get("unit") == "0":
+        row = _row(numbers.get("function", ""), functions)
+        if direction == "response" or (row is not None and row.operation == "read"):
+            yield "unit 0: nothing is read by broadcast, and no unit responds to it"
+
+
+def _row(code: str, source: _modlens.Functions) -> Function | None:
+    """The row of a function code as `describe` prints it; None where the table has none."""
+    try:
+        return function(int(code, 0), source=source)
+    except (KeyError, ValueError):
+        return None
+
+
+def _frame(options: argparse.Namespace, functions: _modlens.Functions) -> bytes:
     """The frame, or with `--mode pdu` the PDU, that the options describe."""
     values: dict[str, object] = dict(_pair(text) for text in options.values)
     unit = _integer("unit", values.pop("unit", 1))
     mbap_id = _integer("mbap_id", values.pop("mbap_id", 1))
     direction: Direction = "response" if options.response else "request"
-    functions = load_functions(options.functions)
     if options.mode == "pdu":
         return craft_pdu(options.function, direction=direction, values=values, functions=functions)
     return craft(

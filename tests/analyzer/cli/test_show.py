@@ -135,6 +135,42 @@ def test_frames_are_crafted(words: list[str], frame: str, modlens: Modlens) -> N
         assert modlens("show", frame).status == 0
 
 
+@pytest.mark.parametrize(
+    ("words", "frame", "fault"),
+    [
+        # Limits of the application protocol specification, sections 6.1, 6.3, 6.5, 6.12, 6.17.
+        (["1", "address=0", "quantity=2000"], "01 01 00 00 07 D0 3F A6", ""),
+        (["1", "address=0", "quantity=2001"], "01 01 00 00 07 D1 FE 66", "permits 1 to 2000"),
+        (["3", "address=107", "quantity=125"], "01 03 00 6B 00 7D F4 37", ""),
+        (["3", "address=107", "quantity=126"], "01 03 00 6B 00 7E B4 36", "permits 1 to 125"),
+        (["3", "address=107", "quantity=0"], "01 03 00 6B 00 00 34 16", "permits 1 to 125"),
+        (["3", "address=0", "quantity=126", "--mode", "pdu"], "03 00 00 00 7E", "1 to 125"),
+        (["3", "address=0", "quantity=126", "--mode", "ascii"], ":01030000007E7E", "1 to 125"),
+        (["5", "address=1", "value=on"], "01 05 00 01 FF 00 DD FA", ""),
+        (["5", "address=1", "value=1"], "01 05 00 01 00 01 5D CA", "0x0000 or 0xFF00"),
+        (["16", "address=1", "registers="], "01 10 00 01 00 00 00 08 AC", "permits 1 to 123"),
+        (["16", "address=1", "quantity=9", "registers=1,2"],
+         "01 10 00 01 00 09 04 00 01 00 02 E3 19", "a quantity of 9 takes 18"),
+        (["3", "address=65535", "quantity=3"], "01 03 FF FF 00 03 05 EF", "beyond address 65535"),
+        (["3", "unit=250", "address=1", "quantity=1"], "FA 03 00 01 00 01 C0 41", "reserved"),
+        (["3", "unit=0", "address=1", "quantity=1"], "00 03 00 01 00 01 D4 1B", "by broadcast"),
+        (["6", "unit=0", "address=1", "value=1"], "00 06 00 01 00 01 18 1B", ""),
+        (["3", "unit=0", "address=0", "quantity=1", "--mode", "tcp"],
+         "00 01 00 00 00 06 00 03 00 00 00 01", ""),
+    ],
+)  # fmt: skip
+def test_what_is_not_permitted_is_crafted_and_told(
+    words: list[str], frame: str, fault: str, modlens: Modlens
+) -> None:
+    """The frame is made all the same, for tests of devices; standard error says what is illegal."""
+    done = modlens("craft", *words)
+    assert done.status == 0
+    assert done.out.strip() == frame
+    assert fault in done.err
+    assert ("not permitted" in done.err) == bool(fault)
+    assert len(done.err.splitlines()) == bool(fault)
+
+
 def test_crafted_bytes_can_be_decoded(modlens: Modlens) -> None:
     """`modlens craft --to raw | modlens decode -`: the ends of the program meet."""
     words = ("craft", "3", "address=107", "quantity=3", "--to", "raw")
