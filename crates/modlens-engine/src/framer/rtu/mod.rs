@@ -40,9 +40,9 @@ pub struct RtuFramer {
     pub(crate) search: Search,
     /// What the search decided and is not given out yet.
     decision: Option<Decision>,
-    /// The stream offset of a frame that the fast path did not take.
+    /// The stream offset at which the fast path found no frame.
     fast_path_failed_at: Option<u64>,
-    /// The stream offset of stray bytes behind which the fast path did not take a frame.
+    /// The stream offset of bytes behind which, taken as stray bytes, the fast path found no frame.
     fast_path_failed_after_strays_at: Option<u64>,
     /// What was found in the unframed bytes before the decision.
     recovery: DamageRecovery,
@@ -110,15 +110,18 @@ impl RtuFramer {
         }
     }
 
-    /// Whether an unambiguous frame stands behind a few stray bytes of a recording; it becomes the decision then.
+    /// Whether an unambiguous frame stands behind one to three stray bytes of a recording: then the search commits it, and it
+    /// becomes `decision`, which the caller gives out.
     ///
-    /// Tried at most once per stream offset, for the reason that `try_fast_path` gives.
+    /// `NoFrame` at once where something else may declare the direction, where bytes are committed but not given out yet, or
+    /// where the outstanding request is doubtful. Any other `NoFrame` is remembered, for the reason that `try_fast_path` gives.
+    /// After `NeedsMoreBytes` it is tried again when more have come.
     fn try_fast_path_after_strays(&mut self, input: &Input, context: &FramerContext<'_>) -> FrameCheck {
         let is_single_line = context.line_direction.is_none() && context.connection_side.is_none() && !context.is_multi_line;
         let is_plain_read = input.first_read().is_some_and(|read| read.side.is_none() && !read.starts_record);
         let has_failed = self.fast_path_failed_after_strays_at == Some(input.offset());
-        let is_in_step = !has_failed && self.search.committed_offset() == input.offset();
-        let is_possible = context.may_look_ahead && is_single_line && is_plain_read && is_in_step;
+        let all_is_given_out = self.search.committed_offset() == input.offset();
+        let is_possible = context.may_look_ahead && is_single_line && is_plain_read && !has_failed && all_is_given_out;
         if !(is_possible && self.search.has_sound_outstanding_request()) {
             return FrameCheck::NoFrame;
         }
@@ -142,7 +145,8 @@ impl RtuFramer {
         check
     }
 
-    /// Gives out the frame that the fast path found at the first byte.
+    /// The row of the frame that the fast path found at the first byte; `adu` gets its unit and PDU. The search commits the
+    /// frame, and model and `recovery` learn from it.
     #[inline]
     fn emit_fast_path_frame(
         &mut self,
@@ -168,20 +172,23 @@ impl RtuFramer {
 
 /// The search, and what it decided.
 impl RtuFramer {
-    /// The first frame or noise row, by search where the fast path does not find it.
+    /// The first frame or noise row, by search where the fast path does not find it; `None` if more bytes, a silence or the
+    /// end are needed. A record without checksum is a row as it is.
     ///
-    /// Apart from `next`, which has to be short: nearly all frames are unambiguous.
+    /// Each round gives out the next row of `decision`, or else decides: a decision is a frame and all unframed bytes before
+    /// it, and each call gives out one row of these. Apart from `next`, which has to be short: nearly all frames are unambiguous.
     #[inline(never)]
     fn next_by_search(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
-        if let Some(cut) = self.record_without_checksum(input, context, adu) {
-            return Some(cut);
+        if let Some(row) = self.record_without_checksum(input, context, adu) {
+            return Some(row);
         }
         loop {
+            // The search has committed these unframed bytes, so its next decision begins behind them and covers them, too.
             if self.decision.as_ref().is_some_and(|decision| is_held_back(decision, input, context)) {
                 self.decision = None;
             }
-            if let Some(cut) = self.emit_decision(input, context, adu) {
-                return Some(cut);
+            if let Some(row) = self.emit_decision(input, context, adu) {
+                return Some(row);
             }
             if context.is_multi_line && self.search.is_idle() {
                 self.search.set_outstanding_request(context.outstanding_request);
@@ -196,16 +203,20 @@ impl RtuFramer {
                 FrameCheck::NeedsMoreBytes => return None,
                 FrameCheck::NoFrame => {}
             }
-            let held_back_to = self.search.committed_offset();
+            let committed = self.search.committed_offset();
             self.decision = match self.search.advance(input, context, self.frame_gap_ns(input)) {
-                None if input.is_closed && held_back_to > input.offset() => Some(Decision::UnframedTo(held_back_to)),
+                // Unframed bytes were held back, and no frame will follow them.
+                None if input.is_closed && committed > input.offset() => Some(Decision::UnframedTo(committed)),
                 None => return None,
                 decision => decision,
             };
         }
     }
 
-    /// The first row of what was decided: unframed bytes before the frame, or the frame. `None` if nothing is left of it.
+    /// The next row of `decision`: one of the unframed bytes before the frame, else the frame. `None` if nothing was decided,
+    /// or all of it is given out.
+    ///
+    /// With the frame, `decision` is cleared; only a damaged one that is shorter than announced leaves the bytes behind it.
     fn emit_decision(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let decision = self.decision?;
         let (Decision::UnframedTo(unframed_to)
@@ -221,8 +232,8 @@ impl RtuFramer {
                 let length = (end - start) as usize;
                 self.learn_inner_pause(input, length);
                 self.recovery.truncation.learn_reaction(&mut self.search.model, context, &input.bytes()[..length], direction);
-                let cut = self.emit_frame(input, context, length, direction, confidence, adu);
-                Some(FrameResult { unconfirmed, ..cut })
+                let row = self.emit_frame(input, context, length, direction, confidence, adu);
+                Some(FrameResult { unconfirmed, ..row })
             }
             Decision::Damaged { start, end, direction } => {
                 self.last_was_damaged = true;
@@ -258,15 +269,18 @@ impl RtuFramer {
     ) -> FrameResult {
         let frame_gap_ns = self.frame_gap_ns(input);
         let at = Surroundings { context, input, next_frame: None, follows_damaged_frame: true, frame_gap_ns };
-        let cut = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
-        if cut.length < length {
+        let row = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
+        if row.length < length {
             // Stray bytes stand in the place of what the frame has lost.
             self.decision = Some(Decision::UnframedTo(input.offset() + length as u64));
         }
-        cut
+        row
     }
 
     /// The row of a frame with a valid CRC at the first byte; `adu` gets its unit and PDU.
+    ///
+    /// It is delimited by its length if its header announces exactly that in either direction; else by silence if a pause
+    /// follows or the input is closed; else by its CRC.
     fn emit_frame(
         &self,
         input: &Input,
@@ -291,7 +305,10 @@ impl RtuFramer {
         FrameResult { verdict: Verdict::Ok, direction, confidence, ..FrameResult::noise(length, delimited_by) }
     }
 
-    /// The row of a record, if the recording prints no checksums: there a record is one frame.
+    /// The row of the first record, if it comes without checksum: then it is one frame, or noise if it has less than two bytes.
+    /// `None` for any other read. `adu` gets all of its bytes.
+    ///
+    /// The search moves its root behind the record, but learns nothing: `context` knows the outstanding request.
     fn record_without_checksum(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.first_read().filter(|read| read.lacks_checksum)?;
         let length = (read.end - input.offset()) as usize;

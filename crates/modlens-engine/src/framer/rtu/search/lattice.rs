@@ -27,8 +27,8 @@ impl Search {
         score - if self.lattice[best].first_on_path == ROOT { BEAM_IN_NOISE_BITS } else { BEAM_BITS }
     }
 
-    /// Drops all but the best hypotheses and the frames on the way to them: crafted bytes and some noise make hypotheses
-    /// without end.
+    /// Drops all but the best `BEAM_HYPOTHESES` within `BEAM_BITS` of the best path, the frames on the way to them, and the root:
+    /// crafted bytes and some noise make hypotheses without end. What was known in advance is void then.
     pub(super) fn prune(&mut self) {
         let mut order: Vec<usize> = (0..self.lattice.len()).collect();
         let scores: Vec<f32> = self.lattice.iter().map(|hypothesis| self.current_score(hypothesis)).collect();
@@ -78,19 +78,21 @@ impl Search {
         Decision::UnframedTo(to)
     }
 
-    /// Makes this hypothesis the root. Hypotheses that do not stand on it are dropped.
-    pub(super) fn set_root(&mut self, hypothesis: usize) {
-        let score = self.lattice[hypothesis].path_score;
-        self.lattice[hypothesis].parent = hypothesis;
-        if hypothesis + 1 == self.lattice.len() {
-            // The usual case: nothing stands on it yet.
-            self.lattice.swap(ROOT, hypothesis);
+    /// Makes the hypothesis of this index the root, because it is committed. Those that do not stand behind it are dropped, path
+    /// scores count from it on, and what was known in advance is void. `scanned_to` stays.
+    pub(super) fn set_root(&mut self, new_root: usize) {
+        let score = self.lattice[new_root].path_score;
+        self.lattice[new_root].parent = new_root;
+        if new_root + 1 == self.lattice.len() {
+            // The usual case: it is the last one, so none can have it as its parent.
+            self.lattice.swap(ROOT, new_root);
             self.lattice.truncate(1);
             self.lattice[ROOT].parent = ROOT;
         } else {
             let mut keep = vec![false; self.lattice.len()];
-            keep[hypothesis] = true;
-            for i in hypothesis + 1..self.lattice.len() {
+            keep[new_root] = true;
+            // Parents stand before their children.
+            for i in new_root + 1..self.lattice.len() {
                 keep[i] = keep[self.lattice[i].parent];
             }
             self.retain(&keep);

@@ -9,7 +9,12 @@ use crate::weights::MIN_DAMAGED_FRAME_BYTES;
 use modlens_protocol::Ns;
 
 impl Search {
-    /// Scans the bytes that have come until something is committed. `frame_gap_ns` is the shortest pause between frames.
+    /// Scans the bytes that have come until something is committed; `None` if more bytes, a silence or the end are needed. Called
+    /// again, it goes on behind the last byte scanned. `frame_gap_ns` is the shortest pause between frames.
+    ///
+    /// It decides at boundaries that no frame crosses, when `skip.next_decision_at` is reached (new hypotheses set it to 0), and
+    /// when all bytes are scanned and the input is closed, or paused while a frame leads. Where a look-ahead needs bytes that have
+    /// not come (`skip.needs_more_bytes`), it waits for them before it scans on.
     pub fn advance(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
         if !self.is_scanning {
             self.begin_scan();
@@ -22,6 +27,7 @@ impl Search {
         }
         let base = input.offset();
         let end = base + input.bytes().len() as u64;
+        // Equal to `scanned_to` where a read may begin.
         let mut read_end = self.scanned_to;
         while self.scanned_to < end {
             let index = (self.scanned_to - base) as usize;
@@ -67,7 +73,8 @@ impl Search {
         self.is_scanning = true;
     }
 
-    /// Scans bytes until valid substrings end, and adds their hypotheses and those of damaged frames that end there.
+    /// Scans these bytes, the first of them at `scanned_to`, up to the first one with which valid substrings end, and adds their
+    /// hypotheses and those of damaged frames that end there. `scanned_to` moves; new hypotheses make a decision due.
     fn scan(&mut self, input: &Input, context: &FramerContext<'_>, bytes: &[u8], frame_gap_ns: Ns) {
         let mut valid_starts = std::mem::take(&mut self.valid_starts);
         self.scanned_to += self.scanner.scan(self.scanned_to, bytes, &mut valid_starts) as u64;

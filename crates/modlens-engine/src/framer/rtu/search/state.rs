@@ -19,7 +19,7 @@ pub struct Search {
     pub(super) valid_starts: Vec<u64>,
     /// Stream offset behind the last byte scanned.
     pub(super) scanned_to: u64,
-    /// Bytes behind the root are being scanned.
+    /// The scanner stands at `scanned_to`, so the search goes on there; else it begins anew behind the root.
     pub(super) is_scanning: bool,
     /// Offsets before which nothing can be decided.
     pub(super) skip: SkipAhead,
@@ -27,7 +27,7 @@ pub struct Search {
     pub(super) requests: RequestPool,
     /// The last frame committed is unconfirmed, or a piece of noise was committed that goes on.
     pub(super) last_was_doubtful: bool,
-    /// How many frames were committed without a byte between them.
+    /// How many valid frames the search committed last without a byte between them. The fast path does not count here.
     pub(super) adjacent_frames: u8,
     /// What the line has taught.
     pub model: TrafficModel,
@@ -130,27 +130,33 @@ impl Search {
         self.outstanding_request().is_none_or(|request| !request.is_unconfirmed && !request.is_damaged)
     }
 
-    /// Commits a frame that the fast path found behind the root and some stray bytes. `bytes` begin behind the root.
+    /// Commits a frame that the fast path found behind the root and `stray_bytes` bytes: it becomes the root and teaches the
+    /// model, as if the search had committed it. All hypotheses are dropped. The caller has checked layout and CRC.
+    ///
+    /// `bytes` begin at the root's end. A request becomes the outstanding one, and the one before it superseded; a broadcast
+    /// leaves none outstanding. A response answers the outstanding request.
     #[inline]
     pub fn commit_fast_path_frame(&mut self, context: &FramerContext<'_>, bytes: &[u8], stray_bytes: usize, length: FrameLength) {
         if self.lattice.len() > 1 {
             self.lattice.truncate(1);
         }
-        let (strays, bytes) = bytes.split_at(stray_bytes);
-        let frame = &bytes[..length.bytes()];
+        let (strays, frame_and_more) = bytes.split_at(stray_bytes);
+        let frame = &frame_and_more[..length.bytes()];
         let request_outstanding = self.lattice[ROOT].answerable.outstanding.is_some();
-        let mut copy = RequestCopy::Unclear;
+        let mut request_copy = RequestCopy::Unclear;
         let direction = if length.is_request() { REQUEST } else { RESPONSE };
         if length.is_request() {
             self.reserve_request();
             let row = context.functions.row(frame[1], &frame[2..]);
             let expected_response = row.and_then(|row| expected_response(row, &frame[1..frame.len() - 2]));
             if row.is_some_and(|row| !row.has_equal_layouts) {
-                copy = RequestCopy::First;
+                // The fast path does not take retries, and the response cannot look like this request.
+                request_copy = RequestCopy::First;
             }
             let answerable = &mut self.lattice[ROOT].answerable;
-            self.requests.set_outstanding(answerable, bytes, frame.len(), expected_response);
+            self.requests.set_outstanding(answerable, frame_and_more, frame.len(), expected_response);
         } else {
+            // It answers, so it is not late itself; but it may be the response to a retry, which is counted.
             self.learn_late_response(context, frame, true);
             self.lattice[ROOT].answerable.answer(frame);
         }
@@ -162,7 +168,7 @@ impl Search {
         (self.is_scanning, self.last_was_doubtful) = (false, false);
         // The layout of such a frame is known, so there is no length to be learned.
         let position = FramePosition { request_outstanding, unframed_bytes: stray_bytes as u64 };
-        self.model.learn(frame, direction, position, copy);
+        self.model.learn(frame, direction, position, request_copy);
         if stray_bytes > 0 {
             self.model.learn_noise(strays);
         }

@@ -13,8 +13,10 @@ use crate::weights;
 use modlens_protocol::functions::Extent;
 
 impl Search {
-    /// Commits the first frame of the best path or the unframed bytes before it, or notes until when there is nothing to
-    /// commit. `is_closed`: no byte behind the last one scanned can belong to a frame before it.
+    /// Commits the first frame of the best path, or unframed bytes where that path has no frame. `None` if neither is final: then
+    /// `skip.next_decision_at` is the stream offset from which on it has to be asked again.
+    ///
+    /// `is_closed`: no byte behind the last one scanned can belong to a frame before it. Then something is always committed.
     pub(in crate::framer::rtu::search) fn decide(
         &mut self,
         input: &Input,
@@ -24,7 +26,7 @@ impl Search {
         self.skip.needs_more_bytes = false;
         let (best, score) = self.best_path();
         let first = self.lattice[best].first_on_path;
-        // The cost of the bytes behind the latest hypothesis still grows, so the order of paths may change with each byte.
+        // While the cost of the bytes behind the latest hypothesis grows, the order of paths may change with each byte.
         let last = &self.lattice[self.lattice.len() - 1];
         let is_settling = self.lattice.len() > 1 && self.scanned_to < last.end + weights::SETTLED_BEHIND_BYTES;
         let state = match first {
@@ -42,7 +44,8 @@ impl Search {
         }
     }
 
-    /// The state while the best path has no frame.
+    /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first piece of
+    /// unframed bytes (`UNFRAMED_PIECE_BYTES`). Prunes the lattice where noise has made many hypotheses.
     fn unframed_state(&mut self, is_closed: bool) -> CommitState {
         let last_start = self.committed_offset() + weights::UNFRAMED_PIECE_BYTES;
         // Behind that, no frame can begin any more among the bytes to be committed.
@@ -55,7 +58,10 @@ impl Search {
         CommitState::Unframed { until: last_start + MAX_CANDIDATE_SPAN + 1 }
     }
 
-    /// The state of the first frame of the best path.
+    /// The state of the first frame of the best path, while the line is not closed; `best` is the index of the last frame of
+    /// that path, `score` its score with the bytes behind it. The checks come in the order of the drawing in `commit`.
+    ///
+    /// Sets `skip.needs_more_bytes` where a look-ahead in a recording cannot tell yet.
     fn frame_state(&mut self, input: &Input, context: &FramerContext<'_>, best: usize, score: f32) -> CommitState {
         let first = self.lattice[best].first_on_path;
         let Hypothesis { start, end, is_crc_valid, .. } = self.lattice[first];
@@ -67,41 +73,46 @@ impl Search {
         if self.scanned_to >= end + patience || self.lattice.len() >= weights::MAX_HYPOTHESES {
             return CommitState::Final;
         }
-        let bar = score - margin;
-        let is_rival = |path: &&Hypothesis| path.first_on_path != first && self.current_score(path) > bar;
+        let is_rival = |path: &&Hypothesis| path.first_on_path != first && self.current_score(path) > score - margin;
         if let Some(rival_end) = self.lattice.iter().filter(is_rival).map(|rival| rival.end).min() {
-            // A rival whose last frame ends no later than the best path's pays the same cost for every further byte, so the
-            // distance between the two stays constant until a new hypothesis is found.
+            // A rival whose last frame ends no later than the best path's pays no more for any further byte, so it does not
+            // fall further behind until a new hypothesis is found.
             let has_constant_distance = rival_end <= self.lattice[best].end;
             return CommitState::Contested { until: end + patience, has_constant_distance };
         }
-        let reach = end + MAX_CANDIDATE_SPAN;
-        if self.scanned_to >= reach {
+        // No frame that begins before `end` reaches further.
+        let max_rival_end = end + MAX_CANDIDATE_SPAN;
+        if self.scanned_to >= max_rival_end {
             return CommitState::Final;
         }
         if let Some(until) = self.nested_until(input, context, start, end).filter(|&until| self.scanned_to < until) {
             return CommitState::Nested { until };
         }
         let has_no_clock = (context.timeout_log_odds)(input.pause_before((start - input.offset()) as usize)) == 0.0;
-        let opposite = score - weights::OPPOSITE_DIRECTION_MARGIN_BITS;
+        let opposite_bar = score - weights::OPPOSITE_DIRECTION_MARGIN_BITS;
         let has_unclear_direction =
-            has_no_clock && context.line_direction.is_none() && first == best && self.has_opposite_rival(first, opposite);
+            has_no_clock && context.line_direction.is_none() && first == best && self.has_opposite_rival(first, opposite_bar);
+        // `first == best`: no frame follows it on the best path yet.
         if has_unclear_direction || (!is_crc_valid && first == best) {
-            return CommitState::AwaitsSuccessor { until: reach };
+            return CommitState::AwaitsSuccessor { until: max_rival_end };
         }
+        // The best path can lose this much more for the bytes behind its last frame.
         let unframed = self.scanned_to - self.lattice[best].end;
         let further_cost =
             self.model.open_unframed_cost(unframed.max(weights::SETTLED_BEHIND_BYTES)) - self.model.open_unframed_cost(unframed);
         let now = score - if context.may_look_ahead { weights::LOOKAHEAD_MARGIN_BITS } else { weights::COMMIT_MARGIN_BITS };
         let bar = RivalBar { now, least: now - further_cost - weights::ROUNDING_BITS };
         match self.overtakable_until(input, context, first, bar) {
-            Some(until) => CommitState::Overtakable { until: until.min(reach) },
+            Some(until) => CommitState::Overtakable { until: until.min(max_rival_end) },
             None => CommitState::Final,
         }
     }
 
-    /// The stream offset up to which it is open whether a frame stands inside a longer one that begins right behind the root;
-    /// `None` if it does not.
+    /// The stream offset up to which the frame from `start` to `end` (stream offsets) may turn out to stand inside a longer one
+    /// that begins right behind the root; `None` if it does not. The offset may be scanned already: then it decides nothing.
+    ///
+    /// A longer frame needs a known unit and a few bytes before `start`, and `start` must not begin a timed read. Live, every
+    /// length that its header announces is awaited; in a recording, only one that completes, or where that is not known yet.
     fn nested_until(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, end: u64) -> Option<u64> {
         let base = input.offset();
         let outer_start = self.committed_offset();
@@ -133,8 +144,10 @@ impl Search {
         until
     }
 
-    /// The stream offset up to which an unfinished frame that has begun before the end of `first` may outscore it; `None` if
-    /// none can.
+    /// The stream offset up to which an unfinished frame may still outscore the frame `first` (an index of the lattice); `None` if
+    /// none can. It has begun before the end of `first`, or right behind a frame of another path.
+    ///
+    /// The rival is kept in `skip.last_rival` and asked first the next time.
     fn overtakable_until(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bar: RivalBar) -> Option<u64> {
         let frame = &self.lattice[first];
         // A frame that begins inside a certain one does not outscore it. But behind stray bytes the certain one may itself
@@ -143,8 +156,8 @@ impl Search {
         if is_certain && frame.start == self.committed_offset() {
             return None;
         }
-        let last_start = if is_certain && context.may_look_ahead { frame.start } else { frame.end };
-        let starts = self.committed_offset().max(self.scanned_to.saturating_sub(MAX_CANDIDATE_SPAN))..last_start;
+        let starts_end = if is_certain && context.may_look_ahead { frame.start } else { frame.end };
+        let starts = self.committed_offset().max(self.scanned_to.saturating_sub(MAX_CANDIDATE_SPAN))..starts_end;
         // What was possible a byte ago mostly still is.
         let last_rival = self.skip.last_rival.take();
         let known = last_rival.and_then(|rival| self.check_rival_again(input, context, first, &starts, bar, rival));
@@ -157,7 +170,8 @@ impl Search {
         found.map(|rival| rival.until.min(rival.start + MAX_CANDIDATE_SPAN + 1))
     }
 
-    /// The rival found last, if it still is one.
+    /// The rival found last, with the offset up to which it may now outscore `first`; `None` if it is none any more, or begins
+    /// neither in `starts` nor right behind a frame of another path.
     fn check_rival_again(
         &mut self,
         input: &Input,

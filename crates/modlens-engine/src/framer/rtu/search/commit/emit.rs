@@ -13,7 +13,8 @@ use modlens_protocol::direction::{self, Direction, ResponseMatch};
 use modlens_protocol::functions::{Layout, EXCEPTION_BIT};
 
 impl Search {
-    /// Commits bytes before the first byte of any frame, all of them if closed, else one piece.
+    /// Commits unframed bytes behind the root, which no frame on the best path claims: all bytes scanned if closed, else the
+    /// first `UNFRAMED_PIECE_BYTES`. The model learns them as noise.
     pub(super) fn commit_unframed_piece(&mut self, input: &Input, is_closed: bool) -> Decision {
         self.last_was_doubtful |= !is_closed;
         let to = if is_closed { self.scanned_to } else { self.committed_offset() + weights::UNFRAMED_PIECE_BYTES };
@@ -22,7 +23,11 @@ impl Search {
         self.commit_unframed(to)
     }
 
-    /// Commits the first frame of the best path, whose score is given: it becomes the root and teaches the model.
+    /// Commits the frame `first` (an index of the lattice), the first one of the best path, whose score is given: it becomes the
+    /// root. Confidence is the lead over the best path without it; the direction is unknown where the other one is as good.
+    ///
+    /// With a valid CRC it teaches the model, as do the unframed bytes before it. An unconfirmed frame teaches no unit or
+    /// function, and the request that is outstanding behind it becomes unconfirmed, too.
     pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
         let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
         let lead = score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max);
@@ -34,8 +39,8 @@ impl Search {
         }
         let bytes = &input.bytes()[(start - input.offset()) as usize..(end - input.offset()) as usize];
         if frame.direction == RESPONSE {
-            let answers = frame.answers_outstanding;
-            self.learn_late_response(context, bytes, answers);
+            let answers_outstanding = frame.answers_outstanding;
+            self.learn_late_response(context, bytes, answers_outstanding);
         }
         let unframed_bytes = start - self.committed_offset();
         self.adjacent_frames = if unframed_bytes > 0 { 0 } else { self.adjacent_frames.saturating_add(1) };
@@ -62,7 +67,8 @@ impl Search {
         Decision::Frame { start, end, direction, confidence, unconfirmed }
     }
 
-    /// Whether a frame stands alone in noise and nothing vouches for it: a CRC is valid by chance once in 65536 places.
+    /// Whether the frame `first`, about to be committed, stands alone in noise and nothing vouches for it: a CRC is valid by
+    /// chance once in 65536 places. `bytes` are the frame with its CRC. Never for a unit of a paired transaction.
     fn is_unconfirmed(&self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) -> bool {
         let frame = &self.lattice[first];
         let unframed_bytes = frame.start - self.committed_offset();
@@ -76,7 +82,7 @@ impl Search {
         (unframed_bytes > 0 || is_behind_doubt) && !answers_request && !context.paired_units[bytes[0] as usize]
     }
 
-    /// Teaches the model a frame that is committed.
+    /// Teaches the model the frame `first`, which is about to become the root; `bytes` are the frame with its CRC.
     fn learn_frame(&mut self, context: &FramerContext<'_>, first: usize, bytes: &[u8]) {
         let frame = &self.lattice[first];
         let direction = frame.direction;
@@ -95,8 +101,9 @@ impl Search {
         self.model.update_costs();
     }
 
-    /// Learns how often the late response to a request comes behind the response to its retry. A response that equals its
-    /// request may be either, so nothing is learned from it.
+    /// Learns how often the late response to a request comes behind the response to its retry; `frame` is a response about to be
+    /// committed. Counts one that answers a retry, and one that fits the superseded request while none is outstanding: it is late.
+    /// A response that equals its request may also be a retry, so nothing is learned from it.
     #[inline]
     pub(in crate::framer::rtu::search) fn learn_late_response(
         &mut self,

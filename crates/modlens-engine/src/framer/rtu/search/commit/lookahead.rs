@@ -20,8 +20,8 @@ use modlens_protocol::direction::Direction;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 impl Search {
-    /// The first frame that has begun in `starts`, comes to an end, and may be worth more than the bar behind some path. On a
-    /// live line `find_rival_by_header` can only guess at that.
+    /// As `find_rival_by_header`, for recordings: the unfinished frame must also come to an end, with a valid CRC, or damaged
+    /// right behind a hypothesis. Where bytes are missing to tell, it counts, and `skip.needs_more_bytes` is set.
     pub(super) fn find_rival_by_lookahead(
         &mut self,
         input: &Input,
@@ -63,8 +63,8 @@ impl Search {
         })
     }
 
-    /// Whether a frame that begins at `start`, behind this hypothesis, may outscore the bar and comes to an end: until which
-    /// stream offset it has to be awaited.
+    /// As `may_outscore_until`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of the
+    /// hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing to tell.
     pub(super) fn will_outscore_until(
         &mut self,
         input: &Input,
@@ -75,7 +75,7 @@ impl Search {
     ) -> Option<u64> {
         let behind = &self.lattice[parent];
         let until = self.may_outscore_until(input, context, behind, start, bar)?;
-        // With an invalid CRC it is a rival once it is there, so the usual margin applies to it.
+        // What comes with an invalid CRC has to be within the smaller margin for complete rivals, not that for look-ahead.
         let damaged_bar = bar + weights::LOOKAHEAD_MARGIN_BITS - weights::OFFLINE_COMMIT_MARGIN_BITS;
         let completion = match self.completion(input, context, start) {
             Completion::Never if start == behind.end => self.damaged_completion(input, context, behind, damaged_bar),
@@ -85,12 +85,13 @@ impl Search {
         (completion != Completion::Never).then_some(until)
     }
 
-    /// Whether a frame that begins at `start` ends behind the last byte scanned with a valid CRC, in a length that its header
-    /// admits.
+    /// Whether a frame that begins at stream offset `start` ends behind the last byte scanned with a valid CRC, in a length that
+    /// its header admits, and before a break or a record's start. A length without announcement counts only where unit and
+    /// function are familiar.
     pub(super) fn completion(&self, input: &Input, context: &FramerContext<'_>, start: u64) -> Completion {
         let at = (start - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
-        let seen = (self.scanned_to - start) as usize;
+        let scanned_length = (self.scanned_to - start) as usize;
         let max_length = max_frame_length(input, at);
         let mut completion = Completion::Never;
         if bytes.len() < 2 {
@@ -98,12 +99,15 @@ impl Search {
         }
         for (direction, extent) in announced_lengths(context, bytes).into_iter().flatten() {
             let (needed, completes) = match extent {
-                Extent::Exactly(length) if length > max_length || length <= seen => continue,
+                Extent::Exactly(length) if length > max_length || length <= scanned_length => continue,
                 Extent::Exactly(length) => (length, crc_valid_at(bytes, length)),
                 Extent::AtLeast(length) if length > max_length => continue,
                 Extent::AtLeast(_) => (max_length, false),
                 Extent::Open(_) if !self.model.is_familiar(bytes[0], bytes[1], side::index_of(direction)) => continue,
-                Extent::Open(_) => (max_length, first_valid_length(&bytes[..max_length.min(bytes.len())], seen + 1).is_some()),
+                Extent::Open(_) => {
+                    let present = &bytes[..max_length.min(bytes.len())];
+                    (max_length, first_valid_length(present, scanned_length + 1).is_some())
+                }
             };
             match completes {
                 true => return Completion::Completes,
@@ -114,17 +118,18 @@ impl Search {
         completion
     }
 
-    /// Whether a damaged frame right behind this hypothesis is complete and worth more than the bar.
+    /// Whether a frame with an invalid CRC right behind this hypothesis ends behind the last byte scanned, exactly as long as it
+    /// announces, and lifts the path's score above `bar` (bits). `Never` if its bytes have not all come, too.
     fn damaged_completion(&self, input: &Input, context: &FramerContext<'_>, behind: &Hypothesis, bar: f32) -> Completion {
         let at = (behind.end - input.offset()) as usize;
         let bytes = &input.bytes()[at..];
         if bytes.get(1).is_none_or(|code| code & EXCEPTION_BIT != 0) {
             return Completion::Never;
         }
-        let (seen, max_length) = ((self.scanned_to - behind.end) as usize, max_frame_length(input, at));
+        let (scanned_length, max_length) = ((self.scanned_to - behind.end) as usize, max_frame_length(input, at));
         let outstanding = behind.answerable.outstanding.map(|id| self.requests.get(id));
         let completes = |(direction, extent): (Direction, Extent)| match extent {
-            Extent::Exactly(length) if length > seen && length <= max_length.min(bytes.len()) => {
+            Extent::Exactly(length) if length > scanned_length && length <= max_length.min(bytes.len()) => {
                 let frame = &bytes[..length];
                 let score = score::damaged_frame_score(&self.model, context, outstanding, frame, side::index_of(direction));
                 score.is_some_and(|score| behind.path_score + score > bar)
@@ -138,8 +143,8 @@ impl Search {
         }
     }
 
-    /// Whether any frame that begins right behind the root, of whatever length, ends behind this stream offset with a valid
-    /// CRC.
+    /// Whether any substring that begins right behind the root, of whatever length, ends behind stream offset `end` with a valid
+    /// CRC. A certain answer is kept for this root, whatever `end` is asked for later.
     pub(super) fn open_length_completion(&mut self, input: &Input, end: u64) -> Completion {
         let root_end = self.committed_offset();
         if let Some((_, completes)) = self.skip.open_length_completion.filter(|(root, _)| *root == root_end) {
@@ -161,8 +166,11 @@ impl Search {
         }
     }
 
-    /// A frame that begins with one of some stray bytes and would outscore the unambiguous frame of this length behind them,
-    /// if there is one.
+    /// Whether a frame that begins in the first `stray_bytes` of the input may outscore the unambiguous frame of `length` bytes
+    /// behind them: `Frame` if there is one, `NeedsMoreBytes` if it may still be completed. Only the fast path of a recording asks.
+    ///
+    /// It is a rival if its header may lift its path to less than `STRAY_RIVAL_MARGIN_BITS` below a certain frame, or if its unit
+    /// is known and its length is open, so that it may contain the unambiguous frame.
     pub fn rival_in_stray_bytes(
         &self,
         input: &Input,
@@ -172,18 +180,20 @@ impl Search {
     ) -> FrameCheck {
         let outstanding = self.lattice[ROOT].answerable.outstanding.map(|id| self.requests.get(id));
         for at in 0..stray_bytes {
-            let seen = &input.bytes()[at..stray_bytes + length];
+            let to_frame_end = &input.bytes()[at..stray_bytes + length];
             // What a frame of open length contains may look like a frame, even where its function is new to this line.
             let is_open = |of: Option<(Direction, Extent)>| matches!(of, Some((_, Extent::Open(_))));
-            let may_contain =
-                || context.known_units[usize::from(seen[0])] && announced_lengths(context, seen).into_iter().any(is_open);
-            // Nearly always no such frame is complete.
-            let found = complete_frame_beyond(input, context, at, stray_bytes + length);
+            let may_contain = || {
+                context.known_units[usize::from(to_frame_end[0])]
+                    && announced_lengths(context, to_frame_end).into_iter().any(is_open)
+            };
+            // Asked first, because nearly always no such frame is complete.
+            let found = complete_frame_at(input, context, at, stray_bytes + length);
             if matches!(found, FrameCheck::NoFrame) {
                 continue;
             }
             let path_score = if at == 0 { weights::FRAME_DUE_BITS } else { 0.0 } - self.model.unframed_cost(at as u64);
-            let header = || header_score::header_bound(&self.model, context, outstanding, seen);
+            let header = || header_score::header_bound(&self.model, context, outstanding, to_frame_end);
             let bar = weights::CERTAIN_FRAME_BITS - weights::STRAY_RIVAL_MARGIN_BITS;
             if may_contain() || header().is_some_and(|header| path_score + header.bits > bar) {
                 return found;
@@ -200,9 +210,11 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
     edge.map_or(MAX_CANDIDATE_BYTES, |edge| edge - at)
 }
 
-/// The frame with a valid CRC that begins at this index of the input and reaches beyond index `to`, in a length that its
-/// header admits.
-fn complete_frame_beyond(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
+/// The frame with a valid CRC that begins at index `at` of the input, in a length that its header admits.
+///
+/// A length that the header leaves open counts only for a known unit, and only if the frame ends at index `to` or behind it.
+/// `NeedsMoreBytes` as soon as one admitted length cannot be judged yet.
+fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
     let max_length = max_frame_length(input, at);
     for (_, extent) in announced_lengths(context, bytes).into_iter().flatten() {

@@ -26,7 +26,10 @@ impl UnitSet {
 }
 
 impl Search {
-    /// The first frame that has begun in `starts` and whose header may be worth more than the bar behind some path.
+    /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) on a live line, by its header: one
+    /// that begins in `starts` (stream offsets) behind any hypothesis, else one right behind a frame of another path.
+    ///
+    /// Moves `skip.no_rival_before` behind the starts that cannot become rivals while the hypotheses stay the same.
     pub(super) fn find_rival_by_header(
         &mut self,
         input: &Input,
@@ -66,8 +69,10 @@ impl Search {
         })
     }
 
-    /// Whether a frame that has begun at `start`, behind this hypothesis, may outscore the bar by its header: until which
-    /// stream offset at least.
+    /// Whether a path that goes on from the hypothesis `behind` with an unfinished frame at `start` may exceed `bar`, a path score
+    /// in bits: the stream offset up to which its bound holds, so that it has to be awaited. `None` if it cannot.
+    ///
+    /// Only bytes scanned count. The path is worth its score less the unframed bytes between, and an upper bound of the header.
     pub(super) fn may_outscore_until(
         &self,
         input: &Input,
@@ -79,7 +84,7 @@ impl Search {
         if behind.end > start || start >= self.scanned_to {
             return None;
         }
-        // A frame that begins where one is due may well contain another one: its end is awaited.
+        // A frame that begins where one is due may well contain the frames found since, so its end is awaited.
         let due = if start == behind.end { weights::FRAME_DUE_BITS } else { 0.0 };
         let path_score = behind.path_score - self.model.unframed_cost(start - behind.end) + due;
         if path_score <= bar - weights::MAX_HEADER_BITS {
@@ -93,10 +98,11 @@ impl Search {
         Some(start + header.until_bytes)
     }
 
-    /// Whether no frame that begins at this place can be worth more than `bits`, whatever stands in it, unless it answers an
-    /// outstanding request. It costs two look-ups, and nearly always spares the exact bound behind each path.
+    /// Whether no frame that begins at stream offset `start` can add more than `bits` to any path, whatever its body holds. False
+    /// where it may answer a request that is outstanding on some path, or where unit and function are not both there. It costs
+    /// two look-ups (and fills their cache), and nearly always spares the exact bound behind each path.
     ///
-    /// `seen` ends where the bytes end that may be looked at; `units` are addressed by an outstanding request on any path.
+    /// `seen` are the bytes from `start` on; `units` are addressed by an outstanding request on any path.
     pub(super) fn cannot_exceed(
         &mut self,
         context: &FramerContext<'_>,

@@ -38,7 +38,7 @@ pub enum Decision {
 pub enum CommitState {
     /// The best path has no frame. More bytes may begin one.
     Unframed { until: u64 },
-    /// A complete rival is within the margin. If the distance is constant, each further byte costs both the same.
+    /// A complete rival is within the margin. If the distance is constant, no further byte puts that rival further behind.
     Contested { until: u64, has_constant_distance: bool },
     /// The frame may stand inside a longer one that has begun before it.
     Nested { until: u64 },
