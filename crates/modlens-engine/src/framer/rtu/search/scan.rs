@@ -13,8 +13,8 @@ impl Search {
     /// again, it goes on behind the last byte scanned. `frame_gap_ns` is the shortest pause between frames.
     ///
     /// It decides at boundaries that no frame crosses, when `skip.next_decision_at` is reached (new hypotheses set it to 0), and
-    /// when all bytes are scanned and the input is closed, or paused while a frame leads. Where a look-ahead needs bytes that have
-    /// not come (`skip.needs_more_bytes`), it waits for them before it scans on.
+    /// when all bytes are scanned and the input is closed, or paused while a frame leads. Where a look-ahead needs bytes
+    /// that have not come (`skip.needs_more_bytes`), it waits for them before it scans on.
     pub fn advance(&mut self, input: &Input, context: &FramerContext<'_>, frame_gap_ns: Ns) -> Option<Decision> {
         if !self.is_scanning {
             self.begin_scan();

@@ -144,8 +144,8 @@ impl Search {
         until
     }
 
-    /// The stream offset up to which an unfinished frame may still outscore the frame `first` (an index of the lattice); `None` if
-    /// none can. It has begun before the end of `first`, or right behind a frame of another path.
+    /// The stream offset up to which an unfinished frame may still outscore the frame `first` (an index of the lattice); `None`
+    /// if none can. It has begun before the end of `first`, or right behind a frame of another path.
     ///
     /// The rival is kept in `skip.last_rival` and asked first the next time.
     fn overtakable_until(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, bar: RivalBar) -> Option<u64> {

@@ -102,8 +102,8 @@ impl Search {
     }
 
     /// Learns how often the late response to a request comes behind the response to its retry; `frame` is a response about to be
-    /// committed. Counts one that answers a retry, and one that fits the superseded request while none is outstanding: it is late.
-    /// A response that equals its request may also be a retry, so nothing is learned from it.
+    /// committed. Counts one that answers a retry, and one that fits the superseded request while none is outstanding: it is
+    /// late. A response that equals its request may also be a retry, so nothing is learned from it.
     #[inline]
     pub(in crate::framer::rtu::search) fn learn_late_response(
         &mut self,

@@ -64,7 +64,7 @@ impl Search {
     }
 
     /// As `may_outscore_until`, for recordings: `None` also for a frame that never comes to an end. `parent` is the index of the
-    /// hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing to tell.
+    /// hypothesis behind which it begins, `start` its stream offset. Sets `skip.needs_more_bytes` where bytes are missing.
     pub(super) fn will_outscore_until(
         &mut self,
         input: &Input,
@@ -167,7 +167,8 @@ impl Search {
     }
 
     /// Whether a frame that begins in the first `stray_bytes` of the input may outscore the unambiguous frame of `length` bytes
-    /// behind them: `Frame` if there is one, `NeedsMoreBytes` if it may still be completed. Only the fast path of a recording asks.
+    /// behind them: `Frame` if there is one, `NeedsMoreBytes` if it may still be completed. Only the fast path asks, in
+    /// recordings.
     ///
     /// It is a rival if its header may lift its path to less than `STRAY_RIVAL_MARGIN_BITS` below a certain frame, or if its unit
     /// is known and its length is open, so that it may contain the unambiguous frame.

@@ -26,8 +26,8 @@ impl UnitSet {
 }
 
 impl Search {
-    /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) on a live line, by its header: one
-    /// that begins in `starts` (stream offsets) behind any hypothesis, else one right behind a frame of another path.
+    /// The first unfinished frame that may outscore the frame `first` (an index of the lattice) on a live line, by its header:
+    /// one that begins in `starts` (stream offsets) behind any hypothesis, else one right behind a frame of another path.
     ///
     /// Moves `skip.no_rival_before` behind the starts that cannot become rivals while the hypotheses stay the same.
     pub(super) fn find_rival_by_header(
@@ -69,8 +69,8 @@ impl Search {
         })
     }
 
-    /// Whether a path that goes on from the hypothesis `behind` with an unfinished frame at `start` may exceed `bar`, a path score
-    /// in bits: the stream offset up to which its bound holds, so that it has to be awaited. `None` if it cannot.
+    /// Whether a path that goes on from the hypothesis `behind` with an unfinished frame at `start` may exceed `bar`, a path
+    /// score in bits: the stream offset up to which its bound holds, so that it has to be awaited. `None` if it cannot.
     ///
     /// Only bytes scanned count. The path is worth its score less the unframed bytes between, and an upper bound of the header.
     pub(super) fn may_outscore_until(
