@@ -35,8 +35,14 @@ fn decode_clean(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
     is_valid
 }
 
-/// The exchange at the head of a line, if there is no doubt and no finding about it. `adus` gets unit and PDU of the request
-/// and of its response.
+/// The exchange at the head of the only line of a bus, if there is no doubt and no finding about it. `adus` gets unit and PDU
+/// of the request and of its response; if there is none, their content means nothing. `request_timeout` in nanoseconds.
+///
+/// `None` unless both messages are there and valid, the request is a plain read or write that cannot be a response, a
+/// self-describing register map cannot begin in it, the response is the expected one, and marks, records and times agree
+/// (`Input::holds_exchange`). A response that equals its request must not be declared otherwise by the recording, nor must the
+/// silence before it fit a timeout better. Last, the profile of the unit learns the data read; if that would change the
+/// profile or give a finding, it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed, and nothing is consumed.
 fn match_exchange(
     state: &mut BusState,
     functions: &Functions,
@@ -75,7 +81,10 @@ fn match_exchange(
 }
 
 impl Session {
-    /// Emits the ASCII exchanges at the head of the only line of a bus.
+    /// Emits the ASCII exchanges at the head of the only line of the bus with this index, until one does not match.
+    ///
+    /// Each is copied into the arena, as characters and as decoded PDUs, and emitted; pairing keeps its response as the last
+    /// one. The statistics of the bus count the whole run at its end. The ASCII framer has nothing to learn from a frame.
     pub(super) fn emit_ascii_exchanges(&mut self, bus: usize) {
         let mut adus = std::mem::take(&mut self.adus);
         let state = &mut self.buses[bus];

@@ -16,10 +16,17 @@ use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 use modlens_protocol::Ns;
 
 impl Session {
-    /// Emits the rows of an exchange at the heads of its lines and consumes its bytes; pairing and statistics learn from it.
+    /// Emits the rows of an exchange at the heads of its lines and consumes its bytes. Decides nothing: the caller has matched
+    /// the exchange, and there is no finding on it.
+    ///
+    /// The session then has the state in which the slow path would leave it: what the recording's words for a sender mean,
+    /// pairing, the unit as known and paired, the request's statistics, and the next numbers (one transaction, two frames).
+    /// `totals` counts the exchange. What is learned once for a whole run (statistics of the bus, last response) is left to
+    /// the caller, and so is the framer. Rows are made only of the tables that are wanted; a transaction row goes to `held`, as on the slow path.
     ///
     /// `wires`: the places of its bytes in the arena, where they are already or will be put. `pdus`: the places of the
-    /// decoded PDUs, where the lines carry characters. Response times below `min_measurable_ns` are left out.
+    /// decoded PDUs, where the lines carry characters; else they are parts of the `wires`. Response times below
+    /// `min_measurable_ns` are left out of row and statistics. Without a clock there are no times.
     #[inline(always)]
     #[allow(clippy::inline_always, clippy::too_many_arguments)] // The body of three loops: as a call, most of its time goes to passing the arguments.
     pub(super) fn emit_exchange(

@@ -56,29 +56,33 @@ pub struct ExpectedExchange {
 }
 
 impl ExpectedExchange {
-    /// The exchange that the request at the head of these bytes announces. The bytes begin with the unit.
+    /// The exchange that the request at the head of these bytes announces. The bytes begin with the unit and may go on behind
+    /// the request; no checksum is looked at, and the data of a write need not have come.
     ///
-    /// `None` if the bytes are no plain read or write, break a limit of the specification, or may be a response themselves.
+    /// `None` if the bytes are too few for a header, no plain read or write, or break a limit of the specification: the unit
+    /// of a serial line, the quantity or value, the byte count of a write. On a serial line, a read from an address 0x03xx on
+    /// has the length of a response with three bytes: `None` if it asks for three bytes, since it could be its own response,
+    /// else `resembles_response` is set and the caller decides.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn from_request(functions: &Functions, mode: Mode, bytes: &[u8]) -> Option<Self> {
         let request: &[u8; SHORT_REQUEST_BYTES] = bytes.first_chunk()?;
         let [unit, code, high, low, ..] = *request;
-        let asks = functions.request_limits(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
+        let limits = functions.request_limits(code).filter(|_| mode == Mode::Tcp || UNIT_ADDRESSES.contains(&unit))?;
         let (address, number) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([request[4], request[5]]));
-        if !functions.permits(asks, code, number, &request[2..]) {
+        if !functions.permits(limits, code, number, &request[2..]) {
             return None;
         }
         let (bit_bytes, register_bytes) = (usize::from(number.div_ceil(8)), 2 * usize::from(number));
         let write = Self {
             unit,
             code,
-            kind: asks.kind,
+            kind: limits.kind,
             address,
             quantity: number,
             request_bytes: SHORT_REQUEST_BYTES,
             response_bytes: SHORT_REQUEST_BYTES,
-            echoes_request: asks.has_equal_layouts,
+            echoes_request: limits.has_equal_layouts,
             resembles_response: false,
             response: Response::Echo,
         };
@@ -95,15 +99,15 @@ impl ExpectedExchange {
                 ..write
             })
         };
-        let written = |count: usize| {
+        let write_request_bytes = |count: usize| {
             let announced = bytes.get(SHORT_REQUEST_BYTES).copied().map(usize::from);
             (announced == Some(count)).then_some(WRITE_HEADER_BYTES + count)
         };
-        match asks.kind {
+        match limits.kind {
             StandardLayout::ReadBits => read(bit_bytes, padding_bits(number)),
             StandardLayout::ReadRegisters => read(register_bytes, 0),
-            StandardLayout::WriteBits => Some(Self { request_bytes: written(bit_bytes)?, ..write }),
-            StandardLayout::WriteRegisters => Some(Self { request_bytes: written(register_bytes)?, ..write }),
+            StandardLayout::WriteBits => Some(Self { request_bytes: write_request_bytes(bit_bytes)?, ..write }),
+            StandardLayout::WriteRegisters => Some(Self { request_bytes: write_request_bytes(register_bytes)?, ..write }),
             StandardLayout::WriteOne => Some(Self { quantity: 1, ..write }),
         }
     }

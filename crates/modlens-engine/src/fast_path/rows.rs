@@ -55,9 +55,12 @@ pub(super) struct ExchangeRows<'a> {
 }
 
 impl ExchangeRows<'_> {
-    /// The row of the transaction. `pdus`: places of the PDUs of request and response in the arena.
+    /// The row of the transaction, which starts with its request and has status ok: what is neither plain nor complete takes
+    /// the slow path, so there is no exception, retry or late response. `points`: the profile of its unit, if there is one.
+    /// `pdus`: places of the PDUs of request and response in the arena. `findings`: an empty place in the batch. Times are
+    /// nanoseconds, and `None` without a clock.
     pub(super) fn transaction(&self, points: Option<Arc<PlanInstance>>, pdus: [Span; 2], findings: Span) -> Transaction {
-        let half = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| FrameRef { frame, wire, pdu, start };
+        let frame_ref = |frame: u64, wire: Span, pdu: Span, start: Option<Ns>| FrameRef { frame, wire, pdu, start };
         Transaction {
             number: self.txn,
             bus: self.bus,
@@ -75,15 +78,16 @@ impl ExchangeRows<'_> {
             late_for: None,
             gap: self.request_timing.gap,
             mbap_id: self.matched.mbap_id,
-            request: half(self.request_frame, self.request_wire, pdus[0], self.request_timing.start),
-            response: half(self.request_frame + 1, self.response_wire, pdus[1], self.response_timing.start),
+            request: frame_ref(self.request_frame, self.request_wire, pdus[0], self.request_timing.start),
+            response: frame_ref(self.request_frame + 1, self.response_wire, pdus[1], self.response_timing.start),
             findings,
             points,
             origin: self.request_timing.origin,
         }
     }
 
-    /// The row of the request's or of the response's frame.
+    /// The row of the request's frame, or of the response's for any other `direction`. `findings`: an empty place in the batch.
+    /// Verdict, confidence and what delimits the frame are those that the framer of the mode would give.
     pub(super) fn frame(&self, direction: Direction, findings: Span) -> Frame {
         let (number, line, wire, timing) = match direction {
             Direction::Request => (self.request_frame, self.lines[0], self.request_wire, &self.request_timing),

@@ -9,7 +9,13 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::Ns;
 
 impl Session {
-    /// Emits the RTU exchanges at the head of the only line of a bus.
+    /// Emits the RTU exchanges at the head of the only line of the bus with this index. The run ends at the first that does
+    /// not match, in which a self-describing register map may begin, or that would change the profile of its unit or give a
+    /// finding there. `emit_exchanges` makes sure that nothing is open.
+    ///
+    /// For each exchange, the framer's model learns the two frames and `emit_exchange` does the rest. Once at the end of the
+    /// run, the arena gets all of its bytes, the statistics of the bus count it, and framer and pairing take over the last
+    /// exchange. If there was none, nothing has changed.
     pub(super) fn emit_rtu_exchanges(&mut self, bus: usize) {
         let state = &mut self.buses[bus];
         // Where frames are checked against a rule of silence, the statistics of silences need each frame by itself.
@@ -19,7 +25,7 @@ impl Session {
         let config = state.timing_config(0);
         let min_measurable_ns = 2 * state.coarsest_resolution();
         let mut totals = BatchTotals::default();
-        let mut last: Option<ExpectedExchange> = None;
+        let mut last_exchange: Option<ExpectedExchange> = None;
         let mut last_answered = state.lines[0].1.framer.rtu_mut().and_then(|framer| framer.last_answered());
         let arena_start = self.batch.arena.len();
         loop {
@@ -43,17 +49,18 @@ impl Session {
             let wires = adjacent_spans(arena_start + totals.bytes, matched.lengths);
             self.emit_exchange(bus, &matched, wires, None, &config, min_measurable_ns, &mut totals);
             last_answered = Some((expected.unit, expected.code));
-            last = Some(expected);
+            last_exchange = Some(expected);
         }
-        let Some(last) = last else { return };
+        let Some(last_exchange) = last_exchange else { return };
         let state = &mut self.buses[bus];
         let line = &mut state.lines[0].1;
         self.batch.arena.extend_from_slice(line.input.consumed_bytes(totals.bytes));
         self.stats.record_batch(state.counts, Mode::Rtu, totals.exchanges, totals.bytes as u64);
         if let Some(framer) = line.framer.rtu_mut() {
-            framer.sync_after_batch(&line.input, &last);
+            framer.sync_after_batch(&line.input, &last_exchange);
         }
-        let response = &line.input.consumed_bytes(last.response_bytes + CRC_BYTES)[..last.response_bytes];
+        let response_bytes = last_exchange.response_bytes;
+        let response = &line.input.consumed_bytes(response_bytes + CRC_BYTES)[..response_bytes];
         state.pairing.sync_after_batch(response[0], &response[1..]);
     }
 }

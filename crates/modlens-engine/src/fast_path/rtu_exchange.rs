@@ -20,7 +20,11 @@ impl RtuFramer {
     /// request and its response follow each other with valid CRCs, in one read without times or within `request_timeout`.
     ///
     /// May be called only while nothing is open (`Framer::is_settled_at`). `last_answered`: unit and function of the exchange
-    /// before; `pause`: the log2 odds timeout : response of the silence before a byte.
+    /// before; `request_timeout` in nanoseconds; `pause`: the log2 odds timeout : response of the silence before the byte at an
+    /// index of the input. Consumes and learns nothing: the caller does, if nothing else speaks against the exchange.
+    ///
+    /// `None` also while bytes of it are missing, where the request may be the previous response once more, where marks of the
+    /// receiver or records forbid it (`Input::holds_exchange`), and where the response equals its request and may be a retry.
     #[inline(always)]
     #[allow(clippy::inline_always)] // The result is large, and the caller takes it apart at once.
     pub fn next_exchange(

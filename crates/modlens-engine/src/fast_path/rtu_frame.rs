@@ -25,10 +25,14 @@ pub fn check_frame(search: &Search, input: &Input, context: &FramerContext<'_>) 
     check_frame_at(search, input, context, 0)
 }
 
-/// Checks for a frame behind one to three stray bytes. Returns the number of stray bytes and the result for the frame.
+/// Checks for a frame behind one to three stray bytes at the head of the input. Returns the number of stray bytes and the
+/// result for the frame behind them; 0 and `NoFrame` if there is none. Changes nothing. The framer asks only in a recording,
+/// where more bytes may be awaited.
 ///
-/// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. If no frame can have
-/// begun with one of them, there is nothing to search for.
+/// Line drivers that are switched leave one to three stray bytes, fewer than the shortest frame has. The first place decides
+/// at which a frame is found or may be once more bytes are there. It is rejected, and no further place is tried, if it is a
+/// request that `is_permitted_request` does not admit, or if a frame may begin with one of the stray bytes and outscore it;
+/// `NeedsMoreBytes` if that cannot be told yet.
 pub fn check_frame_behind_strays(search: &Search, input: &Input, context: &FramerContext<'_>) -> (usize, FrameCheck) {
     for strays in 1..=MAX_SKIPPED_STRAY_BYTES {
         match check_frame_at(search, input, context, strays) {
@@ -82,8 +86,13 @@ fn check_frame_at(search: &Search, input: &Input, context: &FramerContext<'_>, a
     }
 }
 
-/// The length of the frame that begins at this index, if its unit and function leave no doubt what it is: the response to
-/// the outstanding request, or a familiar request.
+/// The length of the frame that begins at index `at` of the input, if its unit and function leave no doubt what it is. The
+/// CRC is left to the caller. `None` in all cases but these:
+///
+/// - It has the unit and the function of the outstanding request, perhaps with the exception bit: `response_length`.
+/// - A request to another unit is outstanding, and this is a familiar, short one at the first byte: once all of it is there, it
+///   has to be a request of the poll cycle; before that, its announced length counts, so that the caller waits for it.
+/// - No request is outstanding, and this is a familiar one: `request_length`.
 #[inline]
 fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = input.bytes().get(at..)?;
@@ -107,7 +116,15 @@ fn expected_length(search: &Search, input: &Input, context: &FramerContext<'_>, 
     }
 }
 
-/// The length of the frame at this index as the response to the outstanding request; `None` if it is no certain response.
+/// The length of the frame at index `at` of the input as the response to the outstanding request, whose unit and function it
+/// has; `None` if it is no certain response. There are at least two bytes from `at` on.
+///
+/// - An exception response: five bytes, once its exception code is there and not 0.
+/// - Otherwise the layout has to announce a length, exact or at least, that is no longer than any frame, and the body has to
+///   agree with the request: the byte count of a read, or the first four bytes that a write repeats, as far as they are there.
+/// - If it repeats its whole request, it may be a retry. It is the response if the request is not in doubt itself and the
+///   silence before it fits only a response. Else it counts only without times, at the first byte, and if no third
+///   copy follows; while that cannot be told, the result is a length that more bytes have to come for.
 fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext<'_>, at: usize) -> Option<FrameLength> {
     let bytes = &input.bytes()[at..];
     let (code, body) = (bytes[1], &bytes[2..]);
@@ -121,12 +138,12 @@ fn response_length(request: &HeldRequest, input: &Input, context: &FramerContext
     // bytes that follow tell which of the two this is, the search weighs them. Without times, a third copy shows that the
     // second one may be a retry.
     let repeats_request = bytes.get(1..=request.pdu.len()) == Some(&request.pdu[..]);
-    let is_copy = repeats_request && (row.has_equal_layouts || length.bytes() == request.pdu.len() + 3);
+    let equals_request = repeats_request && (row.has_equal_layouts || length.bytes() == request.pdu.len() + 3);
     let pause = || if at > 0 { input.silence_since(input.offset(), at) } else { input.pause_before(at) };
-    if is_copy && request.is_unconfirmed {
+    if equals_request && request.is_unconfirmed {
         return None;
     }
-    if is_copy && (context.timeout_log_odds)(pause()) > RESPONSE_LOG_ODDS_BITS {
+    if equals_request && (context.timeout_log_odds)(pause()) > RESPONSE_LOG_ODDS_BITS {
         if at > 0 {
             return None;
         }

@@ -9,8 +9,14 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::mbap::PREFIX_BYTES as MBAP_PREFIX_BYTES;
 
-/// The exchange at the heads of the two lines of a connection, if there is no doubt about it. `lines`: indices of the
-/// client's line and of the server's.
+/// The exchange at the heads of the two lines of a connection, if there is no doubt and no finding about it. `lines`: indices
+/// of the client's line and of the server's.
+///
+/// `None` unless the request is a plain read or write in which no self-describing register map can begin, request and
+/// response are a packet each that has a time, the response comes behind the request, within the request time-out and before
+/// the client's next packet, both headers have the same transaction identifier and the right length, and the response is the
+/// expected one. Last, the profile of the unit learns the data read; if that would change the profile or give a finding,
+/// it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed, and nothing is consumed.
 #[inline]
 fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]) -> Option<MatchedExchange> {
     let [client, server] = lines.map(|line| &state.lines[line].1.input);
@@ -39,7 +45,12 @@ fn match_exchange(state: &mut BusState, functions: &Functions, lines: [usize; 2]
 }
 
 impl Session {
-    /// Emits the exchanges at the head of a TCP connection. `lines`: indices of the client's line and of the server's.
+    /// Emits the exchanges at the head of a TCP connection, the bus with this index, until one does not match. `lines`: indices
+    /// of the client's line and of the server's.
+    ///
+    /// Each is copied into the arena, with its MBAP headers, and emitted. Once at the end of the run, the statistics of the
+    /// bus count it and pairing keeps the last response. If there was none, nothing is counted. The framer of a connection has
+    /// nothing to learn from a frame.
     pub(super) fn emit_tcp_exchanges(&mut self, bus: usize, lines: [usize; 2]) {
         let [client, server] = lines;
         let state = &mut self.buses[bus];

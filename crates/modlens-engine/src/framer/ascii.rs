@@ -48,22 +48,34 @@ struct MessageEnd {
 }
 
 impl AsciiFramer {
-    /// Where the message that begins with the first byte ends: at its line end, the next colon, the longest length, a
-    /// silence or the end of the recording. `None` if more bytes are needed to tell.
+    /// Where the message that begins with the first byte, a colon, ends. Indices count from that colon. The first of these:
+    ///
+    /// - the next colon, which is no part of it (`Restart`);
+    /// - LF without CR, a fault; CR with LF or with the delimiter that the line has set; or CR alone (`Delimiter` all three).
+    ///   A CR that is the last byte so far does not end it yet, since LF may follow, unless the input is closed;
+    /// - `MAX_MESSAGE_CHARACTERS` (`Limit`);
+    /// - the start of a record or a silence of `CHARACTER_TIMEOUT_NS`: `Record` if `Input::is_boundary` holds there, which
+    ///   goes by `input.break_ns`, else `Silence`;
+    /// - the end of what has come, once the input is closed: `End` if the recording is over, else `Silence`.
+    ///
+    /// `None` if more bytes are needed to tell.
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
+        // The index of the first byte behind a silence, or of a record's first byte: no message reaches across it.
         let boundary = input.boundary_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
         let available = &bytes[..boundary.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
         let end = |frame_end, hex_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end, delimited_by, fault });
-        if let Some(i) = memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
-            match available[i] {
-                b':' => return end(i, i, DelimitedBy::Restart, None),
-                b'\n' => return end(i + 1, i, DelimitedBy::Delimiter, Some(FramingFault::BareLineFeed)),
-                _ => match available.get(i + 1) {
-                    Some(&next) if next == b'\n' || next == self.delimiter => return end(i + 2, i, DelimitedBy::Delimiter, None),
-                    Some(_) => return end(i + 1, i, DelimitedBy::Delimiter, None),
+        if let Some(at) = memchr3_iter(b':', b'\n', b'\r', available).find(|&at| at > 0) {
+            match available[at] {
+                b':' => return end(at, at, DelimitedBy::Restart, None),
+                b'\n' => return end(at + 1, at, DelimitedBy::Delimiter, Some(FramingFault::BareLineFeed)),
+                _ => match available.get(at + 1) {
+                    Some(&next) if next == b'\n' || next == self.delimiter => {
+                        return end(at + 2, at, DelimitedBy::Delimiter, None)
+                    }
+                    Some(_) => return end(at + 1, at, DelimitedBy::Delimiter, None),
                     None if available.len() < bytes.len() || input.is_closed => {
-                        return end(i + 1, i, DelimitedBy::Delimiter, None)
+                        return end(at + 1, at, DelimitedBy::Delimiter, None)
                     }
                     None => return None,
                 },
@@ -83,7 +95,13 @@ impl AsciiFramer {
         }
     }
 
-    /// The first frame of bytes that do not begin with a colon: noise, or a message without its colon.
+    /// The first row of bytes that do not begin with a colon: noise, or a message without its colon, which is `Incomplete`; of
+    /// that, `adu` gets unit and PDU as far as they came. Looks at no more than `MAX_NOISE_ROW_BYTES`.
+    ///
+    /// A message without colon in front of the first colon is looked for first (`damage::ascii`); if it begins further on, the
+    /// bytes in front of it are noise. Without one, all bytes are noise up to the first colon, or up to the first record's
+    /// start or silence of `CHARACTER_TIMEOUT_NS` if that comes earlier (`Silence` for either), or up to the limit, or up to
+    /// the end of what has come once the input is closed. `None` if more bytes are needed to tell.
     fn without_colon(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let bytes = input.bytes();
         let available = &bytes[..bytes.len().min(MAX_NOISE_ROW_BYTES)];
@@ -116,15 +134,27 @@ impl AsciiFramer {
         }
     }
 
-    /// The message that begins with the first byte and ends at `end`: its verdict, and what happened to a damaged one.
+    /// The row of the message that begins with the first byte, a colon, and ends at `end`. `adu` gets unit and PDU; the last
+    /// byte of an `Incomplete` message stays in it, although it may be the LRC.
+    ///
+    /// 1. No line end and no valid LRC: `Incomplete`. Bytes were lost only if just the end of the LRC and the line end are
+    ///    missing; else the sender may have stopped.
+    /// 2. An odd number of hex characters: `Incomplete`, with one lost or doubled.
+    /// 3. One byte fewer than the message announces, and an invalid LRC: `Incomplete`, with two characters lost.
+    /// 4. Everything else: `Ok` with a valid LRC, even without line end, and `BadChecksum` without one, or with characters that
+    ///    are not hex.
+    ///
+    /// Where the recording prints no checksums, 1 to 3 do not apply: an even number of hex characters is `NoChecksum`, all
+    /// else `BadChecksum`. A sound message with unit and function gets direction, confidence and faults from
+    /// `complete_valid`, which may change the line's delimiter; the direction of any other is what unit and function tell.
     fn frame(&mut self, input: &Input, context: &FramerContext<'_>, end: &MessageEnd, adu: &mut Vec<u8>) -> FrameResult {
         let text = &input.bytes()[1..end.hex_end];
         let is_hex = decode_hex(text, adu);
         let mut result = FrameResult { verdict: Verdict::Incomplete, ..FrameResult::noise(end.frame_end, end.delimited_by) };
         result.fault = end.fault;
         let has_valid_lrc = is_hex && adu.len() > 2 && lrc(adu) == 0;
-        let no_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
-        if !no_checksum && end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
+        let prints_no_checksum = input.read(0).is_some_and(|read| read.lacks_checksum);
+        if !prints_no_checksum && end.delimited_by != DelimitedBy::Delimiter && !has_valid_lrc {
             result.direction = ascii::direction(context, adu);
             // A sender stops at any character. A tap that loses the line end and one character of the LRC leaves an odd
             // number of characters and exactly one byte missing.
@@ -133,12 +163,12 @@ impl AsciiFramer {
             result.damage = lost_end.then_some(DamageKind::LostBytes { at: text.len() + 1, count: 3 });
             return result;
         }
-        if let Some(damage) = ascii::explain_odd_digits(text).filter(|_| !no_checksum) {
+        if let Some(damage) = ascii::explain_odd_digits(text).filter(|_| !prints_no_checksum) {
             let direction = ascii::direction(context, adu);
             return FrameResult { direction, damage: Some(damage), ..result };
         }
         result.verdict = match is_hex {
-            true if no_checksum => Verdict::NoChecksum,
+            true if prints_no_checksum => Verdict::NoChecksum,
             true if has_valid_lrc => Verdict::Ok,
             _ => Verdict::BadChecksum,
         };
@@ -148,7 +178,7 @@ impl AsciiFramer {
             let damage = Some(DamageKind::LostBytes { at: text.len() + 1, count: 2 });
             return FrameResult { verdict: Verdict::Incomplete, direction, damage, ..result };
         }
-        if !no_checksum {
+        if !prints_no_checksum {
             adu.pop();
         }
         if result.verdict.is_good() && adu.len() >= 2 {

@@ -46,7 +46,13 @@ impl AutoFramer {
         self.chosen.as_mut().filter(|_| !self.last_was_other_mode)
     }
 
-    /// The mode of the line, if its first bytes show it already.
+    /// The mode of the line, if its first bytes, from the first unframed one on, show it already; `None` if more are needed.
+    ///
+    /// 1. The mode that the first read proves by itself, as a line of a log may.
+    /// 2. RTU for a recording that prints no checksums, unless it begins with a colon.
+    /// 3. At 8, 16 ... 4096 bytes, the mode in which most of them are in valid frames, as soon as there is a valid frame.
+    ///    `next_check_bytes` says which of these numbers is the next; none is tried twice.
+    /// 4. At 4096 bytes, or earlier once the input is closed: the same over all of them, else the mode that they look like.
     fn mode_of(&mut self, input: &Input, functions: &Functions) -> Option<Mode> {
         let bytes = input.bytes();
         if let Some(mode) = input.read(0).and_then(|read| read.proven_framing) {

@@ -36,7 +36,8 @@ impl SilenceFramer {
         Self { rule }
     }
 
-    /// The length of the first frame, and the evidence for its end; `None` if it is still open.
+    /// The length in bytes of the first frame, and the evidence for its end; `None` if it is still open. Without a silence of
+    /// t3.5 or a record's start, it ends after `MAX_NOISE_ROW_BYTES`, or with the last byte once the input is closed.
     fn first_end(&self, input: &Input) -> Option<(usize, DelimitedBy)> {
         let available = input.bytes().len().min(MAX_NOISE_ROW_BYTES);
         match input.boundary_after(0, available, self.rule.t35_ns) {
@@ -50,6 +51,12 @@ impl SilenceFramer {
 }
 
 impl Framer for SilenceFramer {
+    /// The bytes up to the first silence as a row; `None` if there are none, or if the silence has not come. No frame is
+    /// searched for inside, and a damaged one is not explained.
+    ///
+    /// Noise if they are too few for a frame, or end only at the limit of a row. Else `adu` gets unit and PDU, and the CRC
+    /// decides: `Ok` or `BadChecksum`; where the recording prints no checksum, all bytes are unit and PDU (`NoChecksum`). Only
+    /// a good frame has a direction. The confidence is the same for all three, because nothing is weighed.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         adu.clear();
         if input.bytes().is_empty() {
@@ -74,7 +81,6 @@ impl Framer for SilenceFramer {
         } else {
             Direction::Unknown
         };
-        // Beside the CRC nothing was weighed.
         let confidence = CRC_CONFIDENCE_BITS;
         Some(FrameResult { verdict, direction, confidence, ..FrameResult::noise(length, delimited_by) })
     }

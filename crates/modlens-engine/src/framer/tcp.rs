@@ -21,7 +21,8 @@ pub struct TcpFramer {
     noise_bytes: usize,
 }
 
-/// Whether a whole frame stands at the start of these bytes whose header and layout agree; `None` if bytes are missing.
+/// Whether a whole frame stands at the start of these bytes whose header and layout agree; `None` if bytes are missing and
+/// those that are there do not contradict it.
 fn begins_with_frame(functions: &Functions, bytes: &[u8]) -> Option<bool> {
     if bytes.len() < HEADER_BYTES {
         let has_protocol_zero = bytes.iter().skip(2).take(2).all(|&byte| byte == 0);
@@ -58,7 +59,17 @@ enum LengthCheck {
 }
 
 impl TcpFramer {
-    /// Whether a frame ends where its header announces it: the length is wrong if another frame begins earlier.
+    /// Whether the frame at the first byte ends where its header announces it. `length` is what the header announces, in bytes
+    /// of the whole frame; not all of them need to have come.
+    ///
+    /// 1. `Wrong` if the layout ends the frame earlier, as a request or as a response, and a whole frame begins right there
+    ///    and ends before `length`, among the bytes that have come.
+    /// 2. `Plausible` if the layout admits the announced length, or if the frame has not come as a whole: then the caller
+    ///    waits for it, and asks again.
+    /// 3. Else header and layout contradict each other, and the next whole frame decides, looked for first at the announced
+    ///    end, then at the layout's ends, then at every place that a frame may end at. At the announced end: `Plausible`;
+    ///    elsewhere: `Wrong`. If bytes are missing to tell, `Undecided` until the input is closed. Without such a frame,
+    ///    `Plausible`: `complete` reports that the layout does not fit.
     fn check_length(input: &Input, context: &FramerContext<'_>, length: usize) -> LengthCheck {
         let (bytes, functions) = (input.bytes(), context.functions);
         let by_layout = layout_lengths(functions, bytes);
@@ -105,7 +116,13 @@ impl TcpFramer {
         }
     }
 
-    /// The frame at the first byte; `None` if more bytes are needed.
+    /// The row of the frame at the first byte, where a header stands (`begins`); `None` if more bytes are needed. `adu` is
+    /// cleared and gets unit and PDU, as far as they belong to the frame.
+    ///
+    /// `Incomplete` in three cases: a record of the recording starts before the announced end (a silence does not count); the
+    /// length is wrong (`check_length`), which is a fault as well; or the input is closed before the announced end. Else the
+    /// row is that of `complete`. On a connection, whose packets are known, a header is believed without `check_length` if the
+    /// packet ends with the frame, or with a CRC that a gateway left behind it.
     fn frame(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let bytes = input.bytes();
         let length = announced_length(bytes)?;
@@ -116,6 +133,7 @@ impl TcpFramer {
             mbap_id,
             ..FrameResult::noise(length, delimited_by)
         };
+        // No silence is as long as this, so that only the start of a record counts.
         if let Some(edge) = input.boundary_after(0, length - 1, Ns::MAX) {
             adu.extend_from_slice(bytes.get(PREFIX_BYTES..edge).unwrap_or(&[]));
             return Some(incomplete(edge, DelimitedBy::Record));
@@ -160,6 +178,12 @@ impl TcpFramer {
 }
 
 impl Framer for TcpFramer {
+    /// The frame at the first byte, or one noise row of all bytes up to the next frame, as many as `MAX_NOISE_ROW_BYTES`, or
+    /// up to the end once the input is closed.
+    ///
+    /// `noise_bytes` counts the bytes from the first one on that begin no frame, so that a further call looks at none of them
+    /// again; each turn of the loop looks at one more place. It is 0 again behind a noise row. `None`, so no row yet, if there
+    /// are no bytes, or if the bytes at the next place, or of the frame at the first byte, are too few to tell.
     fn next(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         loop {
             let available = input.bytes().len();
