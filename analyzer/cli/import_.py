@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from analyzer.cli.standard_streams import STDERR, discard_output
+from analyzer.counts import count_of
 from analyzer.exports.output import AtomicFile, StandardOutput
 from analyzer.views.screen import Screen, visible
 from dissectors import importers
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     found = importers.read(options.format, text, options.file, chosen)
     profile = from_model(found.model, options.file)
     written = importers.write(options.to, profile)
-    notes = [f"{len(profile.points)} points", *encoding_notes, *found.notes, *written.notes]
+    notes = [count_of(len(profile.points), "point"), *encoding_notes, *found.notes, *written.notes]
     write_text(written.text, options.output)
     show_notes(notes)
     return 0

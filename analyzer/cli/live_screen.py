@@ -14,6 +14,7 @@ from typing import Self
 
 import _modlens
 from analyzer.cli.keys import Keys
+from analyzer.counts import count_of
 from analyzer.filters import parse
 from analyzer.views.live import VIEWS, draw
 from analyzer.views.live.state import LiveState
@@ -114,7 +115,7 @@ class LiveScreen:
         state = " PAUSED" if self._state.paused else ""
         elapsed = int(self._state.elapsed)
         clock = f"{elapsed // 3600}:{elapsed // 60 % 60:02d}:{elapsed % 60:02d}"
-        right = f" {self._state.seen:,} transactions  {clock}{state}"
+        right = f" {count_of(self._state.seen, 'transaction')}  {clock}{state}"
         left = f"modlens {self._view}  {buses}"
         return [(fit(left, max(width - len(right), 0)), "head"), (right[-width:], "head")]
 

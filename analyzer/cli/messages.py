@@ -8,6 +8,7 @@ import textwrap
 from typing import Any
 
 from analyzer.cli.standard_streams import STDERR, discard_output
+from analyzer.counts import count_of
 from analyzer.session import RecordingStatus
 from analyzer.views.screen import Screen, fit, visible
 from analyzer.views.stats import show_stats
@@ -115,7 +116,8 @@ class Messages:
         for reason, count in (details.get("dropped") or {}).items():
             self.info(f"{status.name}: {count:,} skipped: {reason}")
         if unparsed:
-            self.info(f"{status.name}: {unparsed:,} of {details['lines']:,} lines not understood")
+            lines = count_of(details["lines"], "line")
+            self.info(f"{status.name}: {unparsed:,} of {lines} not understood")
             for number, text in details["first_unparsed"]:
                 self.info(f"  line {number}: {fit(visible(text), EXCERPT_COLUMNS).rstrip()}")
 

@@ -20,6 +20,7 @@ from analyzer.cli.parser import settings
 from analyzer.cli.segmentation import report_silence_limits
 from analyzer.cli.standard_streams import STDOUT, discard_output
 from analyzer.cli.stop_signals import StopSignals
+from analyzer.counts import count_of
 from analyzer.exports import ExportOptions
 from analyzer.exports.sink import (
     ExportSink,
@@ -33,7 +34,7 @@ from analyzer.filters import parse
 from analyzer.session import FileRun, Run, Settings, Sink, pump
 from analyzer.views.row_lines import TableOptions
 from analyzer.views.screen import stdout
-from analyzer.views.summary import count_of, damaged
+from analyzer.views.summary import damaged
 from analyzer.views.table_sink import TableSink
 from dissectors.errors import CaptureError, SourceError, UsageError
 
@@ -216,7 +217,9 @@ class Outputs:
             if sink.name != name:
                 self.partial.append(sink.name)
             if sink.table and (not isinstance(sink, TableSink) or self._filtered):
-                self._messages.info(f"{sink.name}: {count_of(sink.row_count, sink.table)}")
+                self._messages.info(
+                    f"{sink.name}: {count_of(sink.row_count, sink.table.removesuffix('s'))}"
+                )
             if self._has_times and sink.table and not sink.row_count:
                 self._messages.info(
                     "--between: no row has such a time; times without a zone are those of the table"

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from analyzer.cli.import_ import show_notes, write_text
+from analyzer.counts import count_of
 from analyzer.profiles import available_profiles, load
 from analyzer.views.screen import stdout, visible
 from dissectors import importers
@@ -50,7 +51,9 @@ def run(options: argparse.Namespace) -> int:
     elif options.does == "check":
         for name in options.names:
             profile = load(name)
-            stdout().line(f"{visible(name)}: {len(profile.points)} points, no mistakes", "good")
+            stdout().line(
+                f"{visible(name)}: {count_of(len(profile.points), 'point')}, no mistakes", "good"
+            )
     else:
         _convert(options)
     return 0
@@ -67,7 +70,7 @@ def _list() -> None:
             title = f"cannot be used: {error.message.splitlines()[0]}"
             screen.lines([[(f"{one.name:<12} ", "note"), (visible(title), "bad")]])
             continue
-        title = f"{profile.title}, {len(profile.points)} points"
+        title = f"{profile.title}, {count_of(len(profile.points), 'point')}"
         screen.lines([[(f"{one.name:<12} ", "note"), (visible(f"{title} ({one.origin})"), "")]])
 
 

@@ -13,6 +13,7 @@ import _modlens
 from analyzer.addresses import SHORT
 from analyzer.cli.messages import Messages
 from analyzer.cli.parser import settings
+from analyzer.counts import count_of
 from analyzer.filters import parse
 from analyzer.session import FileRun
 from analyzer.views.grid import ColumnLayout, GridColumn
@@ -93,10 +94,12 @@ def show_registers(options: argparse.Namespace, screen: Screen) -> None:
         for before, sample in zip([None, *samples], samples, strict=False)
         if before is None or before.words != sample.words
     ]
-    screen.line(f"{len(samples)} samples, {len(changed) - 1} changes", "dim")
+    screen.line(
+        f"{count_of(len(samples), 'sample')}, {count_of(len(changed) - 1, 'change')}", "dim"
+    )
     show_grid(_grid_columns(columns, best), changed[:MAX_CHANGES], screen)
     if len(changed) > MAX_CHANGES:
-        screen.line(f"... {len(changed) - MAX_CHANGES} more changes", "dim")
+        screen.line(f"... {count_of(len(changed) - MAX_CHANGES, 'more change')}", "dim")
     screen.line(_verdict(best), "good" if best and best["sure"] else "odd")
 
 

@@ -13,6 +13,7 @@ from pathlib import PurePath
 from typing import Any
 
 import _modlens
+from analyzer.counts import count_of
 from analyzer.exports.sink import ExportSink, Target
 from analyzer.filters import parse
 
@@ -159,7 +160,8 @@ class HourlySummary:
         states = ", ".join(f"{name} {count:,}" for name, count in new_counts.items() if count)
         total = sum(new_counts.values())
         self._say(
-            f"{time.strftime('%Y-%m-%d %H:%M')}: {frames - self._frames:,} frames,"
-            f" {total:,} transactions{': ' + states if states else ''} since the last summary"
+            f"{time.strftime('%Y-%m-%d %H:%M')}: {count_of(frames - self._frames, 'frame')},"
+            f" {count_of(total, 'transaction')}{': ' + states if states else ''}"
+            " since the last summary"
         )
         self._buffer, self._frames = counts, frames

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from analyzer.addresses import SHORT
+from analyzer.counts import count_of
 from analyzer.views import cells
 from analyzer.views.cells import function_name
 from dissectors.vocabulary import findings
@@ -72,7 +73,7 @@ def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     for row in rows[:_MAX_REQUESTS]:
         yield f"{_who(row)}: {row['count']:,} of {row['asked']:,} without a response{_more(row)}"
     if len(rows) > _MAX_REQUESTS:
-        yield f"… and {len(rows) - _MAX_REQUESTS} more requests"
+        yield f"… and {count_of(len(rows) - _MAX_REQUESTS, 'more request')}"
 
 
 def _who(row: Mapping[str, Any]) -> str:

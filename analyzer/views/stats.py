@@ -41,10 +41,12 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from analyzer.counts import count_of
 from analyzer.views import cells
 from analyzer.views.diagnostics import describe_driver_errors, explain_timeouts, rank_findings
 from analyzer.views.grid import WIDE_COLUMNS, ColumnLayout, Grid, GridColumn
 from analyzer.views.screen import Part, Screen, visible
+from dissectors.vocabulary import exception_name
 
 __all__ = ["show_stats"]
 
@@ -79,6 +81,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         if len(short) > 1:
             fields.insert(0, cells.bus_field(tuple(short), lambda row: str(row["bus"])))
         yield from _grid(fields, rows, width)
+    yield from _exception_codes(rows, width, short if len(short) > 1 else {})
     for bus in buses:
         yield from _timeouts(bus, width)
     if stats["findings"]:
@@ -89,6 +92,28 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
             yield from _wrapped(advice, width)
 
 
+def _exception_codes(
+    rows: Sequence[Mapping[str, Any]], width: int, short: Mapping[str, str]
+) -> Iterator[list[Part]]:
+    """How often each exception code came, the most frequent first, and from which functions."""
+    counts: dict[int, int] = {}
+    senders: dict[int, dict[str, list[str]]] = {}
+    for row in rows:
+        for text, count in row["exceptions"].items():
+            code = int(text)
+            counts[code] = counts.get(code, 0) + count
+            bus = f"{short[row['bus']]}, " if short else ""
+            functions = senders.setdefault(code, {}).setdefault(f"{bus}unit {row['unit']}", [])
+            functions.append(f"{row['function']} ({count:,})")
+    if counts:
+        yield []
+        yield [("exceptions by code (modlens explain exception CODE)", "head")]
+    for code, count in sorted(counts.items(), key=lambda pair: (-pair[1], pair[0])):
+        yield [(f"{count:9,}  ", ""), (f"{code:2d} {exception_name(code)}", "odd")]
+        of_units = [f"{unit}: function {', '.join(of)}" for unit, of in senders[code].items()]
+        yield from _wrapped("; ".join(of_units), width)
+
+
 def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     """The lines about the poll cycle and the time-outs of a bus."""
     cycle = bus.get("cycle")
@@ -97,7 +122,7 @@ def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield [
             (f"poll cycle {cells.milliseconds(cycle['p50_us'])} ms", ""),
             (f" (at most {cells.milliseconds(cycle['max_us'])} ms)", "dim"),
-            (f", {cycle['requests']} periodic requests", ""),
+            (f", {count_of(cycle['requests'], 'periodic request')}", ""),
         ]
     lines = list(explain_timeouts(bus))
     if lines:
@@ -121,7 +146,7 @@ def _silence(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield []
         text = (
             f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {changed:,} of"
-            f" {counts['frames']:,} frames ({share:.1%}) would be delimited differently"
+            f" {count_of(counts['frames'], 'frame')} ({share:.1%}) would be delimited differently"
         )
         yield from ([(line, "dim")] for line in textwrap.wrap(text, width))
 

@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["count_of", "damaged", "summary"]
+from analyzer.counts import count_of
+
+__all__ = ["damaged", "summary"]
 
 DAMAGED = ("bad_checksum", "incomplete", "noise")
 
@@ -43,15 +45,6 @@ def _total(stats: Mapping[str, Any], what: str) -> dict[str, int]:
         for name, count in bus[what].items():
             total[name] = total.get(name, 0) + count
     return {name: count for name, count in total.items() if count}
-
-
-def count_of(number: int, noun: str) -> str:
-    """A number with its noun, which is given in the singular or the plural.
-
-    >>> count_of(1, "frames"), count_of(2, "frame"), count_of(0, "byte")
-    ('1 frame', '2 frames', '0 bytes')
-    """
-    return f"{number:,} {noun.removesuffix('s')}{'' if number == 1 else 's'}"
 
 
 def _list(parts: list[str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from analyzer.counts import count_of
 from analyzer.views import cells
 from analyzer.views.diagnostics import describe_driver_errors, explain_timeouts, rank_findings
 from analyzer.views.live.state import LiveState
@@ -76,4 +77,4 @@ def _cycle(bus: dict[str, Any]) -> str:
     times = (
         f"p50 {cells.milliseconds(cycle['p50_us'])} ms, max {cells.milliseconds(cycle['max_us'])}"
     )
-    return f"{times} ms ({cycle['requests']} periodic requests)"
+    return f"{times} ms ({count_of(cycle['requests'], 'periodic request')})"

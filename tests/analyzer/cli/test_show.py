@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
+from collections import Counter
+from pathlib import Path
 
 import pytest
 
+from analyzer import decode
 from analyzer.cli.show import parse_hex
 from analyzer.sources import FORMATS
 from tests.conftest import CAPTURES, ROOT, Modlens, command, environment
@@ -179,6 +183,34 @@ def test_crafted_bytes_can_be_decoded(modlens: Modlens) -> None:
     ).stdout
     assert raw == bytes.fromhex(REQUEST)
     assert "107-109" in modlens("decode", "-", "--from", "raw", stdin=raw).out
+
+
+def test_exceptions_are_counted_by_code(modlens: Modlens) -> None:
+    """As often as the transactions have them, the most frequent first, by unit and function."""
+    recording = str(CAPTURES / "pymodbus_exceptions" / "recording.jsonl")
+    done = modlens("stats", recording, "--line", "19200-8E1")
+    counts = Counter(row.exception for row in decode(recording, line="19200-8E1") if row.exception)
+    assert len(counts) > 5
+    lines = (done.out + done.err).splitlines()
+    start = lines.index("exceptions by code (modlens explain exception CODE)") + 1
+    block = lines[start : lines.index("", start)]
+    shown = [line.split() for line in block if line[:9].strip()]
+    assert {int(words[1]): int(words[0]) for words in shown} == counts
+    assert [int(words[0]) for words in shown] == sorted(counts.values(), reverse=True)
+    assert shown[0][2:] == ["Illegal", "Data", "Address"]
+    assert block[1].split() == "unit 1: function 1 (1), 3 (2), 6 (2), 43 (1)".split()
+
+
+def test_one_is_singular(modlens: Modlens, tmp_path: Path) -> None:
+    """One frame, one transaction, one line: without the s of the plural."""
+    path = tmp_path / "one.hex"
+    path.write_text(f"{REQUEST}\n")
+    done = modlens("decode", str(path), "--where", "txn == 1")
+    assert "1 frame (8 bytes): ok 1 (8)" in done.err
+    assert "standard output: 1 transaction\n" in done.err
+    detected, *summary = done.err.splitlines()
+    assert "hex (100 % sure" in detected
+    assert not [line for line in summary if re.search(r"\b1 [a-z]+s\b", line)]
 
 
 def test_statistics(modlens: Modlens) -> None:
