@@ -153,7 +153,7 @@ def test_standard_input_and_other_formats(tmp_path: Path, modlens: Modlens) -> N
     assert "unit cannot be kept in Telegraf: Größe" in done.err
     path = tmp_path / "meter.toml"
     assert modlens("import", "csv", "-", "-o", path, stdin=TABLE.encode()).out == ""
-    assert modlens("profiles", "check", path).out == f"{path}: 1 points, no mistakes\n"
+    assert modlens("profiles", "check", path).out == f"{path}: 1 point, no mistakes\n"
 
 
 def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:
