@@ -30,7 +30,7 @@ from analyzer.sources.sigrok import Samples
 from analyzer.sources.unpack import Archives, RecordingName, expand
 from dissectors.errors import CaptureError, SourceError, UsageError
 
-__all__ = ["MODES", "FileRun", "RecordingStatus", "Run", "Settings", "Sink", "pump"]
+__all__ = ["MODES", "FileRun", "PartialBatch", "RecordingStatus", "Run", "Settings", "Sink", "pump"]
 
 MODES = ("auto", "rtu", "ascii", "tcp")
 
@@ -140,6 +140,20 @@ class RecordingStatus:
     details: dict[str, Any]
     ended: bool
     unreadable: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PartialBatch:
+    """Some rows of a batch; sinks take it as a `_modlens.Batch`.
+
+    `whole` is the batch itself, for the core's writers of captures.
+    """
+
+    whole: _modlens.Batch
+    frames: _modlens.Table
+    transactions: _modlens.Table
+    findings: _modlens.Table
+    readings: _modlens.Table
 
 
 class Run(Protocol):

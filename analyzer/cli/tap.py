@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from analyzer.bus_file import choose_buses
+from analyzer.cli.limited_run import LimitedRun
 from analyzer.cli.live_screen import LiveScreen
 from analyzer.cli.messages import Messages
 from analyzer.cli.outputs import DAMAGED, TABLE, Outputs, OutputSink, run_settings, targets
@@ -178,10 +179,11 @@ def run(options: argparse.Namespace) -> int:
         # The recording begins only when the ports are open, so that no empty file is left where
         # they fail.
         recording.open(opened)
+        limited = LimitedRun(live, options.count, lambda: stop_conditions.reached)
         try:
             with tap_messages.use_screen():
                 outputs.pump(
-                    live,
+                    limited,
                     lambda: (
                         stop_signals.received()
                         or stop_conditions.reached
@@ -190,7 +192,7 @@ def run(options: argparse.Namespace) -> int:
                 )
         finally:
             outputs.close()
-            stats = live.stats()
+            stats = limited.stats()
             if not outputs.reader_gone:
                 messages.statistics(stats)
                 messages.summary(stats)

@@ -20,6 +20,7 @@ import _modlens
 from analyzer import exports
 from analyzer.exports.original_packets import extract_packets
 from analyzer.exports.output import Output
+from analyzer.session import PartialBatch
 from analyzer.sources.pipes import STDIN
 from dissectors.errors import UsageError
 
@@ -63,6 +64,9 @@ class Format(exports.MultiTableFormat):
         if self._selection is not None:
             self._selection.add(batch, kept)
             return ()
+        if isinstance(batch, PartialBatch):
+            rows: _modlens.Table = getattr(batch, self.options.table)
+            batch, kept = batch.whole, rows if kept is None else kept
         self._capture.put(batch, kept)
         return iter(self._capture.more, b"")
 

@@ -116,6 +116,20 @@ def _whole(truth: Sequence[Sent]) -> list[Sent]:
     return joined
 
 
+def test_count_ends_the_tap_with_exactly_that_many(tmp_path: Path) -> None:
+    """While the polling goes on: three rows, nothing damaged even for `--strict`."""
+    rows = tmp_path / "txns.jsonl"
+    with polling("rtu") as (bus, client):
+        with Tap(bus.path("tap"), "--count", "3", "--strict", "-o", rows) as running:
+            truth = follow(bus, client)
+            assert running.wait() == 0
+    assert len(truth) > 3
+    found = [json.loads(line) for line in rows.read_text().splitlines()]
+    assert [row["txn"] for row in found] == [1, 2, 3]
+    assert [row["request_hex"] for row in found] == [one.data.hex() for one, _ in truth[:3]]
+    assert f"{rows}: 3 transactions" in running.err
+
+
 @pytest.mark.parametrize("mode", ["rtu", "ascii"])
 def test_every_transaction_appears_once(mode: str, tmp_path: Path) -> None:
     """Paired, in order, with the response times of the line; the outputs are complete."""
