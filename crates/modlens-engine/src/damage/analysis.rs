@@ -11,9 +11,9 @@ use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BY
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order, with indices that count from its first byte; all other bytes are noise.
     ///
-    /// They are the best chain of candidates (none where the bytes are too few, and none if the region is the entire
-    /// recording and its first frame does not begin it), with the fragment in front that `leading_fragment` finds. Then the
-    /// bytes behind the last frame decide, the first rule that fits:
+    /// They are the best chain of candidates, and the fragment in front that `leading_fragment` finds. There is no chain where
+    /// the bytes are too few, nor where the region is the entire recording and more than stray bytes of a line driver stand in
+    /// front of the first frame. Then the bytes behind the last frame decide, the first rule that fits:
     ///
     /// 1. They are its own rest, which came as late as the missing bytes would have taken: it extends to the region's end,
     ///    and fewer bytes are missing, inside it.

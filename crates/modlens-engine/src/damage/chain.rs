@@ -158,7 +158,9 @@ impl UnframedRegion<'_, '_> {
         }
     }
 
-    /// The index of the first pause inside a frame that no correction makes valid: the frame ended there.
+    /// The index of the first pause inside a frame, from the bytes behind those that agree up to index `end`: the frame ended
+    /// there. `None` if a correction makes the frame valid, if it ends at a pause or with the region, or if pauses inside
+    /// frames are usual on this line.
     fn gap_inside(&self, candidate: &Candidate, end: usize) -> Option<usize> {
         let pauses_are_usual = !self.input.has_multibyte_reads && self.model.has_inner_pauses();
         if candidate.is_corrected || pauses_are_usual || self.end_bonus(candidate.end) > 0.0 {

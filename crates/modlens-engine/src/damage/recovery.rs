@@ -159,9 +159,9 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameRe
 /// it has unit and function of the outstanding request):
 ///
 /// - exactly `burst_bytes`: a bad checksum;
-/// - less, where the unit is familiar and the burst may have been cut by the end of the recording (`is_bounded` is false):
-///   the first bytes are a frame of the announced length with a bad checksum, and the caller goes on behind it;
-/// - more, or no certain length: `Incomplete`;
+/// - less, where the unit is familiar and nothing shows that a sender stopped at the end of the burst (`is_bounded` is
+///   false): the first bytes are a frame of the announced length with a bad checksum, and the caller goes on behind it;
+/// - more, or any length that is only a least one: `Incomplete`;
 /// - none of these: a bad checksum of unknown direction.
 ///
 /// The last two take the whole burst, and only if it is short enough for a frame and its boundaries or its unit are
@@ -180,8 +180,8 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
     };
     let is_outstanding_unit = context.outstanding_request.is_some_and(|request| request.unit == bytes[0]);
     let is_familiar = context.known_units[bytes[0] as usize] || is_outstanding_unit;
-    let mut shorter = None;
-    let mut longer = None;
+    let mut shorter_frame = None;
+    let mut longer_direction = None;
     // If the outstanding request has this unit and function, the burst is its response and not another request.
     let is_response =
         context.outstanding_request.is_some_and(|request| request.unit == bytes[0] && request.pdu.first() == Some(&bytes[1]));
@@ -191,15 +191,15 @@ fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, d
             Extent::Exactly(length) if length == burst_bytes => {
                 return frame(length, Verdict::BadChecksum, DelimitedBy::Length, direction);
             }
-            Extent::Exactly(length) if length < burst_bytes => shorter = shorter.or(Some((length, direction))),
-            Extent::Exactly(_) | Extent::AtLeast(_) => longer = longer.or(Some(direction)),
+            Extent::Exactly(length) if length < burst_bytes => shorter_frame = shorter_frame.or(Some((length, direction))),
+            Extent::Exactly(_) | Extent::AtLeast(_) => longer_direction = longer_direction.or(Some(direction)),
             Extent::Open(_) => {}
         }
     }
     // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
     let is_bounded = is_entire_input || input.has_times || matches!(delimited_by, DelimitedBy::Silence | DelimitedBy::Record);
     let may_be_frame = burst_bytes <= MAX_CANDIDATE_BYTES;
-    match (shorter, longer) {
+    match (shorter_frame, longer_direction) {
         (Some((length, direction)), _) if is_familiar && !is_bounded => {
             frame(length, Verdict::BadChecksum, DelimitedBy::Length, direction)
         }

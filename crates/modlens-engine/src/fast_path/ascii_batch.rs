@@ -42,7 +42,8 @@ fn decode_clean(text: &[u8], length: usize, adu: &mut Vec<u8>) -> bool {
 /// self-describing register map cannot begin in it, the response is the expected one, and marks, records and times agree
 /// (`Input::holds_exchange`). A response that equals its request must not be declared otherwise by the recording, nor must the
 /// silence before it fit a timeout better. Last, the profile of the unit learns the data read; if that would change the
-/// profile or give a finding, it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed, and nothing is consumed.
+/// profile or give a finding, it learns nothing, and the result is `None`: the slow path does it. Nothing else is changed,
+/// and nothing is consumed.
 fn match_exchange(
     state: &mut BusState,
     functions: &Functions,

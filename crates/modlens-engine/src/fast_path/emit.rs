@@ -22,7 +22,8 @@ impl Session {
     /// The session then has the state in which the slow path would leave it: what the recording's words for a sender mean,
     /// pairing, the unit as known and paired, the request's statistics, and the next numbers (one transaction, two frames).
     /// `totals` counts the exchange. What is learned once for a whole run (statistics of the bus, last response) is left to
-    /// the caller, and so is the framer. Rows are made only of the tables that are wanted; a transaction row goes to `held`, as on the slow path.
+    /// the caller, and so is the framer. Rows are made only of the tables that are wanted; a transaction row goes to `held`,
+    /// as on the slow path.
     ///
     /// `wires`: the places of its bytes in the arena, where they are already or will be put. `pdus`: the places of the
     /// decoded PDUs, where the lines carry characters; else they are parts of the `wires`. Response times below

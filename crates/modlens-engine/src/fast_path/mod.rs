@@ -59,7 +59,11 @@ use crate::session::Session;
 use modlens_protocol::framing::Mode;
 
 impl Session {
-    /// Emits the exchanges at the heads of the lines of a bus, as long as each of them qualifies for the fast path.
+    /// Emits the exchanges at the heads of the lines of the bus with this index, as long as each of them qualifies for the
+    /// fast path. The caller goes on frame by frame behind them.
+    ///
+    /// Does nothing if the bus's clock went back, if a request is outstanding or anything else of an earlier frame is undecided,
+    /// or if the bus is neither a single RTU or ASCII line nor a TCP connection with a line for each side.
     pub(crate) fn emit_exchanges(&mut self, bus: usize) {
         let state = &self.buses[bus];
         if state.clock_jumped || !state.pairing.is_idle() || !state.lines.iter().all(|(_, line)| line.is_settled()) {

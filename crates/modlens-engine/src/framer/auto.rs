@@ -74,17 +74,20 @@ impl AutoFramer {
         Some(mode_by_valid_frames(functions, checked).unwrap_or_else(|| mode_by_appearance(functions, checked)))
     }
 
-    /// The frame of a record that proves another mode than the chosen one.
+    /// The row of a read that proves another mode than the chosen one. `None` unless it begins with the first unframed byte and
+    /// the framer of its mode takes exactly this read as one row; then the chosen framer goes on as with any other bytes.
+    ///
+    /// That framer is kept in `of_other_mode` for further reads. The chosen one skips the bytes of the row.
     fn next_of_other_mode(&mut self, input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {
         let read = input.read(0)?;
-        let mode = read.proven_framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
+        let other_mode = read.proven_framing.filter(|mode| self.chosen.as_ref().is_some_and(|framer| framer.mode() != *mode))?;
         let length = (read.end - input.offset()) as usize;
         if !input.starts_read(0) {
             return None;
         }
         let framer = match &mut self.of_other_mode {
-            Some(framer) if framer.mode() == mode => framer,
-            other => other.insert(FixedFramer::new(mode, self.line.as_ref(), self.rule)),
+            Some(framer) if framer.mode() == other_mode => framer,
+            unsuited => unsuited.insert(FixedFramer::new(other_mode, self.line.as_ref(), self.rule)),
         };
         framer.skip_to(input.offset());
         let result = framer.next(input, context, adu).filter(|result| result.length == length)?;

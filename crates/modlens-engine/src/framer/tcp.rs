@@ -97,7 +97,10 @@ impl TcpFramer {
         LengthCheck::Plausible
     }
 
-    /// Whether a frame begins at index `at`; `None` if more bytes are needed.
+    /// Whether a frame begins at index `at` of the input; `None` if more bytes are needed, which cannot be once it is closed.
+    ///
+    /// At the first byte a header is enough, except behind an edge (a record's start, a loss, a long silence) if the read does
+    /// not end with the announced frame. There, and at any later index, the whole frame has to be there and its layout fit.
     fn begins(input: &Input, context: &FramerContext<'_>, at: usize) -> Option<bool> {
         let bytes = &input.bytes()[at..];
         if bytes.len() < HEADER_BYTES {
@@ -158,7 +161,9 @@ impl TcpFramer {
         Some(Self::complete(input, context, adu, length, mbap_id))
     }
 
-    /// The row of a frame whose bytes have all come; `adu` has its unit and PDU.
+    /// The row of a frame of `length` bytes, which have all come; `adu` has its unit and PDU. It is `Ok` in any case: a layout
+    /// that does not fit, or a CRC of the RTU frame left behind the PDU, is a fault. Such a CRC is part of the row. The side of
+    /// the connection is the direction; without one, it is inferred, and the silence in front says nothing.
     fn complete(input: &Input, context: &FramerContext<'_>, adu: &[u8], length: usize, mbap_id: Option<u16>) -> FrameResult {
         let pdu = &adu[1..];
         let fits = layout_fits(context.functions, pdu);
