@@ -88,8 +88,8 @@ impl Input {
         Self { offset, first_read_start: offset, ..Self::default() }
     }
 
-    /// Whether a chunk can be appended without changing how the bytes before it are decided: it has no marks, and times of
-    /// the same kind.
+    /// Whether a chunk can be appended without changing how the bytes before it are decided: it has no marks, and times (or
+    /// none) like the reads so far. It must not be the first timed read of several bytes, nor have a time for each byte.
     pub fn is_uniform_with(&self, chunk: &Chunk<'_>) -> bool {
         let timed = matches!(chunk.times, Times::Read(_));
         let plain = !chunk.follows_loss
@@ -99,7 +99,11 @@ impl Input {
         plain && timed == self.has_times && (self.has_multibyte_reads || !timed || chunk.bytes.len() < 2)
     }
 
-    /// Appends the bytes of a chunk.
+    /// Appends the bytes of a chunk, with its marks and times; a chunk without bytes changes nothing, even if it has marks.
+    ///
+    /// The chunk becomes one read, or one for each byte that has a time of its own, with a last one for the bytes that lack
+    /// theirs. Its first read starts a record if the chunk does or if bytes were lost before it. What silence or the end of
+    /// the input had released is held back again, and `consumed_bytes` are gone.
     pub fn push(&mut self, chunk: &Chunk<'_>) {
         if chunk.bytes.is_empty() {
             return;
@@ -148,8 +152,8 @@ impl Input {
         }
     }
 
-    /// Appends a read. It is merged with the last one if the two differ in nothing, so that a file without times is one
-    /// long read, whatever the size of its blocks.
+    /// Appends a read. It is merged with the last one if neither has a time, it starts no record, and place, side and marks
+    /// are the same, so that a file without times is one long read, whatever the size of its blocks.
     fn push_read(&mut self, mut read: Read) {
         if let Some(last) = self.reads.back_mut() {
             let same = last.time == NO_TIME && read.time == NO_TIME && !read.starts_record && last.origin == read.origin;
@@ -183,7 +187,7 @@ impl Input {
         self.offset + (self.buffer.len() - self.head) as u64
     }
 
-    /// Time of the last byte.
+    /// Time of the last byte, framed or not. Where its read has no time, it is that of the last framed read that had one.
     pub fn last_byte_time(&self) -> Option<Ns> {
         self.reads.back().map(|read| read.time).filter(|&time| time != NO_TIME).or(self.time_before_reads)
     }
@@ -197,7 +201,8 @@ impl Input {
         self.longest_read_bytes.min(MAX_RTU_FRAME_BYTES) as Ns * self.char_ns.unwrap_or(0)
     }
 
-    /// Lets time advance to `now` without further bytes.
+    /// Lets time advance to `now` without further bytes: sets `is_paused` and `is_closed` where the silence since the last
+    /// byte is long enough. Without times it does nothing.
     pub fn advance_time(&mut self, now: Ns) {
         if let Some(silence) = self.last_byte_time().map(|last| now - last) {
             self.is_paused |= silence >= self.break_ns;
@@ -205,7 +210,8 @@ impl Input {
         }
     }
 
-    /// When silence releases something next.
+    /// When silence releases something next: when it sets `is_paused`, or after that `is_closed`. `None` without unframed
+    /// bytes, without times, or when all is released.
     pub fn deadline(&self) -> Option<Ns> {
         let is_waiting = !self.is_closed && !self.bytes().is_empty();
         let held_back = if self.is_paused { self.max_held_back_ns() } else { 0 };
@@ -217,7 +223,8 @@ impl Input {
         &self.buffer[self.head - length..self.head]
     }
 
-    /// Removes the first `length` bytes: they are framed.
+    /// Removes the first `length` bytes, which are framed, and the reads and marks that lie in front of the rest. The bytes
+    /// stay in the buffer until the next `push`.
     #[inline]
     pub fn consume(&mut self, length: usize) {
         self.head += length;
@@ -268,9 +275,10 @@ impl Input {
         self.reads.front()
     }
 
-    /// Whether a request of `request_bytes` and a response of `response_bytes` stand at the head, without marks, and in reads
-    /// that cannot change how they are decided: both in one read without times and side, or in a read each, the second one
-    /// less than `within` after the first.
+    /// Whether a request of `request_bytes` and a response of `response_bytes` stand at the head in reads that cannot change
+    /// how they are decided: both in one read without times and side (other bytes may follow in it), or exactly in a read
+    /// each, the second one less than `within` ns after the first, or both without times. Neither read may lack checksums or
+    /// prove another framing than `mode`, and the receiver must never have marked anything on this line.
     #[inline]
     pub fn holds_exchange(&self, mode: Mode, request_bytes: usize, response_bytes: usize, within: Ns) -> bool {
         let is_plain = |read: &Read| !read.lacks_checksum && read.proven_framing.is_none_or(|proven| proven == mode);
@@ -289,7 +297,8 @@ impl Input {
         first.end == request_end && self.first_read_start == self.offset && second.is_some_and(is_timely)
     }
 
-    /// If the first `length` bytes are exactly one read with a time and without marks: its time, and that of the next read.
+    /// If the first `length` bytes are exactly one read with a time, on a line without any marks: its time, and that of the
+    /// next read (`NO_TIME` if it has none), if there is one.
     pub fn whole_packet(&self, length: usize) -> Option<(Ns, Option<Ns>)> {
         let first = self.reads.front().filter(|_| !self.has_marks && self.first_read_start == self.offset)?;
         let is_whole = first.end == self.offset + length as u64 && !first.lacks_checksum && first.proven_framing.is_none();
@@ -308,8 +317,9 @@ impl Input {
         self.reads.iter().take(last).skip(1).map(|read| read.origin)
     }
 
-    /// When the byte had arrived, at the end of its stop bit. The time of a read is that of its last byte, from which the
-    /// others are counted back.
+    /// When the byte at this index of the unframed bytes had arrived, at the end of its stop bit. The time of a read is that
+    /// of its last byte, from which the others are counted back; all have the same time where the line settings are not
+    /// known.
     pub fn byte_time(&self, index: usize) -> Option<Ns> {
         let read = self.read(index)?;
         if read.time == NO_TIME {

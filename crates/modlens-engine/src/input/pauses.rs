@@ -4,9 +4,11 @@ use super::{Input, Read, NO_TIME};
 use modlens_protocol::Ns;
 
 impl Input {
-    /// The silence before the byte, if a read starts with it and both times are known.
+    /// The silence in ns before the byte at this index of the unframed bytes, if a read starts with it and the times of that
+    /// read and of the one before are known; else `None`, as for the first byte of all.
     ///
-    /// The time that the read's own bytes took on the line is subtracted, where the line settings are known.
+    /// The time that the read's own bytes took on the line is subtracted, where the line settings are known. It is negative
+    /// where the clock went back or the reads came closer together than that.
     pub fn pause_before(&self, index: usize) -> Option<Ns> {
         let i = self.read_index(index)?;
         let start = self.read_start(i);
@@ -18,8 +20,9 @@ impl Input {
         Some(read.time - previous - (read.end - start) as Ns * self.char_ns.unwrap_or(0))
     }
 
-    /// The time from the end of the byte in front of the stream offset `place` to the start of the byte at `index`. There
-    /// may be stray bytes between the two.
+    /// The time in ns from the end of the byte in front of the stream offset `place` to the start of the byte at `index`, an
+    /// index of the unframed bytes. There may be stray bytes between the two. `place` is not in front of the first unframed
+    /// byte. `None` if a time is missing; negative where the clock went back.
     pub fn silence_since(&self, place: u64, index: usize) -> Option<Ns> {
         let char_ns = self.char_ns.unwrap_or(0);
         let before = match (place - self.offset) as usize {
@@ -31,13 +34,15 @@ impl Input {
     }
 
     /// Whether no frame crosses the place before this byte: a record starts here, or a silence of `break_ns` ends here.
+    /// Behind the last byte, whether the input is closed.
     pub fn is_boundary(&self, index: usize) -> bool {
         let Some(i) = self.read_index(index) else { return self.is_closed };
         let ends_silence = || self.pause_before(index).is_some_and(|pause| pause >= self.break_ns);
         self.starts_read(index) && (self.reads[i].starts_record || ends_silence())
     }
 
-    /// The first index in `from + 1..=to` before which there is a silence of at least `least` or a record starts.
+    /// The first index in `from + 1..=to` before which there is a silence of at least `least` ns or a record starts. The end
+    /// of the bytes that have come is none: what follows there is not known.
     #[inline]
     pub fn boundary_after(&self, from: usize, to: usize, least: Ns) -> Option<usize> {
         let within = |read: &Read| read.end > self.offset + to as u64;
@@ -47,6 +52,7 @@ impl Input {
         self.later_boundary(from, to, least)
     }
 
+    /// `boundary_after`, where more than one read has to be looked at.
     fn later_boundary(&self, from: usize, to: usize, least: Ns) -> Option<usize> {
         let mut i = self.read_index(from)?;
         loop {
@@ -61,7 +67,8 @@ impl Input {
         }
     }
 
-    /// The longest silence inside `from..to`, between two reads.
+    /// The longest silence in ns between two reads inside the indices `from..to`; the one before `from` does not count.
+    /// `None` if there is none with known times.
     pub fn longest_pause(&self, from: usize, to: usize) -> Option<Ns> {
         let mut at = from;
         let mut longest = None;
@@ -75,7 +82,8 @@ impl Input {
         longest
     }
 
-    /// Counts the silences between the reads of the first `to` bytes: those longer than `least`, and all.
+    /// Counts the silences between the reads of the first `to` bytes, as far as their times are known: those longer than
+    /// `least` ns, and all.
     pub fn count_pauses(&self, to: usize, least: Ns) -> (usize, usize) {
         let (mut at, mut longer, mut all) = (0, 0, 0);
         while let Some(i) = self.read_index(at) {
@@ -97,7 +105,7 @@ impl Input {
         self.has_marks
     }
 
-    /// Whether the receiver marked a line error in `from..to`.
+    /// Whether the receiver marked a line error in `from..to`: on one of these bytes, or on a read as a whole that holds one.
     pub fn has_line_error(&self, from: usize, to: usize) -> bool {
         let Some(first) = self.read_index(from) else { return false };
         let last = self.read_index(to.saturating_sub(1)).unwrap_or(first);

@@ -29,9 +29,9 @@ impl DamagedRequest {
 
     /// Whether the damaged bytes may have been this intact request. Both are whole frames on the wire, checksum included.
     ///
-    /// Of equal length: at most three bits are flipped anywhere, or the first three bytes are intact and at least four times as
-    /// many bits were pulled to 0 as to 1, which is what a second sender does. Shorter: it was cut behind at least three intact
-    /// bytes, and nothing but a glitch of the line driver stands behind the cut. A longer one never was.
+    /// Of equal length: at most three bits are flipped anywhere, or the first three bytes are intact and at least four times
+    /// as many bits were pulled to 0 as to 1, which is what a second sender does. Shorter: it was cut behind at least three
+    /// intact bytes, and nothing but a glitch of the line driver stands behind the cut. A longer one never was.
     pub(super) fn may_have_been(&self, intact: &[u8]) -> bool {
         let damaged = &self.0;
         let intact_bytes = damaged.iter().zip(intact).take_while(|(is, was)| is == was).count();

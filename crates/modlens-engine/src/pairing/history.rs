@@ -114,8 +114,9 @@ pub(super) enum UnexpectedResponse {
 }
 
 impl History {
-    /// Remembers a closed request without a good response as one that the next request may repeat; if it `was_silent`, that is,
-    /// if there was no response at all, also as one that a late response may still answer (the last 16 of these are kept).
+    /// Remembers a closed request without a good response as one that the next request may repeat; if it `was_silent`, that
+    /// is, if there was no response at all, also as one that a late response may still answer (the last 16 of these are
+    /// kept).
     pub(super) fn add_unanswered(&mut self, transaction: &PendingTransaction, was_silent: bool) {
         let request = PastRequest::of(transaction);
         if was_silent {
@@ -193,8 +194,8 @@ impl History {
         self.retry_candidates.clear();
     }
 
-    /// Classifies a good response that no open request fits. `txn` is the number of its own transaction; `no_request_since`: no
-    /// request came since the last response.
+    /// Classifies a good response that no open request fits. `txn` is the number of its own transaction; `no_request_since`:
+    /// no request came since the last response.
     ///
     /// | the last response, if no request came since | an unanswered request that it fully answers | result |
     /// |--|--|--|
@@ -204,11 +205,11 @@ impl History {
     /// | another, or none | one | late |
     /// | another, or none | none | unexplained |
     ///
-    /// The third row: it may as well be the late response to the first request, which by chance has the same content. The longer
-    /// the response, the less likely that is. The unanswered request is the newest that fits; it must be at most four
-    /// transactions back, with no requests missing from the recording since. If the response is late, that request is forgotten,
-    /// as it has its response now. Duplicates (of the first two rows) and late responses (of the fourth) are counted, which makes
-    /// them more likely the next time.
+    /// The third row: it may as well be the late response to the first request, which by chance has the same content. The
+    /// longer the response, the less likely that is. The unanswered request is the newest that fits; it must be at most four
+    /// transactions back, with no requests missing from the recording since. If the response is late, that request is
+    /// forgotten, as it has its response now. Duplicates (of the first two rows) and late responses (of the fourth) are
+    /// counted, which makes them more likely the next time.
     pub(super) fn classify_unexpected(
         &mut self,
         functions: &Functions,

@@ -56,11 +56,12 @@ impl MasterEvidence {
         }
     }
 
-    /// Whether an overlap is by now certain to be the work of two masters. `timeout_excluded`: the clock shows that the master
-    /// had not given up yet.
+    /// Whether an overlap is by now certain to be the work of two masters. `timeout_excluded`: the clock shows that the
+    /// master had not given up yet.
     ///
-    /// Two overlaps of that kind prove all others, too. Without them, three overlaps of any kind prove those that the clock does
-    /// not exclude, if the master retries by habit: at least twice, and four times as often as it goes on to another request.
+    /// Two overlaps of that kind prove all others, too. Without them, three overlaps of any kind prove those that the clock
+    /// does not exclude, if the master retries by habit: at least twice, and four times as often as it goes on to another
+    /// request.
     fn is_proven(&self, timeout_excluded: bool) -> bool {
         let retries_by_habit = self.retries >= MIN_RETRIES && self.retries >= MIN_RETRIES_PER_SKIP * self.skips;
         let overlaps = self.timed_overlaps + self.untimed_overlaps;

@@ -23,14 +23,14 @@ impl Pairing {
         }
     }
 
-    /// Pairs a good response with the open request that it answers, or with the truncated request that waits, which then gets its
-    /// transaction. If it answers neither, it becomes a transaction by itself (`add_unrequested`). The truncated request
+    /// Pairs a good response with the open request that it answers, or with the truncated request that waits, which then gets
+    /// its transaction. If it answers neither, it becomes a transaction by itself (`add_unrequested`). The truncated request
     /// no longer waits in any case.
     ///
-    /// The transaction is taken out of the open ones and added to `done`, with the status `ok` or `exception`; that of a request
-    /// that arrived damaged stays `bad_request`. What is learned: the unit responds, unless the frame is unconfirmed or the
-    /// request damaged; the response time, or the skew of two lines; and, on a serial line, evidence of two masters. The
-    /// result has a finding if the response proves two masters or carries another transaction identifier.
+    /// The transaction is taken out of the open ones and added to `done`, with the status `ok` or `exception`; that of a
+    /// request that arrived damaged stays `bad_request`. What is learned: the unit responds, unless the frame is unconfirmed
+    /// or the request damaged; the response time, or the skew of two lines; and, on a serial line, evidence of two masters.
+    /// The result has a finding if the response proves two masters or carries another transaction identifier.
     pub(super) fn add_response(
         &mut self,
         functions: &Functions,
@@ -65,8 +65,8 @@ impl Pairing {
         result
     }
 
-    /// Sets the response time of a transaction, in ns, and learns from it; `None` where it cannot be measured. Of two lines whose
-    /// order is uncertain, the skew is learned, too, from times however coarse.
+    /// Sets the response time of a transaction, in ns, and learns from it; `None` where it cannot be measured. Of two lines
+    /// whose order is uncertain, the skew is learned, too, from times however coarse.
     fn learn_response_time(&mut self, transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>) {
         transaction.response_time = self.measurable_interval(transaction.request.end, frame.start, frame.clean_start);
         if let (false, Some((request_end, start))) = (self.is_wire_order, transaction.request.end.zip(frame.start)) {
@@ -78,8 +78,8 @@ impl Pairing {
         }
     }
 
-    /// Opens the truncated request, if there is one and this response comes from its unit and has its function; gives its index
-    /// among the open ones, 0, since all that were open before are closed. Else `None`, and nothing is changed.
+    /// Opens the truncated request, if there is one and this response comes from its unit and has its function; gives its
+    /// index among the open ones, 0, since all that were open before are closed. Else `None`, and nothing is changed.
     fn open_truncated_if_answered(
         &mut self,
         functions: &Functions,
@@ -97,9 +97,9 @@ impl Pairing {
         Some(0)
     }
 
-    /// Index of the oldest open request that the response answers, at least in unit and function. On a connection the transaction
-    /// identifier must be equal, too, unless none of the last requests has carried the response's. A request that has timed out
-    /// is not answered any more.
+    /// Index of the oldest open request that the response answers, at least in unit and function. On a connection the
+    /// transaction identifier must be equal, too, unless none of the last requests has carried the response's. A request that
+    /// has timed out is not answered any more.
     fn find_request(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<usize> {
         let fits = |transaction: &PendingTransaction| {
             let request = RequestRef { unit: transaction.unit, pdu: transaction.request.pdu() };
@@ -113,11 +113,11 @@ impl Pairing {
         by_id.or_else(|| if is_foreign_id() { self.open.iter().position(|transaction| fits(transaction)) } else { None })
     }
 
-    /// Counts the overlap of this answered transaction with another, once both are answered, as evidence of two masters. It may
-    /// be the earlier of the two, whose `overlap` names the later one, or the later one. If the earlier one is answered first,
-    /// the overlap waits in `half_answered_overlap`. Overlaps that are proven by now get their finding: on this frame, if it
-    /// belongs to one of the two transactions (and none if it has another one already); else a delayed one, on the earlier
-    /// response.
+    /// Counts the overlap of this answered transaction with another, once both are answered, as evidence of two masters. It
+    /// may be the earlier of the two, whose `overlap` names the later one, or the later one. If the earlier one is answered
+    /// first, the overlap waits in `half_answered_overlap`. Overlaps that are proven by now get their finding: on this frame,
+    /// if it belongs to one of the two transactions (and none if it has another one already); else a delayed one, on the
+    /// earlier response.
     fn record_overlap(&mut self, transaction: &mut PendingTransaction, frame: &ObservedFrame<'_>, result: &mut PairingResult) {
         if let Some(later) = transaction.overlap {
             let (txn, unit) = (transaction.txn, transaction.unit);
@@ -140,15 +140,15 @@ impl Pairing {
         }
     }
 
-    /// The time in ns from the end of a request to the start of its response. `None` without a clock, if the start is not exact,
-    /// or if it is less than two steps of the clock, or negative.
+    /// The time in ns from the end of a request to the start of its response. `None` without a clock, if the start is not
+    /// exact, or if it is less than two steps of the clock, or negative.
     pub fn measurable_interval(&self, end: Option<Ns>, start: Option<Ns>, is_exact: bool) -> Option<Ns> {
         let time = start? - end?;
         (is_exact && time >= 2 * self.resolution && time >= 0).then_some(time)
     }
 
-    /// Pairs a good response that no open request fits: it becomes a transaction of status `unsolicited`, with the next number,
-    /// and its finding says why it came. Tried in this order:
+    /// Pairs a good response that no open request fits: it becomes a transaction of status `unsolicited`, with the next
+    /// number, and its finding says why it came. Tried in this order:
     ///
     /// 1. late, or a duplicate, as the past explains it;
     /// 2. the right response to the last open request but for its unit: the transaction waits in `unit_mismatch` for the next
@@ -156,8 +156,8 @@ impl Pairing {
     /// 3. another function than that open request to the same unit;
     /// 4. unsolicited. If nothing at all explains it, requests are missing from the recording before it, which history is told.
     ///
-    /// Where frames may not be in the order of the wire, an unexplained one is kept as the early response if none is: its request
-    /// may only be seen later. No open request is closed or changed, but for one that this is the late response to.
+    /// Where frames may not be in the order of the wire, an unexplained one is kept as the early response if none is: its
+    /// request may only be seen later. No open request is closed or changed, but for one that this is the late response to.
     fn add_unrequested(
         &mut self,
         functions: &Functions,
@@ -205,10 +205,11 @@ impl Pairing {
         result
     }
 
-    /// Why a response came that no open request fits, as far as the past explains it. `txn` is the number of its own transaction.
+    /// Why a response came that no open request fits, as far as the past explains it. `txn` is the number of its own
+    /// transaction.
     ///
-    /// A request that is still open though it has timed out comes first; it stays open, marked as having had its late response.
-    /// Behind a damaged request nothing is decided. Else the closed transactions are asked (`classify_unexpected`).
+    /// A request that is still open though it has timed out comes first; it stays open, marked as having had its late
+    /// response. Behind a damaged request nothing is decided. Else the closed transactions are asked (`classify_unexpected`).
     fn explain_unrequested(&mut self, functions: &Functions, frame: &ObservedFrame<'_>, txn: u64) -> Explanation {
         let is_late_for = |old: &PendingTransaction| {
             let request = RequestRef { unit: old.unit, pdu: old.request.pdu() };
@@ -232,8 +233,9 @@ impl Pairing {
         }
     }
 
-    /// The transaction of the last open request that this response would fully answer, had it come from the unit asked. `None` on
-    /// a connection, and if that request is to the same unit, arrived damaged, has its response (a damaged one), or wants none.
+    /// The transaction of the last open request that this response would fully answer, had it come from the unit asked.
+    /// `None` on a connection, and if that request is to the same unit, arrived damaged, has its response (a damaged one), or
+    /// wants none.
     fn find_request_to_other_unit(&self, functions: &Functions, frame: &ObservedFrame<'_>) -> Option<u64> {
         let open = self.open.back().filter(|open| open.unit != frame.unit() && frame.mode != Mode::Tcp)?;
         let waits = open.status != Status::BadRequest && !open.response.is_present() && !open.expects_no_response;
@@ -242,12 +244,12 @@ impl Pairing {
         fits.then_some(open.txn)
     }
 
-    /// Decides whether the response that waits in `unit_mismatch` was meant for the open request, now that `next` has come, or
-    /// `None` where something else than a good request ends the wait. Its transaction is added to `done` either way. Without one
-    /// that waits, nothing happens.
+    /// Decides whether the response that waits in `unit_mismatch` was meant for the open request, now that `next` has come,
+    /// or `None` where something else than a good request ends the wait. Its transaction is added to `done` either way.
+    /// Without one that waits, nothing happens.
     ///
-    /// It came from the wrong unit if its request is still open and has timed out or is sent again, or if the next request came
-    /// no sooner than a master gives up. That becomes a delayed finding. Else requests are missing before it.
+    /// It came from the wrong unit if its request is still open and has timed out or is sent again, or if the next request
+    /// came no sooner than a master gives up. That becomes a delayed finding. Else requests are missing before it.
     ///
     /// A master that drops the response waits for its time-out, and most retry then. If the next request comes sooner, the
     /// master was content: the tap has missed the right response, and the request of the one that seemed wrong.
@@ -268,9 +270,9 @@ impl Pairing {
 
     /// Pairs a damaged frame: with the last open request, if it may be its response, else as a damaged request.
     ///
-    /// It may be the response if that request has neither timed out nor a response yet, and the frame has its unit and function,
-    /// or at least is not taken for a request. The request stays open, so that its status, `bad_response`, is set when it is
-    /// closed; the frame's findings become the transaction's.
+    /// It may be the response if that request has neither timed out nor a response yet, and the frame has its unit and
+    /// function, or at least is not taken for a request. The request stays open, so that its status, `bad_response`, is set
+    /// when it is closed; the frame's findings become the transaction's.
     pub(super) fn add_damaged(
         &mut self,
         functions: &Functions,

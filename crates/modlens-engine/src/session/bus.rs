@@ -161,8 +161,8 @@ impl BusState {
         (0..self.lines.len()).map(|at| self.resolution(at)).max().unwrap_or(0)
     }
 
-    /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided. Asked in
-    /// recordings only, before the chunk is added.
+    /// Whether a chunk may be added to bytes that are not decided yet, because it does not change how they are decided. Asked
+    /// in recordings only, before the chunk is added.
     ///
     /// No line may see a change of marks or of the kind of times. Without a time the bus may have line 0 only.
     pub(crate) fn may_wait(&self, chunk: &Chunk<'_>) -> bool {
@@ -183,9 +183,10 @@ impl BusState {
         }
     }
 
-    /// The parameters from which the times of the next frame of line `at` are computed. On this occasion pairing gets the finest
-    /// step of that line's clock, the step that was learned, and whether frames come in the order of the wire: not if one of
-    /// several lines has reads of several bytes, which an adapter may have held back. What is learned changes with every frame.
+    /// The parameters from which the times of the next frame of line `at` are computed. On this occasion pairing gets the
+    /// finest step of that line's clock, the step that was learned, and whether frames come in the order of the wire: not if
+    /// one of several lines has reads of several bytes, which an adapter may have held back. What is learned changes with
+    /// every frame.
     pub(crate) fn timing_config(&mut self, at: usize) -> TimingConfig {
         let resolution = self.resolution(at);
         let has_several_lines = self.lines.len() > 1;
@@ -218,9 +219,9 @@ impl BusState {
         }
     }
 
-    /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed: while the
-    /// survey is open, while it is not known which line is next, or as long as that line's framer decides nothing. The bytes of
-    /// the frame are left in the input.
+    /// The next frame and the index of its line; `adu` gets its unit and PDU. `None` if more bytes or time are needed: while
+    /// the survey is open, while it is not known which line is next, or as long as that line's framer decides nothing. The
+    /// bytes of the frame are left in the input.
     ///
     /// Of two lines, the frame that was on the wire first is returned first: by inferred order if no clock tells it, else by
     /// `turn`. The framer looks ahead in recordings only. What it has learned of the framing may change the silence that ends
@@ -280,8 +281,8 @@ impl BusState {
         Some((at, self.lines[at].1.pop_unmerged(adu)?))
     }
 
-    /// Frames the bytes of all lines in turn, until none yields a further frame. No outstanding request and no silence is given
-    /// as evidence, as pairing has not seen these frames yet and there is no clock.
+    /// Frames the bytes of all lines in turn, until none yields a further frame. No outstanding request and no silence is
+    /// given as evidence, as pairing has not seen these frames yet and there is no clock.
     fn frame_unmerged(&mut self, functions: &Functions, live: bool) {
         let mut at = 0;
         let mut lines_without_frame = 0;

@@ -37,7 +37,9 @@ impl Session {
         self.captures.len() - 1
     }
 
-    /// Takes a block of a capture, cut anywhere; `last` ends the capture.
+    /// Takes a block of a capture, cut anywhere; `last` ends the capture: what its reader and the import of our own files
+    /// still hold is handed over. Its buses are not flushed; `flush` does that. No bytes are left for the fast path to decide
+    /// later.
     pub fn feed_capture(&mut self, capture: usize, block: &[u8], last: bool) {
         let Some(mut state) = self.captures[capture].take() else { return };
         let mut reader = std::mem::take(&mut state.reader);
@@ -63,10 +65,14 @@ impl Session {
         })
     }
 
-    /// Handles one event of the capture's reader.
+    /// Handles one event of the capture's reader. `state` is that of the capture; `slot` is the place of a connection in the
+    /// reader's table, which the next connection may take once it is closed. Events of a slot without bus are ignored.
     ///
     /// Further bytes of the same connection may be decided together with those before them (`feed_later`). Any other event
-    /// would change how these are decided, so they are decided first.
+    /// would change how these are decided, so they are decided first; so would bytes behind a gap, or where the server's side
+    /// begins or ceases to be recorded. A time says nothing about them and only teaches the clock.
+    ///
+    /// The end of a connection flushes its bus, which a later connection takes once no row names it any more.
     fn handle_event(&mut self, state: &mut CaptureState, event: Event<'_>) {
         if !matches!(event, Event::Time(..) | Event::Bytes { .. }) {
             self.decide_waiting();
@@ -108,8 +114,10 @@ impl Session {
         }
     }
 
-    /// Learns the clock of a capture from the time of a packet. The recording begins with the first packet, unless modlens
-    /// wrote the capture: then the metadata of the port say when it began.
+    /// Learns the clock of a capture from the time of a packet, in ns. The first packet that tells it decides its kind: as
+    /// the metadata of the port say if modlens wrote the capture, else by whether the time is a date. Its step is the
+    /// coarsest of all interfaces so far. The recording begins with the first packet, unless modlens wrote the capture: then
+    /// the metadata say when it began.
     fn note_time(&mut self, state: &mut CaptureState, time: Ns, interface: &Interface) {
         if state.clock == Clock::None {
             let by_time = if time < MIN_DATE_NS { Clock::Relative } else { Clock::Utc };
@@ -121,7 +129,9 @@ impl Session {
         }
     }
 
-    /// Adds the bus of a connection, if possible in place of that of a closed one.
+    /// Adds the bus of a connection, if possible in place of that of a closed one, whose state is then dropped, and puts it
+    /// into the `slot` of the reader's table. The bus is named after the server, and counted together with its other
+    /// connections.
     fn add_connection(&mut self, state: &mut CaptureState, slot: usize, client: Endpoint, server: Endpoint, mode: Mode) {
         self.connections += 1;
         let server = server.to_string();
@@ -154,7 +164,8 @@ impl Session {
         state.slots[slot] = Some(bus);
     }
 
-    /// Feeds bytes of a connection, in order.
+    /// Feeds bytes of a connection, in order. `missing` bytes in front of them are a finding on the connection; they may have
+    /// held the responses to the open requests, so that their silence proves nothing, but these stay open.
     fn feed_stream(&mut self, bus: usize, from_client: bool, received: &StreamChunk<'_>, is_whole_message: bool) {
         if received.missing > 0 {
             self.buses[bus].pairing.note_missing_bytes();
@@ -193,7 +204,8 @@ impl Session {
         self.feed(bus, &chunk);
     }
 
-    /// The bus of a serial interface, which is added if it is new.
+    /// The bus of the serial interface of this `index` in the capture. If the interface is new, it is that of its port in a
+    /// raw recording of modlens (`recorded_bus`), or one that is added, named after the interface or else after the file.
     fn serial_bus(&mut self, state: &mut CaptureState, index: usize, interface: &Interface) -> usize {
         if state.lines.len() <= index {
             state.lines.resize(index + 1, None);
@@ -224,8 +236,9 @@ impl Session {
         self.add_bus(BusOptions { bus, mode: state.options.mode, line, resolution: None, rule: state.options.rule })
     }
 
-    /// The bus of a port in a raw recording. The two lines of a bus are two ports with one bus, and a recording of several
-    /// files goes on with the same bus; where a file is missing between, the bus is flushed.
+    /// The bus of a port in a raw recording, which is added if no port of that session and bus has been read. The two lines
+    /// of a bus are two ports with one bus, and a recording of several files goes on with the same bus; where a file is
+    /// missing between, the bus is flushed. The user's line settings win over those of the port.
     fn recorded_bus(&mut self, state: &CaptureState, port: &PortMetadata, segment: &RecordingSegment) -> usize {
         let line = state.options.line.or(port.settings);
         let known = self.recorded.iter_mut().find(|(of, _)| of.session == segment.session && of.bus == segment.bus);
@@ -244,7 +257,8 @@ impl Session {
         bus
     }
 
-    /// Emits a finding that is about a connection, not about one of its frames.
+    /// Emits a finding that is about a connection, not about one of its frames; it is placed at the packet, `time` in ns. It
+    /// is counted in any case, but gets a row only if findings are wanted.
     fn emit_connection_finding(&mut self, bus: usize, (finding, detail): (Finding, String), packet: u64, time: Option<Ns>) {
         self.stats.finding(finding);
         if self.wanted.findings {
@@ -264,7 +278,8 @@ impl Session {
         }
     }
 
-    /// Frees the buses of closed connections that no row in `held` names.
+    /// Frees the buses of closed connections that no row in `held` names, so that further connections may take them. Called by
+    /// `take`, which has emptied the batch: no other row can name them.
     pub(super) fn release_buses(&mut self) {
         if self.retired.is_empty() {
             return;

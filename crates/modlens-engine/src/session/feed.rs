@@ -15,12 +15,12 @@ impl Session {
         self.decide(bus, time);
     }
 
-    /// Takes bytes of one line of a bus, but in a recording may leave them undecided until `decide_waiting` is called: the fast
-    /// path wants the records of a request and of its response together. At most one bus has undecided bytes, so those of
-    /// another bus are decided first.
+    /// Takes bytes of one line of a bus, but in a recording may leave them undecided until `decide_waiting` is called: the
+    /// fast path wants the records of a request and of its response together. At most one bus has undecided bytes, so those
+    /// of another bus are decided first.
     ///
-    /// In a live session, and where the chunk would change how the bytes before it are decided (`may_wait`), these are decided
-    /// first, and then those of the chunk at once.
+    /// In a live session, and where the chunk would change how the bytes before it are decided (`may_wait`), these are
+    /// decided first, and then those of the chunk at once.
     pub(super) fn feed_later(&mut self, bus: usize, chunk: &Chunk<'_>) {
         if self.waiting.is_some_and(|waiting| waiting != bus) {
             self.decide_waiting();
@@ -49,12 +49,12 @@ impl Session {
         }
     }
 
-    /// Appends the bytes of a chunk to the input of its line, which is added if it is new, and notes the time of the chunk, which
-    /// it gives back: that of its last byte, or `None` without a clock. Frames in these bytes are not decided here.
+    /// Appends the bytes of a chunk to the input of its line, which is added if it is new, and notes the time of the chunk,
+    /// which it gives back: that of its last byte, or `None` without a clock. Frames in these bytes are not decided here.
     ///
-    /// What lies before the chunk may be decided: all that is open on a serial bus if the tap was away, and, in a live session,
-    /// everything on all buses that time alone decides up to just before the chunk. The first chunk with a time sets the
-    /// beginning of the recording, unless the source has.
+    /// What lies before the chunk may be decided: all that is open on a serial bus if the tap was away, and, in a live
+    /// session, everything on all buses that time alone decides up to just before the chunk. The first chunk with a time sets
+    /// the beginning of the recording, unless the source has.
     fn buffer_chunk(&mut self, bus: usize, chunk: &Chunk<'_>) -> Option<Ns> {
         let time = chunk.time();
         // A hole on a serial line means that the tap was away: no response to an open request will come. A connection goes
@@ -132,8 +132,8 @@ impl Session {
         }
     }
 
-    /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on. All bytes
-    /// become frames or noise, and all open requests are closed. The bus goes on as usual if further bytes are fed.
+    /// Decides everything that is still open on one bus: its recording ends, or a part of it is missing from here on. All
+    /// bytes become frames or noise, and all open requests are closed. The bus goes on as usual if further bytes are fed.
     pub fn flush_bus(&mut self, bus: usize) {
         for (_, line) in &mut self.buses[bus].lines {
             (line.input.is_closed, line.input.is_ended) = (true, true);
@@ -143,10 +143,11 @@ impl Session {
         self.emit_transactions(bus);
     }
 
-    /// Lets the requests of a bus time out up to `now`. Bytes that are not framed yet may be a response, so time advances only
-    /// up to the first of them.
+    /// Lets the requests of a bus time out up to `now`. Bytes that are not framed yet may be a response, so time advances
+    /// only up to the first of them.
     ///
-    /// Only in a live session does a time-out close a transaction, which is emitted here; in a recording the request is marked.
+    /// Only in a live session does a time-out close a transaction, which is emitted here; in a recording the request is
+    /// marked.
     fn advance_pairing(&mut self, bus: usize, now: Ns) {
         let state = &mut self.buses[bus];
         let unframed_since = state.lines.iter().filter_map(|(_, line)| line.input.byte_time(0)).min();

@@ -17,8 +17,8 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
 impl Session {
-    /// Emits the next frame (or noise) of a line, the first `framed.length` bytes of its input. `at` is the index of the line in
-    /// the bus, `adu` the frame's unit and PDU, without checksum.
+    /// Emits the next frame (or noise) of a line, the first `framed.length` bytes of its input. `at` is the index of the line
+    /// in the bus, `adu` the frame's unit and PDU, without checksum.
     ///
     /// In this order: its times are computed; it is checked by itself, and pairing gets the codes of what was found; open
     /// requests time out up to its start; it is paired, which may add one more finding; its findings and its row are written,

@@ -18,7 +18,9 @@ impl Session {
         self.logics.len() - 1
     }
 
-    /// Takes a block of samples, cut anywhere; `last` ends the recording. The bus is added once its lines are detected.
+    /// Takes a block of samples, cut anywhere; `last` ends the recording. The bus is added once its lines are detected, with
+    /// the settings of the first of them and the duration of a sample as the step of its clock. Without any line there is no
+    /// bus, and nothing is emitted. The recording begins at time 0, its first sample.
     pub fn feed_logic(&mut self, logic: usize, block: &[u8], last: bool) {
         let Some(mut state) = self.logics[logic].take() else { return };
         let functions = Arc::clone(&self.functions);
@@ -51,7 +53,8 @@ impl Session {
         Some((state.analyser.lines().unwrap_or(&[]), state.analyser.copies()))
     }
 
-    /// Feeds the characters in runs of one line, all with or all without a line error.
+    /// Feeds the characters, each with its own time, in runs of one line, all with or all without a line error. A line's
+    /// number is its index plus one, or 0 if it is the only one.
     fn feed_characters(&mut self, bus: usize, has_several_lines: bool, analyser: &Analyser, characters: &[(usize, Character)]) {
         let (mut bytes, mut times): (Vec<u8>, Vec<Ns>) = (Vec::new(), Vec::new());
         for run in characters.chunk_by(|a, b| (a.0, a.1.has_error()) == (b.0, b.1.has_error())) {

@@ -46,7 +46,10 @@ impl Profiles {
     }
 
     /// The profile of the transaction's unit, after it has learned from this transaction: scale factors, and `SunSpec`
-    /// models. If values or function contradict the profile, a finding is added to `found`.
+    /// models. If values or function contradict the profile, a finding is added to `found`. `None` if the unit has no profile.
+    ///
+    /// Only registers that were read with success (status `ok`) teach anything. A unit without profile gets one if they are
+    /// holding registers that begin or continue its `SunSpec` models. The order of bytes is checked until that is done.
     pub(super) fn apply(
         &mut self,
         functions: &Functions,
@@ -86,7 +89,10 @@ impl Profiles {
         self.by_unit.is_empty() || self.learn_block(functions, request, block)
     }
 
-    /// The part of `learn_quietly` for buses with profiles: learns scale factors and the order of bytes from the block.
+    /// The part of `learn_quietly` for buses with profiles; it gives the same answer. A unit without profile, or a block of
+    /// bits, changes nothing: `true`. `false`, with nothing learned, if the unit has `SunSpec` models, if the profile does
+    /// not list the function or the table has no address space for it, if a scale factor would change, or if the check of the
+    /// order of bytes has not begun or could be decided with this block. Else the block is added to the check of that order.
     fn learn_block(&mut self, functions: &Functions, request: &[u8], block: Option<&[u8]>) -> bool {
         let [unit, code, high, low, ..] = *request else { return false };
         let Some(instance) = &self.by_unit[usize::from(unit)] else { return !self.sunspec_chains.contains_key(&unit) };
@@ -116,7 +122,8 @@ impl Profiles {
         self.order_checks.resize_with(256, OrderCheck::default);
     }
 
-    /// Looks for `SunSpec` models in a block of registers; `None` if the unit has no profile by then.
+    /// Looks for `SunSpec` models in a block of holding registers: `bytes`, from the address `first` on. `None` if the unit
+    /// has no profile by then. Without the marker, blocks of a unit that has not shown it before are passed over.
     ///
     /// A device begins its models with a marker in a fixed register, and each model gives the length to the next one. What
     /// has been read of them so far is compiled to a profile, again whenever a further model is found.
@@ -137,7 +144,8 @@ impl Profiles {
     }
 }
 
-/// The block of registers that a transaction has read: address space, first address, and the bytes.
+/// The block of registers that a transaction has read: address space, first address, and the bytes. `None` if its function is
+/// unknown or does not read, if it reads bits, or if request or response are too short.
 fn registers_read<'t>(functions: &Functions, transaction: &'t PendingTransaction) -> Option<(Space, u16, &'t [u8])> {
     let body = transaction.request.pdu().get(1..)?;
     let row = functions.row(transaction.function, body)?;

@@ -31,6 +31,7 @@ fn finding_codes(text: &str) -> Vec<Finding> {
 }
 
 /// The finding and its detail in a comment `severity code: title: detail`, as `capture::annotations` of the writers writes it.
+/// `None` for any other comment. The detail is empty where the comment has none.
 fn finding_in(comment: &str) -> Option<(Finding, String)> {
     let (head, rest) = comment.split_once(": ")?;
     let (severity, code) = head.split_once(' ')?;
@@ -41,7 +42,12 @@ fn finding_in(comment: &str) -> Option<(Finding, String)> {
 }
 
 impl Session {
-    /// Imports a packet with our metadata: a frame, and the transactions that are complete with it.
+    /// Imports a packet with our metadata: one frame, and the transactions that are complete with it. `packet` is its number,
+    /// `time` its time in ns.
+    ///
+    /// The comments of the packet hold findings with their details. Those that the metadata of the frame name are emitted at
+    /// once as findings on the frame; the others wait with it for its transaction. The beginning of the recording is taken
+    /// from the metadata, unless it is known. Packets of an interface that modlens did not write are ignored.
     pub(super) fn reimport_packet(
         &mut self,
         reimport: &mut ReimportState,
@@ -77,7 +83,8 @@ impl Session {
         }
     }
 
-    /// The bus of a packet, which is added if it is new.
+    /// The index of the bus of a packet, which is added if it is new: one for each port, or, on connections, for each server
+    /// and number of the connection. `text` is the metadata of the frame.
     fn reimport_bus(
         &mut self,
         reimport: &mut ReimportState,
@@ -103,7 +110,11 @@ impl Session {
         bus
     }
 
-    /// The row of a frame, from its bytes and metadata. It is counted in the statistics.
+    /// The row of a frame, from its bytes and metadata. It is counted in the statistics, but not yet added to the batch; only
+    /// its bytes and findings are. Frames get the numbers in the file, counted on from those given before it.
+    ///
+    /// Unit and function of a good frame are read from its bytes, those of a damaged one from the metadata, since its bytes
+    /// do not tell them. `line_number` is the line of a serial interface; on a connection the direction gives the line.
     fn reimport_frame(
         &mut self,
         reimport: &ReimportState,
@@ -174,7 +185,8 @@ impl Session {
         }
     }
 
-    /// Emits a finding on a frame that belongs to no transaction, or on the frame itself.
+    /// Emits a finding on the frame itself, or any finding on a frame that belongs to no transaction. It is counted in any
+    /// case, but gets a row only if findings are wanted.
     fn emit_frame_finding(&mut self, frame: &Frame, (finding, detail): (Finding, String)) {
         self.stats.finding(finding);
         if self.wanted.findings {
@@ -192,7 +204,9 @@ impl Session {
         }
     }
 
-    /// Keeps a frame until its transaction is read.
+    /// Keeps a frame until its transaction is read, with the findings that are not on the frame itself. Those on a frame
+    /// without transaction are emitted at once. If too many wait, the one with the smallest number is dropped; its
+    /// transaction will lack this half.
     fn wait_for_transaction(
         &mut self,
         reimport: &mut ReimportState,
@@ -223,7 +237,11 @@ impl Session {
         }
     }
 
-    /// Emits a transaction with the frames that it names, as far as they are in the file.
+    /// Emits a transaction with the frames that it names, as far as they wait in `reimport`. `text` is its metadata.
+    ///
+    /// A transaction of which no frame waits is left out, and so is one with an unknown status. The findings that waited with
+    /// its frames become those of the transaction if its metadata name them; the others showed only after the frame's row was
+    /// written, and are emitted as such. Other frames of this transaction, such as an echo, stop waiting.
     fn reimport_transaction(&mut self, reimport: &mut ReimportState, text: &str) {
         let txn = reimport.txns_before + number(text, "transaction").unwrap_or(0);
         let mut half = |key: &str| {
@@ -293,7 +311,9 @@ impl Session {
         }
     }
 
-    /// Ends the import of a file. Transactions of which only frames were read were open when the file was written.
+    /// Ends the import of a file. Transactions of which only frames were read were open when the file was written: each is
+    /// emitted with its first frame only, as `unsolicited` if that is a response and else as `not_observed`. The findings
+    /// that waited with its frames are dropped.
     pub(super) fn end_reimport(&mut self, reimport: &mut ReimportState) {
         while let Some((_, first)) = reimport.waiting.pop_first() {
             reimport.waiting.retain(|_, other| other.txn != first.txn);

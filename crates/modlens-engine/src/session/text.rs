@@ -15,6 +15,10 @@ impl Session {
     }
 
     /// Takes text of a recording, cut anywhere; `last` ends the last line. Without `open_text` before, it is ignored.
+    ///
+    /// Each record that the reader completes is fed to the bus of its device. The step of that bus's clock is that of the
+    /// time stamps, as far as the reader has seen it, unless the source has stated a step. A change of clock or step has what
+    /// was fed before decided first. At the end nothing is left undecided but what the framer holds back itself.
     pub fn feed_text(&mut self, bus: usize, data: &[u8], last: bool) {
         let Some(mut reader) = self.buses[bus].reader.take() else { return };
         reader.push(data);
@@ -38,7 +42,8 @@ impl Session {
         self.buses[bus].reader = Some(reader);
     }
 
-    /// Decides what the reader and the framer hold back for text that may follow, because none has come for a while.
+    /// Decides what the reader and the framer hold back for text that may follow, because none has come for a while: on the
+    /// bus of the recording and on those of its devices. Time does not advance.
     pub fn settle_text(&mut self, bus: usize) {
         if let Some(reader) = &mut self.buses[bus].reader {
             reader.settle();
@@ -59,6 +64,7 @@ impl Session {
         row.clock == entry.clock && row.place == Place::Line
     }
 
+    /// Feeds one record with its bytes to a bus, which first gets the clock of the record if it has another.
     fn feed_entry(&mut self, bus: usize, entry: &LogEntry, bytes: &[u8]) {
         if !self.has_clock_of(bus, entry) {
             self.describe_bus(bus, entry.clock, Place::Line);
@@ -78,8 +84,9 @@ impl Session {
         self.feed_later(bus, &chunk);
     }
 
-    /// The bus of the device that a record names. The first device takes the recording's own bus, if that has no bytes yet;
-    /// every further one gets a bus of its own.
+    /// The index of the bus of the device that a record names; that of the recording, `bus`, for a record without device. The
+    /// first device takes the recording's own bus, which is renamed, if that has no bytes yet; every further one gets a bus
+    /// of its own with the same options. What `sent` means is taken over from the recording's bus as it is known then.
     fn device_bus(&mut self, bus: usize, entry: &LogEntry, reader: &Reader) -> usize {
         if entry.key == 0 {
             return bus;

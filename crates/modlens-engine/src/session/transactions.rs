@@ -13,16 +13,16 @@ use modlens_protocol::status::Status;
 impl Session {
     /// Emits the transactions in `self.done`, all of which are of this bus, and the delayed findings of its pairing.
     ///
-    /// For each transaction: times below twice the coarsest clock step of the bus become `None`; its findings are completed and
-    /// emitted; its unit counts as paired if a response that is not unconfirmed answered it; it is counted; and it gets a row,
-    /// if transactions are wanted. `self.done` is empty afterwards, and pairing has the buffers back.
+    /// For each transaction: times below twice the coarsest clock step of the bus become `None`; its findings are completed
+    /// and emitted; its unit counts as paired if a response that is not unconfirmed answered it; it is counted; and it gets a
+    /// row, if transactions are wanted. `self.done` is empty afterwards, and pairing has the buffers back.
     pub(super) fn emit_transactions(&mut self, bus: usize) {
         self.emit_delayed_findings(bus);
         let mut done = std::mem::take(&mut self.done);
         let min_measurable_ns = 2 * self.buses[bus].coarsest_resolution();
         for mut transaction in done.drain(..) {
-            // Null rather than a guess, where the clock is too coarse. Times that are read back are kept: their bus has no lines
-            // here and thus no step.
+            // Null rather than a guess, where the clock is too coarse. Times that are read back are kept: their bus has no
+            // lines here and thus no step.
             for time in [&mut transaction.response_time, &mut transaction.waited, &mut transaction.late_response] {
                 *time = time.filter(|&ns| ns >= min_measurable_ns);
             }
@@ -40,8 +40,8 @@ impl Session {
         self.done = done;
     }
 
-    /// Emits findings that have shown only now, on frames whose rows are already written. They are counted in any case, but get
-    /// a row only if findings are wanted. Neither the row of the frame nor that of its transaction is changed.
+    /// Emits findings that have shown only now, on frames whose rows are already written. They are counted in any case, but
+    /// get a row only if findings are wanted. Neither the row of the frame nor that of its transaction is changed.
     fn emit_delayed_findings(&mut self, bus: usize) {
         for delayed in self.buses[bus].pairing.delayed_findings.drain(..) {
             self.stats.finding(delayed.finding);
@@ -62,8 +62,9 @@ impl Session {
         }
     }
 
-    /// Fills `self.found` with the findings on a transaction that get a row now; those on its frames have theirs already. Gives
-    /// the profile of its unit as it is after it has learned from this transaction, or `None` if the unit has no profile.
+    /// Fills `self.found` with the findings on a transaction that get a row now; those on its frames have theirs already.
+    /// Gives the profile of its unit as it is after it has learned from this transaction, or `None` if the unit has no
+    /// profile.
     ///
     /// `imported_findings`, which only a transaction that is read back has, come first; the checks of `findings::transaction`
     /// add little to them. What the profile finds is dropped for such a transaction if the file has all of it: it would be
@@ -109,11 +110,12 @@ impl Session {
         }
     }
 
-    /// Adds the row of a transaction to `held`, from which `take` gives it out: at once in a live session; in a recording once
-    /// no older transaction is open, since a file is in the order of the requests.
+    /// Adds the row of a transaction to `held`, from which `take` gives it out: at once in a live session; in a recording
+    /// once no older transaction is open, since a file is in the order of the requests.
     ///
-    /// `points` is the profile of the unit at this moment. Bytes and findings of the transaction are copied to the batch, so that
-    /// its buffers can be used again. The row's time is that of the request, or of the response where there is no request.
+    /// `points` is the profile of the unit at this moment. Bytes and findings of the transaction are copied to the batch, so
+    /// that its buffers can be used again. The row's time is that of the request, or of the response where there is no
+    /// request.
     fn emit_row(&mut self, bus: usize, transaction: &PendingTransaction, points: Option<Arc<PlanInstance>>) {
         let start = transaction.request.start.or(transaction.response.start);
         self.held.push(Transaction {

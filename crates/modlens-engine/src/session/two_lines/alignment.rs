@@ -55,7 +55,10 @@ enum Step {
 }
 
 /// The order of the next frames: for each, the index of its line (0 or 1). With `is_complete` nothing follows the frames
-/// given, so that all of them are ordered.
+/// given, so that all of them are ordered; else the first half.
+///
+/// If both lines have more than a narrow window of frames, that is aligned first. Its result is taken, whatever `is_complete`
+/// says, if it has at least a third as many pairs as the window has frames; else all the frames given are aligned.
 pub fn merge_order(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Vec<usize> {
     if lines.iter().all(|line| line.len() > weights::NARROW_WINDOW_FRAMES) {
         let steps = align(functions, lines.map(|line| &line[..weights::NARROW_WINDOW_FRAMES]), false);
@@ -76,7 +79,12 @@ fn lines_of(steps: &[Step]) -> Vec<usize> {
     lines.flatten().collect()
 }
 
-/// The alignment of these frames with the greatest score. Unless `is_complete`, only its first half.
+/// The alignment of these frames with the greatest score in bits, from the first frame on. Unless `is_complete`, it ends
+/// where half as many frames of either line are placed as the first line has, and the frames left over at the end of a line
+/// cost nothing.
+///
+/// In cell (i, j), i frames of the first line and j of the second are placed. Equal scores go to the pair, then to the first
+/// line.
 fn align(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> Vec<Step> {
     let (rows, columns) = (lines[0].len(), lines[1].len());
     let cell = |i: usize, j: usize| i * (columns + 1) + j;
@@ -114,7 +122,8 @@ fn align(functions: &Functions, lines: [&[LineFrame]; 2], is_complete: bool) -> 
     steps
 }
 
-/// The cost in bits of a frame without counterpart.
+/// The cost in bits of the frame at index `at` of a line, if it has no counterpart: none for noise and broadcasts; less for a
+/// request that the next frame of its line repeats (a retry) than for another; a frame of unknown direction counts as request.
 fn single_cost(line: &[LineFrame], at: usize) -> f32 {
     let frame = &line[at];
     if frame.is_unpaired() {
@@ -129,8 +138,9 @@ fn single_cost(line: &[LineFrame], at: usize) -> f32 {
     }
 }
 
-/// The score in bits of two frames as request and response, and which of them (0 or 1) is the request. `None` if they
-/// cannot be a pair.
+/// The score in bits of two frames, one of each line, as request and response, and which of them (0 or 1) is the request.
+/// `None` if they cannot be a pair: noise, a broadcast, an unknown direction, or a response that does not fit. If one of them
+/// is damaged, only unit and function are compared.
 fn pair_score(functions: &Functions, first: &LineFrame, second: &LineFrame) -> Option<(f32, usize)> {
     let (request, response, request_line) = match (first.direction, second.direction) {
         (Direction::Request, Direction::Response) => (first, second, 0),

@@ -26,7 +26,8 @@ pub(super) enum Fit {
     Fully,
 }
 
-/// Compares the first bytes of a line with the response that a request must have.
+/// Compares the first bytes of a line with the response that a request must have. If no whole frame stands within the first
+/// few bytes, it is looked there for the request's unit and function. `No` for a request without PDU, or if nothing is found.
 pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: RequestRef<'_>) -> Fit {
     let Some(&function) = request.pdu.first() else { return Fit::No };
     if let Some((frame, _)) = first_frame(functions, bytes, Direction::Response) {
@@ -44,15 +45,15 @@ pub(super) fn response_fit(functions: &Functions, bytes: &[u8], request: Request
     }
 }
 
-/// Unit and PDU of the frame that a line's bytes begin with, at most a few stray bytes in front of it, and the bytes
-/// behind it.
+/// Unit and PDU of the frame that a line's bytes begin with, at most three stray bytes in front of it, and the bytes behind
+/// it. `None` if it is not whole, or damaged.
 pub(super) fn first_frame<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<(&'a [u8], &'a [u8])> {
     let (at, frame) = (0..MAX_FRAME_START).find_map(|at| Some((at, frame_here(functions, bytes.get(at..)?, direction)?)))?;
     Some((frame, &bytes[at + frame.len() + CRC_BYTES..]))
 }
 
-/// Unit and PDU of the RTU frame that these bytes begin with, if the layout of its function gives its length and the
-/// checksum is valid.
+/// Unit and PDU of the RTU frame that these bytes begin with, if the layout of its function in this direction gives its length
+/// and the checksum is valid; bytes may follow it. `None` otherwise. An exception is never a request.
 pub(super) fn frame_here<'a>(functions: &Functions, bytes: &'a [u8], direction: Direction) -> Option<&'a [u8]> {
     let (&code, body) = bytes.get(1..)?.split_first()?;
     let row = functions.row(code & !EXCEPTION_BIT, body)?;

@@ -14,8 +14,8 @@ use modlens_protocol::framing::Mode;
 use modlens_protocol::functions::Functions;
 use modlens_protocol::Ns;
 
-/// Votes on who speaks on a line, from its first bytes: frames that only a master can send, less those that only a unit
-/// can send.
+/// Votes on who speaks on a line, from its first 4096 bytes: frames that only a master can send, less those that only a unit
+/// can send. Only whole frames with a valid checksum count; where a request and a response would fit, the longer one is taken.
 fn survey(functions: &Functions, input: &Input) -> i32 {
     let bytes = &input.bytes()[..input.bytes().len().min(weights::SURVEY_BYTES)];
     let (mut votes, mut at) = (0, 0);
@@ -32,7 +32,8 @@ fn survey(functions: &Functions, input: &Input) -> i32 {
 }
 
 impl BusState {
-    /// The one side that speaks on a line of a two-line tap, once the frames of both lines have shown it.
+    /// The one side that speaks on line `at` of a two-line tap, once the votes of both lines have shown it; votes on the
+    /// other line count the other way. `None` while the lead is too small.
     pub(in crate::session) fn speaker(&self, at: usize) -> Option<Direction> {
         let lines = self.lines.iter().enumerate();
         let votes: i32 =
@@ -44,11 +45,13 @@ impl BusState {
         }
     }
 
-    /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted
-    /// until then, because the first frames would be paired the wrong way.
+    /// Whether it is still open who speaks on which of the two lines, and further bytes may show it. Nothing is emitted until
+    /// then, because the first frames would be paired the wrong way.
     ///
-    /// The survey is only needed for two lines with a clock whose source does not say who sends: not for a connection,
-    /// whose sides are known, nor for ASCII.
+    /// The survey is only needed for two lines with a clock whose source does not say who sends: not for a connection, whose
+    /// sides are known, nor for ASCII. It ends for good as soon as the votes have a lead, which the lines then start with; or
+    /// as soon as one line has ended, has enough bytes, has no times, or has records or a side; or, live, after a second.
+    /// While no line has bytes, it stays open. It is taken anew with each call, as nothing is consumed before its end.
     pub(in crate::session) fn survey_is_open(&mut self, functions: &Functions, live: bool) -> bool {
         if self.is_surveyed || self.lines.is_empty() {
             return false;
@@ -74,7 +77,8 @@ impl BusState {
         !self.is_surveyed
     }
 
-    /// When the survey ends in a live session, whatever has come.
+    /// When the survey ends in a live session, whatever has come: a second after the first byte. `None` once it is over, on
+    /// the only line of a bus, and without times.
     pub(super) fn survey_deadline(&self) -> Option<Ns> {
         let waiting = self.lines.iter().filter(|(id, line)| *id != 0 && !line.input.bytes().is_empty());
         waiting

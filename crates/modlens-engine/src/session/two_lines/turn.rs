@@ -39,9 +39,9 @@ impl BusState {
     }
 
     /// Which of two lines is next where both have bytes and the clock does not tell: the response goes to the request that it
-    /// fits best, the outstanding one (the line of the responses is next) or the first one that is not emitted yet (that of the
-    /// requests is). If it fits both equally well or neither, the `oldest` line is next. `None` only while the frame behind a
-    /// repeated response to a retry is waited for.
+    /// fits best, the outstanding one (the line of the responses is next) or the first one that is not emitted yet (that of
+    /// the requests is). If it fits both equally well or neither, the `oldest` line is next. `None` only while the frame
+    /// behind a repeated response to a retry is waited for.
     fn turn_by_content(&self, functions: &Functions, oldest: usize, (requests, responses): (usize, usize)) -> Option<usize> {
         let response_bytes = self.lines[responses].1.input.bytes();
         let fit_of_next = self.fit_of_next_request(functions, requests, response_bytes);
@@ -60,8 +60,9 @@ impl BusState {
         }
     }
 
-    /// How well the response that `response` begins with fits the first request of line `requests`. If that request is not whole
-    /// or is damaged, its first two bytes are taken for unit and function, which give `Header` at best; with fewer, `No`.
+    /// How well the response that `response` begins with fits the first request of line `requests`. If that request is not
+    /// whole or is damaged, its first two bytes are taken for unit and function, which give `Header` at best; with fewer,
+    /// `No`.
     fn fit_of_next_request(&self, functions: &Functions, requests: usize, response: &[u8]) -> Fit {
         let bytes = self.lines[requests].1.input.bytes();
         if let Some((frame, _)) = first_frame(functions, bytes, Direction::Request) {
@@ -84,8 +85,8 @@ impl BusState {
     }
 
     /// The line that is next behind an answered retry whose response repeats: that of the responses, if the frame behind the
-    /// repeated one is the whole response to the next request, so that the repeated one is left over; else that of the requests.
-    /// `None`: the frame behind may still come, so it is waited for.
+    /// repeated one is the whole response to the next request, so that the repeated one is left over; else that of the
+    /// requests. `None`: the frame behind may still come, so it is waited for.
     fn turn_after_retry(&self, functions: &Functions, requests: usize, responses: usize) -> Option<usize> {
         let input = &self.lines[responses].1.input;
         let (_, behind) = first_frame(functions, input.bytes(), Direction::Response)?;
@@ -114,8 +115,9 @@ impl BusState {
         until.filter(|&until| self.now.is_some_and(|now| now < until))
     }
 
-    /// The indices of the lines of the requests and of the responses, where the order of reads may differ from that on the wire.
-    /// `None` for anything but two RTU lines of a tap, for byte-exact times, and as long as it is unknown who speaks where.
+    /// The indices of the lines of the requests and of the responses, where the order of reads may differ from that on the
+    /// wire. `None` for anything but two RTU lines of a tap, for byte-exact times, and as long as it is unknown who speaks
+    /// where.
     fn roles(&self) -> Option<(usize, usize)> {
         let is_two_line_tap = self.lines.len() == 2 && self.options.bus.network.is_none();
         if !is_two_line_tap || !self.lines.iter().any(|(_, line)| line.input.has_multibyte_reads) {
@@ -128,10 +130,10 @@ impl BusState {
         }
     }
 
-    /// Whether the only line with bytes, `at`, has to wait, since bytes of the other line may come that were on the wire before:
-    /// a request waits while another one is outstanding; a response waits while no request is outstanding, or one that it does
-    /// not fit, or one that its master has rather given up. It waits for at most `max_reordering`, and not once its input is
-    /// closed. `requests` is the line of the requests.
+    /// Whether the only line with bytes, `at`, has to wait, since bytes of the other line may come that were on the wire
+    /// before: a request waits while another one is outstanding; a response waits while no request is outstanding, or one
+    /// that it does not fit, or one that its master has rather given up. It waits for at most `max_reordering`, and not once
+    /// its input is closed. `requests` is the line of the requests.
     fn must_wait(&self, functions: &Functions, at: usize, requests: usize) -> bool {
         let input = &self.lines[at].1.input;
         let is_due = match self.pairing.outstanding_request() {

@@ -29,7 +29,9 @@ impl LineState {
         }
     }
 
-    /// Finds one more frame in the bytes that have come, unless the window is full; says whether there was one.
+    /// Finds one more frame (or noise) in the bytes that have come, unless the window is full; says whether there was one. It
+    /// is taken out of the line's own input and waits in `unmerged`, whose input still has its bytes. A good one votes on who
+    /// speaks on this line. `false` for a line whose frames do not wait.
     pub(in crate::session) fn frame_next(&mut self, context: &FramerContext<'_>) -> bool {
         let Self { unmerged: Some(unmerged), input, framer, request_votes, .. } = self else { return false };
         if unmerged.frames.len() >= weights::WIDE_WINDOW_FRAMES || input.bytes().is_empty() {
@@ -48,7 +50,8 @@ impl LineState {
         true
     }
 
-    /// Assigns frames that either side may send to the one that, as is known by now, speaks on this line.
+    /// Assigns waiting frames that either side may send to the one that, as is known by now, speaks on this line. Frames that
+    /// only the other side can send keep their direction.
     pub(in crate::session) fn assign_ambiguous_to(&mut self, functions: &Functions, speaker: Direction) {
         let Some(unmerged) = &mut self.unmerged else { return };
         for (result, frame) in unmerged.results.iter_mut().zip(&mut unmerged.frames) {
@@ -75,7 +78,11 @@ impl LineState {
     }
 }
 
-/// The lines of the next frames, as indices into `lines`; empty while more frames of one line must be known first.
+/// The lines of the next frames, as indices into `lines`; empty while more frames of one line must be known first: until the
+/// window of each line is full or its recording has ended, or until one line has delivered 16 MiB that do not fit in its
+/// window.
+///
+/// If a line has room in its window, or the wait was given up, `merge_order` takes what waits for all that there is.
 pub(in crate::session) fn next_lines(functions: &Functions, lines: &mut [(u8, LineState)]) -> Vec<usize> {
     let has_waited_enough = lines.iter().any(|(_, line)| line.input.bytes().len() > MAX_WAITING_BYTES);
     let is_over = lines.iter().all(|(_, line)| line.input.is_ended && line.input.bytes().is_empty());
