@@ -61,7 +61,7 @@ impl AsciiFramer {
     /// `None` if more bytes are needed to tell.
     fn message_end(&self, input: &Input) -> Option<MessageEnd> {
         let bytes = input.bytes();
-        // The index of the first byte behind a silence, or of a record's first byte: no message reaches across it.
+        // The index of the first byte behind a silence or a loss, or of a record's first byte: no message reaches across it.
         let boundary = input.boundary_after(0, bytes.len().min(MAX_MESSAGE_CHARACTERS), CHARACTER_TIMEOUT_NS);
         let available = &bytes[..boundary.unwrap_or(bytes.len()).min(MAX_MESSAGE_CHARACTERS)];
         let end = |frame_end, hex_end, delimited_by, fault| Some(MessageEnd { frame_end, hex_end, delimited_by, fault });

@@ -122,7 +122,7 @@ impl TcpFramer {
     /// The row of the frame at the first byte, where a header stands (`begins`); `None` if more bytes are needed. `adu` is
     /// cleared and gets unit and PDU, as far as they belong to the frame.
     ///
-    /// `Incomplete` in three cases: a record of the recording starts before the announced end (a silence does not count); the
+    /// `Incomplete` in three cases: a record starts or bytes were lost before the announced end (a silence does not count); the
     /// length is wrong (`check_length`), which is a fault as well; or the input is closed before the announced end. Else the
     /// row is that of `complete`. On a connection, whose packets are known, a header is believed without `check_length` if the
     /// packet ends with the frame, or with a CRC that a gateway left behind it.
@@ -136,7 +136,7 @@ impl TcpFramer {
             mbap_id,
             ..FrameResult::noise(length, delimited_by)
         };
-        // No silence is as long as this, so that only the start of a record counts.
+        // No silence is as long as this, so that only the start of a record or a loss counts.
         if let Some(edge) = input.boundary_after(0, length - 1, Ns::MAX) {
             adu.extend_from_slice(bytes.get(PREFIX_BYTES..edge).unwrap_or(&[]));
             return Some(incomplete(edge, DelimitedBy::Record));
