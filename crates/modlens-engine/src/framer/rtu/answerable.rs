@@ -17,7 +17,7 @@ pub struct HeldRequest {
     pub pdu: Vec<u8>,
     /// Its CRC was invalid, so fields that the response repeats may differ.
     pub is_damaged: bool,
-    /// It repeats the request before it: heard twice already.
+    /// It repeats the request before it, with no response between: heard twice already.
     pub is_repeated: bool,
     /// It stands alone in noise and may be none.
     pub is_unconfirmed: bool,
@@ -207,6 +207,10 @@ impl RequestPool {
 
     /// What may be answered behind this frame, given what might have been answered before it. `make_room` has to be called
     /// before.
+    ///
+    /// A response that answers clears the outstanding request and is remembered; any other changes nothing. A request becomes the
+    /// outstanding one (a broadcast leaves none) and the one before it superseded. It is marked as repeated if it equals that
+    /// one and that one is not repeated itself, and as damaged if its CRC is invalid. `frame` includes the CRC.
     pub fn after(
         &mut self,
         before: Answerable,
@@ -226,8 +230,8 @@ impl RequestPool {
         }
         let (unit, pdu) = (frame[0], &frame[1..frame.len() - 2]);
         let last_answered = self.if_asked_again(before.last_answered, unit, pdu);
-        let outstanding = before.outstanding.map(|id| self.get(id));
-        let is_repeated = outstanding.is_some_and(|before| before.unit == unit && before.pdu == pdu && !before.is_repeated);
+        let previous = before.outstanding.map(|id| self.get(id));
+        let is_repeated = previous.is_some_and(|request| request.unit == unit && request.pdu == pdu && !request.is_repeated);
         // A broadcast is never answered.
         let outstanding = (unit != BROADCAST_UNIT).then(|| {
             let id = self.add(unit, pdu);

@@ -99,14 +99,16 @@ impl CrcScanner {
         self.power = 0;
     }
 
-    /// Scans bytes, the first of them at `position`, until valid substrings end behind one; returns how many it scanned.
+    /// Scans bytes up to the first one with which valid substrings end; returns how many it scanned. `position` is the stream
+    /// offset of the first: that of `restart`, or where the call before has ended.
     ///
-    /// `found` gets the starts of these substrings, the latest first; it stays empty if all bytes were scanned and no valid
-    /// substring ends with the last of them.
+    /// `found` is cleared and gets the stream offsets at which these substrings start, the latest first; it stays empty if all
+    /// bytes were scanned and no valid substring ends with any of them.
     pub fn scan(&mut self, position: u64, bytes: &[u8], found: &mut Vec<u64>) -> usize {
         found.clear();
         let InversePowers { bits, start_values, masks } = self.powers;
         let (heads, ring) = (&mut *self.heads, &mut *self.ring);
+        // `effect` is the index in `bits` for the next byte, `start` the low 32 bits of its position.
         let (mut prefix, mut power, mut effect, mut start) =
             (self.prefix, self.power, 8 * self.power % CRC_PERIOD_BITS, position as u32);
         let mut scanned = bytes.len();
@@ -136,7 +138,10 @@ impl CrcScanner {
 }
 
 /// Goes through a bucket of starts, from the latest one on: those with this key are the starts of valid substrings that end
-/// at `end`. None begins before `first`.
+/// at stream offset `end`, and are added to `found` if the substring has at least four bytes. None begins before `first`. `start`
+/// is the latest entry: the low 32 bits of a position, plus one.
+///
+/// It ends at an entry too far back or out of date, and after `MAX_EQUAL_KEYS` starts.
 fn follow_bucket(ring: &[(u16, u32); RING_STARTS], mut start: u32, key: u16, end: u64, first: u64, found: &mut Vec<u64>) {
     let mut length = 0;
     let mut equal_keys = 0;

@@ -30,7 +30,11 @@ pub fn judged_header_bytes(context: &FramerContext<'_>, frame: &[u8]) -> u64 {
     2 + leading.max(judged) as u64
 }
 
-/// An upper bound of the score of an unfinished frame by its header; `None` if no frame can go on beyond the bytes `seen`.
+/// An upper bound of the score of an unfinished frame by its header, in the better direction; `None` if no frame can go on beyond
+/// the bytes `seen`, of which there is at least one.
+///
+/// `outstanding` is the request that it may answer. A length that the header leaves open counts only where unit and function are
+/// familiar. While only the unit has come, the bound is the unit's score and `OPEN_LENGTH_BITS` for what may follow.
 pub fn header_bound(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -44,10 +48,11 @@ pub fn header_bound(
     let (unit, code, body) = (seen[0], seen[1], &seen[2..]);
     let row = context.functions.row(code & !EXCEPTION_BIT, body);
     let mut best: Option<f32> = None;
+    // With an open length the bound holds for ever, but a stream offset can still be added.
     let mut until_bytes = u64::MAX >> 1;
     for (direction, extent) in announced_lengths(context, seen).into_iter().flatten() {
         let direction = index_of(direction);
-        let open_length = match extent {
+        let length_cost = match extent {
             Extent::Exactly(length) | Extent::AtLeast(length) if length <= seen.len() => continue,
             Extent::Exactly(length) | Extent::AtLeast(length) => {
                 until_bytes = until_bytes.min(length as u64);
@@ -57,7 +62,7 @@ pub fn header_bound(
             Extent::Open(_) => weights::OPEN_LENGTH_BITS,
         };
         let due = if direction == RESPONSE { due_header_score(model, context, row, outstanding, seen) } else { 0.0 };
-        let bits = header_score(model, context, row, seen, direction) - open_length + due;
+        let bits = header_score(model, context, row, seen, direction) - length_cost + due;
         best = Some(best.map_or(bits, |best| best.max(bits)));
     }
     if (seen.len() as u64) < judged_header_bytes(context, seen) {
@@ -104,7 +109,9 @@ fn due_header_score(
 }
 
 impl TrafficModel {
-    /// An upper bound of the score, in bits, of any header with this unit and function code that responds to no request.
+    /// An upper bound of the score, in bits, of any header with this unit and function code that responds to no request, whatever
+    /// its fields hold. It is the sum of a bound of the unit and one of the function code. Both come from `score_bounds`, and are
+    /// computed anew, for somewhat more frames, once more frames were seen than they hold for.
     pub fn max_header_score(&mut self, functions: &Functions, unit: u8, code: u8) -> f32 {
         let count = self.unit_count(unit);
         let bound = &self.score_bounds.units[usize::from(unit)];
@@ -127,8 +134,8 @@ impl TrafficModel {
         of_unit + bits
     }
 
-    /// An upper bound of what a function code and the fields behind it are worth, in bits, if the function had been seen this
-    /// often as a request and as a response.
+    /// An upper bound of what a function code and the fields behind it are worth, in bits, in the better direction, if the
+    /// function had been seen this often as a request and as a response. `code` may have the exception bit; `f32::MIN` for function 0.
     fn max_code_score(&self, functions: &Functions, code: u8, observations: [f32; 2]) -> f32 {
         let function = code & !EXCEPTION_BIT;
         if function == 0 {

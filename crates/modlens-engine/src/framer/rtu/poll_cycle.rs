@@ -68,7 +68,9 @@ impl PollCycle {
         }
     }
 
-    /// Counts a request that was not seen twice yet; the second time it joins the poll cycle.
+    /// Counts a request that its slot does not hold with a count of two or more. A slot held by another request loses a count; at
+    /// 0 it is taken, with its place in the poll cycle. At a count of two, a short request joins the poll cycle, unless its slot is in it already; a full
+    /// cycle loses the request that joined first, and the others move up by one number.
     fn record_rare(&mut self, frame: &[u8], key: u64, slot: usize) {
         let seen = &mut self.seen[slot];
         // Another request in the slot loses one count each time. When it has none left, this request takes the slot.

@@ -60,6 +60,8 @@ impl RequestPrefilter {
         self.update(number, frame, |set, one| set & !one);
     }
 
+    /// Sets or clears (`change`) the bit of request `number` in the sets that its bytes belong to. A request of fewer than
+    /// `MIN_JUDGED_BYTES` is in `short` only; of a longer one the first `JUDGED_BYTES` count.
     fn update(&mut self, number: usize, frame: &[u8], change: impl Fn(FrameSet, FrameSet) -> FrameSet) {
         let one = 1 << number;
         if frame.len() < MIN_JUDGED_BYTES {
@@ -104,7 +106,9 @@ impl RequestPrefilter {
         short | self.filter(usual, bytes, &bits, need, costs) | long
     }
 
-    /// Those of `among` that may reach `need` bits in one of the ways in which `align` looks for a damaged frame.
+    /// Those of `among` that may reach `need` bits in one of the ways in which `damage::alignment` (`align`) looks for a damaged
+    /// frame at the first of these bytes: flipped bits only, bytes missing in front, damage inside, or a collision. None is left
+    /// out wrongly: the sums are upper bounds.
     fn filter(&self, among: FrameSet, bytes: &[u8], bits: impl Fn(u8) -> f32, need: f32, costs: &DamageCosts) -> FrameSet {
         let Some(&first) = bytes.first().filter(|_| among != 0) else { return 0 };
         let observed = ObservedBytes::of(bytes, bits);

@@ -25,7 +25,8 @@ pub fn is_impossible(frame: &[u8]) -> bool {
     frame[1] == 0 || (frame[1] & EXCEPTION_BIT != 0 && frame.len() != EXCEPTION_RESPONSE_BYTES)
 }
 
-/// Score in bits of a frame by itself in this direction; `None` where no frame can look like this.
+/// Score in bits of a frame by itself in this direction, whatever stands before it; `None` where no frame can look like this.
+/// `frame` has its CRC, which is valid and so counts with its information content.
 pub fn frame_score(model: &TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) -> Option<f32> {
     let (unit, code) = (frame[0], frame[1]);
     let body = &frame[2..frame.len() - 2];
@@ -61,7 +62,11 @@ fn exception_score(model: &TrafficModel, code: u8, exception: u8) -> f32 {
     model.bits(exception) - choice - function - weights::EXCEPTION_BITS
 }
 
-/// Score in bits of a body for its agreement with the layout of its function: length, limits and byte counts.
+/// Score in bits of a body (without function code and CRC) for its agreement with the layout of its function: length, limits
+/// and byte counts.
+///
+/// A length that the layout fixes is worth nothing, one that it leaves open costs bits. Limited fields and a request's byte
+/// count add to that; each rule broken costs `BROKEN_RULE_BITS`. Where the length does not fit, nothing else counts.
 fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction: usize) -> f32 {
     let (layout, other) = if direction == REQUEST { (&row.request, &row.response) } else { (&row.response, &row.request) };
     // A frame whose last byte is 00 has a valid CRC without that byte, too: then the hypothesis cuts the frame short.
@@ -83,6 +88,7 @@ fn layout_score(model: &TrafficModel, row: &FunctionRow, body: &[u8], direction:
             score += if counts_agree(row, body) { model.bits(body[at - 1]) } else { -weights::BROKEN_RULE_BITS };
         }
     }
+    // A block of registers with an odd number of bytes.
     let half_a_register = |&(at, is_bits): &(usize, bool)| !is_bits && (body.len() - at) % 2 == 1;
     if direction == RESPONSE && row.offsets.response_block.as_ref().is_some_and(half_a_register) {
         score -= weights::BROKEN_RULE_BITS;
@@ -114,7 +120,8 @@ pub struct Preceding {
 
 /// Score in bits that the frames before it add to a frame hypothesis, and whether it answers the outstanding request.
 ///
-/// `pause` is the log-odds of the silence before the frame, timeout against response.
+/// `pause` is the log-odds in bits of the silence before the frame: positive where it is rather a timeout, negative where rather
+/// a response time, 0 without a clock. A request never answers.
 pub fn context_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -137,7 +144,11 @@ fn turn_costs(model: &TrafficModel, answerable: AnswerableRequests<'_>, precedin
     model.turn_costs(FramePosition { request_outstanding, unframed_bytes: preceding.unframed_bytes })
 }
 
-/// The part of `context_score` for requests: is it polled, a retry, an echo, or another master's?
+/// The part of `context_score` for requests: is it polled, a retry, an echo, or another master's? In each case it gains what
+/// the dictionary or the same request before predicts of its bytes, whichever is more, and costs the turn that it takes:
+/// - nothing outstanding: the cost of a request there;
+/// - the outstanding request once more: a retry, which a silence as long as a response time makes dearer, or an echo;
+/// - another request: the cost of leaving one unanswered, and more if it comes as early as responses do.
 fn request_context_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -152,6 +163,7 @@ fn request_context_score(
     let is_same = |request: &HeldRequest| request.unit == unit && request.pdu == pdu;
     let Some(outstanding) = answerable.outstanding else { return polled - unanswered };
     if is_same(outstanding) {
+        // The same request stands before the outstanding one, too.
         let third_time = answerable.superseded.is_some_and(is_same);
         let unanswered = if third_time { unanswered.min(weights::STILL_SILENT_BITS) } else { unanswered };
         // A retry comes after a timeout; the echo of the tap's own adapter comes once, at once.
@@ -169,6 +181,11 @@ fn request_context_score(
 }
 
 /// The part of `context_score` for responses: does it answer the outstanding request, and how much of it was predicted?
+///
+/// One that does not answer costs an unsolicited response, unless it scores better as a late or repeated one. One that answers
+/// gains unit, function and the body bytes that its request predicts; no body bytes if that request is damaged or its function
+/// specifies no response, or for an exception response. A count that disagrees breaks a rule. Where it equals its request, it may
+/// be an echo or a retry instead, so a silence as long as a timeout costs bits.
 fn response_context_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -196,6 +213,7 @@ fn response_context_score(
         } else if matched == ResponseMatch::Partly {
             score -= weights::BROKEN_RULE_BITS;
         } else if answerable.last_answered.is_some_and(is_last_response) {
+            // The same bytes as the response to the same request before: all of them are predicted.
             score += model.bits_of(&pdu[1..]);
         } else {
             score += predicted_body_score(model, row, request, pdu);
@@ -220,8 +238,9 @@ fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &HeldR
     }
 }
 
-/// Score in bits of a response to no outstanding request, as the late response to the request before, or as a copy of the
-/// last response; the better of the two, and `f32::MIN` where it fits neither.
+/// Score in bits of a response that does not answer the outstanding request: as the late response to the superseded request, or
+/// as a copy of the last response; the better of the two, and `f32::MIN` where it fits neither. Both need a request that it
+/// answers in full, and gain unit, function and the body bytes predicted.
 fn belated_response_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -233,13 +252,14 @@ fn belated_response_score(
     let fits =
         |request: &&HeldRequest| match_response(context.functions, request.as_request_ref(), unit, pdu) == ResponseMatch::Fully;
     let late = answerable.superseded.filter(fits).map(|request| {
-        let retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
-        (request, model.late_response_cost() + retry, false)
+        // After a timeout, what equals the request is rather its retry.
+        let may_be_retry = if request.pdu == pdu { pause.max(0.0) } else { 0.0 };
+        (request, model.late_response_cost() + may_be_retry, false)
     });
     // A response that equals its request, once more, is rather the same request again.
     let last = answerable.last_answered.filter(|(request, last)| *last == fingerprint(frame) && request.pdu != pdu);
-    let copy = last.map(|(request, _)| request).filter(fits).map(|request| (request, weights::REPEATED_RESPONSE_BITS, true));
-    let scores = late.into_iter().chain(copy).map(|(request, cost, is_copy)| {
+    let repeated = last.map(|(request, _)| request).filter(fits).map(|request| (request, weights::REPEATED_RESPONSE_BITS, true));
+    let scores = late.into_iter().chain(repeated).map(|(request, cost, is_copy)| {
         let row = context.functions.row(request.pdu[0], &request.pdu[1..]).filter(|_| pdu[0] & EXCEPTION_BIT == 0);
         let body = row.map_or(0.0, |row| {
             if is_copy {
@@ -254,8 +274,9 @@ fn belated_response_score(
     scores.fold(f32::MIN, f32::max)
 }
 
-/// Score in bits of a frame with an invalid CRC; `None` unless its header announces exactly its length and is expected here:
-/// a request of a familiar unit and function, or the response to the outstanding request.
+/// Score in bits of a frame with an invalid CRC; `None` unless it is expected here: a request of a familiar unit and function
+/// whose byte count agrees, or the response to the outstanding request, with the byte count that this determines. Exception
+/// responses are `None`. The caller has seen to it that the header announces exactly this length.
 pub fn damaged_frame_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,

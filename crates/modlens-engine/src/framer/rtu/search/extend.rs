@@ -18,9 +18,10 @@ use modlens_protocol::Ns;
 /// A substring with a valid CRC.
 struct ValidSubstring<'a> {
     /// Index of its first byte in the input.
-    from: usize,
+    start_index: usize,
     bytes: &'a [u8],
-    /// Log-odds of the silence before it, timeout against response.
+    /// Log-odds in bits of the silence before it: positive where it is rather a timeout, negative where rather a response time,
+    /// 0 without a clock.
     pause: TimeoutLogOdds,
     /// The result of `nested_scores`.
     nested: Vec<f32>,
@@ -35,9 +36,11 @@ struct Placement {
 }
 
 impl Search {
-    /// Adds the hypotheses of a substring with a valid CRC that begins at `start` and ends at the last byte scanned: as a
-    /// request and as a response, each behind the path where it scores best. `frame_gap_ns` is the shortest pause between frames,
-    /// `floor` the score in bits below which nothing is added.
+    /// Adds the hypotheses of a substring with a valid CRC from stream offset `start` to the last byte scanned: as a request and
+    /// as a response, and in each direction as one that answers the outstanding request and one that does not, each behind the
+    /// path where it scores best. So up to three are added; none if `start` is committed already, or no frame looks like this.
+    ///
+    /// `frame_gap_ns` is the shortest pause between frames, `floor` the path score in bits at or below which nothing is added.
     pub(super) fn add_valid_hypotheses(
         &mut self,
         input: &Input,
@@ -49,26 +52,26 @@ impl Search {
         if start < self.committed_offset() {
             return;
         }
-        let (from, to) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
-        let frame = &input.bytes()[from..to];
+        let (start_index, end_index) = ((start - input.offset()) as usize, (self.scanned_to - input.offset()) as usize);
+        let frame = &input.bytes()[start_index..end_index];
         if score::is_impossible(frame) {
             return;
         }
-        let pause = (context.timeout_log_odds)(input.pause_before(from));
+        let pause = (context.timeout_log_odds)(input.pause_before(start_index));
         let nested = if self.may_contain_frames(context, frame) { self.nested_scores(start) } else { Vec::new() };
-        let substring = ValidSubstring { from, bytes: frame, pause, nested };
-        let timing = timing_score(input, from, to, frame_gap_ns);
-        let declared = context.declared_direction_at(input, from);
+        let substring = ValidSubstring { start_index, bytes: frame, pause, nested };
+        let timing = timing_score(input, start_index, end_index, frame_gap_ns);
+        let declared = context.declared_direction_at(input, start_index);
         for direction in [REQUEST, RESPONSE] {
-            let Some(own) = score::frame_score(&self.model, context, frame, direction) else { continue };
+            let Some(own_score) = score::frame_score(&self.model, context, frame, direction) else { continue };
             let contradiction = match declared {
                 Some(declared) if declared == side::direction_of(direction) => 0.0,
                 Some(_) if context.line_direction.is_some() => weights::WRONG_LINE_BITS,
                 Some(_) => weights::BROKEN_RULE_BITS,
                 None => 0.0,
             };
-            let own = own + timing - contradiction;
-            let placements = self.best_placements(input, context, &substring, direction, own, floor);
+            let own_score = own_score + timing - contradiction;
+            let placements = self.best_placements(input, context, &substring, direction, own_score, floor);
             for (answers, placement) in [false, true].into_iter().zip(placements) {
                 let Some(Placement { path_score, parent, frame_score }) = placement else { continue };
                 self.reserve_request();
@@ -87,26 +90,29 @@ impl Search {
         }
     }
 
-    /// The best places in the lattice for a frame: where it does not answer the outstanding request, and where it does.
+    /// The best places in the lattice for a frame: where it does not answer the outstanding request, and where it does. `None`
+    /// where no path behind which it fits would have more than `floor` bits with it.
     ///
     /// These are two states: a response leaves the outstanding request or clears it. A request is the outstanding one behind
-    /// itself whatever was before, so one place is enough. `own` is the frame's score in bits without the frames before it.
+    /// itself whatever was before, so it has a place of the first kind only. `own_score` is the frame's score in bits without the
+    /// frames before it. A path is worth its score less the unframed bytes between, plus the frame with its context and, where
+    /// hypotheses stand inside the frame, what these are worth.
     fn best_placements(
         &self,
         input: &Input,
         context: &FramerContext<'_>,
         substring: &ValidSubstring<'_>,
         direction: usize,
-        own: f32,
+        own_score: f32,
         floor: f32,
     ) -> [Option<Placement>; 2] {
-        let &ValidSubstring { from, bytes: frame, pause, ref nested } = substring;
-        let start = input.offset() + from as u64;
+        let &ValidSubstring { start_index, bytes: frame, pause, ref nested } = substring;
+        let start = input.offset() + start_index as u64;
         let mut best = [None; 2];
         let nothing_outstanding = self.lattice.iter().any(|before| before.answerable.outstanding.is_none());
         let looks_for_header =
             direction == RESPONSE && nothing_outstanding && self.model.has_unit_and_function(frame[0], frame[1]);
-        let same_header = if looks_for_header { last_same_header(input, from, frame) } else { None };
+        let same_header = if looks_for_header { last_same_header(input, start_index, frame) } else { None };
         // On most paths the same request is outstanding, so the last context score is kept.
         let mut cached = None;
         for (i, before) in self.lattice.iter().enumerate().filter(|(_, before)| before.end <= start) {
@@ -114,22 +120,25 @@ impl Search {
             let after_strays = (1..weights::MAY_HIDE_FRAME_BYTES).contains(&unframed_bytes);
             let has_same_header = same_header.is_some_and(|place| place >= before.end);
             let key = (before.answerable, unframed_bytes >= weights::MAY_HIDE_FRAME_BYTES, has_same_header);
-            let (around, answers) = match cached {
+            let (context_score, answers) = match cached {
                 Some((cached_key, scores)) if cached_key == key && !after_strays => scores,
                 _ => {
                     let answerable = self.requests.look_up(before.answerable);
-                    // Stray bytes do not make a silence shorter that the line kept around them.
+                    // The silence counts from the frame before, stray bytes included: they do not make it shorter.
                     let strays_in_silence = after_strays && before.end >= input.offset();
-                    let pause =
-                        if strays_in_silence { (context.timeout_log_odds)(input.silence_since(before.end, from)) } else { pause };
+                    let pause = if strays_in_silence {
+                        (context.timeout_log_odds)(input.silence_since(before.end, start_index))
+                    } else {
+                        pause
+                    };
                     let preceding = Preceding { unframed_bytes, has_same_header };
                     score::context_score(&self.model, context, answerable, frame, direction, pause, preceding)
                 }
             };
-            cached = (!after_strays).then_some((key, (around, answers)));
-            let frame_score = own + around;
-            let inside = nested.get(i).copied().unwrap_or(0.0);
-            let path_score = before.path_score - self.model.unframed_cost(unframed_bytes) + frame_score + inside;
+            cached = (!after_strays).then_some((key, (context_score, answers)));
+            let frame_score = own_score + context_score;
+            let nested_score = nested.get(i).copied().unwrap_or(0.0);
+            let path_score = before.path_score - self.model.unframed_cost(unframed_bytes) + frame_score + nested_score;
             let place: &mut Option<Placement> = &mut best[usize::from(answers)];
             if path_score > floor && place.is_none_or(|known| path_score > known.path_score) {
                 *place = Some(Placement { path_score, parent: i, frame_score });
@@ -182,8 +191,11 @@ impl Search {
         }
     }
 
-    /// Adds damaged frames right behind one hypothesis that end at the last byte scanned; returns the stream offset at which
-    /// one may end next.
+    /// Adds damaged frames right behind the hypothesis `parent` that end at the last byte scanned with exactly the length that
+    /// they announce; returns the stream offset at which one may end next, `u64::MAX` if none can.
+    ///
+    /// None is added for an exception response, where a valid frame ends (`no_valid_end` is false), or across a pause of
+    /// `frame_gap_ns` where reads are single bytes.
     fn add_damaged_hypotheses_behind(
         &mut self,
         input: &Input,

@@ -21,15 +21,16 @@ impl Search {
         code & EXCEPTION_BIT == 0 && self.model.has_unit(unit) && row()
     }
 
-    /// For each hypothesis, the score in bits of the best path behind it that stands inside a frame from `start` to the last
-    /// byte scanned, less the cost of containing one; 0 where there is none. Empty if it is 0 everywhere.
+    /// By index of each hypothesis outside a frame from stream offset `start` to the last byte scanned: what the best path that
+    /// goes on from it inside that frame has gained there, in bits, less the cost of containing frames (`NESTING_BITS`). 0 where
+    /// nothing is gained; empty if the latest hypothesis does not begin inside. The path ends with a valid frame before the CRC.
     pub(super) fn nested_scores(&self, start: u64) -> Vec<f32> {
         if self.lattice.last().is_none_or(|last| last.start <= start) {
             return Vec::new();
         }
         let mut nested = vec![0.0; self.lattice.len()];
-        // For each hypothesis, the last frame on its path that ends before `start`. Parents stand before their children, so
-        // it is known already.
+        // For each hypothesis, the last one on its path that does not begin inside the frame, itself included. Parents stand
+        // before their children, so theirs is known already.
         let mut outside = vec![ROOT; self.lattice.len()];
         for (i, hypothesis) in self.lattice.iter().enumerate() {
             let is_inside = i != ROOT && hypothesis.start > start;

@@ -20,6 +20,8 @@ impl TrafficModel {
     }
 
     /// Learns from bytes that belong to no frame: on a wrong baud rate or a floating line few values make all of the noise.
+    ///
+    /// It only counts them; `bits` follow once in `NOISE_UPDATE_BYTES`.
     pub fn learn_noise(&mut self, bytes: &[u8]) {
         let mut rest = bytes;
         if bytes.len() >= MANY_BYTES {

@@ -167,7 +167,11 @@ impl TrafficModel {
         self.score_bounds.refresh(self.frames);
     }
 
-    /// Learns from a committed frame with a valid CRC.
+    /// Learns from a committed frame with a valid CRC: whose turn it was, its unit and function, whether unframed bytes stood
+    /// before it, whether requests are heard twice (`copy`), and a request for the dictionary. Costs of unframed bytes follow
+    /// with `update_costs`. The counts of `halve_counts` are halved after `HALVE_COUNTS_FRAMES`; those of turns have their own limit.
+    ///
+    /// `frame` includes unit and CRC; `direction` is `REQUEST` or `RESPONSE`.
     #[inline]
     pub fn learn(&mut self, frame: &[u8], direction: usize, position: FramePosition, copy: RequestCopy) {
         let index = position.index();
