@@ -21,7 +21,8 @@ pub struct HeaderBound {
     pub until_bytes: u64,
 }
 
-/// How many bytes of a frame that begins like this its header is judged by.
+/// How many bytes of a frame that begins like this its header is judged by: unit, function code, and the bytes of the body with
+/// limited fields or a length. Once these are seen, `header_bound` stays as it is while the outstanding request does.
 pub fn judged_header_bytes(context: &FramerContext<'_>, frame: &[u8]) -> u64 {
     let &[_, code, ref body @ ..] = frame else { return 2 };
     let function = code & !EXCEPTION_BIT;
@@ -91,7 +92,8 @@ fn header_score(
     score
 }
 
-/// Score in bits that the outstanding request adds to the header of a response: negative where it does not answer it.
+/// Score in bits that the outstanding request adds to the header of a response: the cost of an unsolicited one where it does not
+/// answer it or none is outstanding; else what unit and function cost, as they are predicted, and the byte count if it agrees.
 fn due_header_score(
     model: &TrafficModel,
     context: &FramerContext<'_>,
@@ -135,7 +137,8 @@ impl TrafficModel {
     }
 
     /// An upper bound of what a function code and the fields behind it are worth, in bits, in the better direction, if the
-    /// function had been seen this often as a request and as a response. `code` may have the exception bit; `f32::MIN` for function 0.
+    /// function had been seen this often as a request and as a response. `code` may have the exception bit. Function 0 gives
+    /// `f32::MIN`: no frame has it.
     fn max_code_score(&self, functions: &Functions, code: u8, observations: [f32; 2]) -> f32 {
         let function = code & !EXCEPTION_BIT;
         if function == 0 {

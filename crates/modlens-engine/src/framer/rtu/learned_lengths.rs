@@ -38,7 +38,8 @@ fn begins_with_count(body: &[u8]) -> bool {
 
 impl LearnedLengths {
     /// Learns the length of the body (without function code and CRC) of a committed frame: as announced where the body begins
-    /// with a count of the bytes that follow, else as one of the lengths remembered. Counts are halved after `HALVE_LENGTHS_FRAMES`.
+    /// with a count of the bytes that follow, else as one of the lengths remembered. Counts are halved after
+    /// `HALVE_LENGTHS_FRAMES`.
     pub fn learn(&mut self, function: u8, direction: usize, body: &[u8]) {
         let counts = &mut self.counts[direction][usize::from(function & 0x7F)];
         counts.frames += 1.0;

@@ -243,7 +243,8 @@ impl RtuFramer {
         }
     }
 
-    /// The first frame of the bytes up to stream offset `to`, which no valid frame claims: a damaged frame, or noise.
+    /// The first row of the bytes up to stream offset `to`, which no valid frame claims: a damaged frame, or noise. `recovery`
+    /// finds them with the help of the frame behind `to`, which `decision` has.
     fn next_unframed(&mut self, input: &Input, context: &FramerContext<'_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
         let next_frame = match self.decision {
             Some(Decision::Frame { start, end, direction, .. } | Decision::Damaged { start, end, direction }) => {
@@ -258,7 +259,8 @@ impl RtuFramer {
         self.recovery.next_frame(&mut self.search.model, &at, to, adu)
     }
 
-    /// A frame with an invalid CRC that the search found by its announced length.
+    /// The row of a frame with an invalid CRC that the search found by its announced length of `length` bytes. If it has lost
+    /// bytes, its row is shorter, and the rest becomes the decision as unframed bytes.
     fn damaged_hypothesis(
         &mut self,
         input: &Input,

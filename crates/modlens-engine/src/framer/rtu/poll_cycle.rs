@@ -69,8 +69,8 @@ impl PollCycle {
     }
 
     /// Counts a request that its slot does not hold with a count of two or more. A slot held by another request loses a count; at
-    /// 0 it is taken, with its place in the poll cycle. At a count of two, a short request joins the poll cycle, unless its slot is in it already; a full
-    /// cycle loses the request that joined first, and the others move up by one number.
+    /// 0 it is taken, with its place in the poll cycle. At a count of two, a short request joins the cycle, unless its slot is in
+    /// it already; a full cycle loses the request that joined first, and all others get the number before their own.
     fn record_rare(&mut self, frame: &[u8], key: u64, slot: usize) {
         let seen = &mut self.seen[slot];
         // Another request in the slot loses one count each time. When it has none left, this request takes the slot.
@@ -99,7 +99,8 @@ impl PollCycle {
         }
     }
 
-    /// Puts another request in a slot, and in its place in the poll cycle if the slot has one.
+    /// Puts another request in a slot, and in its place in the poll cycle if the slot has one. A request that is too long to be
+    /// kept leaves both empty.
     fn replace(&mut self, frame: &[u8], slot: usize) {
         let place = || self.polled.iter().position(|&polled| usize::from(polled) == slot);
         let number = self.seen[slot].is_polled.then(place).flatten();

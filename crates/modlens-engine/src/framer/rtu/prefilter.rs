@@ -167,14 +167,15 @@ impl<'a> ObservedBytes<'a> {
         self.common_bits + self.rare_count as f32 * self.max_bits + ROUNDING_BITS
     }
 
-    /// Those of `among` with which bytes of `need` bits together may agree; `agreeing(place, byte)` is the set of requests
-    /// that agree with a byte.
+    /// Those of `among` with which bytes of `need` bits together may agree, an upper bound; `agreeing(place, byte)` is the set of
+    /// requests that agree with a byte. Sums are made only for requests that pass two cheaper tests: all bytes together have
+    /// enough bits, and enough of the rare ones agree.
     fn may_reach(&self, among: FrameSet, need: f32, agreeing: impl Fn(usize, u8) -> FrameSet) -> FrameSet {
         if among == 0 || self.total() < need {
             return 0;
         }
         // Nearly everywhere too few rare bytes agree, even if all common ones do: one, two or three have to.
-        let left = need - self.common_bits;
+        let rare_need = need - self.common_bits;
         let (mut one, mut two, mut three) = (0, 0, 0);
         for &at in &self.rare[..self.rare_count] {
             let agree = agreeing(usize::from(at), self.bytes[usize::from(at)]);
@@ -182,10 +183,10 @@ impl<'a> ObservedBytes<'a> {
             two |= one & agree;
             one |= agree;
         }
-        let enough = match left {
-            _ if left <= ROUNDING_BITS => FrameSet::MAX,
-            _ if left <= self.max_bits + ROUNDING_BITS => one,
-            _ if left <= 2.0 * self.max_bits + ROUNDING_BITS => two,
+        let enough = match rare_need {
+            _ if rare_need <= ROUNDING_BITS => FrameSet::MAX,
+            _ if rare_need <= self.max_bits + ROUNDING_BITS => one,
+            _ if rare_need <= 2.0 * self.max_bits + ROUNDING_BITS => two,
             _ => three,
         };
         if among & enough == 0 {

@@ -109,6 +109,7 @@ impl Search {
         let &ValidSubstring { start_index, bytes: frame, pause, ref nested } = substring;
         let start = input.offset() + start_index as u64;
         let mut best = [None; 2];
+        // A response to no request may have its own, damaged, among the unframed bytes before it.
         let nothing_outstanding = self.lattice.iter().any(|before| before.answerable.outstanding.is_none());
         let looks_for_header =
             direction == RESPONSE && nothing_outstanding && self.model.has_unit_and_function(frame[0], frame[1]);
@@ -257,18 +258,18 @@ impl Search {
     }
 }
 
-/// The stream offset at which unit and function of a frame last stand among the bytes before it: perhaps those are its
-/// request, damaged.
+/// The stream offset at which unit and function of a frame last stand among the unframed bytes of the input before index `from`,
+/// where it begins, at most `MAX_CANDIDATE_BYTES` back: perhaps those are its request, damaged.
 fn last_same_header(input: &Input, from: usize, frame: &[u8]) -> Option<u64> {
     let function = frame[1] & !EXCEPTION_BIT;
-    let first = from.saturating_sub(MAX_CANDIDATE_BYTES);
-    let before = &input.bytes()[first..from];
+    let search_from = from.saturating_sub(MAX_CANDIDATE_BYTES);
+    let before = &input.bytes()[search_from..from];
     let mut units = memchr::memrchr_iter(frame[0], before);
     let place = units.find(|&place| before.get(place + 1) == Some(&function))?;
-    Some(input.offset() + (first + place) as u64)
+    Some(input.offset() + (search_from + place) as u64)
 }
 
-/// Score in bits of pauses and record boundaries before a frame and inside it.
+/// Score in bits of pauses and record boundaries before a frame and inside it; the frame has the indices `from..to` of the input.
 fn timing_score(input: &Input, from: usize, to: usize, frame_gap_ns: Ns) -> f32 {
     let follows_pause = input.pause_before(from).is_some_and(|pause| pause >= frame_gap_ns);
     let starts_record = || input.read(from).is_some_and(|read| read.starts_record && input.starts_read(from));

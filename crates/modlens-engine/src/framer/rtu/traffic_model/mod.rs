@@ -169,7 +169,7 @@ impl TrafficModel {
 
     /// Learns from a committed frame with a valid CRC: whose turn it was, its unit and function, whether unframed bytes stood
     /// before it, whether requests are heard twice (`copy`), and a request for the dictionary. Costs of unframed bytes follow
-    /// with `update_costs`. The counts of `halve_counts` are halved after `HALVE_COUNTS_FRAMES`; those of turns have their own limit.
+    /// with `update_costs`. `halve_counts` is due after `HALVE_COUNTS_FRAMES`; counts of turns have their own limit.
     ///
     /// `frame` includes unit and CRC; `direction` is `REQUEST` or `RESPONSE`.
     #[inline]
