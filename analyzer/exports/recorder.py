@@ -1,6 +1,6 @@
 """Raw recording: every read of a tap with its time, in pcapng, flushed block by block.
 
-The format is documented in the core (modlens-writers/src/recording.rs). A file can be read up to its
+The core documents the format (modlens-writers/src/recording.rs). A file can be read up to its
 last complete block, however the tap ended. With rotation, or where the file exists, segments are
 named as by dumpcap, `bus_00001_20261121101500.pcapng`. Nothing is ever overwritten, and nothing is
 deleted but the oldest segments of the same name where `--keep` asks for it.
