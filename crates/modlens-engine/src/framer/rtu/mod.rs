@@ -190,6 +190,7 @@ impl RtuFramer {
             if let Some(row) = self.emit_decision(input, context, adu) {
                 return Some(row);
             }
+            // The request may have come on the other line of the tap.
             if context.is_multi_line && self.search.is_idle() {
                 self.search.set_outstanding_request(context.outstanding_request);
             }
@@ -259,8 +260,8 @@ impl RtuFramer {
         self.recovery.next_frame(&mut self.search.model, &at, to, adu)
     }
 
-    /// The row of a frame with an invalid CRC that the search found by its announced length of `length` bytes. If it has lost
-    /// bytes, its row is shorter, and the rest becomes the decision as unframed bytes.
+    /// The row of a frame with an invalid CRC that the search found by its announced length of `length` bytes. Where its last
+    /// bytes are but a glitch in the place of bytes lost, the row ends before them, and they become the decision as unframed.
     fn damaged_hypothesis(
         &mut self,
         input: &Input,
@@ -273,7 +274,6 @@ impl RtuFramer {
         let at = Surroundings { context, input, next_frame: None, follows_damaged_frame: true, frame_gap_ns };
         let row = damaged_hypothesis(&mut self.search.model, &at, length, direction, adu);
         if row.length < length {
-            // Stray bytes stand in the place of what the frame has lost.
             self.decision = Some(Decision::UnframedTo(input.offset() + length as u64));
         }
         row

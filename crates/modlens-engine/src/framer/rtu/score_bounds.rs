@@ -1,9 +1,9 @@
 //! Cached upper bounds of header scores, by unit and by function code: nearly no place begins a frame, and one look in a
 //! table has to show that.
 //!
-//! `header_score` fills the cache. A bound is computed for 12.5 % more observations of this value than were counted, and recomputed when the count exceeds
-//! that. Observations of other values only lower the score, so the bound stays valid. When all counters are halved, the cache
-//! is cleared.
+//! `header_score` fills the cache. A bound is computed for 12.5 % more observations of this value than were counted, and
+//! recomputed when the count exceeds that. Observations of other values only lower the score, so the bound stays valid. When
+//! all counters are halved, the cache is cleared.
 
 /// Headroom factor for the observation count. It decides how often bounds are recomputed, never what is found.
 pub const OBSERVATION_HEADROOM: f32 = 1.125;

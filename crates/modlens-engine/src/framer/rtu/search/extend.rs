@@ -219,7 +219,8 @@ impl Search {
         for (direction, extent) in announced_lengths(context, frame).into_iter().flatten() {
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
-                    // Where each byte has its time, a frame that lost bytes ends at a pause, before it has its length.
+                    // Where each byte has its time (no read has several), a frame that lost bytes ends at a pause, before it has
+                    // its length.
                     let is_paused =
                         !input.has_multibyte_reads && input.boundary_after(from, from + frame.len() - 1, frame_gap_ns).is_some();
                     if no_valid_end && !is_paused && frame[1] & EXCEPTION_BIT == 0 {

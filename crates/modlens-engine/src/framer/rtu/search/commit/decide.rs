@@ -47,15 +47,15 @@ impl Search {
     /// The state while the best path has no frame: final if closed, or if no frame can begin any more in the first piece of
     /// unframed bytes (`UNFRAMED_PIECE_BYTES`). Prunes the lattice where noise has made many hypotheses.
     fn unframed_state(&mut self, is_closed: bool) -> CommitState {
-        let last_start = self.committed_offset() + weights::UNFRAMED_PIECE_BYTES;
-        // Behind that, no frame can begin any more among the bytes to be committed.
-        if is_closed || self.scanned_to > last_start + MAX_CANDIDATE_SPAN {
+        let piece_end = self.committed_offset() + weights::UNFRAMED_PIECE_BYTES;
+        // A frame that begins in the piece ends before this offset.
+        if is_closed || self.scanned_to > piece_end + MAX_CANDIDATE_SPAN {
             return CommitState::Final;
         }
         if self.lattice.len() >= 2 * weights::BEAM_HYPOTHESES {
             self.prune();
         }
-        CommitState::Unframed { until: last_start + MAX_CANDIDATE_SPAN + 1 }
+        CommitState::Unframed { until: piece_end + MAX_CANDIDATE_SPAN + 1 }
     }
 
     /// The state of the first frame of the best path, while the line is not closed; `best` is the index of the last frame of
@@ -70,6 +70,7 @@ impl Search {
         } else {
             (weights::COMMIT_MARGIN_BITS, weights::TIE_PATIENCE_BYTES)
         };
+        // More bytes will not tell these hypotheses apart, or there are too many of them.
         if self.scanned_to >= end + patience || self.lattice.len() >= weights::MAX_HYPOTHESES {
             return CommitState::Final;
         }
@@ -88,6 +89,7 @@ impl Search {
         if let Some(until) = self.nested_until(input, context, start, end).filter(|&until| self.scanned_to < until) {
             return CommitState::Nested { until };
         }
+        // Log-odds of 0: no clock, or a silence that tells nothing.
         let has_no_clock = (context.timeout_log_odds)(input.pause_before((start - input.offset()) as usize)) == 0.0;
         let opposite_bar = score - weights::OPPOSITE_DIRECTION_MARGIN_BITS;
         let has_unclear_direction =
@@ -111,8 +113,9 @@ impl Search {
     /// The stream offset up to which the frame from `start` to `end` (stream offsets) may turn out to stand inside a longer one
     /// that begins right behind the root; `None` if it does not. The offset may be scanned already: then it decides nothing.
     ///
-    /// A longer frame needs a known unit and a few bytes before `start`, and `start` must not begin a timed read. Live, every
-    /// length that its header announces is awaited; in a recording, only one that completes, or where that is not known yet.
+    /// A longer frame needs a known unit and a few bytes before `start`, and `start` must not begin a timed read. An exact
+    /// length counts only for functions that may contain frames. Live, every such length is awaited, and an open one for
+    /// `MAX_CANDIDATE_SPAN`; in a recording, only where the frame completes, or where that is not known yet.
     fn nested_until(&mut self, input: &Input, context: &FramerContext<'_>, start: u64, end: u64) -> Option<u64> {
         let base = input.offset();
         let outer_start = self.committed_offset();
@@ -191,7 +194,8 @@ impl Search {
         Some(Rival { parent, start, until: until? })
     }
 
-    /// Whether the same bytes are also a hypothesis of the other direction, on a path whose score exceeds `bar`.
+    /// Whether the bytes of the frame `first` are also a hypothesis of the other direction that ends a path whose score now, with
+    /// the bytes behind it, exceeds `bar` (bits).
     pub(super) fn has_opposite_rival(&self, first: usize, bar: f32) -> bool {
         let frame = &self.lattice[first];
         let is_opposite =

@@ -30,9 +30,11 @@ impl Search {
     /// function, and the request that is outstanding behind it becomes unconfirmed, too.
     pub(super) fn commit_frame(&mut self, input: &Input, context: &FramerContext<'_>, first: usize, score: f32) -> Decision {
         let rivals = self.lattice.iter().filter(|path| path.first_on_path != first);
+        // The root counts as a rival: the path on which all bytes scanned are unframed.
         let lead = score - rivals.map(|rival| self.current_score(rival)).fold(f32::MIN, f32::max);
         let frame = &self.lattice[first];
         let (start, end, direction) = (frame.start, frame.end, side::direction_of(frame.direction));
+        // Nothing is learned from a damaged frame here; the framer explains it when its row is given out.
         if !frame.is_crc_valid {
             self.set_root(first);
             return Decision::Damaged { start, end, direction };
@@ -131,7 +133,7 @@ impl Search {
     }
 }
 
-/// Learns the length of a frame whose layout is not public.
+/// Learns the length of a frame whose layout is not public; nothing for an exception response. `frame` includes unit and CRC.
 fn learn_open_length(model: &mut TrafficModel, context: &FramerContext<'_>, frame: &[u8], direction: usize) {
     let (code, body) = (frame[1], &frame[2..frame.len() - 2]);
     if code & EXCEPTION_BIT != 0 {
@@ -144,7 +146,8 @@ fn learn_open_length(model: &mut TrafficModel, context: &FramerContext<'_>, fram
     }
 }
 
-/// What a request is to the one before it. Where the response may look like the request, nothing is learned.
+/// What a request is to the one before it. Where the response may look like the request (`has_equal_layouts`) or the function
+/// has no row, it is `Unclear`, and nothing is learned of echoes.
 fn request_copy(context: &FramerContext<'_>, frame: &[u8], is_repeated: bool) -> RequestCopy {
     match context.functions.row(frame[1] & !EXCEPTION_BIT, &frame[2..]) {
         Some(row) if !row.has_equal_layouts && is_repeated => RequestCopy::Repeated,

@@ -38,7 +38,7 @@ impl Search {
             if !self.cannot_exceed(context, bytes, start, bar.least - max_path_score, &units) {
                 let never_completes = self.completion(input, context, start) == Completion::Never;
                 for parent in 0..self.lattice.len() {
-                    // Right behind another frame it may be complete and damaged.
+                    // Only right behind a hypothesis a damaged frame is possible.
                     if never_completes && self.lattice[parent].end != start {
                         continue;
                     }
@@ -52,7 +52,7 @@ impl Search {
                 self.skip.no_rival_before = start + 1;
             }
         }
-        // A rival path may be in the middle of its next frame.
+        // Another path may be in the middle of its next frame, which can begin behind `starts`.
         (1..self.lattice.len()).find_map(|parent| {
             let Hypothesis { end: start, first_on_path, .. } = self.lattice[parent];
             if first_on_path == first {
@@ -144,7 +144,8 @@ impl Search {
     }
 
     /// Whether any substring that begins right behind the root, of whatever length, ends behind stream offset `end` with a valid
-    /// CRC. A certain answer is kept for this root, whatever `end` is asked for later.
+    /// CRC, before a break or a record's start. `Unknown` is asked again; any other answer is kept for this root, whatever
+    /// `end` is asked for later: bytes scanned since are in the lattice.
     pub(super) fn open_length_completion(&mut self, input: &Input, end: u64) -> Completion {
         let root_end = self.committed_offset();
         if let Some((_, completes)) = self.skip.open_length_completion.filter(|(root, _)| *root == root_end) {
@@ -213,7 +214,7 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
 
 /// The frame with a valid CRC that begins at index `at` of the input, in a length that its header admits.
 ///
-/// A length that the header leaves open counts only for a known unit, and only if the frame ends at index `to` or behind it.
+/// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the frame ends at index `to` or behind it.
 /// `NeedsMoreBytes` as soon as one admitted length cannot be judged yet.
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];

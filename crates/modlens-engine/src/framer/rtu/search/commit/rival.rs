@@ -61,7 +61,7 @@ impl Search {
                 self.skip.no_rival_before = start + 1;
             }
         }
-        // A rival path may be in the middle of its next frame.
+        // Another path may be in the middle of its next frame, which can begin behind `starts`.
         (1..self.lattice.len()).filter(|&parent| self.lattice[parent].first_on_path != first).find_map(|parent| {
             let start = self.lattice[parent].end;
             let until = self.may_outscore_until(input, context, &self.lattice[parent], start, bar.now)?;
