@@ -92,7 +92,7 @@ impl Stats {
         self.buses[bus].name = name.into();
     }
 
-    /// Counts a frame.
+    /// Counts a frame or noise, on the bus of this index here: its verdict, its bytes and the time that it took.
     pub fn frame(&mut self, bus: usize, mode: Mode, frame: &ObservedFrame<'_>) {
         let counts = &mut self.buses[bus];
         counts.mode = Some(mode);
@@ -104,8 +104,9 @@ impl Stats {
         counts.add_bus_time(frame.start.zip(frame.end));
     }
 
-    /// Counts whether silences of `t35_ns` alone would have delimited this frame in the same way: whether there is one
-    /// before it, none inside it, and one before the next frame.
+    /// Counts whether silences of `t35_ns` alone would have delimited this good frame in the same way: whether there is one
+    /// `before` it, none `inside` it, and one before the next frame or noise. The last of these shows only with the next call,
+    /// which then takes the frame back; the last frame of all needs none. A damaged frame or noise is not counted itself.
     pub fn silence(&mut self, bus: usize, t35_ns: Ns, frame: &ObservedFrame<'_>, before: bool, inside: bool) {
         let counts = self.buses[bus].silence.get_or_insert(SilenceComparison { t35_ns, ..SilenceComparison::default() });
         // Without a silence here, the frame before would not have ended where it did.
@@ -116,7 +117,8 @@ impl Stats {
         counts.otherwise += u64::from(good && !counts.agrees_so_far);
     }
 
-    /// Counts a transaction.
+    /// Counts a closed transaction, on the bus of this index here: by unit and function its status, whether it is a retry, its
+    /// exception and its response time; and its request in the table of requests.
     pub fn transaction(&mut self, bus: usize, functions: &Functions, transaction: &PendingTransaction) {
         self.buses[bus].requests.transaction(functions, transaction);
         let counts = self.buses[bus].function(transaction.unit, transaction.function);
@@ -138,7 +140,8 @@ impl Stats {
         counts.bytes[Verdict::Ok as usize] += bytes;
     }
 
-    /// Counts one transaction of the fast path. `spans`: start and end of the request and of the response.
+    /// Counts one transaction of the fast path, which has status `ok` and is no retry. `spans`: start and end of the request
+    /// and of the response, where there is a clock. The frames themselves are counted by `record_batch`.
     #[inline]
     pub(crate) fn record_exchange(
         &mut self,
@@ -176,7 +179,8 @@ impl Stats {
 }
 
 impl BusCounts {
-    /// Adds the time from `start` to `end` in which a frame occupied the bus.
+    /// Adds the time from start to end in which a frame occupied the bus; nothing without a clock. The start of the first
+    /// such frame and the end of the last one bound the duration of the recording.
     #[inline]
     fn add_bus_time(&mut self, span: Option<(Ns, Ns)>) {
         if let Some((start, end)) = span {
@@ -194,6 +198,7 @@ impl BusCounts {
         }
     }
 
+    /// Adds a function of a unit, which is not there yet, with its counters at 0.
     #[cold]
     fn add_function(&mut self, unit: u8, function: u8) -> &mut FunctionCounts {
         self.units.resize_with(256, UnitCounts::default);
@@ -214,6 +219,8 @@ impl BusCounts {
         })
     }
 
+    /// The counters of the bus; its statuses are added to `total`. Durations and utilization are null where no frame has a
+    /// time.
     fn json(&self, total: &mut BTreeMap<&str, u64>, functions: &Functions) -> Json {
         let by_verdict = |counts: &[u64; 5]| -> Json {
             Verdict::ALL

@@ -14,8 +14,13 @@ use modlens_protocol::functions::{Functions, EXCEPTION_BIT};
 /// Unit numbers above this are reserved on serial lines (serial line specification, 2.2).
 const LAST_UNIT: u8 = 247;
 
-/// Finds what is odd about the content of a frame: a good one against the specification, a damaged one against its
-/// checksum.
+/// Finds what is odd about the content of a frame: a good one against the specification, a damaged one against its checksum.
+/// Findings are added to `found`.
+///
+/// A good frame may have a reserved unit (not on TCP), an unknown function, fields beyond their limits, a length that no
+/// layout of its function has (on TCP the framer reports that), or, in a request, counts that contradict each other. Behind
+/// an unknown function nothing is checked, as there is no layout, nor in an exception. A good frame without function code has
+/// no findings.
 pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &mut Found) {
     if !frame.verdict.is_good() {
         checksum(frame, found);
@@ -46,7 +51,8 @@ pub(crate) fn content(functions: &Functions, frame: &ObservedFrame<'_>, found: &
     }
 }
 
-/// Finds what is wrong with the checksum of a damaged frame, and whether one change would make it right.
+/// Finds what is wrong with the checksum of a damaged frame, and in RTU whether one change would make it right: one bit, else
+/// another unit or function code. An incomplete frame is only said to be so. Noise has no finding here.
 fn checksum(frame: &ObservedFrame<'_>, found: &mut Found) {
     match frame.verdict {
         Verdict::Incomplete => found.push((Finding::Incomplete, words::incomplete(frame.wire.len()))),
@@ -64,7 +70,9 @@ fn checksum(frame: &ObservedFrame<'_>, found: &mut Found) {
     }
 }
 
-/// The content with another unit or function code, if that is the frame to which the checksum belongs.
+/// The `content` (unit and PDU) with another function code, or else another unit, if that is the frame to which the checksum
+/// that was `sent` belongs. The function must be a known one, and an exception stays one. `None` if no value of either byte
+/// does.
 ///
 /// No further bytes are tried, because with each one the chance grows that some value fits by accident.
 fn frame_of_checksum(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
@@ -83,7 +91,7 @@ fn frame_of_checksum(content: &[u8], sent: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Finds what the receiver has marked in a frame, the first `length` bytes of the input: line errors, and bytes that it
-/// has lost.
+/// has lost before the frame or inside it.
 #[inline]
 pub(crate) fn reception(input: &Input, length: usize, found: &mut Found) {
     if !input.has_marks() {

@@ -45,7 +45,11 @@ pub(crate) fn transaction_id(transaction: &mut PendingTransaction, result: &mut 
 }
 
 /// Two transactions overlap, and by now it is proven that two masters sent their requests. `transaction` is the one whose
-/// response is at hand; if it is neither of the two, the finding goes to the response of the first.
+/// response is at hand.
+///
+/// If it is one of the two, the finding is noted on it and in `result`, unless the frame has one already, and `None` is
+/// given. The other transaction is named only in that of the later one. If it is neither, a delayed finding on the response
+/// to the first is given.
 pub(crate) fn two_masters(
     overlap: &Overlap,
     transaction: &mut PendingTransaction,

@@ -11,8 +11,12 @@ use modlens_protocol::Ns;
 /// The clock must be so many times finer than t1.5 before silences are compared with it.
 const MIN_STEPS_PER_T15: Ns = 4;
 
-/// Compares the silences of a good RTU frame with those of the specification (serial line, 2.5.1.1), or with those that
-/// the user gave. It stands at the head of the input; `resolution` is the step of the clock.
+/// Compares the silences of a good RTU frame with those of the specification (serial line, 2.5.1.1), or with those that the
+/// user gave. It stands at the head of the input; `resolution` is the step of the clock in ns.
+///
+/// A silence before it that is shorter than t3.5, and the longest one inside it if that is longer than t1.5, are findings.
+/// Nothing is compared without a `rule`, which means that the line settings are unknown, or where the clock is too coarse: if
+/// a read had several bytes, or t1.5 is less than four of its steps.
 pub(crate) fn silences(input: &Input, rule: Option<SilenceRule>, resolution: Ns, frame: &ObservedFrame<'_>, found: &mut Found) {
     let Some(rule) = rule.filter(|_| frame.mode == Mode::Rtu && frame.verdict.is_good()) else { return };
     if input.has_multibyte_reads || MIN_STEPS_PER_T15 * resolution > rule.t15_ns {

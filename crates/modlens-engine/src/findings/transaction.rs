@@ -22,8 +22,9 @@ pub(crate) fn note_exception(transaction: &mut PendingTransaction) {
     }
 }
 
-/// Finds what is odd about a closed transaction, and words what was noted of it before. A transaction that is read back
-/// from a file was checked when it was written.
+/// Finds what is odd about a closed transaction, and words what was noted of it before: no response, and an exception.
+/// Findings are added to `found`, not to the transaction. A transaction that is read back from a file was checked when it was
+/// written; of it only the exception is worded.
 pub(crate) fn find(functions: &Functions, transaction: &PendingTransaction, found: &mut Found) {
     if !transaction.is_reimported {
         response(functions, transaction, found);
@@ -36,7 +37,9 @@ pub(crate) fn find(functions: &Functions, transaction: &PendingTransaction, foun
     }
 }
 
-/// Compares a response with its request: the fields that it must repeat, its length, and the padding behind its last bit.
+/// Compares a response with its request: the fields that it must repeat, its length, and, if that is right, the padding
+/// behind its last bit. Nothing is compared if one of the two is missing or damaged, in an exception, or for an unknown
+/// function.
 fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut Found) {
     let (request, response) = (transaction.request.pdu(), transaction.response.pdu());
     let is_damaged = matches!(transaction.status, Status::BadRequest | Status::BadResponse);
@@ -56,7 +59,8 @@ fn response(functions: &Functions, transaction: &PendingTransaction, found: &mut
     }
 }
 
-/// The last byte of a response with bits, and how many of its bits were requested, if a bit behind those is set.
+/// The last byte of a response with bits, and how many of its bits were requested, if a bit behind those is set. `None` for
+/// registers, and where the bits requested fill the last byte. `block` and `quantity` are offsets in the body of the PDU.
 fn set_padding(block: Option<(usize, bool)>, quantity: Option<usize>, request: &[u8], response: &[u8]) -> Option<(u8, u16)> {
     let (_, has_bits) = block?;
     let requested_bits = u16_at(&request[1..], quantity?)? % 8;

@@ -162,7 +162,8 @@ impl Session {
         }
     }
 
-    /// Adds a bus; they are numbered from 0.
+    /// Adds a bus with counters of its own and the profiles bound to its name so far; buses are numbered from 0, and the
+    /// number is given back.
     pub fn add_bus(&mut self, mut options: BusOptions) -> usize {
         options.bus.line = options.line;
         Arc::make_mut(&mut self.bus_rows).push(options.bus.clone());
@@ -209,7 +210,9 @@ impl Session {
     /// The rows emitted since the last call.
     ///
     /// In a recording, transactions come in the order of their requests: rows behind an open transaction are kept for a
-    /// later call. Transaction numbers are given in that order.
+    /// later call. Transaction numbers are given in that order. In a live session, and in a recording where too many rows
+    /// would have to be kept, all of them are given out as they were emitted. The bytes of rows that are kept move to the
+    /// next batch. Buses of closed connections that no kept row names become free.
     pub fn take(&mut self) -> Batch {
         let reimported = self.captures.iter().flatten().filter_map(CaptureState::oldest);
         let open = self.buses.iter().filter_map(|bus| bus.pairing.oldest_open_txn());
@@ -231,7 +234,8 @@ impl Session {
         batch
     }
 
-    /// Copies the bytes of the transactions that are kept for a later call to the next batch.
+    /// Copies the bytes and findings of the transactions that are kept for a later call to the next batch, and lets the rows
+    /// refer to the copies. `from` is the batch that is given out. A PDU that is a part of the bytes on the wire stays one.
     fn copy_held_bytes(&mut self, from: &Batch) {
         for row in &mut self.held {
             row.findings = self.batch.store_findings(row.findings.of(&from.codes));

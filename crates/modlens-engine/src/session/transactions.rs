@@ -66,9 +66,9 @@ impl Session {
     /// Gives the profile of its unit as it is after it has learned from this transaction, or `None` if the unit has no
     /// profile.
     ///
-    /// `imported_findings`, which only a transaction that is read back has, come first; the checks of `findings::transaction`
-    /// add little to them. What the profile finds is dropped for such a transaction if the file has all of it: it would be
-    /// reported twice. If the profile finds anything new, all of its findings are kept.
+    /// `imported_findings`, which only a transaction that is read back has, come first; of those that `findings::transaction`
+    /// has, only the exception is added to them. What the profile finds is dropped for such a transaction if the file has all
+    /// of it: it would be reported twice. If the profile finds anything new, all of its findings are kept.
     fn find_on_transaction(&mut self, bus: usize, transaction: &mut PendingTransaction) -> Option<Arc<PlanInstance>> {
         self.found.clear();
         self.found.append(&mut transaction.imported_findings);

@@ -33,7 +33,8 @@ impl TimeHistogram {
         self.buckets[bucket(ns)] += 1;
     }
 
-    /// The time that this share of the observations does not exceed.
+    /// The time in ns that this share (0 to 1) of the observations does not exceed: the middle of its bucket, but within the
+    /// least and the greatest time counted. 0 without any.
     pub(super) fn percentile(&self, share: f64) -> Ns {
         let rank = (self.count as f64 * share).ceil() as u64;
         let mut below = 0;

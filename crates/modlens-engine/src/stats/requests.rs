@@ -107,7 +107,11 @@ impl RequestTable {
         self.last_damaged_frame = number;
     }
 
-    /// Counts a transaction.
+    /// Counts a closed transaction: a late response with the request that it belongs to, and its own request, if it has an
+    /// intact one, as sent. Of an unanswered request (`no_response`), it also counts how long the master waited, which unit
+    /// and status came before, and whether a damaged frame or noise has come since, and remembers it for a late response.
+    ///
+    /// A retry is sent, but not a poll. A request for which there is no room is not counted in this table.
     pub fn transaction(&mut self, functions: &Functions, transaction: &PendingTransaction) {
         if let Some(txn) = transaction.late_for {
             self.count_late_response(txn, transaction.late_response);
@@ -150,8 +154,9 @@ impl RequestTable {
         }
     }
 
-    /// The index of a request, which is added if it is new and there is room. A master polls in a cycle, so the request
-    /// that followed the last one before is tried first; this saves the hash map's look-up.
+    /// The index in `counts` of a request, which is added if it is new; `None` if there is no room for it. A master polls in a
+    /// cycle, so the request that followed the last one before is tried first; this saves the hash map's look-up. The request
+    /// found becomes the follower of the last one, and then the last one itself.
     #[inline]
     fn index(&mut self, key: RequestKey) -> Option<usize> {
         let likely = self.followers.get(self.latest).map_or(0, |follower| follower.1 as usize);
@@ -179,7 +184,8 @@ impl RequestTable {
         counts
     }
 
-    /// Counts the late response to a transaction, `after` the end of its request.
+    /// Counts the late response to the transaction `txn`, which came `after` ns from the end of its request, if that is among
+    /// the last unanswered ones. How late it came is counted where it is known how long the master had waited.
     fn count_late_response(&mut self, txn: u64, after: Option<Ns>) {
         let Some(&(_, key, waited)) = self.recent_unanswered.iter().find(|(number, ..)| *number == txn) else { return };
         let Some(counts) = self.indices.get(&key).map(|&at| &mut self.counts[at]) else { return };
@@ -189,7 +195,8 @@ impl RequestTable {
         }
     }
 
-    /// The poll cycle: of all requests that were polled several times, the one with the median cycle. Null without any.
+    /// The poll cycle: the times between polls of one request, the one with the median cycle (of an even number, the longer of
+    /// the middle two) of all that were sent at least three times; `requests` says how many these are. Null without any.
     pub fn cycle(&self) -> Json {
         let polled = self.sorted().into_iter().filter(|counts| counts.sent >= MIN_POLLS && counts.cycle.count > 0);
         let mut cycles: Vec<&TimeHistogram> = polled.map(|counts| &counts.cycle).collect();
@@ -228,7 +235,8 @@ impl RequestCounts {
         }
     }
 
-    /// Counts a request that is not a retry.
+    /// Counts a request that is not a retry, and the time since the one before, if both starts are known and the clock has
+    /// not gone back.
     #[inline]
     fn add_poll(&mut self, start: Option<Ns>) {
         self.sent += 1;
