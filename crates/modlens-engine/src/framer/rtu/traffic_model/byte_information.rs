@@ -48,7 +48,8 @@ impl TrafficModel {
         }
     }
 
-    /// Computes the information content of all byte values anew: a mixture of the usual shares and those of the noise.
+    /// Computes the information content of all byte values anew: a mixture of the usual shares and those of the noise, of which
+    /// the latter weigh more with each noise byte. No value becomes rarer than usual. Old noise counts are halved.
     ///
     /// The loop has no branches, so the compiler turns it into a few vector operations.
     fn update_bits(&mut self) {

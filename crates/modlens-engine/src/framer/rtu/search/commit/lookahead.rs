@@ -214,7 +214,8 @@ fn max_frame_length(input: &Input, at: usize) -> usize {
 
 /// The frame with a valid CRC that begins at index `at` of the input, in a length that its header admits.
 ///
-/// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the frame ends at index `to` or behind it.
+/// A length that the header leaves open counts only for a unit that took part in a sound frame (`known_units`), and only if the
+/// frame ends at index `to` or behind it.
 /// `NeedsMoreBytes` as soon as one admitted length cannot be judged yet.
 fn complete_frame_at(input: &Input, context: &FramerContext<'_>, at: usize, to: usize) -> FrameCheck {
     let bytes = &input.bytes()[at..];
