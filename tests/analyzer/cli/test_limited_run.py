@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +19,7 @@ from analyzer.cli.limited_run import LimitedRun
 from analyzer.cli.triggers import StopConditions
 from analyzer.exports.sink import ExportSink, parse_target
 from analyzer.session import pump
+from tests.conftest import ROOT, command, environment
 
 REQUEST, RESPONSE = bytes.fromhex("010300000001840a"), bytes.fromhex("0103020007f986")
 MS = 1_000_000
@@ -110,3 +115,29 @@ def test_a_frame_that_the_end_cuts_off_is_no_finding(
     assert not [row for row in rows if row.get("findings") or row.get("code")]
     assert not {row.get("verdict", "ok") for row in rows} - {"ok"}
     assert limited.stats()["findings"] == {}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals of POSIX")
+def test_a_tap_of_a_burst_writes_no_row_more(tmp_path: Path) -> None:
+    """Five exchanges and half a request arrive at once; `--count 3` writes three."""
+    rows, findings = tmp_path / "rows.jsonl", tmp_path / "findings.jsonl"
+    tty = pytest.importorskip("tty")
+    leader, follower = os.openpty()
+    tty.setraw(follower)
+    running = subprocess.Popen(
+        command(
+            "tap", os.ttyname(follower), "--line", "19200-8E1", "--mode", "rtu", "--count", "3",
+            "-o", rows, "-o", f"findings:{findings}",
+        ),
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment(), cwd=ROOT,
+    )  # fmt: skip
+    assert running.stderr is not None
+    assert b"listening" in running.stderr.readline()
+    time.sleep(0.3)
+    os.write(leader, (REQUEST + RESPONSE) * 5 + REQUEST[:4])
+    assert running.wait(30) == 0
+    running.stderr.close()
+    os.close(leader)
+    os.close(follower)
+    assert rows.read_text().count("\n") == 3
+    assert findings.read_text() == ""
