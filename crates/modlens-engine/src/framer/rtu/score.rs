@@ -225,8 +225,8 @@ fn response_context_score(
     (score, true)
 }
 
-/// Score in bits of the bytes of a response that its request predicts: the byte count; or all of them if it equals its request; or
-/// the two fields in front where it repeats any (`row.echo`). `pdu` is the response's, which answers in full.
+/// Score in bits of the bytes of a response that its request predicts: the byte count; or all of them if it equals its request;
+/// or the two fields in front where it repeats any (`row.echo`). `pdu` is the response's, which answers in full.
 fn predicted_body_score(model: &TrafficModel, row: &FunctionRow, request: &HeldRequest, pdu: &[u8]) -> f32 {
     if expected_data_bytes(row, &request.pdu).is_some() {
         model.bits(pdu[1])
