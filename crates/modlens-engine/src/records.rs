@@ -204,7 +204,7 @@ const MAX_POOLED_BATCHES: usize = 2;
 const MAX_POOLED_BYTES: usize = 1 << 23;
 
 impl MemoryPool {
-    /// A batch without rows.
+    /// A batch without rows, with the vectors of a dropped batch if there are any.
     pub(crate) fn batch(&self) -> Batch {
         let mut batch = Batch::default();
         batch.pool = self.clone();
@@ -216,6 +216,8 @@ impl MemoryPool {
 }
 
 impl Drop for Batch {
+    /// Gives the vectors of the batch, emptied, back to its session, unless that is gone, has enough of them, or the arena is
+    /// too large to be kept. `inner_packets`, mostly empty, is not among them.
     fn drop(&mut self) {
         // With one reference, the session is gone, or the batch was not made by one.
         if Arc::strong_count(&self.pool.0) == 1 || self.arena.capacity() > MAX_POOLED_BYTES {
@@ -248,7 +250,7 @@ impl Batch {
         Span { start, length: bytes.len() as u32 }
     }
 
-    /// The range of bytes that are a slice of the arena.
+    /// The range of bytes that are a slice of the arena of this batch; of any other slice the range means nothing.
     pub fn span_of(&self, bytes: &[u8]) -> Span {
         let start = (bytes.as_ptr() as usize).wrapping_sub(self.arena.as_ptr() as usize);
         Span { start: start as u32, length: bytes.len() as u32 }

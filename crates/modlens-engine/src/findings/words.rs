@@ -116,7 +116,8 @@ fn microseconds(ns: Ns) -> String {
 
 // The order of frames.
 
-/// A finding that pairing has on the frame at hand.
+/// A finding that pairing has on the frame at hand; the other transaction is named where the finding has one. Findings without
+/// words of their own name the unit.
 pub(crate) fn order(finding: Finding, result: &PairingResult, frame: &ObservedFrame<'_>) -> String {
     let unit = frame.adu.first().copied().unwrap_or(0);
     let function = frame.adu.get(1).map_or(0, |code| code & !EXCEPTION_BIT);

@@ -143,7 +143,8 @@ impl History {
         found
     }
 
-    /// Remembers the response to a request.
+    /// Remembers the good response `frame` to a request, which may be sent twice or, behind a retry, be followed by the
+    /// response to the first request: both are counted as occasions.
     pub(super) fn add_answered(&mut self, transaction: &PendingTransaction, frame: &ObservedFrame<'_>) {
         let is_to_retry = transaction.retry_of.is_some();
         self.duplicates.occasions += 1.0;

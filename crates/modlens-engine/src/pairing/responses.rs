@@ -153,7 +153,7 @@ impl Pairing {
     /// 1. late, or a duplicate, as the past explains it;
     /// 2. the right response to the last open request but for its unit: the transaction waits in `unit_mismatch` for the next
     ///    request, in place of another one there, which is resolved. It is the only case that is not added to `done` at once;
-    /// 3. another function than that open request to the same unit;
+    /// 3. from the unit of the last open request, but with another function;
     /// 4. unsolicited. If nothing at all explains it, requests are missing from the recording before it, which history is told.
     ///
     /// Where frames may not be in the order of the wire, an unexplained one is kept as the early response if none is: its

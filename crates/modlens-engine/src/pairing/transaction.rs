@@ -214,7 +214,7 @@ pub struct PendingTransaction {
 }
 
 impl PendingTransaction {
-    /// A transaction without content.
+    /// A transaction without content. Its status is `no_response` until something else is known.
     pub fn new(mode: Mode) -> Self {
         Self {
             txn: 0,
@@ -246,7 +246,8 @@ impl PendingTransaction {
         }
     }
 
-    /// Clears everything but keeps the allocated buffers, for the next transaction.
+    /// Clears everything, as `new` does, but keeps the allocated buffers of both frames and of the findings, for the next
+    /// transaction.
     pub(super) fn reset(&mut self, mode: Mode) {
         let (mut request, mut response) = (std::mem::take(&mut self.request), std::mem::take(&mut self.response));
         let mut findings = std::mem::take(&mut self.findings);

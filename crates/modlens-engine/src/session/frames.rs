@@ -133,7 +133,8 @@ fn observed<'a>(
     }
 }
 
-/// Adds the findings on a frame itself: its content, its silences, and what receiver, clock and framer report about it.
+/// Adds the findings on a frame itself to `found`: its content, its silences, and what receiver, clock and framer report about
+/// it. The frame is the first `framed.length` bytes of the input. Without a `rule`, silences are not checked.
 #[inline]
 fn find_on_frame(
     functions: &Functions,
@@ -161,7 +162,8 @@ fn count_silence(stats: &mut Stats, counts: usize, input: &Input, frame: &Observ
     stats.silence(counts, rule.t35_ns, frame, before, inside);
 }
 
-/// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller.
+/// The row of a frame; bus, line, transaction and time since the beginning are filled in by the caller. Noise has neither unit
+/// nor function code, and only a good frame has an exception code. `wire` and `findings` are ranges of the batch.
 #[inline]
 fn frame_row(framed: &FrameResult, frame: &ObservedFrame<'_>, timing: &FrameTiming, wire: Span, findings: Span) -> Frame {
     let is_frame = framed.verdict != Verdict::Noise;
