@@ -83,7 +83,8 @@ def parse_line(text: str) -> Line:
     match = _TEXT.fullmatch(text.strip())
     if not match:
         raise UsageError(
-            f"line settings {text!r}; write baud, data bits, parity and stop bits as {EXAMPLE}"
+            f"line settings {text!r}; give baud rate, data bits, parity and stop bits, as"
+            f" in {EXAMPLE}"
         )
     stop = float(match["stop"])
     return Line(int(match["baud"]), int(match["bits"]), match["parity"].upper(), stop)

@@ -113,7 +113,7 @@ def load(word: str) -> Profile:
             return _from_entry_point(point)
     names = [one.name for one in available_profiles()]
     hint = similar_name(word, names)
-    question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(names)}"
+    question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(names)}"
     raise UsageError(f"no profile {word!r}; {question}")
 
 

@@ -12,11 +12,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime, time, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 
 from dissectors.errors import UsageError
 
-__all__ = ["DAY_NS", "format_seconds", "parse_ns", "parse_time_of_day", "utc_offset_changes"]
+__all__ = [
+    "DAY_NS",
+    "check_date",
+    "format_seconds",
+    "parse_ns",
+    "parse_time_of_day",
+    "utc_offset_changes",
+]
 
 DAY_NS = 86_400_000_000_000
 
@@ -78,6 +85,19 @@ def parse_time_of_day(text: str) -> tuple[int, str] | None:
 def format_seconds(elapsed_us: float, digits: int) -> str:
     """Write microseconds as seconds with a fixed number of decimal digits."""
     return f"{elapsed_us / 1e6:.{digits}f}"
+
+
+def check_date(text: str | None) -> str | None:
+    """The date of `--date`, checked; `UsageError` shows the accepted form."""
+    if text is None:
+        return None
+    try:
+        known = date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        known = False
+    if not known:
+        raise UsageError(f"--date {text}: write the date as 2026-11-21")
+    return text
 
 
 def utc_offset_changes(zone: str | None) -> list[tuple[int, int]]:

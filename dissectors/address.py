@@ -1,4 +1,4 @@
-"""Addresses as people write them: from 1, with a digit in front; the wire counts from 0.
+"""Addresses as people write them: from 1, with a digit in front; the protocol counts from 0.
 
 Modicon's notation: 0 for coils, 1 for discrete inputs, 3 for input registers, 4 for holding
 registers, then the number from 1: four digits (40108) as far as they reach, five (400108) for all

@@ -91,7 +91,7 @@ def frame(
     '00 05 00 00 00 02 01 07'
     """
     if not 0 <= unit <= MAX_UNIT:
-        raise UsageError(f"unit {unit} is not from 0 to {MAX_UNIT}")
+        raise UsageError(f"unit must be 0 to {MAX_UNIT}, not {unit}")
     if not 0 <= mbap_id <= MAX_MBAP_ID:
         raise UsageError(f"transaction identifier {mbap_id} is not from 0 to {MAX_MBAP_ID}")
     body = bytes([unit]) + pdu

@@ -123,7 +123,7 @@ class _PduContext:
         for part in decoded.fields:
             yield from _field(part, pdu, context, start)
         if not decoded.complete:
-            text = "bytes are missing: the layout continues here"
+            text = "bytes are missing from here on"
             yield Piece(start + len(pdu), b"", "missing", "", text, is_valid=False)
 
     def _resolved_direction(self, pdu: bytes) -> Direction:
@@ -188,7 +188,7 @@ def _tcp(data: bytes, body: _PduContext) -> Iterator[Piece]:
     follow = len(data) - 6
     text = f"{length} bytes follow"
     if length != follow:
-        text = f"{length} bytes announced, {follow} follow"
+        text = f"the length field says {length}, but {follow} bytes follow"
     yield Piece(4, data[4:6], "length", str(length), text, "mbap", length == follow)
     yield body.unit(data[6], 6, "mbap")
     end = min(len(data), max(MBAP_BYTES, 6 + length))

@@ -57,7 +57,7 @@ class UsageError(ModlensError):
 class SourceError(ModlensError):
     """An input cannot be read, or an output cannot be written.
 
-    >>> SourceError("bus.log: no such file; check the path").exit_status
+    >>> SourceError("bus.log: no such file").exit_status
     3
     """
 

@@ -10,7 +10,7 @@ With the section that specifies it, and an example taken apart.
 >>> explain("Read Coil")
 Traceback (most recent call last):
 ...
-dissectors.errors.UsageError: nothing is known of 'Read Coil'; did you mean 'Read Coils'?
+dissectors.errors.UsageError: no such code or name: 'Read Coil'; did you mean 'Read Coils'?
 """
 
 from __future__ import annotations
@@ -119,10 +119,10 @@ def explain(word: str, *, source: _modlens.Functions | None = None) -> Explanati
     if state is not None:
         return state
     hint = similar_name(word, known_words(source=source))
-    end = "try a function code such as 3, 'exception 2', or the name of a finding"
+    end = "try 3, 'exception 2' or bad_checksum; modlens explain list prints all names"
     if hint is not None:
         end = f"did you mean {hint!r}?"
-    raise UsageError(f"{word!r} is not known; {end}")
+    raise UsageError(f"no such code or name: {word!r}; {end}")
 
 
 def known_words(*, source: _modlens.Functions | None = None) -> tuple[str, ...]:
@@ -168,7 +168,7 @@ def _as_state(text: str) -> Explanation | None:
         return Explanation("status", f"{status} (status of a transaction)", "", (meaning,))
     if word in vocabulary.verdicts():
         meaning = _sentence(vocabulary.verdicts()[word])
-        return Explanation("verdict", f"{word} (verdict on a frame)", "", (meaning,))
+        return Explanation("verdict", f"{word} (verdict of a frame)", "", (meaning,))
     return None
 
 
@@ -220,12 +220,12 @@ def _function(code: int, source: _modlens.Functions | None) -> Explanation:
     rows = [row for row in functions(source) if row.code == code]
     if not rows:
         known = ", ".join(str(code) for code in sorted({row.code for row in functions(source)}))
-        raise UsageError(f"function {code} is not in the table; known are {known}")
+        raise UsageError(f"function {code} is not known; choose from {known}")
     row = next((row for row in rows if row.when is None), rows[0])
     text = [_sentence(row.summary), *_layout(row)]
     chosen = [f"{value} {name}" for value, name in _values(code, source).items()]
     if chosen:
-        text.append(f"Its first field selects: {'; '.join(chosen)}.")
+        text.append(f"Sub-functions: {'; '.join(chosen)}.")
     title = f"{row.name} (function {code}, 0x{code:02X})"
     section = _section_text(row.section)
     return Explanation("function", title, section, tuple(text), _example(row, source))
@@ -257,7 +257,7 @@ def _unnamed_value(row: Function, value: int, source: _modlens.Functions | None)
     """The explanation of a leading field's value that only the table may know."""
     if row.when is None:
         known = ", ".join(str(code) for code in _values(row.code, source))
-        end = f"known are {known}" if known else "it has none"
+        end = f"choose from {known}" if known else "it has none"
         raise UsageError(f"{row.name} has no sub-function {value} in the table; {end}")
     title = f"{row.label} ({row.name}, {row.when[0]} {value})"
     text = (_sentence(row.summary), *_layout(row))
@@ -328,7 +328,7 @@ def _layout(row: Function) -> Iterator[str]:
     if row.echo:
         notes.append(f"The response repeats {', '.join(row.echo)}.")
     if row.serial_only:
-        notes.append("Specified for serial lines only.")
+        notes.append("Serial line only.")
     if notes:
         yield " ".join(notes)
 

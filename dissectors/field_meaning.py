@@ -68,7 +68,7 @@ def _single(value: int, kind: str, start: int | None, context: Context) -> str:
 def _length(part: DecodedField, value: int, context: Context) -> str:
     follow = context.bytes_after(part)
     if follow not in (None, value):
-        return f"{value} {_plural('byte', value)} announced, {follow} present"
+        return f"says {value} {_plural('byte', value)}, but {follow} follow"
     return f"{value} {_plural('byte', value)} {'follows' if value == 1 else 'follow'}"
 
 
@@ -236,7 +236,7 @@ def _extra(context: Context) -> Meaning:
         return Meaning("part of a value whose other bytes are missing", is_valid=False)
     if context.row is None or not context.row.has_layout(context.direction):
         return Meaning("no layout is known for this content")
-    return Meaning("beyond the layout of this function", is_valid=False)
+    return Meaning("extra bytes, not part of this function", is_valid=False)
 
 
 def _plural(noun: str, count: int) -> str:

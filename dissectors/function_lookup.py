@@ -91,7 +91,7 @@ def find_function(word: int | str, *, source: _modlens.Functions | None = None) 
     if found is not None:
         return found
     hint = similar_name(str(word), named)
-    advice = "`modlens explain` lists the names" if hint is None else f"did you mean {hint!r}?"
+    advice = "see `modlens explain list`" if hint is None else f"did you mean {hint!r}?"
     raise UsageError(f"no function {word!r}; {advice}")
 
 

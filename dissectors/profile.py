@@ -104,7 +104,7 @@ def shipped(name: str) -> Profile:
     texts = dict(_modlens.shipped_profiles())
     if name not in texts:
         hint = similar_name(name, texts)
-        question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(texts)}"
+        question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(texts)}"
         raise UsageError(f"no shipped profile {name!r}; {question}")
     return _checked(texts[name], "toml", name)
 

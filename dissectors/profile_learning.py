@@ -50,10 +50,10 @@ def evidence_lines(tables: Tables) -> Iterator[str]:
         blocks = ", ".join(_block(block) for block in table["blocks"])
         yield f"{head}: {len(table['registers'])} addresses in {blocks}"
         for point in table["points"]:
-            sure = "" if point["sure"] else "undecided, perhaps "
+            sure = "" if point["sure"] else "undecided; perhaps "
             yield (
-                f"{head} {point['address']}: {sure}{point['type']} {point['order']}, "
-                f"{point['bits']:.0f} bits: {point['reason']}"
+                f"{head} {point['address']}: {sure}{point['type']} {point['order']} "
+                f"(evidence {point['bits']:.0f} bits): {point['reason']}"
             )
         for first, second in table["together"]:
             yield f"{head}: {first} and {second} change together"
@@ -144,7 +144,7 @@ def score_profile(tables: Tables, profile: Profile) -> ProfileScore:
     )  # fmt: skip
     split_by_requests = [point.name for point in points if _is_split_by_requests(point, tables)]
     with_unknown_values = [point.name for point in points if point.has_unknown_values(tables)]
-    reasons = [f"{len(covered)} of {len(requested)} requested addresses are in it"]
+    reasons = [f"{len(covered)} of {len(requested)} requested addresses are in this profile"]
     total = coverage
     if answered and refused:
         total *= 1 - refused / answered

@@ -175,7 +175,7 @@ def statuses() -> Mapping[str, str]:
     """What each value of the column `status` means.
 
     >>> statuses()["bad_request"]
-    'the request arrived damaged'
+    'the request was damaged on the line'
     """
     return {row["code"]: row["meaning"] for row in vocabulary()["statuses"]}
 

@@ -26,18 +26,18 @@ __all__ = ["COMMANDS", "main", "module_of"]
 COMMANDS = {
     "tap": "listen to a serial line and decode its traffic live",
     "decode": "decode recordings into a table on the screen, or into files",
-    "export": "convert recordings into files, without a table (for scripts)",
+    "export": "convert recordings to files without printing a table (for scripts)",
     "show": "show the bytes of one frame or transaction and what they mean",
     "stats": "statistics: traffic, errors, response times and findings",
-    "ports": "list the serial adapters of this computer",
-    "explain": "explain a function, an exception code, a finding or a status",
-    "craft": "build the bytes of a frame from keywords",
+    "ports": "list this computer's serial ports",
+    "explain": "explain a function code, exception code, finding or status",
+    "craft": "build a frame from a function and its field values",
     "formats": "list the formats that can be read and written, with samples",
     "profiles": "list, check or convert device profiles",
-    "import": "import the register map of another program as a profile",
-    "map": "show the last value of each register, its range and changes",
-    "learn": "draft a device profile from recorded traffic",
-    "match": "find the known profile that fits a unit",
+    "import": "convert another program's register map to a profile",
+    "map": "show each register's last value, range and number of changes",
+    "learn": "generate a draft device profile from recorded traffic",
+    "match": "find the known profile that best matches a unit",
     "extcap": "add serial lines to Wireshark's list of interfaces",
     "wireshark-setup": "install a Wireshark profile with columns and colours",
 }
@@ -119,12 +119,12 @@ def _run_help(words: list[str]) -> int:
     if words and words[0] in COMMANDS:
         return main([words[0], "--help"])
     out = sys.stdout
-    out.write("modlens: passive Modbus bus sniffer and protocol analyzer; it never sends\n\n")
+    out.write("modlens: a passive Modbus sniffer and protocol analyser; it never transmits\n\n")
     out.write("usage: modlens COMMAND ...       modlens COMMAND --help for details\n\n")
     for name, summary in COMMANDS.items():
         out.write(f"  {name:<16} {summary}\n")
     out.write("\n  modlens decode bus.hex                       a recording as a table\n")
-    out.write("  modlens tap /dev/ttyUSB0                     what happens on a line, live\n")
+    out.write("  modlens tap /dev/ttyUSB0                     a serial line, decoded live\n")
     out.write("  modlens show 01 03 00 6B 00 03 74 17         one frame, byte by byte\n")
     return 0
 
@@ -141,8 +141,8 @@ def _unknown(command: str) -> int:
     from dissectors.function_lookup import similar_name  # noqa: PLC0415
 
     hint = similar_name(command, COMMANDS)
-    question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(COMMANDS)}"
-    raise UsageError(f"no command {command!r}; {question}")
+    question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(COMMANDS)}"
+    raise UsageError(f"unknown command {command!r}; {question}")
 
 
 def _survive_odd_text(*streams: TextIO) -> None:

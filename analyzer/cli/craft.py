@@ -1,4 +1,4 @@
-"""`modlens craft`: build the bytes of a frame from keywords and print them; nothing is sent.
+"""`modlens craft`: build a frame from a function and its field values; nothing is sent.
 
 What the specification does not permit is crafted all the same, to test devices with it, but told on
 standard error.
@@ -127,5 +127,5 @@ def _pair(text: str) -> tuple[str, str]:
 def _integer(name: str, value: object) -> int:
     found = value if isinstance(value, int) else parse_number(str(value))
     if found is None:
-        raise UsageError(f"craft: {name}={value}: a number is needed")
+        raise UsageError(f"craft: {name}={value}: not a number")
     return found

@@ -25,7 +25,7 @@ examples:
   modlens decode bus.jsonl --line 19200-8E1 -o bus.csv -o frames:frames.jsonl
   modlens decode - --from hex --to jsonl < bus.txt
 
-Without -o and --to, the table is printed; with -o, --to table prints it, too.
+The table is printed unless -o or --to is given; add --to table to print it along\nwith -o.
 """
 
 
@@ -43,12 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replay",
         action="store_true",
-        help="decode as a live tap would, without looking ahead",
+        help="decode as if live, using only past bytes",
     )
     parser.add_argument(
         "--detect",
         action="store_true",
-        help="report the line settings that the bytes and the recorded line errors indicate",
+        help="report the line settings that fit the recorded bytes and line errors",
     )
     parser.epilog = EPILOG
 
@@ -78,6 +78,6 @@ def _say_settings(options: argparse.Namespace) -> None:
                 messages.info(f"{name}: {line}")
         else:
             messages.info(
-                f"{name}: {kind} holds no line errors; --detect reads raw bytes and recordings of"
-                " --record"
+                f"{name}: {kind} carries no line errors; --detect needs raw bytes or a"
+                f" recording of --record"
             )

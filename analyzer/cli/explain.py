@@ -10,7 +10,7 @@ import textwrap
 
 from analyzer.cli.parser import add_functions, load_functions
 from analyzer.views.screen import stdout, visible
-from dissectors.explain import Explanation, explain
+from dissectors.explain import Explanation, explain, known_words
 
 __all__ = ["add_arguments", "run"]
 
@@ -20,6 +20,7 @@ examples:
   modlens explain exception 2
   modlens explain 0x83 2
   modlens explain bad_checksum
+  modlens explain list
 """
 
 
@@ -29,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "words",
         nargs="+",
         metavar="CODE",
-        help="a function or exception code, or the name of a function, finding or status",
+        help="a function or exception code, or the name of a function, finding or status;"
+        " list prints all names",
     )
     add_functions(parser)
     parser.epilog = EPILOG
@@ -37,8 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Explain; gives the exit status."""
-    found = explain(" ".join(options.words), source=load_functions(options.functions))
+    source = load_functions(options.functions)
     screen = stdout()
+    if options.words == ["list"]:
+        for word in known_words(source=source):
+            screen.line(visible(word))
+        return 0
+    found = explain(" ".join(options.words), source=source)
     width = min(screen.width, 100)
     screen.line(visible(found.title), "head")
     if found.section:

@@ -20,7 +20,7 @@ __all__ = ["add_arguments", "run"]
 
 EPILOG = """\
 examples:
-  modlens extcap install      then start Wireshark: the ports are interfaces
+  modlens extcap install      then start Wireshark: the ports are in its list
   modlens extcap status
   modlens extcap uninstall
 
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action",
         nargs="?",
         choices=ACTIONS,
-        help="install or remove it in Wireshark, or show whether it is installed",
+        help="install, uninstall, or show the installation status",
     )
     for name in ("--extcap-interfaces", "--extcap-dlts", "--extcap-config", "--capture"):
         parser.add_argument(name, action="store_true", help=argparse.SUPPRESS)

@@ -25,13 +25,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(formats: dict[str, Format]) -> Iterator[list[Part]]:
-    yield [("read (detected from the content; --from NAME overrides)", "head")]
+    yield [("input formats (detected from the content; --from NAME overrides)", "head")]
     for kind in formats.values():
-        yield [(f"  {kind.name:<9} ", "note"), (f"{kind.title} (clock: {kind.clock})", "")]
+        yield [(f"  {kind.name:<9} ", "note"), (f"{kind.title} (timestamps: {kind.clock})", "")]
         for line in kind.sample:
             yield [(f"    {line}", "dim")]
-    yield [("tapped", "head")]
+    yield [("live sources", "head")]
     for scheme in SCHEMES.values():
         yield [(f"  {scheme.example:<28}", "note"), (scheme.title, "")]
-    yield [("written (-o by suffix, --to by name)", "head")]
+    yield [("output formats (-o FILE.EXTENSION or --to NAME)", "head")]
     yield [("  " + "  ".join(f".{name}" for name in WRITTEN), "note")]

@@ -23,7 +23,7 @@ examples:
   modlens import csv tags.csv --base modicon --order CDAB
   modlens import homeassistant configuration.yaml --unit 3
 
-Assumptions, and whatever a profile cannot hold, are reported on standard error.
+Assumptions, and anything a profile cannot store, are reported on standard error.
 """
 
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("format", metavar="FORMAT", help=f"one of {', '.join(read)}")
     parser.add_argument("file", metavar="FILE", help="the register map; - is standard input")
     parser.add_argument(
-        "--base", choices=("0", "1", "modicon"), help="how its addresses are numbered"
+        "--base",
+        choices=("0", "1", "modicon"),
+        help="address numbering in the file: from 0, from 1, or modicon (40001)",
     )
     parser.add_argument("--order", metavar="ORDER", help="byte order: ABCD, CDAB, BADC or DCBA")
     parser.add_argument(
@@ -62,7 +64,12 @@ def run(options: argparse.Namespace) -> int:
     found = importers.read(options.format, text, options.file, chosen)
     profile = from_model(found.model, options.file)
     written = importers.write(options.to, profile)
-    notes = [count_of(len(profile.points), "point"), *encoding_notes, *found.notes, *written.notes]
+    notes = [
+        count_of(len(profile.points), "register"),
+        *encoding_notes,
+        *found.notes,
+        *written.notes,
+    ]
     write_text(written.text, options.output)
     show_notes(notes)
     return 0

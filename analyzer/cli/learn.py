@@ -21,7 +21,7 @@ examples:
   modlens learn bus.bin
 
 The profile goes to standard output, the evidence to standard error. Registers
-without evidence for a wider type stay single registers.
+are combined into 32-bit or longer types only where the data support it.
 """
 
 

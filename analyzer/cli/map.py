@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_input(parser)
     parser.add_argument("--unit", type=int, metavar="N", help="only this unit")
-    parser.add_argument("--named", action="store_true", help="only registers that a profile names")
+    parser.add_argument("--named", action="store_true", help="only registers named in a profile")
     parser.add_argument(
         "--address", choices=BASES, default="wire", help="how to show addresses (default: wire)"
     )

@@ -1,4 +1,4 @@
-"""`modlens match`: find the known profile that fits a unit."""
+"""`modlens match`: find the known profile that best matches a unit."""
 
 from __future__ import annotations
 

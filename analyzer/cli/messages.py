@@ -21,11 +21,11 @@ EXCERPT_COLUMNS = 60
 """Terminal columns that are shown of a line that could not be parsed."""
 
 _CLOCKS = {
-    "none": "no clock",
-    "relative": "clock from the start of the recording",
-    "time of day": "clock without a date",
-    "local": "local clock, zone unknown",
-    "utc": "UTC clock",
+    "none": "no timestamps",
+    "relative": "timestamps from the start of the recording",
+    "time of day": "timestamps without a date",
+    "local": "local timestamps, zone unknown",
+    "utc": "UTC timestamps",
 }
 
 
@@ -91,7 +91,7 @@ class Messages:
         certainty = (
             "named by --from"
             if status.forced
-            else f"{100 * status.confidence:.0f} % sure: {status.reason}"
+            else f"{100 * status.confidence:.0f} % certain: {status.reason}"
         )
         words = [f"{status.name}: {status.format} ({certainty})"]
         clock = details.get("clock") or "none"
@@ -117,7 +117,7 @@ class Messages:
             self.info(f"{status.name}: {count:,} skipped: {reason}")
         if unparsed:
             lines = count_of(details["lines"], "line")
-            self.info(f"{status.name}: {unparsed:,} of {lines} not understood")
+            self.info(f"{status.name}: {unparsed:,} of {lines} could not be parsed")
             for number, text in details["first_unparsed"]:
                 self.info(f"  line {number}: {fit(visible(text), EXCERPT_COLUMNS).rstrip()}")
 
@@ -129,4 +129,4 @@ def _resolution(details: dict[str, Any], clock: str) -> str:
         return ""
     name, length = next(pair for pair in _TIME_UNITS_NS.items() if resolution >= pair[1])
     coarse = "; too coarse for response times" if resolution >= _COARSE_NS else ""
-    return f" in steps of {resolution // length} {name}{coarse}"
+    return f", resolution {resolution // length} {name}{coarse}"

@@ -153,7 +153,7 @@ class Outputs:
             if to == TABLE:
                 table_options = TableOptions(options.address, options.times, tuple(names))
                 if options.columns is not None and not wanted:
-                    raise UsageError("--columns is for exports; add --to csv or -o FILE")
+                    raise UsageError("--columns needs --to csv or -o FILE")
                 self._sinks.append(TableSink(options.table, stdout(), table_options, where=where))
             elif to is not None:
                 wanted.insert(0, with_suitable_table(Target(options.table, to, None), named=False))
@@ -218,7 +218,7 @@ class Outputs:
                 self.partial.append(sink.name)
             if sink.table and (not isinstance(sink, TableSink) or self._filtered):
                 self._messages.info(
-                    f"{sink.name}: {count_of(sink.row_count, sink.table.removesuffix('s'))}"
+                    f"{sink.name}: {count_of(sink.row_count, sink.table.removesuffix('s'))} written"
                 )
             if self._has_times and sink.table and not sink.row_count:
                 self._messages.info(

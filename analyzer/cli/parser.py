@@ -14,11 +14,11 @@ from analyzer.addresses import BASES
 from analyzer.bus_file import choose_bus
 from analyzer.cli.segmentation import add_segmentation
 from analyzer.columns import TABLES
-from analyzer.line import EXAMPLE, PARITIES, Line, parse_line
+from analyzer.line import EXAMPLE, Line, parse_line
 from analyzer.profiles import parse_binding, with_vendor_functions
 from analyzer.session import MODES, Settings
 from analyzer.silence_limits import silence_limits
-from analyzer.times import utc_offset_changes
+from analyzer.times import check_date, utc_offset_changes
 from dissectors.errors import ProfileError, SourceError, UsageError
 
 __all__ = [
@@ -69,14 +69,16 @@ def add_line(parser: argparse.ArgumentParser) -> None:
     """Add `--line`, and `--baud`, `--bits`, `--parity`, `--stop` for its parts."""
     group = parser.add_argument_group("line settings")
     group.add_argument(
-        "--line", metavar=EXAMPLE, help="baud rate, data bits, parity and stop bits together"
+        "--line",
+        metavar=EXAMPLE,
+        help="all line settings at once: baud rate, data bits, parity, stop bits",
     )
-    group.add_argument("--baud", type=int, metavar="N", help="baud rate, when given separately")
+    group.add_argument("--baud", type=int, metavar="N", help="baud rate (instead of --line)")
     group.add_argument(
         "--bits", type=int, metavar="N", help="data bits (default: 8, or 7 with --mode ascii)"
     )
     group.add_argument(
-        "--parity", metavar="P", help=f"parity: one of {' '.join(PARITIES)} (default: E)"
+        "--parity", metavar="P", help="parity: N none, E even, O odd, M mark, S space (default: E)"
     )
     group.add_argument(
         "--stop", type=float, metavar="N", help="stop bits: 1, 1.5 or 2 (default: 1)"
@@ -99,12 +101,14 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--channels",
         metavar="A,B",
-        help="channels of a logic analyser, such as RX,TX; !RX if RX idles low (default: detected)",
+        help="logic analyser channels to use, such as RX,TX; write !RX if the line is"
+        " inverted (default: detected)",
     )
     group.add_argument(
         "--timeout",
         metavar="TIME",
-        help="response timeout, such as 500ms or 1.5s (default: learned, at most 1 s)",
+        help="response timeout, such as 500ms or 1.5s (default: estimated from the traffic,"
+        " at most 1 s)",
     )
     group.add_argument(
         "--profile",
@@ -112,7 +116,8 @@ def add_decoding(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[UNITS=]NAME|FILE",
-        help="device profile of these units, such as 1=mightyzap or 2-7=pump.yaml; repeatable",
+        help="device profile, optionally for certain units, such as 1=mightyzap or"
+        " 2-7=pump.yaml; repeatable",
     )
     group.add_argument(
         "--bus",
@@ -140,7 +145,8 @@ def add_input(parser: argparse.ArgumentParser) -> None:
         "files",
         nargs="+",
         metavar="FILE",
-        help="a recording, or an archive, e-mail or directory of recordings; - is standard input",
+        help="a recording, or an archive, e-mail or directory that contains recordings; -"
+        " reads standard input",
     )
     parser.add_argument(
         "--from",
@@ -151,13 +157,13 @@ def add_input(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timezone",
         metavar="ZONE",
-        help="time zone of times printed without one: local, Europe/Berlin or +01:00"
-        " (default: unknown, so no UTC times)",
+        help="time zone of timestamps that do not state one: local, Europe/Berlin or +01:00"
+        " (without it, they are not converted to UTC)",
     )
     parser.add_argument(
         "--date",
         metavar="DAY",
-        help="first day of a recording whose times have no date, such as 2026-11-21",
+        help="date of the first entry, if timestamps carry no date, such as 2026-11-21",
     )
     add_dialects(parser)
 
@@ -169,7 +175,7 @@ def add_dialects(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="FILE",
-        help="additional text formats, described in a TOML file; repeatable",
+        help="TOML file that defines additional text formats; repeatable",
     )
 
 
@@ -182,7 +188,11 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         default=TABLES[0],
         help="table to print or export (default: transactions)",
     )
-    group.add_argument("--columns", metavar="A,B,C", help="columns to export, in this order")
+    group.add_argument(
+        "--columns",
+        metavar="A,B,C",
+        help="columns to write, in this order (with --to csv or -o FILE, for example)",
+    )
     group.add_argument(
         "--where",
         metavar="EXPR",
@@ -192,18 +202,24 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         "--between",
         nargs=2,
         metavar=("T1", "T2"),
-        help="only rows at or after T1 and before T2: times as the table shows them, with or"
-        " without a date, in the same zone (--times), or seconds since the recording began",
+        help="only rows from T1 up to, but not including, T2: times as the table shows them, with"
+        " or without a date, in the same zone (--times), or seconds from the start of the"
+        " recording",
     )
     group = parser.add_argument_group("output")
     group.add_argument(
-        "--address", choices=BASES, default="wire", help="how tables show addresses (default: wire)"
+        "--address",
+        choices=BASES,
+        default="wire",
+        help="address notation in tables: wire counts from 0, as sent (default)",
     )
     group.add_argument(
         "--times", choices=TIMES, default="local", help="how tables show times (default: local)"
     )
     group.add_argument(
-        "--to", metavar="FORMAT", help="format for standard output: table, csv, jsonl…"
+        "--to",
+        metavar="FORMAT",
+        help="format for standard output: table, csv, jsonl, ... (modlens formats lists them)",
     )
     group.add_argument(
         "-o",
@@ -211,13 +227,14 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="OUT",
-        help="output file; its suffix selects the format; frames:OUT.csv writes another table;"
-        " repeatable",
+        help="output file; its extension selects the format, a prefix the table, as in"
+        " frames:OUT.csv; repeatable",
     )
     group.add_argument(
         "--style",
         metavar="WORD",
-        help="variant of a format: udp, rtu, tcp or original (pcapng); tsv or json (zeek, icsnpp);"
+        help="variant of the output format: udp, rtu, tcp or original (pcapng); tsv or json"
+        " (zeek, icsnpp);"
         " partitions (parquet)",
     )
     group.add_argument(
@@ -225,10 +242,12 @@ def add_rows(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="in captures, also keep N frames before and after those that --where selects",
+        help="when writing pcap or pcapng, also keep the N frames before and after each match",
     )
     group.add_argument(
-        "--strict", action="store_true", help="exit with status 1 if anything was damaged"
+        "--strict",
+        action="store_true",
+        help="exit with status 1 if any frame was damaged or a line could not be parsed",
     )
 
 
@@ -257,7 +276,7 @@ def settings(options: argparse.Namespace) -> Settings:
         channels=tuple(options.channels.split(",")) if options.channels else None,
         dialects=load_dialects(getattr(options, "dialects", [])),
         zone=utc_offset_changes(getattr(options, "timezone", None)),
-        date=getattr(options, "date", None),
+        date=check_date(getattr(options, "date", None)),
     )
 
 
@@ -335,7 +354,7 @@ def _ports(words: list[str]) -> tuple[int, ...] | None:
         return ()
     for port in ports:
         if not (port.isdecimal() and 0 < int(port) <= _LAST_PORT):
-            raise UsageError(f"--port {port}: write a number up to {_LAST_PORT}, or any")
+            raise UsageError(f"--port {port}: use port numbers up to {_LAST_PORT}, or any")
     return tuple(map(int, ports)) or None
 
 
@@ -355,5 +374,7 @@ def parse_duration(text: str, option: str = "--timeout", max_s: float = _MAX_DUR
         value = -1.0
     found = value * _DURATION_UNITS_NS[unit or "s"]
     if not 0 < found < max_s * _DURATION_UNITS_NS["s"]:
-        raise UsageError(f"{option} {text}: write a time such as 500ms or 1.5s")
+        raise UsageError(
+            f"{option} {text}: give a time in ms, s, min or h, such as 500ms, 90s or 24h"
+        )
     return round(found)

@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
     if not found:
         screen.line("no serial port found; is the adapter plugged in?")
     others = ", ".join(scheme.example for name, scheme in SCHEMES.items() if name)
-    screen.line(f"also: {others}")
+    screen.line(f"also possible, for example: {others}")
     return 0
 
 

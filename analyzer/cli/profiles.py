@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--to", metavar="FORMAT", help=f"format to write: {', '.join(_written())}")
     parser.add_argument(
-        "-o", dest="output", metavar="OUT", help="output file; its suffix selects the format"
+        "-o", dest="output", metavar="OUT", help="output file; its extension selects the format"
     )
     parser.epilog = EPILOG
 
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
         for name in options.names:
             profile = load(name)
             stdout().line(
-                f"{visible(name)}: {count_of(len(profile.points), 'point')}, no mistakes", "good"
+                f"{visible(name)}: {count_of(len(profile.points), 'register')}, no mistakes", "good"
             )
     else:
         _convert(options)
@@ -70,7 +70,7 @@ def _list() -> None:
             title = f"cannot be used: {error.message.splitlines()[0]}"
             screen.lines([[(f"{one.name:<12} ", "note"), (visible(title), "bad")]])
             continue
-        title = f"{profile.title}, {count_of(len(profile.points), 'point')}"
+        title = f"{profile.title}, {count_of(len(profile.points), 'register')}"
         screen.lines([[(f"{one.name:<12} ", "note"), (visible(f"{title} ({one.origin})"), "")]])
 
 

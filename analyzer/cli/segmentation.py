@@ -17,14 +17,17 @@ def add_segmentation(group: argparse._ArgumentGroup) -> None:
         "--segmentation",
         choices=SEGMENTATIONS,
         default=SEGMENTATIONS[0],
-        help="what delimits RTU frames: all evidence together (joint, the default), or silences of"
-        " t3.5 alone (silence)",
+        help="how to find RTU frame boundaries: joint uses checksums, lengths and timing"
+        " together (default); silence uses t3.5 alone",
     )
-    for name, what in (("--t35", "that ends a frame"), ("--t15", "allowed inside a frame")):
+    for name, what, example in (
+        ("--t35", "that ends a frame", "1750us or 3.5chars"),
+        ("--t15", "allowed inside a frame", "750us or 1.5chars"),
+    ):
         group.add_argument(
             name,
             metavar="TIME",
-            help=f"with --segmentation silence: the silence {what}, such as 1750us or 3.5chars",
+            help=f"with --segmentation silence: the silence {what}, such as {example}",
         )
 
 

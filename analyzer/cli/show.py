@@ -56,11 +56,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--packet",
         type=int,
         metavar="N",
-        help="show the frame that begins in this packet of the capture",
+        help="show the frame that starts in this packet of the capture",
     )
     parser.add_argument("--from", dest="read_as", metavar="FORMAT", help="format of the recording")
     parser.add_argument(
-        "--pdu", action="store_true", help="the hex text is a PDU, without unit and checksum"
+        "--pdu",
+        action="store_true",
+        help="the hex is a PDU only, without unit address and checksum",
     )
     parser.add_argument(
         "--direction",
@@ -97,8 +99,8 @@ def _show_packet(options: argparse.Namespace, screen: Screen) -> None:
     found = lookup_packet(run, options.words[0], options.packet)
     if not found:
         raise UsageError(
-            f"show: no frame begins in packet {options.packet} of {options.words[0]}; it may hold"
-            " the end of one, no data, or no Modbus"
+            f"show: no frame begins in packet {options.packet} of {options.words[0]}; it"
+            f" may contain only the end of a frame, no payload, or no Modbus"
         )
     for number, exchange in enumerate(found):
         if number:

@@ -205,6 +205,8 @@ def _pause_text(row: Any) -> str:
         time = milliseconds(row.response_time_us)
         return f"... {time} ms later" if time else "... answered by"
     waited = milliseconds(row.waited_us)
+    if row.status == "not_observed":
+        return "response not seen" + (f" (next request after {waited} ms)" if waited else "")
     return f"no response within {waited} ms" if waited else row.status.replace("_", " ")
 
 

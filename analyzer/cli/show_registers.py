@@ -49,7 +49,7 @@ def add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--at",
         metavar="UNIT:hr:ADDR",
-        help="show these registers over time (wire address; hr or ir)",
+        help="show the values of these registers over time, at unit:hr|ir:address, counting from 0",
     )
     parser.add_argument(
         "--count",
@@ -104,7 +104,7 @@ def show_registers(options: argparse.Namespace, screen: Screen) -> None:
 
 
 def _list(words: Sequence[str]) -> str:
-    return f"there are {', '.join(words)}"
+    return f"choose from {', '.join(words)}"
 
 
 def _samples(options: argparse.Namespace, unit: int, space: str, first: int) -> list[Sample]:
@@ -169,6 +169,6 @@ def _grid_columns(
 
 def _verdict(best: dict[str, Any] | None) -> str:
     if best is None:
-        return "no evidence for values that span several registers here"
+        return "no sign of values that span several registers here"
     sure = "plausible" if best["sure"] else "perhaps"
     return f"{sure}: {best['type']} {best['order']}: {best['reason']}"

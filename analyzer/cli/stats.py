@@ -25,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_decoding(parser)
     add_line(parser)
     parser.add_argument(
-        "--strict", action="store_true", help="exit with status 1 if anything was damaged"
+        "--strict",
+        action="store_true",
+        help="exit with status 1 if any frame was damaged or a line could not be parsed",
     )
 
 

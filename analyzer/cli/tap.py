@@ -44,12 +44,13 @@ examples:
   modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
 
-If no line settings are given, they are detected by listening. Ports A B are two
-buses; A+B is one bus with a port for each direction; NAME=PORT@SETTINGS names a
-bus and gives it its own settings. If a port disappears, the tap waits for it.
--o writes a file that grows while the tap runs; the file must not exist yet.
---record stores every read with its time, for modlens decode; if the file exists
-already, or with --rotate, a number and a time are added to its name.
+If no line settings are given, they are detected from the traffic. PORT PORT taps
+two separate buses; PORT+PORT taps one bus with one port per direction;
+NAME=PORT@SETTINGS names a bus and sets its line settings. If a port is
+unplugged, modlens waits for it to come back. -o writes to a file as traffic
+arrives; modlens will not overwrite an existing file. --record saves the raw
+bytes with timestamps, for modlens decode; if the file already exists, or with
+--rotate, a number and the time are appended to its name.
 Ctrl-C stops the tap.
 """
 
@@ -63,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a serial device or a URL, see below; not needed with --bus",
     )
     parser.add_argument(
-        "--view", choices=VIEWS, help="full-screen view instead of one line per transaction"
+        "--view", choices=VIEWS, help="show a full-screen view instead of one line per transaction"
     )
     parser.add_argument(
         "--no-reconnect",
@@ -77,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--detect",
         action="store_true",
-        help="detect the line settings by listening, even if some are given",
+        help="detect the line settings from the traffic, ignoring any that are given",
     )
     add_rows(parser)
     add_decoding(parser)
@@ -86,17 +87,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_recording(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("raw recording")
-    group.add_argument("--record", metavar="FILE", help="store every read with its time, as pcapng")
     group.add_argument(
-        "--rotate", metavar="N", help="start a new file after this time or size: 1h, 64MB"
+        "--record", metavar="FILE", help="save the raw bytes with timestamps, as pcapng"
     )
     group.add_argument(
-        "--keep", metavar="N", help="keep only this many files, or this much: 24, 2GB"
+        "--rotate",
+        metavar="N",
+        help="start a new file every so often, or at this size, such as 1h or 64MB",
+    )
+    group.add_argument(
+        "--keep",
+        metavar="N",
+        help="keep the newest N files, or at most this size, such as 168 or 2GB",
     )
 
 
 def _add_triggers(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("stopping and events")
+    group = parser.add_argument_group("stopping and triggers")
     group.add_argument("--count", type=int, metavar="N", help="stop after this many transactions")
     group.add_argument(
         "--duration", metavar="TIME", help="stop after this time, such as 90s or 1.5h"
@@ -108,8 +115,8 @@ def _add_triggers(parser: argparse.ArgumentParser) -> None:
         "--around",
         type=int,
         metavar="N",
-        help="with --where and -o: one file per matching transaction, with the N transactions"
-        " before and after it",
+        help="with --where and -o: write each match to its own file, with the N"
+        " transactions before and after it",
     )
 
 
@@ -125,18 +132,18 @@ def _add_feeds(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="file with the password (default: $MODLENS_MQTT_PASSWORD)",
     )
-    group.add_argument(
-        "--mqtt-ca", metavar="FILE", help="trusted certificate authorities (PEM) for mqtts"
-    )
+    group.add_argument("--mqtt-ca", metavar="FILE", help="CA certificates (PEM) to trust for mqtts")
     group.add_argument("--mqtt-cert", metavar="FILE", help="client certificate (PEM) for mqtts")
     group.add_argument("--mqtt-key", metavar="FILE", help="private key of --mqtt-cert (PEM)")
     group.add_argument(
-        "--mqtt-spool", metavar="FILE", help="file for messages the broker has not confirmed yet"
+        "--mqtt-spool",
+        metavar="FILE",
+        help="file that buffers messages until the broker acknowledges them",
     )
     group.add_argument(
         "--home-assistant",
         action="store_true",
-        help="with --mqtt: announce values to Home Assistant as sensors",
+        help="with --mqtt: publish Home Assistant discovery messages",
     )
     group.add_argument(
         "--metrics", metavar="[HOST:]PORT", help="serve Prometheus metrics over HTTP"

@@ -15,7 +15,7 @@ __all__ = ["add_arguments", "run"]
 EPILOG = """\
 examples:
   modlens wireshark-setup            then choose the profile Modbus in Wireshark
-  tshark -C Modbus -r bus.pcapng     the same columns in a terminal
+  tshark -C Modbus -r bus.pcapng     the same columns in tshark
   modlens wireshark-setup --remove
 """
 

@@ -147,7 +147,7 @@ def load(name: str) -> type[Format]:
     """Load a format by its name; `UsageError` lists the known ones."""
     if name not in FORMATS:
         hint = similar_name(name, FORMATS)
-        question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(FORMATS)}"
+        question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(FORMATS)}"
         raise UsageError(f"no format {name!r} to write; {question}")
     return cast(type[Format], importlib.import_module(FORMATS[name]).Format)
 
@@ -163,5 +163,5 @@ def format_of(path: str) -> str:
     suffix = PurePath(name).suffix.removeprefix(".")
     if suffix not in FORMATS:
         known = ", ".join(f".{name}" for name in FORMATS)
-        raise UsageError(f"-o {path}: the suffix says what to write; it is one of {known}")
+        raise UsageError(f"-o {path}: unknown extension; use one of {known}")
     return suffix

@@ -86,7 +86,7 @@ def parse_retention(text: str) -> Retention:
         return Retention(bytes=round(value * BYTES_PER_UNIT[unit]))
     if not unit and value == int(value):
         return Retention(segments=int(value))
-    raise UsageError(f"--keep {text}: write a number of segments, or a size such as 2GB")
+    raise UsageError(f"--keep {text}: give a number of files, or a size such as 2GB")
 
 
 def _amount(option: str, text: str) -> tuple[float, str]:

@@ -85,7 +85,9 @@ def check_style(style: str | None, targets: Iterable[Target]) -> None:
     known = {word for one in targets for word in load(one.format).styles}
     if style is not None and style not in known:
         there = (
-            f"there are {', '.join(sorted(known))}" if known else "none of these outputs has styles"
+            f"choose from {', '.join(sorted(known))}"
+            if known
+            else "none of these outputs has styles"
         )
         raise UsageError(f"--style {style}: {there}")
 

@@ -18,7 +18,7 @@ __all__ = ["FORMATS", "SCHEMES", "Format", "Scheme", "all_formats", "is_binary"]
 class Format:
     """A file format of recordings.
 
-    `binary` formats hold the bytes of the line as they are, or a capture of `packets` or of a logic
+    `binary` formats hold raw bytes as sent on the line, or a capture of `packets` or of a logic
     analyser's `samples`; the others are text, which the core parses. `clock` says what kind of
     times the format has. `sample` is what its first lines look like, as shown by `modlens formats`.
     """
@@ -64,14 +64,14 @@ _BYTES = {
         Format(
             "raw",
             binary=True,
-            title="the bytes of the line as they are",
+            title="raw bytes as sent on the line",
             clock="none",
             sample=("(bytes)",),
         ),
         Format(
             "pcap",
             binary=True,
-            title="network and serial captures of tcpdump and others",
+            title="network and serial captures from tcpdump and others",
             clock="utc",
             sample=("(binary; Modbus on port 502, or the ports of --port)",),
             packets=True,
@@ -79,7 +79,7 @@ _BYTES = {
         Format(
             "pcapng",
             binary=True,
-            title="network and serial captures of Wireshark and others",
+            title="network and serial captures from Wireshark and others",
             clock="utc",
             sample=("(binary; Modbus on port 502, or the ports of --port)",),
             packets=True,
@@ -95,7 +95,7 @@ _BYTES = {
         Format(
             "saleae-digital",
             binary=True,
-            title="Saleae Logic: levels of channels as CSV, one line per change",
+            title="Saleae Logic: channel levels as CSV, one row per edge",
             clock="relative",
             sample=("Time [s],RX,TX", "0.000000000,1,1", "0.010000000,0,1", "0.010104167,1,1"),
             samples=True,
@@ -120,7 +120,7 @@ SCHEMES = {
     scheme.name: scheme
     for scheme in (
         Scheme("", "/dev/ttyUSB0", "a serial port of this machine (COM3 on Windows)"),
-        Scheme("socket", "socket://192.168.1.50:4001", "raw TCP of a serial device server", False),
+        Scheme("socket", "socket://192.168.1.50:4001", "serial device server, raw TCP", False),
         Scheme(
             "rfc2217",
             "rfc2217://192.168.1.50:4001",

@@ -72,7 +72,7 @@ class Adapter:
             return f"latency timer {self.timer_ms} ms"
         if not sys.platform.startswith("linux"):
             return "this system does not report it: pauses of a few ms may be hidden"
-        return "no latency timer; bytes arrive as the driver delivers them"
+        return "no adjustable latency timer; bytes arrive as the driver delivers them"
 
 
 def chip_of(vendor: int | None) -> Chip | None:

@@ -74,11 +74,11 @@ def _refusal(sample: bytes, best: str, reason: str) -> str:
     """The error text for a file of which no format was detected: why, and what to do."""
     if best != "raw":
         return (
-            f"no Modbus found: text with bytes ({best}), but {reason};"
-            f" --from {best} decodes it anyway"
+            f"no Modbus found: looks like {best}, but {reason};"
+            f" use --from {best} to decode it anyway"
         )
-    kind = "text, but of no known format" if is_text(sample) else f"of no known format ({reason})"
-    return f"{kind}; see `modlens formats`, or name it with --from"
+    kind = "text in an unknown format" if is_text(sample) else f"unknown format ({reason})"
+    return f"{kind}; see `modlens formats`, or choose one with --from"
 
 
 def is_text(sample: bytes) -> bool:

@@ -86,7 +86,7 @@ class Recording:
             if not self._sample and self.damage is not None:
                 raise CaptureError(self.damage, path=self.name)
             if not self._sample:
-                raise SourceError(f"{self.name}: empty; there is nothing to decode")
+                raise SourceError(f"{self.name}: empty")
             self.detection: Detection = detect_format(self._sample, self.name, read_as, dialects)
         except BaseException:
             self.close()
@@ -308,8 +308,8 @@ def check_readable(name: str) -> None:
 
 def _source_error(name: str, error: OSError) -> SourceError:
     advice = {
-        errno.ENOENT: "no such file; check the path",
-        errno.ENOTDIR: "no such file; check the path",
+        errno.ENOENT: "no such file",
+        errno.ENOTDIR: "no such file",
         errno.EACCES: "no permission to read it",
         errno.EISDIR: "a directory; name the files in it",
     }

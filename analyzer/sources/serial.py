@@ -86,7 +86,7 @@ class Port:
         scheme = name.partition("://")[0] if "://" in name else ""
         if scheme not in SCHEMES:
             known = ", ".join(kind.example for kind in SCHEMES.values())
-            raise UsageError(f"{name}: unknown kind of port; known are {known}")
+            raise UsageError(f"{name}: unknown port type; use {known}")
         self.takes_line_settings = SCHEMES[scheme].takes_line_settings
         self._reader: _ReaderThread | None = None
         with self._as_port_error():

@@ -325,4 +325,6 @@ def evidence(mode: str, core: _modlens.Session) -> str:
     enough = frames >= _MIN_ASCII_FRAMES if mode == "ascii" else answered >= _MIN_ANSWERED
     if not enough and frames - unconfirmed < _MIN_FRAMES:
         return ""
-    return f"{frames} frames with a matching checksum, {answered} requests answered"
+    requests = "request" if answered == 1 else "requests"
+    valid = "frame" if frames == 1 else "frames"
+    return f"{frames} valid {valid} and {answered} answered {requests}"

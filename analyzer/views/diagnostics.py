@@ -19,12 +19,12 @@ from dissectors.vocabulary import findings
 __all__ = ["describe_driver_errors", "explain_timeouts", "rank_findings"]
 
 _DRIVER = {
-    "overrun": "overruns of the chip (bytes lost)",
-    "buf_overrun": "overruns of the system's buffer (bytes lost)",
-    "dropped": "bytes dropped because memory was full (lost)",
-    "frame": "framing errors",
-    "parity": "parity errors",
-    "brk": "breaks",
+    "overrun": ("overrun", " of the chip (bytes lost)"),
+    "buf_overrun": ("overrun", " of the system's buffer (bytes lost)"),
+    "dropped": ("byte", " dropped because memory was full (lost)"),
+    "frame": ("framing error", ""),
+    "parity": ("parity error", ""),
+    "brk": ("break", ""),
 }
 _SEVERITY_ORDER = {"error": 0, "warning": 1, "info": 2}
 _MAX_REQUESTS = 8
@@ -47,10 +47,14 @@ def describe_driver_errors(bus: Mapping[str, Any]) -> str:
     """The error counts of a tapped port's driver in words; empty where it has none.
 
     >>> describe_driver_errors({"driver": {"overrun": 2, "parity": 1}})
-    'the driver counted 2 overruns of the chip (bytes lost), 1 parity errors'
+    'the driver counted 2 overruns of the chip (bytes lost), 1 parity error'
     """
     counts = bus.get("driver") or {}
-    words = [f"{counts[name]:,} {text}" for name, text in _DRIVER.items() if counts.get(name)]
+    words = [
+        count_of(counts[name], noun) + rest
+        for name, (noun, rest) in _DRIVER.items()
+        if counts.get(name)
+    ]
     return f"the driver counted {', '.join(words)}" if words else ""
 
 
@@ -65,13 +69,14 @@ def explain_timeouts(bus: Mapping[str, Any]) -> Iterator[str]:
     waited = found["waited"]
     if waited:
         yield (
-            f"the master's response timeout: {cells.milliseconds(waited['p50_us'])} ms"
-            f" (at least {cells.milliseconds(waited['min_us'])},"
-            f" at most {cells.milliseconds(waited['max_us'])})"
+            f"the master's response timeout: about {cells.milliseconds(waited['p50_us'])} ms"
+            f" ({cells.milliseconds(waited['min_us'])} to"
+            f" {cells.milliseconds(waited['max_us'])} ms)"
         )
     rows = found["requests"]
     for row in rows[:_MAX_REQUESTS]:
-        yield f"{_who(row)}: {row['count']:,} of {row['asked']:,} without a response{_more(row)}"
+        asked = count_of(row["asked"], "request")
+        yield f"{_who(row)}: no response to {row['count']:,} of {asked}{_more(row)}"
     if len(rows) > _MAX_REQUESTS:
         yield f"… and {count_of(len(rows) - _MAX_REQUESTS, 'more request')}"
 
@@ -89,14 +94,14 @@ def _more(row: Mapping[str, Any]) -> str:
     parts = []
     if row["late"]:
         late = row["late_by"]
-        by = f", {cells.milliseconds(late['p50_us'])} ms too late" if late else ""
+        by = f", {cells.milliseconds(late['p50_us'])} ms late" if late else ""
         parts.append(f"{row['late']:,} answered after the timeout{by}")
     if row["damaged"]:
-        parts.append(f"{row['damaged']:,} with damaged bytes instead of a response")
+        parts.append(f"{row['damaged']:,} answered by damaged bytes")
     before = [
         f"unit {one['unit']} {one['status']} ({one['count']:,})"
         for one in row["before"][:_MAX_BEFORE]
     ]
     if before:
-        parts.append(f"preceded by {', '.join(before)}")
+        parts.append(f"the transaction before: {', '.join(before)}")
     return f" ({'; '.join(parts)})" if parts else ""

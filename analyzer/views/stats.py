@@ -86,7 +86,7 @@ def _lines(stats: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         yield from _timeouts(bus, width)
     if stats["findings"]:
         yield []
-        yield [("findings, most urgent first (modlens explain CODE)", "head")]
+        yield [("findings, most urgent first (modlens explain NAME)", "head")]
         for code, count, severity, advice in rank_findings(stats):
             yield [(f"{count:9,}  ", ""), (f"{code:22}", _SEVERITIES[severity])]
             yield from _wrapped(advice, width)
@@ -120,9 +120,9 @@ def _timeouts(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
     if cycle:
         yield []
         yield [
-            (f"poll cycle {cells.milliseconds(cycle['p50_us'])} ms", ""),
-            (f" (at most {cells.milliseconds(cycle['max_us'])} ms)", "dim"),
-            (f", {count_of(cycle['requests'], 'periodic request')}", ""),
+            (f"poll cycle: median {cells.milliseconds(cycle['p50_us'])} ms", ""),
+            (f", longest {cells.milliseconds(cycle['max_us'])} ms", "dim"),
+            (f"; {count_of(cycle['requests'], 'periodic request')}", ""),
         ]
     lines = list(explain_timeouts(bus))
     if lines:
@@ -145,8 +145,8 @@ def _silence(bus: Mapping[str, Any], width: int) -> Iterator[list[Part]]:
         share = changed / counts["frames"]
         yield []
         text = (
-            f"by silences of t3.5 ({counts['t35_us']:,.0f} us) alone, {changed:,} of"
-            f" {count_of(counts['frames'], 'frame')} ({share:.1%}) would be delimited differently"
+            f"a receiver using t3.5 ({counts['t35_us']:,.0f} us) alone would split"
+            f" {changed:,} of {count_of(counts['frames'], 'frame')} ({share:.1%}) differently"
         )
         yield from ([(line, "dim")] for line in textwrap.wrap(text, width))
 

@@ -29,7 +29,7 @@ def summary(stats: Mapping[str, Any]) -> list[str]:
     lines.append(f"{count_of(sum(stats['transactions'].values()), 'transaction')}{_list(states)}")
     codes = [f"{code} {count:,}" for code, count in stats["findings"].items()]
     if codes:
-        lines.append(f"findings{_list(codes)} (modlens explain CODE)")
+        lines.append(f"findings{_list(codes)} (modlens explain NAME)")
     return lines
 
 

@@ -121,6 +121,6 @@ def _module(form: str, way: str) -> Any:
     known = [name for name, row in FORMATS.items() if getattr(row, way)]
     if form not in known:
         hint = similar_name(form, known)
-        question = f"did you mean {hint!r}?" if hint else f"there are {', '.join(known)}"
+        question = f"did you mean {hint!r}?" if hint else f"choose from {', '.join(known)}"
         raise UsageError(f"no format {form!r} that it {way}; {question}")
     return importlib.import_module(f"dissectors.importers.{FORMATS[form].module}")

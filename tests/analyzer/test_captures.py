@@ -285,7 +285,7 @@ def test_what_is_left_out_is_reported(tmp_path: Path, modlens: Modlens) -> None:
     done = modlens("decode", path)
     assert done.status == 0
     assert "1 skipped: encrypted packets (Modbus over TLS, port 802)" in done.err
-    assert "1 skipped: packets of other traffic" in done.err
+    assert "1 skipped: packets of other protocols or ports (try --port)" in done.err
     assert "4 skipped: bytes of an incomplete last packet" in done.err
 
 

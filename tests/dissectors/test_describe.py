@@ -90,7 +90,7 @@ def test_mbap_fields() -> None:
     found = by_name(describe(frame, mode="tcp", direction="response"))
     assert found["mbap_id"].value == "258"
     assert "must be 0" in found["protocol"].meaning
-    assert found["length"].meaning == "3 bytes announced, 4 follow"
+    assert found["length"].meaning == "the length field says 3, but 4 bytes follow"
     assert found["extra"].data == b"\xff"
     assert not any(found[name].is_valid for name in ("protocol", "length", "extra"))
 

@@ -76,11 +76,11 @@ def test_every_known_word_is_explained() -> None:
     [
         ("Read Holding Regsters", "did you mean 'Read Holding Registers'"),
         ("illegal adress", "did you mean 'Illegal Data Address'"),
-        ("xyzzy", "try a function code"),
-        ("", "try a function code"),
-        ("fc 99", "function 99 is not in the table; known are 1, 2, 3"),
-        ("8/99", "no sub-function 99 in the table; known are 0, 1, 2"),
-        ("43/1", "no sub-function 1 in the table; known are 13, 14"),
+        ("xyzzy", "try 3, 'exception 2' or bad_checksum"),
+        ("", "try 3, 'exception 2'"),
+        ("fc 99", "function 99 is not known; choose from 1, 2, 3"),
+        ("8/99", "no sub-function 99 in the table; choose from 0, 1, 2"),
+        ("43/1", "no sub-function 1 in the table; choose from 13, 14"),
         ("3/1", "no sub-function 1 in the table; it has none"),
     ],
 )

@@ -27,7 +27,7 @@ def lines(state: LiveState, width: int, height: int) -> list[list[Part]]:
         out += _bus(bus, width)
     findings = list(rank_findings(stats))
     if findings:
-        out.append([("findings, most urgent first (modlens explain CODE)", "head")])
+        out.append([("findings, most urgent first (modlens explain NAME)", "head")])
     for code, count, severity, advice in findings:
         style = {"error": "bad", "warning": "odd"}.get(severity, "note")
         rest = max(width - 34, 0)
@@ -74,7 +74,6 @@ def _cycle(bus: dict[str, Any]) -> str:
     cycle = bus.get("cycle")
     if not cycle:
         return "unknown"
-    times = (
-        f"p50 {cells.milliseconds(cycle['p50_us'])} ms, max {cells.milliseconds(cycle['max_us'])}"
-    )
+    times = f"median {cells.milliseconds(cycle['p50_us'])} ms,"
+        f" max {cells.milliseconds(cycle['max_us'])}"
     return f"{times} ms ({count_of(cycle['requests'], 'periodic request')})"

@@ -68,26 +68,26 @@ findings! {
     BadChecksum "bad_checksum" Error
         "the checksum does not match the bytes"
         "The receiver discards such a frame without a response; the master waits for its response timeout and usually retries."
-        "Noise: termination at both ends (150 ohm, or 120 ohm + 1 nF), bias of 450 to 650 ohm at one place, shield, at most 1000 m and 32 loads. If all frames are bad: baud rate, parity, swapped wires."
+        "For noise: termination at both ends (150 ohm, or 120 ohm in series with 1 nF), biasing at one point (450 to 650 ohm), the shield, cable length (1000 m at most) and loading (32 unit loads at most). If all frames are bad: baud rate, parity, swapped A/B wires."
         "serial line 6.2";
     Incomplete "incomplete" Error
-        "the frame ends before its announced length"
+        "the frame is shorter than its own fields say"
         "Bytes were lost, or the sender stopped; the receiver discards the frame."
-        "Overruns of the adapter, a sender whose driver is switched off too early, or the start or end of the recording."
+        "Buffer overruns in the adapter; a sender that disables its driver too early; a frame cut off by the start or end of the recording."
         "serial line 2.5.1.1";
     BitFlip "bit_flip" Error
-        "one flipped bit explains the wrong checksum"
-        "A single disturbed bit is typical of noise on the line, not of a wrong setting."
-        "Termination, bias and shield; the unit named may be far away or badly connected."
+        "flipping a single bit would make the checksum valid"
+        "A single corrupted bit points to noise on the line, not to wrong settings."
+        "Termination, biasing and shield; the unit shown may be at the far end or poorly connected."
         "serial line 6.2.2";
     LostBytes "lost_bytes" Error
         "bytes of this frame are missing from the recording"
         "The tap did not deliver them; the devices may well have received the whole frame."
-        "Overruns of the tap: a slow computer, a long USB cable or hub, an adapter with a small buffer. The line is not the cause."
+        "Buffer overruns in the tap: a slow computer, a long USB cable or hub, an adapter with a small buffer. The line is not the cause."
         "";
     Collision "collision" Error
-        "another sender transmitted during the frame"
-        "Two drivers were on at once: where they differ, the one that pulls to 0 wins, and both frames are lost."
+        "another device transmitted during this frame"
+        "Two drivers were enabled at once; where they conflict, the bus usually reads 0, and both frames are lost."
         "Two masters, two units with the same address, or a unit that responds after the master's timeout."
         "serial line 2.4.1";
     DuplicateByte "duplicate_byte" Error
@@ -96,34 +96,34 @@ findings! {
         "The adapter, its driver, or a serial device server."
         "";
     StrayBytes "stray_bytes" Info
-        "stray bytes where a driver was switched on or off"
-        "Receivers that delimit frames by silence take them for part of the frame."
-        "Bias of 450 to 650 ohm at one place; the timing of the unit's driver enable."
+        "spurious bytes, seen when a driver was enabled or disabled"
+        "Receivers that separate frames by silence treat them as part of the frame."
+        "Biasing resistors of 450 to 650 ohm, fitted at one point only; the timing of the unit's driver enable."
         "serial line 3.4.6";
     OtherChecksum "checksum_of_another_frame" Error
-        "the checksum belongs to the same frame with one byte changed"
-        "The frame was edited by hand or comes from a document with a wrong example; disturbances on the line do not cause this."
+        "the checksum matches this frame with one byte different"
+        "The frame was edited by hand or copied from a wrong example; noise on the line does not do this."
         "The document or the test program that the frame comes from."
         "serial line 6.2.2";
     NoResponse "no_response" Error
         "the request received no response"
-        "The master lost one response timeout, and its data are out of date."
-        "Whether the unit exists, its address, its baud rate and parity, its power supply. If it fails only sometimes: the line."
+        "The master waits out its response timeout, and its data go stale."
+        "The unit's power supply, address, baud rate and parity, and whether it is present at all; if only some requests fail, the wiring and biasing."
         "serial line 2.4.1";
     Retry "retry" Warning
-        "the same request was sent again after no response"
-        "Retries hide trouble from the application but cost bus time."
-        "Why the first request got no response; the master's timeout may be too short."
+        "the same request was sent again because no response had come"
+        "Retries hide problems from the application but use up bus time."
+        "Why the first request went unanswered; the master's timeout may be too short."
         "serial line 2.4.1";
     LateResponse "late_response" Warning
-        "the response came after the master had given up"
-        "The master may take it for the response to its next request."
+        "the response arrived after the master's timeout"
+        "The master may mistake it for the response to its next request."
         "The master's timeout is too short for this unit, or the unit is overloaded."
         "serial line 2.4.1";
     Unsolicited "unsolicited" Warning
         "a response without a request"
         "The tap missed the request, or a second device responded."
-        "Two units with the same address; the start of the recording; a tap that receives only one side."
+        "Two units with the same address; the start of the recording; a tap that hears only one direction."
         "serial line 2.4.1";
     Duplicate "duplicate_response" Warning
         "the same response a second time"
@@ -133,10 +133,10 @@ findings! {
     LocalEcho "local_echo" Info
         "the request was received twice"
         "The master's adapter receives its own transmission; a master that does not expect this takes the echo for the response."
-        "The receiver-enable setting of the adapter; nothing, if the master handles the echo."
+        "The adapter's receiver-enable setting; there is nothing to do if the master handles the echo."
         "serial line 3.2";
     TwoMasters "two_masters" Error
-        "a second request came before the first was answered, and both were answered"
+        "a second request was sent before the first was answered; both got a response"
         "A serial line has one master; the requests of two masters collide sooner or later."
         "A second controller, a service laptop or a gateway on the same line."
         "serial line 2.1";
@@ -148,12 +148,12 @@ findings! {
     WrongFunction "wrong_function" Error
         "the response has a different function code than the request"
         "An exception response must repeat the request's function code with its highest bit set; the master discards anything else."
-        "The device's firmware, or a document with a wrong example."
+        "The device's firmware, or an error in its documentation."
         "7";
     Exception "exception" Warning
-        "the unit refused the request"
-        "The request was understood but not carried out."
-        "modlens explain exception CODE explains the exception code."
+        "the unit answered with an exception"
+        "The unit did not carry out the request."
+        "The meaning of the exception code: modlens explain exception N."
         "7";
     ResponseLength "response_length" Error
         "the response is shorter or longer than requested"
@@ -162,23 +162,23 @@ findings! {
         "6";
     LengthMismatch "length_mismatch" Error
         "the byte count does not agree with the quantity"
-        "Receivers differ in which of the two they trust."
+        "Some receivers use one, some the other."
         "The sender's firmware."
         "6";
     EchoMismatch "echo_mismatch" Error
         "the response does not repeat the fields of the request"
         "A device confirms a write by echoing it; a different echo means that another register or another value was written."
-        "Whether the device limits or rounds written values; two devices with the same address."
+        "Whether the device clamps or rounds written values; two devices with the same address."
         "6.5";
     QuantityLimit "quantity_limit" Warning
-        "a field is outside the limits of the specification"
+        "a field exceeds the limits of the specification"
         "Devices may refuse the request with exception 3, or send a malformed response."
         "The master's configuration."
         "6";
     PaddingBits "padding_bits" Warning
         "bits beyond the last requested one are set"
         "Padding must be zero; set bits suggest a device that always sends whole bytes, or a wrong example."
-        "Count from the lowest bit of the first byte: 0x80 is the eighth bit, not the first."
+        "The bit order: bits are counted from the least significant bit of the first byte, so 0x80 is the eighth bit, not the first."
         "6.1";
     ReservedUnit "reserved_unit" Info
         "a unit number above 247 on a serial line"
@@ -202,13 +202,13 @@ findings! {
         "";
     ShortSilence "short_silence" Info
         "less than t3.5 of silence before the frame"
-        "Receivers that delimit frames by silence join such a frame to the one before it."
-        "The sender's turnaround time; the baud rate given to modlens."
+        "Receivers that separate frames by silence join such a frame to the one before it."
+        "The sender's turnaround time; the --line setting."
         "serial line 2.5.1.1";
     GapInFrame "gap_in_frame" Info
         "more than t1.5 of silence inside the frame"
-        "Receivers that delimit frames by silence discard such a frame."
-        "Senders that pause between two bytes; the baud rate given to modlens."
+        "Receivers that separate frames by silence discard such a frame."
+        "Senders that pause between two bytes; the --line setting."
         "serial line 2.5.1.1";
     BareLineFeed "bare_line_feed" Info
         "an ASCII frame that ends without CR"
@@ -237,7 +237,7 @@ findings! {
         "5";
     TransactionId "transaction_id_mismatch" Warning
         "the response has a different transaction identifier than its request"
-        "A client that goes by the identifier discards the response; with several requests outstanding, responses are mixed up."
+        "A client that checks the identifier discards the response; with several requests outstanding, responses are mixed up."
         "The device's firmware: it must copy the identifier. modlens paired the two by unit, function and order."
         "messaging on TCP/IP 3.1.3";
     MissingSegment "missing_segment" Warning
@@ -247,7 +247,7 @@ findings! {
         "";
     Retransmission "tcp_retransmission" Info
         "TCP sent the bytes again"
-        "A packet was lost or late on the network, which delays everything after it; the Modbus data are not affected."
+        "A packet was lost or delayed on the network, which holds up everything behind it; the Modbus data are not affected."
         "The network between client and server: congestion, duplex settings, radio links. The bytes are counted once."
         "";
     DuplicatePacket "duplicate_packet" Info
@@ -257,7 +257,7 @@ findings! {
         "";
     LineError "line_error" Warning
         "the receiver reported a parity, framing or break error"
-        "Bytes with such an error are rarely right."
+        "Bytes received with such an error are usually corrupt."
         "Baud rate, parity and stop bits; noise."
         "serial line 2.5.1";
     ClockJumped "clock_jumped" Info

@@ -68,9 +68,9 @@ impl Verdict {
         match self {
             Self::Ok => "the frame is complete and its checksum matches",
             Self::BadChecksum => "the frame is complete, but its checksum does not match",
-            Self::Incomplete => "the frame ends before its announced length",
+            Self::Incomplete => "the frame is shorter than its own fields say",
             Self::Noise => "bytes that are not part of any frame",
-            Self::NoChecksum => "the frame is complete; the recording does not contain its checksum",
+            Self::NoChecksum => "the frame is complete, but the recording does not include checksums",
         }
     }
 

@@ -37,14 +37,14 @@ impl Status {
     /// What the status means, as `modlens explain` says it.
     pub fn meaning(self) -> &'static str {
         match self {
-            Self::Ok => "the request was answered",
+            Self::Ok => "a valid response was received",
             Self::Exception => "the unit refused the request with an exception response",
-            Self::NoResponse => "no response came before the response timeout, or before the master went on",
-            Self::Broadcast => "the request went to all units; no response is due",
-            Self::BadRequest => "the request arrived damaged",
-            Self::BadResponse => "a response came, but it was damaged",
+            Self::NoResponse => "no response arrived before the timeout, or before the master went on",
+            Self::Broadcast => "sent to all units; no response is expected",
+            Self::BadRequest => "the request was damaged on the line",
+            Self::BadResponse => "a response arrived, but it was damaged",
             Self::Unsolicited => "a response without a request",
-            Self::NotObserved => "the recording ended or lost data before a response could be observed",
+            Self::NotObserved => "the recording does not show whether a response came: it ended, lost data, or the master went on before its timeout",
         }
     }
 

@@ -197,7 +197,7 @@ fn learned_points(blocks: &Blocks, registers: &BTreeMap<u16, Register>) -> Vec<L
             order: if run.swapped { Order::Badc } else { Order::Abcd },
             bits: 40.0,
             is_certain: true,
-            reason: format!("constant letters: {:?}", run.text),
+            reason: format!("constant text {:?}", run.text),
             rivals: Vec::new(),
         })
         .collect();

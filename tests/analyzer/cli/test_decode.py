@@ -25,8 +25,8 @@ def test_the_table_is_for_stdout_and_the_rest_for_stderr(modlens: Modlens) -> No
     assert done.status == 0
     assert done.out.splitlines()[0].split()[:2] == ["trans.", "time"]
     said = done.err.splitlines()
-    assert said[0].startswith(f"{POLLS}: chunks (100 % sure:")
-    assert "UTC clock in steps of 1 us, mode rtu" in said[0]
+    assert said[0].startswith(f"{POLLS}: chunks (100 % certain:")
+    assert "UTC timestamps, resolution 1 us, mode rtu" in said[0]
     assert " frames (" in said[1]
     assert "transactions: ok" in said[2]
 
@@ -41,7 +41,7 @@ def test_lines_that_are_not_understood_are_counted_and_shown(
     done = modlens("decode", path)
     assert done.status == 0
     assert "5 of " in done.err
-    assert "lines not understood" in done.err
+    assert "lines could not be parsed" in done.err
     assert [line for line in done.err.splitlines() if "odd" in line] == [
         f"  line {len(SEED.read_text().splitlines()) + number + 1}: odd {number}"
         for number in range(3)

@@ -92,7 +92,13 @@ def test_encodings(
         ("csv", b"\xff\xfe\x00", (), 3, "map: not valid utf-16 at byte "),
         ("csv", TABLE, ("--base", "2"), 2, "--base: invalid choice: '2'"),
         ("csv", TABLE, ("--order", "ZZ"), 2, "--order: 'ZZ' is not a byte order; ABCD, CDAB"),
-        ("csv", TABLE, ("--to", "yaml"), 2, "no format 'yaml' that it writes; there are toml, csv"),
+        (
+            "csv",
+            TABLE,
+            ("--to", "yaml"),
+            2,
+            "no format 'yaml' that it writes; choose from toml, csv",
+        ),
         ("csv", TABLE, ("-o", "/no/where.toml"), 3, "/no/where.toml: cannot be created: its dir"),
         ("csw", TABLE, (), 2, "no format 'csw' that it reads; did you mean 'csv'?"),
         ("telegraf", "x", (), 2, "map: not TOML: "),
@@ -136,7 +142,7 @@ def test_a_spreadsheet_of_another_country(tmp_path: Path, modlens: Modlens) -> N
         ("hr:5", 0.1, "V"), ("hr:6", 1.5, None), ("hr:7", None, "A"),
     ]  # fmt: skip
     assert done.err.splitlines() == [
-        "3 points",
+        "3 registers",
         "addresses count from 0, as on the wire (as given; --base 0, 1 or modicon overrides)",
         "column 'Faktor' is not understood; skipped",
         "no column names the table: holding registers (assumed)",
@@ -153,7 +159,7 @@ def test_standard_input_and_other_formats(tmp_path: Path, modlens: Modlens) -> N
     assert "unit cannot be kept in Telegraf: Größe" in done.err
     path = tmp_path / "meter.toml"
     assert modlens("import", "csv", "-", "-o", path, stdin=TABLE.encode()).out == ""
-    assert modlens("profiles", "check", path).out == f"{path}: 1 point, no mistakes\n"
+    assert modlens("profiles", "check", path).out == f"{path}: 1 register, no mistakes\n"
 
 
 def test_without_the_extra(tmp_path: Path, modlens: Modlens) -> None:

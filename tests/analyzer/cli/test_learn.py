@@ -91,7 +91,7 @@ def test_match_finds_the_profile(tmp_path: Path, modlens: Modlens) -> None:
     assert done.status == 0
     lines = done.out.splitlines()
     assert lines[0] == "unit 1"
-    assert lines[1].startswith("  100 %  mightyzap: 3 of 3 requested addresses are in it")
+    assert lines[1].startswith("  100 %  mightyzap: 3 of 3 requested addresses are in this profile")
     assert lines[2].startswith("    0 %  grundfos")
 
 
@@ -156,7 +156,7 @@ def test_show_at_marks_the_plausible_reading(modlens: Modlens) -> None:
     [
         (("--at", "5:xx:6"), "3:hr:107"),
         (("--at", "5:hr:6", "--count", "3"), "1, 2 or 4"),
-        (("--at", "5:hr:6", "--as", "f64"), "there are u32, s32, f32"),
+        (("--at", "5:hr:6", "--as", "f64"), "choose from u32, s32, f32"),
         (("--at", "6:hr:6"), "no transaction"),
         (("--at", "5:hr:6", "--txn", "1"), "neither --frame"),
     ],

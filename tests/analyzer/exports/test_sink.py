@@ -135,5 +135,5 @@ def test_a_style_has_to_be_known() -> None:
     check_style("rtu", targets)
     with pytest.raises(UsageError, match="--style rtu: none of these outputs has styles"):
         check_style("rtu", targets[:1])
-    with pytest.raises(UsageError, match="--style json: there are original, rtu, tcp, udp"):
+    with pytest.raises(UsageError, match="--style json: choose from original, rtu, tcp, udp"):
         check_style("json", targets)

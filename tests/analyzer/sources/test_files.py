@@ -63,8 +63,8 @@ def refused(path: Path | str, read_as: str | None = None) -> str:
 def test_what_is_no_file(tmp_path: Path) -> None:
     """Missing, a directory, below a file, a name that cannot be."""
     (tmp_path / "file").write_bytes(HEX)
-    assert "no such file; check the path" in refused(tmp_path / "no.hex")
-    assert "no such file; check the path" in refused(tmp_path / "file" / "below.hex")
+    assert "no such file" in refused(tmp_path / "no.hex")
+    assert "no such file" in refused(tmp_path / "file" / "below.hex")
     assert "a directory; name the files in it" in refused(tmp_path)
     assert "null" in refused("a\0b")
 
@@ -73,7 +73,7 @@ def test_an_empty_file(tmp_path: Path) -> None:
     """An empty file is refused."""
     path = tmp_path / "empty.bin"
     path.touch()
-    assert refused(path) == f"{path}: empty; there is nothing to decode"
+    assert refused(path) == f"{path}: empty"
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="permissions of POSIX")

@@ -262,7 +262,7 @@ def test_unparsed_lines_are_counted_and_shown(tmp_path: Path, modlens: Modlens) 
     chatter = "".join(f"what {number} is this\n" for number in range(5))
     path.write_text(chatter + LOG, encoding="utf-8")
     done = modlens("decode", path, "--to", "csv")
-    assert "5 of 7 lines not understood" in done.err
+    assert "5 of 7 lines could not be parsed" in done.err
     assert [f"what {number} is this" in done.err for number in range(5)] == [True] * 3 + [False] * 2
 
 

@@ -172,7 +172,7 @@ def test_what_is_no_port(tmp_path: Path) -> None:
 
 def test_an_unknown_scheme_is_wrong_use() -> None:
     """An unknown scheme is reported with the known ones."""
-    with pytest.raises(UsageError, match=r"tcp://x: unknown kind of port; known are /dev"):
+    with pytest.raises(UsageError, match=r"tcp://x: unknown port type; use /dev"):
         Port("tcp://x", LINE)
     with pytest.raises(PortError):
         Port("socket://", LINE)

@@ -60,7 +60,7 @@ def test_decode_says_it(tmp_path: Path) -> None:
     words = command("decode", "--detect", raw, text, "--to", "csv")
     done = subprocess.run(words, capture_output=True, check=True, text=True, env=environment())
     assert "settings: 9600-8O1 (" in done.stderr
-    assert "holds no line errors" in done.stderr
+    assert "carries no line errors" in done.stderr
     assert done.stdout.startswith("txn,")
 
 

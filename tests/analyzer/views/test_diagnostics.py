@@ -50,7 +50,7 @@ def test_who_did_not_answer_and_how_long_the_master_waits() -> None:
     text = list(explain_timeouts(bus))
     assert text[0].startswith("the master's response timeout: ")
     assert text[1].startswith(
-        "unit 2, function 3 Read Holding Registers, hr 16-19: 3 of 3 without a response"
+        "unit 2, function 3 Read Holding Registers, hr 16-19: no response to 3 of 3 requests"
     )
 
 

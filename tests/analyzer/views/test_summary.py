@@ -27,7 +27,7 @@ def test_a_summary_counts_frames_bytes_and_transactions() -> None:
     assert summary(STATS) == [
         "2,472 frames (20,032 bytes): ok 2,469 (20,008), bad_checksum 3 (24)",
         "1,235 transactions: no_response 1, ok 1,234",
-        "findings: retry 2 (modlens explain CODE)",
+        "findings: retry 2 (modlens explain NAME)",
     ]
 
 

@@ -147,7 +147,7 @@ pub(crate) fn delayed(delayed: &DelayedFinding) -> String {
 
 /// `waited`: how long after the request the next one came.
 pub(crate) fn no_response(unit: u8, waited: Option<Ns>) -> String {
-    let waited = waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", ns / 1_000_000));
+    let waited = waited.map_or(String::new(), |ns| format!("; the next request came after {} ms", (ns + 500_000) / 1_000_000));
     format!("unit {unit}{waited}")
 }
 

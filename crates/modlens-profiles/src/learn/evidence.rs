@@ -75,7 +75,7 @@ pub(super) fn request_bits(exact_request_share: f64, reason: &mut String) -> f64
 pub(super) fn push_range(kind: Type, numbers: &[f64], reason: &mut String) {
     let least = rounded_text(numbers.iter().copied().fold(f64::MAX, f64::min));
     let most = rounded_text(numbers.iter().copied().fold(f64::MIN, f64::max));
-    let _ = write!(reason, "as {} from {least} to {most}", kind.word());
+    let _ = write!(reason, "read as {} from {least} to {most}", kind.word());
 }
 
 /// A number as text, rounded to four decimals.

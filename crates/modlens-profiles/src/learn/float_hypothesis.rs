@@ -50,7 +50,7 @@ pub fn float_hypothesis(values: &[u64], words: usize, order: Order, exact_reques
     let short_decimal_bits = short_decimals(values, words);
     if short_decimal_bits > 0.0 {
         bits += short_decimal_bits;
-        reason.push_str("the values have few decimal digits; ");
+        reason.push_str("plausible round values; ");
     }
     bits -= 12.0 * (movement.disorder - 0.15).max(0.0);
     // If the bits rise while the sign bit is set, the float falls; so this looks at the bits.

@@ -86,8 +86,8 @@ impl Capture {
         let skipped = &self.skipped;
         let link = self.unknown_link_type.map_or(String::new(), |link| format!(" ({link})"));
         let mut all = vec![
-            (String::from("packets of other traffic"), skipped.other),
-            (String::from("packets without data"), skipped.without_data),
+            (String::from("packets of other protocols or ports (try --port)"), skipped.other),
+            (String::from("packets without payload"), skipped.without_data),
             (
                 format!("packets on Modbus ports that are not Modbus, in {} connections", skipped.other_connections),
                 skipped.not_modbus,
