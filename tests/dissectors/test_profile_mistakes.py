@@ -292,7 +292,7 @@ TEN = [
     ("registers[0].at", "is not a table"),
     ("registers[1].at", "beyond the last address"),
     ("registers[2].typ", "did you mean 'type'"),
-    ("registers[3].type", "none of bool"),
+    ("registers[3].type", "not one of bool"),
     ("registers[4].at", "bits 0 (lowest) to 15"),
     ("registers[5].scale", "every value would be the same"),
     ("registers[6].type", "needs count"),

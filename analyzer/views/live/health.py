@@ -74,6 +74,8 @@ def _cycle(bus: dict[str, Any]) -> str:
     cycle = bus.get("cycle")
     if not cycle:
         return "unknown"
-    times = f"median {cells.milliseconds(cycle['p50_us'])} ms,"
+    times = (
+        f"median {cells.milliseconds(cycle['p50_us'])} ms,"
         f" max {cells.milliseconds(cycle['max_us'])}"
+    )
     return f"{times} ms ({count_of(cycle['requests'], 'periodic request')})"
