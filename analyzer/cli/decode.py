@@ -25,7 +25,8 @@ examples:
   modlens decode bus.jsonl --line 19200-8E1 -o bus.csv -o frames:frames.jsonl
   modlens decode - --from hex --to jsonl < bus.txt
 
-The table is printed unless -o or --to is given; add --to table to print it along\nwith -o.
+The table is printed unless -o or --to is given; add --to table to print it
+along with -o.
 """
 
 

@@ -23,7 +23,8 @@ examples:
   modlens import csv tags.csv --base modicon --order CDAB
   modlens import homeassistant configuration.yaml --unit 3
 
-Assumptions, and anything a profile cannot store, are reported on standard error.
+Assumptions, and anything a profile cannot store, are reported on standard
+error.
 """
 
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}

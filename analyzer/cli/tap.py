@@ -44,8 +44,8 @@ examples:
   modlens tap --bus plant.toml
   modlens tap socket://192.168.1.50:4001 --mqtt mqtt://localhost/plant
 
-If no line settings are given, they are detected from the traffic. PORT PORT taps
-two separate buses; PORT+PORT taps one bus with one port per direction;
+If no line settings are given, they are detected from the traffic. PORT PORT
+taps two separate buses; PORT+PORT taps one bus with one port per direction;
 NAME=PORT@SETTINGS names a bus and sets its line settings. If a port is
 unplugged, modlens waits for it to come back. -o writes to a file as traffic
 arrives; modlens will not overwrite an existing file. --record saves the raw

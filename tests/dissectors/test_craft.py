@@ -95,7 +95,7 @@ def test_what_is_never_answered_has_no_response() -> None:
 
 def test_units_and_transactions_have_ranges() -> None:
     """Units have one byte, transaction identifiers two."""
-    with pytest.raises(UsageError, match="unit 256"):
+    with pytest.raises(UsageError, match="unit must be 0 to 255, not 256"):
         frame(b"\x07", unit=256)
     with pytest.raises(UsageError, match="65536"):
         frame(b"\x07", mbap_id=65536)
