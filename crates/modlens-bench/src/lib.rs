@@ -9,7 +9,7 @@
 //! let scenario = Scenario::named("noise").unwrap();
 //! let case = Traffic::new(scenario, 1, 300).tap(TapMode::Ftdi16);
 //! let frames = Length.run(&case);
-//! assert!(score(&case, &frames).fd().f1() > 0.9);
+//! assert!(score(&case, &frames).frames_with_direction().f1() > 0.9);
 //! ```
 
 pub mod accuracy;
