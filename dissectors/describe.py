@@ -168,10 +168,17 @@ def _rtu(data: bytes, body: _PduContext, *, has_checksum: bool) -> Iterator[Piec
         return
     end = len(data) - 2 if has_checksum else len(data)
     yield body.unit(data[0], 0)
-    yield from body.pieces(data[1:end], 1)
+    pieces = list(body.pieces(data[1:end], 1))
+    yield from pieces
     if has_checksum:
         found = int.from_bytes(data[end:], "little")
-        meaning = _checksum("CRC", found, _modlens.crc16(data[:end]), width=4)
+        expected = _modlens.crc16(data[:end])
+        if found != expected and pieces[-1].name == "missing":
+            # Where the frame was cut off, its last bytes are those of a field.
+            text = "the last bytes before the frame is cut off, not a checksum"
+            yield Piece(end, data[end:], "cut off", data[end:].hex(" "), text, is_valid=False)
+            return
+        meaning = _checksum("CRC", found, expected, width=4)
         shown = f"0x{found:04X}"
         yield Piece(end, data[end:], "checksum", shown, meaning.text, "checksum", meaning.is_valid)
 

@@ -305,8 +305,11 @@ def _object(entry: vocabulary.Name) -> Explanation:
 
 def _finding(entry: vocabulary.Finding) -> Explanation:
     title = f"{entry.code} (finding, {entry.severity})"
-    text = (_sentence(entry.title), entry.why, f"Check: {entry.advice}")
-    return Explanation("finding", title, _section_text(entry.section), text)
+    text = [_sentence(entry.title), entry.why, f"Check: {entry.advice}"]
+    status = vocabulary.statuses().get(entry.code)
+    if status is not None:
+        text.append(f"As the status of a transaction: {status}.")
+    return Explanation("finding", title, _section_text(entry.section), tuple(text))
 
 
 def _layout(row: Function) -> Iterator[str]:

@@ -144,3 +144,12 @@ def test_vendors_functions_are_described() -> None:
     )
     assert pieces[0].meaning == "Huawei Private Function (Login Challenge), request"
     assert [piece.name for piece in pieces] == ["function", "sub_function", "byte_count", "value"]
+
+
+def test_the_last_bytes_of_a_cut_off_frame_are_no_checksum() -> None:
+    """Four bytes of a read request of eight: the last two are its address."""
+    pieces = describe(bytes.fromhex("01 03 00 6B"), mode="rtu")
+    assert [(piece.name, piece.data.hex()) for piece in pieces][-2:] == [
+        ("missing", ""),
+        ("cut off", "006b"),
+    ]

@@ -108,3 +108,8 @@ def test_layouts_are_described_in_words() -> None:
     assert "Permitted: quantity 1 to 123. The response repeats address, quantity." in text
     assert "There is no response." in "\n".join(explain("8/4").text)
     assert "not public" in "\n".join(explain("0x5A").text)
+
+
+def test_a_word_that_is_a_finding_and_a_status_is_explained_as_both() -> None:
+    """`no_response` is the code of a finding and the status of a transaction."""
+    assert "As the status of a transaction: no response arrived" in str(explain("no_response"))

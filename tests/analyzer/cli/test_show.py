@@ -209,7 +209,7 @@ def test_one_is_singular(modlens: Modlens, tmp_path: Path) -> None:
     assert "1 frame (8 bytes): ok 1 (8)" in done.err
     assert "standard output: 1 transaction written\n" in done.err
     detected, *summary = done.err.splitlines()
-    assert "hex (100 % sure" in detected
+    assert "hex (100 % certain" in detected
     assert not [line for line in summary if re.search(r"\b1 [a-z]+s\b", line)]
 
 

@@ -130,8 +130,18 @@ fn text_guess(sample: &[u8], dialects: &Dialects) -> Option<FormatGuess> {
     let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
     let proof = if rows[0].no_checksum { "have the layout of frames" } else { "are in frames confirmed by checksum or length" };
     let confidence = if rows[0].no_checksum { 0.5 + 0.3 * total.purity() } else { 0.5 + 0.5 * total.purity() };
-    let reason = format!("{} records, {:.0} % of their bytes {proof}", total.records, 100.0 * total.purity());
+    let reason =
+        format!("{} record{}, {:.0} % of their bytes {proof}", total.records, plural(total.records), 100.0 * total.purity());
     Some((names.join("+"), confidence, reason))
+}
+
+/// The ending of a noun behind this number.
+fn plural(number: u64) -> &'static str {
+    if number == 1 {
+        ""
+    } else {
+        "s"
+    }
 }
 
 /// The guess for a text in which no checksum is valid: the row that finds most bytes, and the other protocol that the
@@ -140,7 +150,7 @@ fn unproved(scored: &[(Arc<Dialect>, RowScore)], text: &[u8]) -> Option<FormatGu
     let why = foreign_protocols::name(&bursts(text)).map_or_else(String::new, |kind| format!("; {kind}"));
     match scored.iter().max_by_key(|(row, score)| (score.bytes, !row.generic)) {
         Some((row, score)) => {
-            let reason = format!("no checksum matches in {} byte strings{why}", score.records);
+            let reason = format!("no valid checksum in {} byte string{}{why}", score.records, plural(score.records));
             Some((row.name.clone(), UNPROVED / 2.0, reason))
         }
         None if why.is_empty() => None,
