@@ -229,3 +229,9 @@ def test_formats_are_listed_with_samples(modlens: Modlens) -> None:
     for kind in FORMATS.values():
         assert kind.name in done.out
         assert kind.sample[0] in done.out
+
+
+def test_explain_lists_its_words(modlens: Modlens) -> None:
+    """`explain list` prints the name of each function, exception, finding and status."""
+    words = modlens("explain", "list").out.splitlines()
+    assert {"Read Holding Registers", "Illegal Data Address", "retry", "not_observed"} <= {*words}
