@@ -79,7 +79,7 @@ fn constant_upper_half(values: &[u64], reason: &mut String) -> f64 {
     match top {
         // 65535 is excluded because many devices use it for "not available".
         0xFF00..=0xFFFE => {
-            reason.push_str("looks like small negative numbers; ");
+            reason.push_str("the upper register is that of a small negative number; ");
             CONSTANT_UPPER_BITS
         }
         1..0x8000 if rising => {
