@@ -77,15 +77,16 @@ impl UnframedRegion<'_, '_> {
     /// The candidate as a frame: where it ends, and what happened to it, as far as its alignment does not say that already.
     /// `limit` is the index in the region where the next frame of the chain begins, or the region's length.
     ///
-    /// Its expected length is that of the alignment, else the one that its header announces, else all bytes up to `limit`. It
+    /// Its expected length is that of the candidate (`Candidate::end`: from its alignment with an expected frame, or from its
+    /// header where no frame was expected), else the one that its header announces, else all bytes up to `limit`. It
     /// ends there, at `limit`, after `MAX_RTU_FRAME_BYTES`, or at the first pause inside that `gap_inside` counts as its end,
     /// whichever comes first. If the alignment names no damage, it is found here, in this order:
     ///
-    /// 1. All known bytes agree and there is one more byte than expected: a byte was received twice if the CRC is valid
+    /// 1. All known bytes agree and there is at least one more byte than expected: a byte was received twice if the CRC is valid
     ///    without it. The frame is one byte longer then.
     /// 2. Fewer bytes than expected: the end is missing. It was never sent if a retry follows, else it was lost. If one
     ///    flipped bit explains the CRC, nothing is missing, and the announced length is what is wrong.
-    /// 3. As many as the alignment expects: the last ones may be stray bytes in the place of lost ones
+    /// 3. As many as expected: the last ones may be stray bytes in the place of lost ones
     ///    (`strays_for_lost_bytes`). The frame ends in front of them.
     ///
     /// Otherwise `damage` stays `None`: some bits are wrong. `is_short`: the frame has fewer bytes than expected, or lost some.

@@ -67,8 +67,8 @@ impl TcpFramer {
     /// 2. `Plausible` if the layout admits the announced length, or if the frame has not come as a whole: then the caller
     ///    waits for it, and asks again.
     /// 3. Else header and layout contradict each other, and the next whole frame decides, looked for first at the announced
-    ///    end, then at the layout's ends, then at every place that a frame may end at. At the announced end: `Plausible`;
-    ///    elsewhere: `Wrong`. If bytes are missing to tell, `Undecided` until the input is closed. Without such a frame,
+    ///    end, then at the layout's ends, then at every end of a shorter frame than the longest one. At the announced end:
+    ///    `Plausible`; elsewhere: `Wrong`. If bytes are missing to tell, `Undecided` until the input is closed. Without such a frame,
     ///    `Plausible`: `complete` reports that the layout does not fit.
     fn check_length(input: &Input, context: &FramerContext<'_>, length: usize) -> LengthCheck {
         let (bytes, functions) = (input.bytes(), context.functions);
@@ -122,8 +122,9 @@ impl TcpFramer {
     /// The row of the frame at the first byte, where a header stands (`begins`); `None` if more bytes are needed. `adu` is
     /// cleared and gets unit and PDU, as far as they belong to the frame.
     ///
-    /// `Incomplete` in three cases: a record starts or bytes were lost before the announced end (a silence does not count); the
-    /// length is wrong (`check_length`), which is a fault as well; or the input is closed before the announced end. Else the
+    /// `Incomplete` in three cases: a record starts or bytes were lost before the announced end (a silence alone does not end a
+    /// frame here); the length is wrong (`check_length`), which is a fault as well; or the input is closed before the announced
+    /// end, by the end of the recording or, live, by a silence of `break_ns` and more (`Input::is_closed`). Else the
     /// row is that of `complete`. On a connection, whose packets are known, a header is believed without `check_length` if the
     /// packet ends with the frame, or with a CRC that a gateway left behind it.
     fn frame(input: &Input, context: &FramerContext<'_>, adu: &mut Vec<u8>) -> Option<FrameResult> {

@@ -46,7 +46,8 @@ impl Profiles {
     }
 
     /// The profile of the transaction's unit, after it has learned from this transaction: scale factors, and `SunSpec`
-    /// models. If values or function contradict the profile, a finding is added to `found`. `None` if the unit has no profile.
+    /// models. If values or function contradict the profile, a finding is added to `found` (none on the function of a request
+    /// that arrived damaged). `None` if the unit has no profile.
     ///
     /// Only registers that were read with success (status `ok`) teach anything. A unit without profile gets one if they are
     /// holding registers that begin or continue its `SunSpec` models. The order of bytes is checked until that is done.

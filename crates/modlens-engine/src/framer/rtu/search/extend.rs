@@ -93,8 +93,9 @@ impl Search {
     /// The best places in the lattice for a frame: where it does not answer the outstanding request, and where it does. `None`
     /// where no path behind which it fits would have more than `floor` bits with it.
     ///
-    /// These are two states: a response leaves the outstanding request or clears it. A request is the outstanding one behind
-    /// itself whatever was before, so it has a place of the first kind only. `own_score` is the frame's score in bits without the
+    /// Only the best path of each kind is kept, although paths may differ in their earlier requests as well: a response
+    /// leaves the outstanding request or clears it, and that decides most of what follows. A request is the outstanding one
+    /// behind itself whatever was before, so it has a place of the first kind only. `own_score` is the frame's score in bits without the
     /// frames before it. A path is worth its score less the unframed bytes between, plus the frame with its context and, where
     /// hypotheses stand inside the frame, what these are worth.
     fn best_placements(
@@ -195,8 +196,8 @@ impl Search {
     /// Adds damaged frames right behind the hypothesis `parent` that end at the last byte scanned with exactly the length that
     /// they announce; returns the stream offset at which one may end next, `u64::MAX` if none can.
     ///
-    /// None is added for an exception response, where a valid frame ends (`no_valid_end` is false), or across a pause of
-    /// `frame_gap_ns` where reads are single bytes.
+    /// None is added for an exception response, where a valid frame ends (`no_valid_end` is false), or, unless timed reads of
+    /// several bytes are in the input, across a pause of `frame_gap_ns`, the start of a record or a loss.
     fn add_damaged_hypotheses_behind(
         &mut self,
         input: &Input,
@@ -219,8 +220,8 @@ impl Search {
         for (direction, extent) in announced_lengths(context, frame).into_iter().flatten() {
             match extent {
                 Extent::Exactly(announced) if announced == frame.len() => {
-                    // Where each byte has its time (no read has several), a frame that lost bytes ends at a pause, before it has
-                    // its length.
+                    // Unless a timed read has several bytes, a pause is known to be one, and a frame that lost bytes ends at a
+                    // pause, before it has its length.
                     let is_paused =
                         !input.has_multibyte_reads && input.boundary_after(from, from + frame.len() - 1, frame_gap_ns).is_some();
                     if no_valid_end && !is_paused && frame[1] & EXCEPTION_BIT == 0 {
