@@ -34,6 +34,7 @@ def test_tests_are_those_of_the_name_or_the_folder() -> None:
     assert python_tests(["analyzer/filters.py"]) == [
         "analyzer/filters.py",
         "tests/analyzer/test_filters.py",
+        "tests/analyzer/test_filters_people_type.py",
     ]
     exports = python_tests(["analyzer/exports/sink.py"])
     assert exports == ["analyzer/exports/sink.py", "tests/analyzer/exports/test_sink.py"]
