@@ -66,7 +66,7 @@ def test_the_core_knows_them(tree: Path) -> None:
     for name in (
         "every_notation_reads_the_same_bytes",
         "every_finding_has_its_text",
-        "every_column",
+        "columns_of_the_file_and_of_the_code_agree",
     ):
         assert name in out
 
