@@ -55,12 +55,10 @@ pub fn align(model: &TrafficModel, expected: &ExpectedFrame<'_>, bytes: &[u8], n
 }
 
 /// The best alignment of `bytes` with the expected frame without its first `missing` bytes; `None` if none is worth more than
-/// 0 and at least `need` bits. `bytes` begin where the frame would and may reach beyond its end.
+/// 0 and at least `need` bits. `bytes` begin where the rest of the frame would and may reach beyond its end. If two
+/// alignments are worth the same, the one that is tried later is taken (see `Comparison::explanations` for the order).
 ///
-/// Flipped bits are always allowed for. One break behind the leading bytes that agree (up to three bytes missing, the last
-/// one doubled, or a collision) is tried as well, but only with nothing missing in front, where some known bytes agree and
-/// some do not, and where even the cheapest break leaves enough bits. A score is that of the bytes less what it costs to
-/// select this frame, plus what the CRC adds. Where the bytes stand in their region is not judged here.
+/// Where the bytes stand in their region is not judged here.
 fn align_without_head(
     model: &TrafficModel,
     expected: &ExpectedFrame<'_>,
@@ -68,55 +66,97 @@ fn align_without_head(
     missing: usize,
     need: f32,
 ) -> Option<Alignment> {
-    let known = &expected.bytes[missing..];
-    let agreeing = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
-    // At nearly all places nothing fits, which has to be noticed with as little work as possible. With bytes missing in
-    // front, two have to agree, and not as a run of one value; else the first byte, or nearly all bits of the header.
-    let is_run = agreeing > 1 && bytes[..agreeing].iter().all(|&byte| byte == bytes[0]);
-    let is_hopeless =
-        if missing > 0 { is_run || agreeing < 2.min(known.len()) } else { agreeing == 0 && !header_nearly_agrees(known, bytes) };
-    if is_hopeless {
+    let comparison = Comparison::new(model, expected, bytes, missing);
+    if comparison.is_hopeless() {
         return None;
     }
-    // An upper bound: no damage makes the bytes that agree worth more than this. One more byte than is known may count, for
-    // a doubled one.
-    let bytes_compared = bytes.len().min(known.len() + 1);
-    let max_score: f32 = model.bits_of(&bytes[..bytes_compared]) - expected.selection_cost + expected.max_crc_bits();
+    let max_score = comparison.max_score();
     if max_score < need - ROUNDING_BITS {
         return None;
     }
-    let may_have_break = agreeing > 0 && agreeing < known.len() && missing == 0 && max_score - COLLISION_BITS >= need;
-    let agreeing_score = if may_have_break { score_with_flips(model, &known[..agreeing], bytes, 0).0 } else { 0.0 };
-    let prefix = Prefix { length: agreeing, score: agreeing_score };
-    let losses =
-        (1..=MAX_LOST_BYTES).filter(|_| may_have_break).filter_map(|count| missing_inside(model, known, bytes, prefix, count));
-    let breaks = [doubled_byte, collision].into_iter().filter(|_| may_have_break);
-    let others = breaks.filter_map(|explain| explain(model, known, bytes, prefix));
-    let unbroken = std::iter::once(without_break(model, known, bytes, missing));
-    let alignments = unbroken.chain(losses).chain(others).map(|explanation| {
-        // Bytes of the expected frame that are not there; -1 if one is there twice.
-        let shortfall = match explanation.damage {
-            Some(DamageKind::LostBytes { count, .. }) => count as isize,
-            Some(DamageKind::DoubledByte { .. }) => -1,
-            _ => 0,
-        };
-        let length = expected.length.map(|length| length.saturating_add_signed(-shortfall));
-        let crc_score = crc_score(expected, bytes, length, shortfall);
+    // A collision is the break that costs least.
+    let can_afford_break = max_score - COLLISION_BITS >= need;
+    let alignments = comparison.explanations(can_afford_break).map(|explanation| comparison.alignment(&explanation));
+    alignments.filter(|alignment| alignment.score > 0.0 && alignment.score >= need).max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// The rest of an expected frame beside the bytes that it is compared with: the first of `bytes` is compared with the first
+/// of `known`.
+struct Comparison<'a> {
+    model: &'a TrafficModel,
+    expected: &'a ExpectedFrame<'a>,
+    /// How many bytes the expected frame has in front of `known`: they are not among `bytes`.
+    missing: usize,
+    /// The known bytes of the expected frame without the first `missing` ones.
+    known: &'a [u8],
+    /// The bytes of the region, from where the rest of the frame may begin to the region's end.
+    bytes: &'a [u8],
+    /// How many of `bytes` equal those of `known`, from the first one up to the first difference.
+    agreeing: usize,
+}
+
+impl<'a> Comparison<'a> {
+    fn new(model: &'a TrafficModel, expected: &'a ExpectedFrame<'_>, bytes: &'a [u8], missing: usize) -> Self {
+        let known = &expected.bytes[missing..];
+        let agreeing = known.iter().zip(bytes).take_while(|(a, b)| a == b).count();
+        Self { model, expected, missing, known, bytes, agreeing }
+    }
+
+    /// Whether the first bytes agree too little to go on. At nearly all places nothing fits, which has to be noticed with as
+    /// little work as possible.
+    ///
+    /// With bytes missing in front, at least two have to agree (or the one that is known), and not as a run of one value. With
+    /// none missing, at least the first has to agree, or nearly all bits of the header.
+    fn is_hopeless(&self) -> bool {
+        if self.missing == 0 {
+            return self.agreeing == 0 && !header_nearly_agrees(self.known, self.bytes);
+        }
+        let is_run = self.agreeing > 1 && self.bytes[..self.agreeing].iter().all(|&byte| byte == self.bytes[0]);
+        is_run || self.agreeing < 2.min(self.known.len())
+    }
+
+    /// No alignment has a higher score in bits: no damage makes the compared bytes worth more than their information content.
+    /// One more byte than is known may count, for a doubled one.
+    fn max_score(&self) -> f32 {
+        let compared = self.bytes.len().min(self.known.len() + 1);
+        self.model.bits_of(&self.bytes[..compared]) - self.expected.selection_cost + self.expected.max_crc_bits()
+    }
+
+    /// The ways in which the bytes can be explained, with their scores, in this order: flipped bits alone; then one break right
+    /// behind the bytes that agree: one, two or three bytes missing, the last one doubled, a collision.
+    ///
+    /// A break is tried only if `can_afford_break`, no bytes are missing in front, some known bytes agree, and some do not.
+    fn explanations(&self, can_afford_break: bool) -> impl Iterator<Item = Explanation> + '_ {
+        let (known, agreeing) = (self.known, self.agreeing);
+        let tries_breaks = can_afford_break && agreeing > 0 && agreeing < known.len() && self.missing == 0;
+        let score = if tries_breaks { score_with_flips(self.model, &known[..agreeing], self.bytes, 0).0 } else { 0.0 };
+        let prefix = Prefix { length: agreeing, score };
+        let losses = (1..=MAX_LOST_BYTES).filter(move |_| tries_breaks);
+        let losses = losses.filter_map(move |count| missing_inside(self.model, known, self.bytes, prefix, count));
+        let breaks = [doubled_byte, collision].into_iter().filter(move |_| tries_breaks);
+        let breaks = breaks.filter_map(move |explain| explain(self.model, known, self.bytes, prefix));
+        std::iter::once(without_break(self.model, known, self.bytes, self.missing)).chain(losses).chain(breaks)
+    }
+
+    /// The alignment of one explanation. Its score is that of the explanation, less what it costs to select this frame, plus
+    /// what the CRC adds. A CRC that adds something counts as valid, and confirms all bytes of a frame of known length, those
+    /// with unknown values among them.
+    fn alignment(&self, explanation: &Explanation) -> Alignment {
+        let shortfall = explanation.shortfall();
+        let length = self.expected.length.map(|length| length.saturating_add_signed(-shortfall));
+        let crc_score = crc_score(self.expected, self.bytes, length, shortfall);
         let is_corrected = crc_score > 0.0;
-        // A valid CRC confirms all bytes of the frame, those that were not known among them.
-        let core_bytes = if is_corrected { explanation.core_bytes.max(length.unwrap_or(0)) } else { explanation.core_bytes };
         Alignment {
-            score: explanation.score - expected.selection_cost + crc_score,
-            core_bytes,
-            missing_head_bytes: missing,
-            agreeing_bytes: agreeing,
+            score: explanation.score - self.expected.selection_cost + crc_score,
+            core_bytes: explanation.core_bytes.max(if is_corrected { length.unwrap_or(0) } else { 0 }),
+            missing_head_bytes: self.missing,
+            agreeing_bytes: self.agreeing,
             length,
             damage: explanation.damage,
             is_corrected,
-            is_exact: crc_score == 0.0 && missing == 0 && agreeing == known.len(),
+            is_exact: crc_score == 0.0 && self.missing == 0 && self.agreeing == self.known.len(),
         }
-    });
-    alignments.filter(|alignment| alignment.score > 0.0 && alignment.score >= need).max_by(|a, b| a.score.total_cmp(&b.score))
+    }
 }
 
 /// Whether one of unit and function code agrees, and the other differs in a few bits only.
@@ -134,9 +174,23 @@ struct Prefix {
 
 /// One kind of damage that would explain how the bytes differ from the known ones.
 struct Explanation {
+    /// Bits of the bytes that agree, less what the damage costs.
     score: f32,
+    /// Bytes from the first one to behind the last one that agrees.
     core_bytes: usize,
+    /// What happened; `None` for flipped bits alone.
     damage: Option<DamageKind>,
+}
+
+impl Explanation {
+    /// How many bytes of the expected frame are not there: -1 if one of them is there twice.
+    fn shortfall(&self) -> isize {
+        match self.damage {
+            Some(DamageKind::LostBytes { count, .. }) => count as isize,
+            Some(DamageKind::DoubledByte { .. }) => -1,
+            _ => 0,
+        }
+    }
 }
 
 /// Explains the bytes by flipped bits only, with or without bytes missing in front.

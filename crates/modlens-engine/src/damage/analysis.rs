@@ -11,23 +11,37 @@ use crate::weights::{self, MAX_GLITCH_BYTES, MIN_DAMAGED_FRAME_BITS, SEARCHED_BY
 impl UnframedRegion<'_, '_> {
     /// The damaged frames of this region, in order, with indices that count from its first byte; all other bytes are noise.
     ///
-    /// They are the best chain of candidates, and the fragment in front that `leading_fragment` finds. There is no chain where
-    /// the bytes are too few, nor where the region is the entire recording and more than stray bytes of a line driver stand in
-    /// front of the first frame. Then the bytes behind the last frame decide, the first rule that fits:
-    ///
-    /// 1. They are its own rest, which came as late as the missing bytes would have taken: it extends to the region's end,
-    ///    and fewer bytes are missing, inside it.
-    /// 2. They show that it lost an unknown number of bytes at its end (`lost_bytes_behind`); it does not get longer.
-    /// 3. They may be the end of another frame (`trailing_fragment`).
+    /// They are the chain of candidates (`chain_of_candidates`), in front of it the fragment that `leading_fragment` finds, and
+    /// behind it what `explain_bytes_behind` makes of the rest.
     pub fn damaged_frames(&self) -> Vec<DamagedFrame> {
+        let mut frames = self.chain_of_candidates();
+        let first_start = frames.first().map_or(self.length, |frame| frame.start);
+        frames.splice(0..0, self.leading_fragment(first_start, frames.is_empty()));
+        self.explain_bytes_behind(&mut frames);
+        frames
+    }
+
+    /// The best chain of candidates; none where the bytes are too few.
+    ///
+    /// If the region is the entire input (somebody pasted one damaged frame), the frame starts at the first byte: a chain that
+    /// starts later is discarded, unless only glitch bytes of a line driver precede it.
+    fn chain_of_candidates(&self) -> Vec<DamagedFrame> {
         let mut frames = if self.is_too_short() { Vec::new() } else { self.best_chain(&self.all_candidates()) };
-        // If the region is the entire input (somebody pasted one damaged frame), the frame starts at the first byte: a
-        // candidate that starts later is discarded, unless only glitch bytes of a line driver precede it.
         if self.is_entire_input() && frames.first().is_some_and(|frame| !is_glitch(&self.bytes()[..frame.start])) {
             frames.clear();
         }
-        let first_start = frames.first().map_or(self.length, |frame| frame.start);
-        frames.splice(0..0, self.leading_fragment(first_start, frames.is_empty()));
+        frames
+    }
+
+    /// Says what the bytes behind the last of `frames` are, by the first rule that fits. Without frames it does nothing.
+    ///
+    /// 1. They are its own rest, which came as late as the missing bytes would have taken (`resumes_after_loss`): it extends to
+    ///    the region's end, and fewer bytes are missing, inside it and not at its end.
+    /// 2. They show that it lost an unknown number of bytes at its end (`lost_bytes_behind`): it does not get longer.
+    /// 3. They are the end of another frame (`trailing_fragment`): that is appended.
+    ///
+    /// If no rule fits, nothing is changed, and they will be noise.
+    fn explain_bytes_behind(&self, frames: &mut Vec<DamagedFrame>) {
         match frames.last_mut() {
             Some(last) if self.is_one_burst_behind(last) && self.resumes_after_loss(last) => {
                 let at = last.end - last.start;
@@ -41,9 +55,8 @@ impl UnframedRegion<'_, '_> {
                 let at = last.end - last.start;
                 (last.is_short, last.damage) = (true, Some(DamageKind::LostBytes { at, count: 0 }));
             }
-            _ => frames.extend(self.trailing_fragment(&frames)),
+            _ => frames.extend(self.trailing_fragment(frames)),
         }
-        frames
     }
 
     /// Whether so few bytes are left (at most `MAX_GLITCH_BYTES`) that no candidate can reach `MIN_DAMAGED_FRAME_BITS`.

@@ -57,45 +57,71 @@ pub(crate) fn find_colonless(bytes: &[u8], is_final: bool, known_units: &[bool; 
 }
 
 /// The message without a colon that ends with the line from `line_start` to `line_end`, which is the index of its CR or LF.
-/// `bytes` has no colon and begins with the first unframed character. The result ends at `line_end`; the caller adds the line
-/// end.
+/// `bytes` has no colon and begins with the first unframed character. The result's `end` is `line_end`; the caller adds the
+/// line end.
 ///
-/// Only the hex characters right in front of the line end count. `None` if they are fewer than six, or none of these:
-///
-/// 1. Their LRC is valid: a whole message. A character in front that differs from a colon in one bit is its damaged colon
-///    (no loss, `damage` is `None`); else the colon is lost, and what stands in front is no part of the message.
-/// 2. Their LRC is valid without the first one: that one is the damaged colon.
-/// 3. In the first line, with at most three stray characters in front: the rest of a message that has lost an unknown number
-///    of characters (`is_complete` is false). More than six have to be left.
+/// Only the hex characters right in front of the line end count; `None` if they are fewer than six. They are a whole message
+/// (`whole_message`), else the rest of one (`rest_of_message`), else none.
 fn colonless_in_line(bytes: &[u8], line_start: usize, line_end: usize, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
     let line = &bytes[line_start..line_end];
     let hex_start = line_end - line.iter().rev().take_while(|byte| byte.is_ascii_hexdigit()).count();
-    let digits = line_end - hex_start;
-    if digits < MIN_HEX_CHARACTERS {
+    if line_end - hex_start < MIN_HEX_CHARACTERS {
         return None;
     }
-    let is_valid = |start: usize| (line_end - start).is_multiple_of(2) && has_valid_lrc(&bytes[start..line_end]);
-    let message = |start, first_digit, is_complete, damage| {
-        Some(ColonlessMessage { start, hex_start: first_digit, hex_end: line_end, end: line_end, is_complete, damage })
+    let text = &bytes[..line_end];
+    whole_message(text, line_start, hex_start).or_else(|| rest_of_message(text, line_start, hex_start, known_units))
+}
+
+/// The message without a colon whose hex characters are all there, because their LRC is valid. They reach from `hex_start` to
+/// the end of `text`, which is that of the line that starts at `line_start`.
+///
+/// 1. All of them have a valid LRC. A character in front that may be the damaged colon belongs to the message, and nothing is
+///    lost (`damage` is `None`); else the colon is lost, and what stands in front is no part of the message.
+/// 2. They have a valid LRC without the first one: that one is the damaged colon.
+fn whole_message(text: &[u8], line_start: usize, hex_start: usize) -> Option<ColonlessMessage> {
+    let is_valid = |start: usize| (text.len() - start).is_multiple_of(2) && has_valid_lrc(&text[start..]);
+    let (start, first_digit, damage) = if is_valid(hex_start) {
+        if follows_damaged_colon(text, line_start, hex_start) {
+            (hex_start - 1, hex_start, None)
+        } else {
+            (hex_start, hex_start, Some(DamageKind::LostBytes { at: 0, count: 1 }))
+        }
+    } else if is_valid(hex_start + 1) {
+        (hex_start, hex_start + 1, None)
+    } else {
+        return None;
     };
-    // The character in front may be the colon with a flipped bit; one that differs in more bits is a stray byte.
-    let lost_colon = hex_start == line_start || (bytes[hex_start - 1] ^ b':').count_ones() > MAX_COLON_FLIPS;
-    if is_valid(hex_start) {
-        let damage = lost_colon.then_some(DamageKind::LostBytes { at: 0, count: 1 });
-        return message(if lost_colon { hex_start } else { hex_start - 1 }, hex_start, true, damage);
-    }
-    // The first hex character may be the damaged colon.
-    if is_valid(hex_start + 1) {
-        return message(hex_start, hex_start + 1, true, None);
-    }
-    // Right behind another message, this is the rest of one that lost more than its colon: an odd number of characters
-    // shows that, or an LRC that becomes valid with a known unit in front.
-    let may_be_rest = lost_colon && line_start == 0 && hex_start <= MAX_GLITCH_BYTES && digits > MIN_HEX_CHARACTERS;
-    let lacks_known_unit = || missing_byte(&bytes[hex_start..line_end]).is_some_and(|unit| known_units[usize::from(unit)]);
-    if may_be_rest && (digits % 2 == 1 || lacks_known_unit()) {
-        return message(hex_start, hex_start, false, Some(DamageKind::LostBytes { at: 0, count: 0 }));
-    }
-    None
+    Some(ColonlessMessage { start, hex_start: first_digit, hex_end: text.len(), end: text.len(), is_complete: true, damage })
+}
+
+/// The rest of a message that has lost more than its colon: an unknown number of characters in front. Its hex characters
+/// reach from `hex_start` to the end of `text`; their LRC is invalid.
+///
+/// Right behind another message only: in the first line (`line_start` is 0), with at most three stray characters in front, none
+/// of them a damaged colon right in front. It needs more than six hex characters, and one of two signs of a loss: their number
+/// is odd, or one byte with the number of a known unit would make the LRC valid.
+fn rest_of_message(text: &[u8], line_start: usize, hex_start: usize, known_units: &[bool; 256]) -> Option<ColonlessMessage> {
+    let digits = &text[hex_start..];
+    let may_be_rest = line_start == 0
+        && hex_start <= MAX_GLITCH_BYTES
+        && digits.len() > MIN_HEX_CHARACTERS
+        && !follows_damaged_colon(text, line_start, hex_start);
+    let lacks_known_unit = || missing_byte(digits).is_some_and(|unit| known_units[usize::from(unit)]);
+    let damage = Some(DamageKind::LostBytes { at: 0, count: 0 });
+    (may_be_rest && (digits.len() % 2 == 1 || lacks_known_unit())).then_some(ColonlessMessage {
+        start: hex_start,
+        hex_start,
+        hex_end: text.len(),
+        end: text.len(),
+        is_complete: false,
+        damage,
+    })
+}
+
+/// Whether the character in front of `hex_start`, in the same line, may be the colon with a flipped bit; one that differs in
+/// more bits is a stray byte.
+fn follows_damaged_colon(text: &[u8], line_start: usize, hex_start: usize) -> bool {
+    hex_start > line_start && (text[hex_start - 1] ^ b':').count_ones() <= MAX_COLON_FLIPS
 }
 
 /// The one byte that would make the LRC of these characters valid, wherever it stands: the LRC is a sum.

@@ -13,6 +13,7 @@ use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// A damaged frame that a region may hold. Indices count from the first byte of the region.
+#[derive(Default)]
 pub(crate) struct Candidate {
     /// Index of its first byte.
     pub(crate) start: usize,
@@ -85,61 +86,65 @@ impl UnframedRegion<'_, '_> {
     }
 
     /// A frame at index `start` of the region that no context predicts, if its unit and function are likely on this line and
-    /// it would end well. `direction` is `REQUEST` or `RESPONSE`.
+    /// it would end well. `direction` is `REQUEST` or `RESPONSE`. The CRC is not looked at.
     ///
-    /// Bits count for the values of the two header bytes less what that header costs on this line, for stray bytes or a pause
-    /// in front (`start_cost`), for fields within the limits of the specification (against it otherwise), and for a pause or
-    /// the region's end where the frame should end. A response costs what an unsolicited one does, since no request in front
-    /// predicts it, but not where the other line has its request; an exception costs extra. The CRC is not looked at.
-    ///
-    /// `None` with fewer than two bytes, for function 0, for an exception code as a request, on a line that carries only the
-    /// other direction, and if the score is not above 0 or is below `min_score`. `end` is `None` if the layout does not
-    /// determine the length, or announces more than a frame may have.
+    /// `None` with fewer than two bytes, where the header is none (`may_be_header`), and if the score is not above 0 or is
+    /// below `min_score`. `end` is `None` if the layout does not determine the length, or announces more than a frame may have.
     ///
     /// Example: with unit 17 and function 3 familiar, `11 03 04 00 07 00 09 12 34` scores for the two header bytes and,
     /// if a pause follows byte 9, for ending where the byte count says; no CRC is needed.
     pub(crate) fn unpredicted_candidate(&self, start: usize, direction: usize) -> Option<Candidate> {
         let &[unit, code, ref body @ ..] = &self.bytes()[start..] else { return None };
-        let function = code & !EXCEPTION_BIT;
-        let is_other_side = self.context.line_direction.is_some_and(|sender| sender != side::direction_of(direction));
-        if function == 0 || is_other_side || (code != function && direction == REQUEST) {
+        if !self.may_be_header(code, direction) {
             return None;
         }
         let header_cost = self.model.unit_cost(unit) + self.model.function_cost(self.context.functions, code, direction);
-        let mut score = self.model.bits(unit) + self.model.bits(code) - header_cost - self.start_cost(start);
-        if direction == RESPONSE && !self.is_framed_independently() {
-            score -= weights::UNSOLICITED_BITS;
-        }
-        let row = self.context.functions.row(function, body);
-        let length = if code == function {
-            if let Some(row) = row {
-                let limits = row.field_limits[direction].iter();
-                score += limits.map(|limits| score::field_score(self.model, limits, body)).sum::<f32>();
-            }
-            row.and_then(|row| frame_bytes(row, direction, body))
-        } else {
-            score -= weights::EXCEPTION_BITS;
-            Some(EXCEPTION_RESPONSE_BYTES)
-        };
+        let header_score = self.model.bits(unit) + self.model.bits(code) - header_cost - self.start_cost(start);
+        let (fields_score, length) = self.body_score(header_score, code, direction, body);
         let end = length.filter(|&length| length <= MAX_RTU_FRAME_BYTES).map(|length| start + length);
-        score += self.end_bonus(end);
+        let score = fields_score + self.end_bonus(end);
+        // Unit, function code and one byte of the body: nothing else could begin inside these.
+        let core_end = (start + 3).min(self.length);
         let header = [unit, code];
-        (score > 0.0 && score >= min_score(direction, header_cost)).then_some(Candidate {
+        // No byte was predicted, so none disagrees: `chain` may look for stray bytes and a doubled byte.
+        let is_exact = true;
+        (score > 0.0 && score >= min_score(direction, header_cost)).then(|| Candidate {
             start,
-            // Unit, function code and one byte of the body: nothing else could begin inside these.
-            core_end: (start + 3).min(self.length),
+            core_end,
             end,
             score,
             direction,
             header,
             header_cost,
-            head: Vec::new(),
-            damage: None,
-            is_corrected: false,
-            // No byte was predicted, so none disagrees: `chain` may look for stray bytes and a doubled byte.
-            is_exact: true,
-            agreeing_bytes: None,
+            is_exact,
+            ..Candidate::default()
         })
+    }
+
+    /// Whether a frame of this direction may have this function code here: not function 0, no exception code in a request,
+    /// and not the direction that only the other line carries.
+    fn may_be_header(&self, code: u8, direction: usize) -> bool {
+        let function = code & !EXCEPTION_BIT;
+        let is_other_side = self.context.line_direction.is_some_and(|sender| sender != side::direction_of(direction));
+        function != 0 && !is_other_side && (code == function || direction == RESPONSE)
+    }
+
+    /// `score` in bits with what the body behind a header adds, and the length of the frame in bytes, if the layout of its
+    /// function determines it.
+    ///
+    /// A response costs what an unsolicited one does, since no request in front predicts it, but not where the other line has
+    /// its request. An exception response costs extra. Fields within the limits of the specification count for a normal frame,
+    /// others against it.
+    fn body_score(&self, score: f32, code: u8, direction: usize, body: &[u8]) -> (f32, Option<usize>) {
+        let is_unsolicited = direction == RESPONSE && !self.is_framed_independently();
+        let score = if is_unsolicited { score - weights::UNSOLICITED_BITS } else { score };
+        if code & EXCEPTION_BIT != 0 {
+            return (score - weights::EXCEPTION_BITS, Some(EXCEPTION_RESPONSE_BYTES));
+        }
+        let Some(row) = self.context.functions.row(code, body) else { return (score, None) };
+        let limits = row.field_limits[direction].iter();
+        let fields = limits.map(|limits| score::field_score(self.model, limits, body)).sum::<f32>();
+        (score + fields, frame_bytes(row, direction, body))
     }
 
     /// Cost in bits of a frame that begins at `start`: stray bytes in front of it cost, a pause in front of it pays.

@@ -16,42 +16,28 @@ use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 
 impl UnframedRegion<'_, '_> {
-    /// The damaged frames of the chain of candidates with the highest total score, in order.
+    /// The damaged frames of the chain of candidates with the highest total score, in order; none if no candidate has enough.
     ///
-    /// `candidates` are ordered by their first bytes and may overlap. A chain is built from left to right by dynamic
-    /// programming: for each candidate, `chains` keeps the best total in bits of a chain that ends with it, and the index of
-    /// the candidate before it. A candidate may follow another one if it begins at or behind `core_end` of that one. It then
-    /// counts with `score_behind`, which favours the response to that request, and costs `FURTHER_DAMAGED_FRAME_BITS`.
-    ///
-    /// Each candidate needs `MIN_DAMAGED_FRAME_BITS` in the place it has in its chain: the first one by its own score, a later
-    /// one by `score_behind`. One that another follows needs them by its own score, too. If no candidate has enough, there
-    /// are no frames.
-    ///
-    /// The best chain is then turned into frames from its end: only the frame behind says up to where one may reach.
+    /// `candidates` are ordered by their first bytes and may overlap. The total of a chain is what `chains` gives for the
+    /// candidate that it ends with. The first candidate of a chain needs `MIN_DAMAGED_FRAME_BITS` by its own score; a later one
+    /// has them by `score_behind`, else it would not be in its place.
     pub(crate) fn best_chain(&self, candidates: &[Candidate]) -> Vec<DamagedFrame> {
-        let mut chains: Vec<(f32, Option<usize>)> = Vec::with_capacity(candidates.len());
-        for candidate in candidates {
-            let mut best = (candidate.score, None);
-            for (at, before) in candidates.iter().enumerate().take(chains.len()) {
-                if before.core_end > candidate.start || before.start == candidate.start || before.score < MIN_DAMAGED_FRAME_BITS {
-                    continue;
-                }
-                let score = score_behind(candidate, before);
-                let total = chains[at].0 + score - FURTHER_DAMAGED_FRAME_BITS;
-                if score >= MIN_DAMAGED_FRAME_BITS && total > best.0 {
-                    best = (total, Some(at));
-                }
-            }
-            chains.push(best);
-        }
-        let may_end_with = |&at: &usize| chains[at].1.is_some() || candidates[at].score >= MIN_DAMAGED_FRAME_BITS;
+        let chains = chains(candidates);
+        let may_end_with = |&at: &usize| chains[at].before.is_some() || candidates[at].score >= MIN_DAMAGED_FRAME_BITS;
         let ends = (0..candidates.len()).filter(may_end_with);
-        let mut current = ends.max_by(|&a, &b| chains[a].0.total_cmp(&chains[b].0));
+        let last = ends.max_by(|&a, &b| chains[a].total.total_cmp(&chains[b].total));
+        self.frames_of_chain(candidates, &chains, last)
+    }
+
+    /// The frames of the chain that ends with the candidate `last`, in order. They are made from the last one to the first,
+    /// because only the frame behind says up to where one may reach.
+    fn frames_of_chain(&self, candidates: &[Candidate], chains: &[Chain], last: Option<usize>) -> Vec<DamagedFrame> {
         let mut frames: Vec<DamagedFrame> = Vec::new();
+        let mut current = last;
         while let Some(at) = current {
             let limit = frames.last().map_or(self.length, |frame| frame.start);
             let frame = self.damaged_frame(&candidates[at], limit);
-            current = chains[at].1;
+            current = chains[at].before;
             let previous_end = current.map_or(0, |before| candidates[before].end.unwrap_or(candidates[before].core_end));
             frames.push(self.extend_over_wrong_head(frame, previous_end));
         }
@@ -74,59 +60,90 @@ impl UnframedRegion<'_, '_> {
         DamagedFrame { start, is_short: false, damage: None, wrong_head_bytes: count, ..frame }
     }
 
-    /// The candidate as a frame: where it ends, and what happened to it, as far as its alignment does not say that already.
-    /// `limit` is the index in the region where the next frame of the chain begins, or the region's length.
+    /// The candidate as a frame: where it ends, and what happened to it. `limit` is the index in the region where the next
+    /// frame of the chain begins, or the region's length.
     ///
-    /// Its expected length is that of the candidate (`Candidate::end`: from its alignment with an expected frame, or from its
-    /// header where no frame was expected), else the one that its header announces, else all bytes up to `limit`. It
-    /// ends there, at `limit`, after `MAX_RTU_FRAME_BYTES`, or at the first pause inside that `gap_inside` counts as its end,
-    /// whichever comes first. If the alignment names no damage, it is found here, in this order:
-    ///
-    /// 1. All known bytes agree and there is at least one more byte than expected: a byte was received twice if the CRC is valid
-    ///    without it. The frame is one byte longer then.
-    /// 2. Fewer bytes than expected: the end is missing. It was never sent if a retry follows, else it was lost. If one
-    ///    flipped bit explains the CRC, nothing is missing, and the announced length is what is wrong.
-    /// 3. As many as expected: the last ones may be stray bytes in the place of lost ones
-    ///    (`strays_for_lost_bytes`). The frame ends in front of them.
-    ///
-    /// Otherwise `damage` stays `None`: some bits are wrong. `is_short`: the frame has fewer bytes than expected, or lost some.
+    /// Where it ends is found first (`extent_of`), what happened to it second (`explain_end`), where the alignment does not say
+    /// it already. If neither says anything, `damage` is `None`: some bits are wrong. `is_short`: the frame has fewer bytes
+    /// than expected, or lost some.
     fn damaged_frame(&self, candidate: &Candidate, limit: usize) -> DamagedFrame {
+        let Ending { length, expected_length, damage } = self.explain_end(candidate, self.extent_of(candidate, limit));
+        DamagedFrame {
+            start: candidate.start,
+            end: candidate.start + length,
+            direction: side::direction_of(candidate.direction),
+            head: candidate.head.clone(),
+            is_short: length < expected_length || matches!(damage, Some(DamageKind::LostBytes { .. })),
+            damage,
+            is_unidentified: false,
+            wrong_head_bytes: 0,
+        }
+    }
+
+    /// How many bytes a candidate has, how many it should have, and its damage if that is known by now.
+    ///
+    /// It should have those up to `Candidate::end`, else those that its header announces, else all up to `limit`. It has as
+    /// many, but none at or behind `limit`, no more than `MAX_RTU_FRAME_BYTES`, and one more if one was received twice
+    /// (`doubled_byte`). If a pause inside counts as its end (`gap_inside`), it ends there; where nothing says how many bytes
+    /// it should have, it then is as long as it should be.
+    fn extent_of(&self, candidate: &Candidate, limit: usize) -> Ending {
         let available = limit - candidate.start;
         let announced = candidate.end.map(|end| end - candidate.start).or_else(|| self.announced_length(candidate, limit));
-        let mut expected_length = announced.unwrap_or(available);
-        let mut length = expected_length.min(available).min(MAX_RTU_FRAME_BYTES);
-        let mut damage = candidate.damage;
-        if damage.is_none() && candidate.is_exact && available > expected_length && expected_length < MAX_RTU_FRAME_BYTES {
-            let longer = &self.bytes()[candidate.start..=candidate.start + expected_length];
-            damage = crc_correction::doubled_byte(longer).map(|at| DamageKind::DoubledByte { at });
-            length += usize::from(damage.is_some());
+        let expected_length = announced.unwrap_or(available);
+        let doubled = self.doubled_byte(candidate, expected_length, available);
+        let length = expected_length.min(available).min(MAX_RTU_FRAME_BYTES) + usize::from(doubled.is_some());
+        let damage = candidate.damage.or(doubled);
+        match self.gap_inside(candidate, candidate.start + length) {
+            Some(gap) => {
+                let length = gap - candidate.start;
+                Ending { length, expected_length: announced.unwrap_or(length), damage }
+            }
+            None => Ending { length, expected_length, damage },
         }
-        if let Some(gap) = self.gap_inside(candidate, candidate.start + length) {
-            length = gap - candidate.start;
-            expected_length = announced.unwrap_or(length);
+    }
+
+    /// The byte that a candidate has twice, if all its known bytes agree, its alignment names no damage, there is at least one
+    /// more byte up to the limit (`available`) than expected, and the CRC is valid without the second copy.
+    fn doubled_byte(&self, candidate: &Candidate, expected_length: usize, available: usize) -> Option<DamageKind> {
+        let may_be_longer = available > expected_length && expected_length < MAX_RTU_FRAME_BYTES;
+        if candidate.damage.is_some() || !candidate.is_exact || !may_be_longer {
+            return None;
         }
+        let longer = &self.bytes()[candidate.start..=candidate.start + expected_length];
+        crc_correction::doubled_byte(longer).map(|at| DamageKind::DoubledByte { at })
+    }
+
+    /// What happened to a candidate, as far as its length shows it; a damage that is known already stays as it is.
+    ///
+    /// 1. Fewer bytes than expected, and one flipped bit explains the CRC: nothing is missing, since the flipped bit may be in
+    ///    the byte that announces the length. The expected length becomes the real one.
+    /// 2. Fewer bytes than expected: the end is missing. It was never sent if a retry follows, else it was lost.
+    /// 3. As many as expected by `Candidate::end`: the last ones may be stray bytes in the place of lost ones
+    ///    (`strays_for_lost_bytes`). The frame ends in front of them.
+    fn explain_end(&self, candidate: &Candidate, ending: Ending) -> Ending {
+        let Ending { length, expected_length, .. } = ending;
         let bytes = &self.bytes()[candidate.start..candidate.start + length];
-        // The flipped bit may be in the byte that announces the length, so a correctable frame has the right length.
-        let is_correctable = length < expected_length && correctable_bit(bytes).is_some();
-        if is_correctable {
-            expected_length = length;
-        } else if damage.is_none() && length < expected_length {
-            let count = expected_length - length;
-            let is_truncated = self.is_followed_by_retry(candidate);
-            damage =
-                Some(if is_truncated { DamageKind::Truncated { count } } else { DamageKind::LostBytes { at: length, count } });
-        } else if damage.is_none() && candidate.end.is_some() {
-            damage = self.strays_for_lost_bytes(candidate, bytes);
-            length -= match damage {
-                Some(DamageKind::LostBytes { count, .. }) => count,
-                _ => 0,
-            };
+        if length < expected_length && correctable_bit(bytes).is_some() {
+            return Ending { expected_length: length, ..ending };
         }
-        let is_short = length < expected_length || matches!(damage, Some(DamageKind::LostBytes { .. }));
-        let direction = side::direction_of(candidate.direction);
-        let (start, end) = (candidate.start, candidate.start + length);
-        let head = candidate.head.clone();
-        DamagedFrame { start, end, direction, head, is_short, damage, is_unidentified: false, wrong_head_bytes: 0 }
+        if ending.damage.is_some() {
+            return ending;
+        }
+        if length < expected_length {
+            return Ending { damage: Some(self.missing_end(candidate, length, expected_length - length)), ..ending };
+        }
+        let damage = candidate.end.and_then(|_| self.strays_for_lost_bytes(candidate, bytes));
+        let strays = if let Some(DamageKind::LostBytes { count, .. }) = damage { count } else { 0 };
+        Ending { length: length - strays, damage, ..ending }
+    }
+
+    /// The damage of a candidate of `length` bytes that lacks `count` at its end.
+    fn missing_end(&self, candidate: &Candidate, length: usize, count: usize) -> DamageKind {
+        if self.is_followed_by_retry(candidate) {
+            DamageKind::Truncated { count }
+        } else {
+            DamageKind::LostBytes { at: length, count }
+        }
     }
 
     /// Whether a frame of the right length is really a shorter one, whose lost bytes have been replaced by as many stray
@@ -181,6 +198,48 @@ impl UnframedRegion<'_, '_> {
         }
         self.is_followed_by(self.context.outstanding_request)
     }
+}
+
+/// Where a candidate ends.
+struct Ending {
+    /// How many bytes it has in the region.
+    length: usize,
+    /// How many it should have.
+    expected_length: usize,
+    /// What happened to it, as far as that is known.
+    damage: Option<DamageKind>,
+}
+
+/// The best chain that ends with a certain candidate.
+struct Chain {
+    /// Its total score in bits.
+    total: f32,
+    /// Index of the candidate in front of the last one; `None` if the chain has only one.
+    before: Option<usize>,
+}
+
+/// For each candidate, the chain with the highest total that ends with it: from left to right, by dynamic programming.
+///
+/// A candidate may stand behind another one that begins earlier, whose `core_end` is not behind its start, and that has
+/// `MIN_DAMAGED_FRAME_BITS` by its own score. It then counts with `score_behind` less `FURTHER_DAMAGED_FRAME_BITS`, if
+/// `score_behind` is at least `MIN_DAMAGED_FRAME_BITS`. It stands alone, with its own score, if no chain is worth more.
+fn chains(candidates: &[Candidate]) -> Vec<Chain> {
+    let mut chains: Vec<Chain> = Vec::with_capacity(candidates.len());
+    for candidate in candidates {
+        let mut best = Chain { total: candidate.score, before: None };
+        for (at, before) in candidates.iter().enumerate().take(chains.len()) {
+            if before.core_end > candidate.start || before.start == candidate.start || before.score < MIN_DAMAGED_FRAME_BITS {
+                continue;
+            }
+            let score = score_behind(candidate, before);
+            let total = chains[at].total + score - FURTHER_DAMAGED_FRAME_BITS;
+            if score >= MIN_DAMAGED_FRAME_BITS && total > best.total {
+                best = Chain { total, before: Some(at) };
+            }
+        }
+        chains.push(best);
+    }
+    chains
 }
 
 /// The score of a candidate in bits if another one stands before it in the chain.

@@ -8,7 +8,7 @@ use crate::framer::rtu::side::{REQUEST, RESPONSE};
 use crate::weights::{self, CRC_MATCH_BITS, DUE_FRAME_BITS, POLL_REQUEST_BITS, RETRY_BITS};
 use modlens_protocol::checksum::crc16;
 use modlens_protocol::direction::{expected_data_bytes, Direction, RequestRef};
-use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
+use modlens_protocol::functions::{Extent, FunctionRow, EXCEPTION_BIT};
 
 /// A frame of which the first bytes are known, or all of them.
 pub struct ExpectedFrame<'a> {
@@ -111,36 +111,46 @@ pub fn response_length(region: &UnframedRegion<'_, '_>, request: RequestRef<'_>)
 
 /// The normal response and the exception response to a request, as far as the request determines their bytes; `None` if the
 /// request has no function code. Of `region` only the table of functions is used.
-///
-/// The known bytes of a normal response are unit and function, and then what the request says: its whole body where the
-/// function sends it back, the byte count of a read, or the first four bytes (address and value, or quantity) of a write. If
-/// the layout determines the length and only the CRC is missing, the CRC is appended and all bytes are known. Of a function
-/// that the table does not have, only unit and function are known; of an exception response, these two and its length.
 fn responses<'a>(region: &UnframedRegion<'a, '_>, request: RequestRef<'_>) -> Option<[ExpectedFrame<'a>; 2]> {
     let (&code, body) = request.pdu.split_first()?;
+    Some([normal_response(region, request, code, body), exception_response(request.unit, code)])
+}
+
+/// The normal response to a request with this function code and body. Of a function that the table does not have, only unit
+/// and function are known. If the layout determines the length and only the CRC is missing, the CRC is appended, and all
+/// bytes are known.
+fn normal_response<'a>(region: &UnframedRegion<'_, '_>, request: RequestRef<'_>, code: u8, body: &[u8]) -> ExpectedFrame<'a> {
     let mut bytes = vec![request.unit, code];
     let mut length = None;
     if let Some(row) = region.context.functions.row(code, body) {
-        if row.has_equal_layouts && !row.echo.is_empty() {
-            bytes.extend_from_slice(body);
-        } else if let Some(block) = expected_data_bytes(row, request.pdu).and_then(|block| u8::try_from(block).ok()) {
-            bytes.push(block);
-        } else if !row.echo.is_empty() && body.len() >= ECHOED_BYTES {
-            bytes.extend_from_slice(&body[..ECHOED_BYTES]);
-        }
+        append_known_body(&mut bytes, row, request, body);
         if let Extent::Exactly(body) = row.response.extent(&bytes[2..]) {
             length = Some(body + ENVELOPE_BYTES);
         }
         append_crc_if_complete(&mut bytes, length);
     }
-    let exception = vec![request.unit, code | EXCEPTION_BIT];
-    Some([
-        ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS },
-        ExpectedFrame {
-            bytes: Cow::Owned(exception),
-            length: Some(EXCEPTION_RESPONSE_BYTES),
-            direction: RESPONSE,
-            selection_cost: weights::EXCEPTION_BITS,
-        },
-    ])
+    ExpectedFrame { bytes: Cow::Owned(bytes), length, direction: RESPONSE, selection_cost: DUE_FRAME_BITS }
+}
+
+/// Appends to `bytes`, which are unit and function, what the body of a request says of the body of its normal response: all
+/// of it where the function sends it back; else the byte count of a read, if it fits in a byte; else the first
+/// `ECHOED_BYTES` of a write. Nothing for other functions, and for a write with a shorter body.
+fn append_known_body(bytes: &mut Vec<u8>, row: &FunctionRow, request: RequestRef<'_>, body: &[u8]) {
+    if row.has_equal_layouts && !row.echo.is_empty() {
+        bytes.extend_from_slice(body);
+    } else if let Some(count) = expected_data_bytes(row, request.pdu).and_then(|count| u8::try_from(count).ok()) {
+        bytes.push(count);
+    } else if !row.echo.is_empty() && body.len() >= ECHOED_BYTES {
+        bytes.extend_from_slice(&body[..ECHOED_BYTES]);
+    }
+}
+
+/// The exception response to a request with this function code: its first two bytes and its length are known.
+fn exception_response<'a>(unit: u8, code: u8) -> ExpectedFrame<'a> {
+    ExpectedFrame {
+        bytes: Cow::Owned(vec![unit, code | EXCEPTION_BIT]),
+        length: Some(EXCEPTION_RESPONSE_BYTES),
+        direction: RESPONSE,
+        selection_cost: weights::EXCEPTION_BITS,
+    }
 }

@@ -12,6 +12,15 @@ use modlens_protocol::framing::MAX_RTU_FRAME_BYTES;
 use modlens_protocol::functions::{Extent, EXCEPTION_BIT};
 use modlens_protocol::Ns;
 
+/// A frame that must have stood at the beginning of a region.
+#[derive(Clone, Copy)]
+struct DueFrame<'a> {
+    /// Who sent it.
+    direction: Direction,
+    /// The request that it answers, if it is known to be a response.
+    answered_request: Option<RequestRef<'a>>,
+}
+
 impl UnframedRegion<'_, '_> {
     /// Whether a pause separates the bytes behind a frame from it, and those bytes have no pause among themselves.
     pub(crate) fn is_one_burst_behind(&self, frame: &DamagedFrame) -> bool {
@@ -38,70 +47,86 @@ impl UnframedRegion<'_, '_> {
     /// frame; `is_alone`: there is none, so that `end` is the region's length.
     ///
     /// `None` if no frame is due here (`due_in_front`), if the bytes are more than a frame has, or if there is a damaged frame
-    /// right in front of the region or, except at the start of a recording, inside it. Else, by what the bytes can be:
-    ///
-    /// 1. On a line with few stray bytes, the first one or two bytes of the response to the outstanding request, with no
-    ///    damaged frame behind them. `Truncated` if that request follows the region once more, else without explanation.
-    /// 2. The end of a frame, without up to three stray bytes in front. `None` if no more bytes are left than stray bytes
-    ///    account for (at the start of a recording: fewer than two), or more than the expected response has. If the response
-    ///    lacks no more bytes than are there and its request is not repeated, those were lost in front. On a line of one
-    ///    side, other bytes that cannot be a header have lost an unknown number in front. Else nothing is said of the damage.
+    /// right in front of the region or, except at the start of a recording, inside it. Else they are the beginning of a
+    /// response (`fragment_without_end`), or the end of a frame (`fragment_without_head`).
     ///
     /// A recording begins in the middle of a frame more often than not, so that less evidence is enough there.
     pub(crate) fn leading_fragment(&self, end: usize, is_alone: bool) -> Option<DamagedFrame> {
         let starts_recording = self.input.offset() == 0 && self.next_frame.is_some();
-        let (direction, request) = self.due_in_front(end, starts_recording)?;
+        let due = self.due_in_front(end, starts_recording)?;
         if !(is_alone || starts_recording) || self.follows_damaged_frame || end > MAX_RTU_FRAME_BYTES {
             return None;
         }
+        self.fragment_without_end(end, due).or_else(|| self.fragment_without_head(end, due, starts_recording))
+    }
+
+    /// The first one or two bytes of the response to the request that is due to be answered, if the first `end` bytes are
+    /// that (`begins_response`), are the whole region, and stray bytes are rare on the line. `Truncated` if that request
+    /// follows the region once more, else without explanation.
+    fn fragment_without_end(&self, end: usize, due: DueFrame<'_>) -> Option<DamagedFrame> {
         let bytes = &self.bytes()[..end];
-        let is_response_start =
+        let is_beginning =
             |&request: &RequestRef<'_>| end == self.length && self.has_few_strays() && begins_response(bytes, request);
-        if let Some(request) = request.filter(is_response_start) {
-            let is_unidentified = bytes.len() < 2;
-            let damage = self.is_followed_by(Some(request)).then_some(DamageKind::Truncated { count: 0 });
-            return Some(DamagedFrame { is_unidentified, ..unidentified(0, end, direction, damage) });
-        }
-        // At the start of a recording and on a quiet line of one side, bytes such as 00 and FF at the beginning are data.
-        let counts_all_bytes = starts_recording || (self.context.line_direction.is_some() && self.has_few_strays());
-        let strays = if counts_all_bytes {
-            0
-        } else {
-            bytes.iter().take(MAX_GLITCH_BYTES).take_while(|&&byte| is_glitch_byte(byte)).count()
-        };
+        let request = due.answered_request.filter(is_beginning)?;
+        let damage = self.is_followed_by(Some(request)).then_some(DamageKind::Truncated { count: 0 });
+        Some(DamagedFrame { is_unidentified: bytes.len() < 2, ..unidentified(0, end, due.direction, damage) })
+    }
+
+    /// The end of the frame that is due, without the stray bytes in front of it (`strays_in_front`). `None` if no more bytes
+    /// are left than stray bytes account for (at the start of a recording: fewer than two), or more than the expected
+    /// response has.
+    ///
+    /// If the response lacks no more bytes than are there and its request is not repeated, those were lost in front. On a
+    /// line of one side, except at the start of a recording, bytes of unknown length that cannot be a header have lost an
+    /// unknown number in front. Else nothing is said of the damage.
+    fn fragment_without_head(&self, end: usize, due: DueFrame<'_>, starts_recording: bool) -> Option<DamagedFrame> {
+        let strays = self.strays_in_front(end, starts_recording);
         let min_length = if starts_recording { 2 } else { self.model.max_stray_bytes() + 1 };
         let length = end - strays;
         if length < min_length {
             return None;
         }
-        let expected_length = request.and_then(|request| response_length(self, request));
-        let is_repeated = self.is_followed_by(request);
-        let damage = match expected_length {
-            Some(expected) if expected > length && expected - length <= length && !is_repeated => {
-                Some(DamageKind::LostBytes { at: 0, count: expected - length })
-            }
+        let expected_length = due.answered_request.and_then(|request| response_length(self, request));
+        let is_repeated = self.is_followed_by(due.answered_request);
+        let is_one_sided = self.context.line_direction.is_some() && !starts_recording;
+        let lost_count = match expected_length {
             Some(expected) if expected < length => return None,
+            Some(expected) => Some(expected - length).filter(|&lost| lost > 0 && lost <= length && !is_repeated),
             // The frames of this side begin with a unit and a function of the line, unless those two were lost.
-            None if self.context.line_direction.is_some() && !starts_recording && self.lacks_header(&bytes[strays..]) => {
-                Some(DamageKind::LostBytes { at: 0, count: 0 })
-            }
-            _ => None,
+            None => (is_one_sided && self.lacks_header(&self.bytes()[strays..end])).then_some(0),
         };
-        Some(unidentified(strays, end, direction, damage))
+        let damage = lost_count.map(|count| DamageKind::LostBytes { at: 0, count });
+        Some(unidentified(strays, end, due.direction, damage))
     }
 
-    /// The direction of the frame that must have stood in the first `end` bytes, and the request it answers, if known.
-    fn due_in_front(&self, end: usize, starts_recording: bool) -> Option<(Direction, Option<RequestRef<'_>>)> {
-        let next_direction = self.next_frame.map(|(_, direction)| direction);
-        match (next_direction, self.context.outstanding_request) {
-            // A line that one side has to itself.
-            _ if self.context.line_direction.is_some() && self.is_lone_fragment(end) => {
-                Some((self.context.line_direction.unwrap_or(Direction::Unknown), None))
-            }
-            _ if self.context.line_direction.is_some() && !starts_recording => None,
-            (Some(Direction::Request), Some(request)) => Some((Direction::Response, Some(request))),
-            (Some(Direction::Response), None) => Some((Direction::Request, None)),
-            _ if starts_recording => Some((Direction::Unknown, None)),
+    /// How many of the first `end` bytes are stray bytes of a line driver: at most `MAX_GLITCH_BYTES`. None at the start of a
+    /// recording and on a quiet line of one side, where bytes such as 00 and FF at the beginning are data.
+    fn strays_in_front(&self, end: usize, starts_recording: bool) -> usize {
+        if starts_recording || (self.context.line_direction.is_some() && self.has_few_strays()) {
+            return 0;
+        }
+        self.bytes()[..end].iter().take(MAX_GLITCH_BYTES).take_while(|&&byte| is_glitch_byte(byte)).count()
+    }
+
+    /// The frame that must have stood in the first `end` bytes; `None` if none is due.
+    ///
+    /// On a line that one side has to itself, a frame of that side is due if the bytes cannot be stray ones
+    /// (`is_lone_fragment`). On any other line, and at the start of a recording, requests and responses alternate: a response
+    /// to the outstanding request in front of a request, and a request in front of a response that answers none. Else a frame
+    /// of unknown direction is due at the start of a recording only.
+    fn due_in_front(&self, end: usize, starts_recording: bool) -> Option<DueFrame<'_>> {
+        let due = |direction, answered_request| Some(DueFrame { direction, answered_request });
+        let line_direction = self.context.line_direction;
+        if line_direction.is_some() && self.is_lone_fragment(end) {
+            return due(line_direction.unwrap_or(Direction::Unknown), None);
+        }
+        if line_direction.is_some() && !starts_recording {
+            return None;
+        }
+        match (self.next_frame.map(|(_, direction)| direction), self.context.outstanding_request) {
+            (Some(Direction::Request), Some(request)) => due(Direction::Response, Some(request)),
+            (Some(Direction::Response), None) => due(Direction::Request, None),
+            _ if starts_recording => due(Direction::Unknown, None),
             _ => None,
         }
     }

@@ -50,45 +50,55 @@ impl<'a, 'c> Surroundings<'a, 'c> {
 }
 
 impl DamageRecovery {
-    /// The first row of the unframed bytes from the first byte of the input to stream offset `to`. `adu` is cleared; it gets
-    /// unit and PDU of a damaged frame.
+    /// The first row of the unframed bytes from the first byte of the input to stream offset `to`, exclusive. `adu` is cleared;
+    /// it gets unit and PDU of a damaged frame.
     ///
-    /// The first call for a `to` analyses all bytes up to there at once and keeps the damaged frames in `found`; the line's
-    /// model learns what happened to each. Every call gives one row, and the caller consumes its bytes:
-    ///
-    /// - the damaged frame that begins with the first byte, which leaves `found`;
-    /// - else the first burst (`burst`) of the bytes in front of the next damaged frame or of `to`: nearly always noise, with
-    ///   `Glitch` where a line driver has left it.
+    /// The first call for a `to` analyses all bytes up to there at once (`analyse`). Every call gives one row, and the caller
+    /// consumes its bytes: the damaged frame that begins with the first byte, else a row without it (`row_without_frame`).
+    pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
+        if self.analysed_to < to {
+            self.analyse(model, at, to);
+        }
+        let offset = at.input.offset();
+        let region_bytes = (to - offset) as usize;
+        match self.found.front() {
+            Some((start, _)) if *start != offset => row_without_frame(at, (start - offset) as usize, adu),
+            None => row_without_frame(at, region_bytes, adu),
+            Some((_, frame)) => {
+                let length = frame.end - frame.start;
+                let delimited_by = if length == region_bytes { DelimitedBy::Frame } else { DelimitedBy::Length };
+                let result = emit(frame, &at.input.bytes()[..length], delimited_by, adu);
+                self.found.pop_front();
+                result
+            }
+        }
+    }
+
+    /// Finds the damaged frames of the input up to stream offset `to`, exclusive, and keeps them in `found`; the line's model
+    /// learns what happened to each.
     ///
     /// Live, if no frame behind these bytes is known, the last frame found may be a response without its end; `truncation`
     /// attributes it by what the master did after earlier ones.
-    pub fn next_frame(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64, adu: &mut Vec<u8>) -> FrameResult {
+    fn analyse(&mut self, model: &mut TrafficModel, at: &Surroundings<'_, '_>, to: u64) {
         let offset = at.input.offset();
-        let region_bytes = (to - offset) as usize;
-        if self.analysed_to < to {
-            self.analysed_to = to;
-            let frames = at.region(model, region_bytes, false).damaged_frames();
-            self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();
-            if !at.context.may_look_ahead && at.next_frame.is_none() {
-                if let Some((_, last)) = self.found.back_mut() {
-                    self.truncation.attribute(model, last);
-                }
+        self.analysed_to = to;
+        let frames = at.region(model, (to - offset) as usize, false).damaged_frames();
+        self.found = frames.into_iter().map(|frame| (offset + frame.start as u64, frame)).collect();
+        if !at.context.may_look_ahead && at.next_frame.is_none() {
+            if let Some((_, last)) = self.found.back_mut() {
+                self.truncation.attribute(model, last);
             }
-            self.found.iter().for_each(|(_, frame)| model.learn_damage(frame.damage));
         }
-        let at_first_byte = self.found.front().filter(|(start, _)| *start == offset);
-        let Some((_, frame)) = at_first_byte else {
-            let unclaimed_bytes = self.found.front().map_or(region_bytes, |(start, _)| (start - offset) as usize);
-            let result = burst(at, unclaimed_bytes, adu);
-            let is_glitch = result.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..result.length]);
-            return FrameResult { damage: is_glitch.then_some(DamageKind::Glitch), ..result };
-        };
-        let length = frame.end - frame.start;
-        let delimited_by = if length == region_bytes { DelimitedBy::Frame } else { DelimitedBy::Length };
-        let result = emit(frame, &at.input.bytes()[..length], delimited_by, adu);
-        self.found.pop_front();
-        result
+        self.found.iter().for_each(|(_, frame)| model.learn_damage(frame.damage));
     }
+}
+
+/// The first row of the first `length` bytes of the input, which no damaged frame claims: their first burst (`burst`), nearly
+/// always noise, with `Glitch` where a line driver has left it.
+fn row_without_frame(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameResult {
+    let result = burst(at, length, adu);
+    let is_glitch = result.verdict == Verdict::Noise && is_glitch(&at.input.bytes()[..result.length]);
+    FrameResult { damage: is_glitch.then_some(DamageKind::Glitch), ..result }
 }
 
 /// The row of a frame with a wrong CRC that the search found by its announced `length`, from the first byte of the input on,
@@ -113,7 +123,7 @@ pub fn damaged_hypothesis(
     }
     adu.clear();
     adu.extend_from_slice(&wire[..length - 2]);
-    FrameResult { verdict: Verdict::BadChecksum, direction, ..FrameResult::noise(length, DelimitedBy::Length) }
+    bad_checksum(length, DelimitedBy::Length, direction)
 }
 
 /// Emits a damaged frame, with its first bytes restored in `adu` where it is known which ones are missing or wrong.
@@ -155,60 +165,88 @@ fn burst(at: &Surroundings<'_, '_>, length: usize, adu: &mut Vec<u8>) -> FrameRe
 /// the whole recording, or a record begins or ends with them. `None`, so noise, for all other bursts and for fewer than four
 /// bytes.
 ///
-/// Its header says what is wrong, by the lengths that it announces as a request and as a response (only the latter if
-/// it has unit and function of the outstanding request):
+/// Its header says what is wrong, by the lengths that it announces (`announced_frames`):
 ///
 /// - exactly `burst_bytes`: a bad checksum;
 /// - less, where the unit is familiar and nothing shows that a sender stopped at the end of the burst (`is_bounded` is
 ///   false): the first bytes are a frame of the announced length with a bad checksum, and the caller goes on behind it;
-/// - more, or any length that is only a least one: `Incomplete`;
-/// - none of these: a bad checksum of unknown direction.
+/// - else the whole burst is a damaged frame or noise (`whole_burst`).
 ///
-/// The last two take the whole burst, and only if it is short enough for a frame and its boundaries or its unit are
-/// trusted; `Incomplete` also where the recording ends. If not, it is noise. Example: a recording of the bytes
-/// `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`.
+/// Example: a recording of the bytes `11 03 00 6B 00 03` is a request without its CRC, `Incomplete`.
 fn burst_frame(input: &Input, context: &FramerContext<'_>, burst_bytes: usize, delimited_by: DelimitedBy) -> Option<FrameResult> {
-    let bytes = &input.bytes()[..burst_bytes];
     let is_entire_input = input.offset() == 0 && delimited_by == DelimitedBy::End;
-    let is_record =
-        delimited_by == DelimitedBy::Record || (input.read(0).is_some_and(|read| read.starts_record) && input.starts_read(0));
-    if burst_bytes < ENVELOPE_BYTES || !(is_entire_input || is_record) {
+    let starts_record = input.read(0).is_some_and(|read| read.starts_record) && input.starts_read(0);
+    if burst_bytes < ENVELOPE_BYTES || !(is_entire_input || delimited_by == DelimitedBy::Record || starts_record) {
         return None;
     }
-    let frame = |length, verdict, delimited_by, direction| {
-        Some(FrameResult { verdict, direction, ..FrameResult::noise(length, delimited_by) })
-    };
-    let is_outstanding_unit = context.outstanding_request.is_some_and(|request| request.unit == bytes[0]);
-    let is_familiar = context.known_units[bytes[0] as usize] || is_outstanding_unit;
-    let mut shorter_frame = None;
-    let mut longer_direction = None;
-    // If the outstanding request has this unit and function, the burst is its response and not another request.
+    let bytes = &input.bytes()[..burst_bytes];
+    // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
+    let is_bounded = is_entire_input || input.has_times || matches!(delimited_by, DelimitedBy::Silence | DelimitedBy::Record);
+    let unit = bytes[0];
+    let is_familiar = context.known_units[usize::from(unit)] || context.outstanding_request.is_some_and(|it| it.unit == unit);
+    match announced_frames(context, bytes) {
+        Announced { exact: Some(direction), .. } => Some(bad_checksum(burst_bytes, DelimitedBy::Length, direction)),
+        Announced { shorter: Some((length, direction)), .. } if is_familiar && !is_bounded => {
+            Some(bad_checksum(length, DelimitedBy::Length, direction))
+        }
+        Announced { longer, .. } => whole_burst(burst_bytes, delimited_by, longer, is_bounded, is_familiar),
+    }
+}
+
+/// A burst whose header announces no frame that is there, as one damaged frame; `None` if it is too long for a frame
+/// (more than `MAX_CANDIDATE_BYTES`), or neither its boundaries (`is_bounded`) nor its unit (`is_familiar`) are trusted.
+///
+/// If its header announces a longer frame (`longer` is the direction of that), it is `Incomplete`, also where the recording
+/// ends without boundary and familiar unit; else it has a bad checksum and an unknown direction.
+fn whole_burst(
+    length: usize,
+    delimited_by: DelimitedBy,
+    longer: Option<Direction>,
+    is_bounded: bool,
+    is_familiar: bool,
+) -> Option<FrameResult> {
+    let is_trusted = is_bounded || is_familiar;
+    match longer {
+        _ if length > MAX_CANDIDATE_BYTES => None,
+        Some(direction) if is_trusted || delimited_by == DelimitedBy::End => {
+            Some(FrameResult { verdict: Verdict::Incomplete, direction, ..FrameResult::noise(length, delimited_by) })
+        }
+        _ => is_trusted.then(|| bad_checksum(length, delimited_by, Direction::Unknown)),
+    }
+}
+
+/// The row of a frame with a bad checksum.
+fn bad_checksum(length: usize, delimited_by: DelimitedBy, direction: Direction) -> FrameResult {
+    FrameResult { verdict: Verdict::BadChecksum, direction, ..FrameResult::noise(length, delimited_by) }
+}
+
+/// What a header announces, compared with the bytes that are there.
+#[derive(Default)]
+struct Announced {
+    /// The direction in which the frame has exactly these bytes.
+    exact: Option<Direction>,
+    /// Length and direction of a frame that has fewer.
+    shorter: Option<(usize, Direction)>,
+    /// The direction in which the frame has more, or at least some number that does not determine its length.
+    longer: Option<Direction>,
+}
+
+/// What the header of these bytes announces in each direction (`announced_lengths` has the order); of two directions with the
+/// same answer the first counts. Only the first direction, the response, is looked at if the outstanding request has this
+/// unit and function: then the bytes are its response and not another request.
+fn announced_frames(context: &FramerContext<'_>, bytes: &[u8]) -> Announced {
     let is_response =
         context.outstanding_request.is_some_and(|request| request.unit == bytes[0] && request.pdu.first() == Some(&bytes[1]));
-    let announced = announced_lengths(context, bytes);
-    for (direction, extent) in announced.iter().copied().flatten().take(if is_response { 1 } else { 2 }) {
+    let mut announced = Announced::default();
+    for (direction, extent) in announced_lengths(context, bytes).into_iter().flatten().take(if is_response { 1 } else { 2 }) {
         match extent {
-            Extent::Exactly(length) if length == burst_bytes => {
-                return frame(length, Verdict::BadChecksum, DelimitedBy::Length, direction);
+            Extent::Exactly(length) if length == bytes.len() => announced.exact = announced.exact.or(Some(direction)),
+            Extent::Exactly(length) if length < bytes.len() => {
+                announced.shorter = announced.shorter.or(Some((length, direction)));
             }
-            Extent::Exactly(length) if length < burst_bytes => shorter_frame = shorter_frame.or(Some((length, direction))),
-            Extent::Exactly(_) | Extent::AtLeast(_) => longer_direction = longer_direction.or(Some(direction)),
+            Extent::Exactly(_) | Extent::AtLeast(_) => announced.longer = announced.longer.or(Some(direction)),
             Extent::Open(_) => {}
         }
     }
-    // Whether the end of the burst is the end of what was sent, and not only of what was recorded.
-    let is_bounded = is_entire_input || input.has_times || matches!(delimited_by, DelimitedBy::Silence | DelimitedBy::Record);
-    let may_be_frame = burst_bytes <= MAX_CANDIDATE_BYTES;
-    match (shorter_frame, longer_direction) {
-        (Some((length, direction)), _) if is_familiar && !is_bounded => {
-            frame(length, Verdict::BadChecksum, DelimitedBy::Length, direction)
-        }
-        (_, Some(direction)) if may_be_frame && (is_bounded || is_familiar || delimited_by == DelimitedBy::End) => {
-            frame(burst_bytes, Verdict::Incomplete, delimited_by, direction)
-        }
-        _ if may_be_frame && (is_bounded || is_familiar) => {
-            frame(burst_bytes, Verdict::BadChecksum, delimited_by, Direction::Unknown)
-        }
-        _ => None,
-    }
+    announced
 }
